@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace cairn {
+
+/// Bytes to be read in order, with a name for messages.
+class ByteSource {
+ public:
+  ByteSource() = default;
+  ByteSource(const ByteSource&) = delete;
+  ByteSource& operator=(const ByteSource&) = delete;
+  virtual ~ByteSource() = default;
+
+  /// What to call the source in a message; a file's path.
+  virtual const std::string& name() const = 0;
+  /// Size in bytes when opened; nothing for what has no size, such as a pipe.
+  virtual std::optional<std::uint64_t> size() const = 0;
+  /// Reads up to `capacity` bytes; 0 means the end.
+  /// @throws Error (input) if the operating system fails
+  virtual std::size_t read(char* buffer, std::size_t capacity) = 0;
+  /// Back to the start; only where size() is known.
+  virtual void rewind() = 0;
+};
+
+/// A file, pipe or device opened for reading; a directory is refused.
+class FileReader final : public ByteSource {
+ public:
+  /// @throws Error (input) naming the path and the reason: missing, a directory, no permission
+  explicit FileReader(const std::filesystem::path& path);
+  ~FileReader() override;
+
+  const std::string& name() const override { return name_; }
+  std::optional<std::uint64_t> size() const override { return size_; }
+  std::size_t read(char* buffer, std::size_t capacity) override;
+  void rewind() override;
+
+ private:
+  std::string name_;
+  int descriptor_ = -1;
+  std::optional<std::uint64_t> size_;
+};
+
+/// Bytes that are in memory already; they must outlive the reader.
+class MemoryReader final : public ByteSource {
+ public:
+  MemoryReader(std::string_view bytes, std::string name);
+
+  const std::string& name() const override { return name_; }
+  std::optional<std::uint64_t> size() const override { return bytes_.size(); }
+  std::size_t read(char* buffer, std::size_t capacity) override;
+  void rewind() override { position_ = 0; }
+
+ private:
+  std::string name_;
+  std::string_view bytes_;
+  std::size_t position_ = 0;
+};
+
+/// All that is left of a source.
+std::string read_all(ByteSource& source);
+
+/// Hands out text line by line without a copy or an allocation per line. Holds one block, or
+/// the longest line if that is longer.
+class LineReader {
+ public:
+  explicit LineReader(ByteSource& source, std::size_t block_size = std::size_t{1} << 20);
+
+  /// The next line without its '\n'; nothing at the end. Valid until the next call.
+  std::optional<std::string_view> next();
+  /// Number of the line last handed out, from 1.
+  std::uint64_t line_number() const noexcept { return line_number_; }
+  /// Whether the line last handed out ended with '\n'; false only for a last, perhaps cut, line.
+  bool line_was_terminated() const noexcept { return terminated_; }
+  /// Bytes handed out so far.
+  std::uint64_t bytes_read() const noexcept { return bytes_; }
+
+ private:
+  bool refill();
+
+  ByteSource& source_;
+  std::vector<char> buffer_;
+  std::size_t begin_ = 0;
+  std::size_t scanned_ = 0;
+  std::size_t end_ = 0;
+  std::uint64_t line_number_ = 0;
+  std::uint64_t bytes_ = 0;
+  bool terminated_ = true;
+  bool at_end_ = false;
+};
+
+/// Receives the bytes of a file in pieces.
+using ByteSink = std::function<void(std::string_view bytes)>;
+
+/// Writes a whole file or nothing: bytes go to a temporary file beside `path`, which replaces it
+/// only when `produce` has returned and all is on disk. A link is followed; a device or pipe is
+/// written to directly.
+/// @throws Error (storage) naming path and reason (no such folder, no permission, disk full); what
+///         was at `path` before is then still there
+void write_file(const std::filesystem::path& path,
+                const std::function<void(const ByteSink& sink)>& produce);
+
+/// 128-bit XXH3 hash of a file's bytes as "xxh3:" and 32 hexadecimal digits (as `xxhsum -H2`).
+std::string hash_file(const std::filesystem::path& path);
+
+}  // namespace cairn

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/core/file.hpp"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include "cairn/core/error.hpp"
+
+#include "support/temporary_folder.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::read_text;
+using testing::TemporaryFolder;
+
+std::vector<std::string> lines_of(const std::filesystem::path& path, std::size_t block_size) {
+  FileReader file(path);
+  LineReader reader(file, block_size);
+  std::vector<std::string> lines;
+  while (const auto line = reader.next()) lines.emplace_back(*line);
+  return lines;
+}
+
+TEST(LineReader, CutsLinesWhateverTheBlockSize) {
+  const TemporaryFolder folder;
+  const auto path = folder.write("a", "one\n\ntwo two\nlast");
+  for (const std::size_t block : {1UL, 2UL, 3UL, 5UL, 16UL, 1000UL}) {
+    EXPECT_THAT(lines_of(path, block), ElementsAre("one", "", "two two", "last")) << block;
+  }
+}
+
+TEST(LineReader, KnowsWhetherTheLastLineEnded) {
+  const TemporaryFolder folder;
+  for (const auto& [content, terminated] : {std::pair{"a\nb\n", true}, std::pair{"a\nb", false}}) {
+    FileReader file(folder.write("a", content));
+    LineReader reader(file);
+    while (reader.next()) {
+    }
+    EXPECT_EQ(reader.line_was_terminated(), terminated);
+    EXPECT_EQ(reader.line_number(), 2U);
+    EXPECT_EQ(reader.bytes_read(), std::string(content).size());
+  }
+}
+
+TEST(LineReader, FindsNothingInAnEmptyFile) {
+  const TemporaryFolder folder;
+  EXPECT_TRUE(lines_of(folder.write("a", ""), 8).empty());
+}
+
+TEST(FileReader, NamesWhatItCannotRead) {
+  const TemporaryFolder folder;
+  const auto message_for = [](const std::filesystem::path& path) -> std::string {
+    try {
+      const FileReader file(path);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      return error.what();
+    }
+    return "no error";
+  };
+  EXPECT_THAT(message_for(folder / "missing"), HasSubstr("missing: cannot be read: No such file"));
+  EXPECT_THAT(message_for(folder.path()), HasSubstr("Is a directory"));
+}
+
+TEST(WriteFile, WritesAllOrNothing) {
+  const TemporaryFolder folder;
+  const auto path = folder.write("a", "before");
+  EXPECT_THROW(write_file(path,
+                          [](const ByteSink& sink) {
+                            sink("half");
+                            throw Error(ErrorKind::kInput, "", "broken", "");
+                          }),
+               Error);
+  EXPECT_EQ(read_text(path), "before");
+  write_file(path, [](const ByteSink& sink) { sink("after"); });
+  EXPECT_EQ(read_text(path), "after");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+}
+
+TEST(WriteFile, FollowsLinksAndKeepsRights) {
+  const TemporaryFolder folder;
+  const auto path = folder.write("a", "before");
+  ASSERT_EQ(::chmod(path.c_str(), 0640), 0);
+  std::filesystem::create_symlink(path, folder / "link");
+  write_file(folder / "link", [](const ByteSink& sink) { sink("after"); });
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
+  EXPECT_EQ(read_text(path), "after");
+  EXPECT_EQ(static_cast<int>(std::filesystem::status(path).permissions()), 0640);
+}
+
+TEST(WriteFile, NamesWhyItCannotWrite) {
+  const TemporaryFolder folder;
+  const auto nothing = [](const ByteSink& sink) { sink("x"); };
+  for (const auto& path : {folder / "no" / "such", folder.path()}) {
+    try {
+      write_file(path, nothing);
+      FAIL();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kStorage);
+      EXPECT_THAT(error.what(), HasSubstr(path.string()));
+    }
+  }
+}
+
+TEST(WriteFile, ReportsAFullDisk) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
+  try {
+    write_file("/dev/full", [](const ByteSink& sink) { sink("x"); });
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("No space left on device"));
+  }
+}
+
+TEST(HashFile, IsXxh3) {
+  const TemporaryFolder folder;
+  // The published test vector of the empty input.
+  EXPECT_EQ(hash_file(folder.write("a", "")), "xxh3:99aa06d3014798d86001c324468d497f");
+  EXPECT_NE(hash_file(folder.write("a", "x")), hash_file(folder.write("b", "y")));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <compare>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+
+namespace cairn {
+
+/// An integer that only compares with its own kind, so that a frame never passes for a landmark.
+template <class Tag, class Representation>
+struct StrongId {
+  using representation = Representation;
+
+  Representation value{};
+
+  friend constexpr auto operator<=>(StrongId, StrongId) = default;
+};
+
+// Ids name things across files and programs; they are arbitrary.
+using CameraId = StrongId<struct CameraIdTag, std::uint64_t>;
+using FrameId = StrongId<struct FrameIdTag, std::uint64_t>;
+using LandmarkId = StrongId<struct LandmarkIdTag, std::uint64_t>;
+
+// Indices are positions in the columns of one LandmarkMap; they are dense.
+using CameraIndex = StrongId<struct CameraIndexTag, std::uint32_t>;
+using FrameIndex = StrongId<struct FrameIndexTag, std::uint32_t>;
+using LandmarkIndex = StrongId<struct LandmarkIndexTag, std::uint32_t>;
+
+}  // namespace cairn
+
+template <class Tag, class Representation>
+struct std::hash<cairn::StrongId<Tag, Representation>> {
+  std::size_t operator()(cairn::StrongId<Tag, Representation> id) const noexcept {
+    return std::hash<Representation>{}(id.value);
+  }
+};

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace cairn {
+
+/// The whole of `text` as a finite decimal number ("1", "-0.5", "+2e-3"); nothing if it is anything
+/// else, NaN, infinite, or too large or small for a double. Independent of the locale.
+std::optional<double> parse_number(std::string_view text);
+
+/// The whole of `text` as an unsigned decimal integer of at most 64 bits; nothing if anything else.
+std::optional<std::uint64_t> parse_unsigned(std::string_view text);
+
+/// Appends the shortest decimal that parses back to exactly `value`.
+void append_number(std::string& out, double value);
+void append_number(std::string& out, std::uint64_t value);
+
+}  // namespace cairn

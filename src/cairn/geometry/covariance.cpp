@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/geometry/covariance.hpp"
+
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+
+#include "cairn/core/number_text.hpp"
+
+namespace cairn {
+
+std::string covariance_defect(const Eigen::Matrix3d& covariance) {
+  if (!covariance.allFinite()) return "an entry is not finite";
+  const double largest = covariance.cwiseAbs().maxCoeff();
+  const double tolerance = 1e-6 * largest;
+  const double asymmetry = (covariance - covariance.transpose()).cwiseAbs().maxCoeff();
+  if (asymmetry > tolerance) {
+    std::string text = "not symmetric: opposite entries differ by ";
+    append_number(text, asymmetry);
+    return text;
+  }
+  // Diagonal matrices, the common case, need no decomposition.
+  const Eigen::Matrix3d off_diagonal =
+      covariance - Eigen::Matrix3d(covariance.diagonal().asDiagonal());
+  double smallest = covariance.diagonal().minCoeff();
+  if (!off_diagonal.isZero(0.0)) {
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    smallest = solver.computeDirect(covariance, Eigen::EigenvaluesOnly).eigenvalues()[0];
+  }
+  if (smallest < -tolerance) {
+    std::string text = "indefinite: its smallest eigenvalue is ";
+    append_number(text, smallest);
+    return text;
+  }
+  return {};
+}
+
+double spectral_norm(const Eigen::Matrix3d& symmetric) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(symmetric, Eigen::EigenvaluesOnly)
+      .eigenvalues()
+      .cwiseAbs()
+      .maxCoeff();
+}
+
+Eigen::Matrix3d rotated_covariance(const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& r) {
+  return r * covariance * r.transpose();
+}
+
+Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c_from_a) {
+  // c_from_a * (t + δt, Exp(δφ)·R) has translation perturbed by R_c·δt and rotation by R_c·δφ.
+  Matrix6d jacobian = Matrix6d::Zero();
+  jacobian.topLeftCorner<3, 3>() = c_from_a.rotation();
+  jacobian.bottomRightCorner<3, 3>() = c_from_a.rotation();
+  return jacobian * covariance * jacobian.transpose();
+}
+
+}  // namespace cairn

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/camera.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+using Distortion = Eigen::Vector2d (*)(const Eigen::Vector2d& normalised, const double* parameters);
+
+Eigen::Vector2d undistorted(const Eigen::Vector2d& x, const double* /*parameters*/) {
+  return x;
+}
+
+Eigen::Vector2d radial1(const Eigen::Vector2d& x, const double* k) {
+  return x * (1.0 + k[0] * x.squaredNorm());
+}
+
+Eigen::Vector2d radial2(const Eigen::Vector2d& x, const double* k) {
+  const double r2 = x.squaredNorm();
+  return x * (1.0 + r2 * (k[0] + r2 * k[1]));
+}
+
+// Brown's model: radial factor and the tangential part by p1, p2.
+Eigen::Vector2d brown(const Eigen::Vector2d& x, double radial, double p1, double p2) {
+  const double r2 = x.squaredNorm();
+  const double xy = x.x() * x.y();
+  return x * radial + Eigen::Vector2d(2.0 * p1 * xy + p2 * (r2 + 2.0 * x.x() * x.x()),
+                                      2.0 * p2 * xy + p1 * (r2 + 2.0 * x.y() * x.y()));
+}
+
+Eigen::Vector2d opencv(const Eigen::Vector2d& x, const double* d) {
+  const double r2 = x.squaredNorm();
+  return brown(x, 1.0 + r2 * (d[0] + r2 * d[1]), d[2], d[3]);
+}
+
+Eigen::Vector2d full_opencv(const Eigen::Vector2d& x, const double* d) {
+  const double r2 = x.squaredNorm();
+  const double above = 1.0 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
+  const double below = 1.0 + r2 * (d[5] + r2 * (d[6] + r2 * d[7]));
+  return brown(x, above / below, d[2], d[3]);
+}
+
+Eigen::Vector2d fisheye(const Eigen::Vector2d& x, const double* k) {
+  const double r = x.norm();
+  constexpr double kOnAxis = 1e-12;
+  if (r < kOnAxis) return x;
+  const double angle = std::atan(r);
+  const double a2 = angle * angle;
+  return x * (angle * (1.0 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3])))) / r);
+}
+
+struct Model {
+  CameraModel description;
+  int focal_lengths;  // 1: fx = fy
+  Distortion distort;
+};
+
+const std::vector<Model>& models() {
+  static const std::vector<Model> all = {
+      {{"SIMPLE_PINHOLE", {"f", "cx", "cy"}}, 1, &undistorted},
+      {{"PINHOLE", {"fx", "fy", "cx", "cy"}}, 2, &undistorted},
+      {{"SIMPLE_RADIAL", {"f", "cx", "cy", "k"}}, 1, &radial1},
+      {{"RADIAL", {"f", "cx", "cy", "k1", "k2"}}, 1, &radial2},
+      {{"OPENCV", {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"}}, 2, &opencv},
+      {{"OPENCV_FISHEYE", {"fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"}}, 2, &fisheye},
+      {{"FULL_OPENCV", {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}},
+       2,
+       &full_opencv},
+  };
+  return all;
+}
+
+const Model* find_model(std::string_view name) {
+  const auto found = std::find_if(models().begin(), models().end(), [&](const Model& model) {
+    return model.description.name == name;
+  });
+  return found == models().end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+std::span<const CameraModel> camera_models() {
+  static const std::vector<CameraModel> descriptions = [] {
+    std::vector<CameraModel> result;
+    for (const Model& model : models()) result.push_back(model.description);
+    return result;
+  }();
+  return descriptions;
+}
+
+std::string camera_defect(const Camera& camera) {
+  const Model* const model = find_model(camera.model);
+  if (model == nullptr) {
+    std::vector<std::string_view> names;
+    for (const Model& known : models()) names.push_back(known.description.name);
+    return fmt::format("camera model {} is none of {}", printable(camera.model),
+                       fmt::join(names, ", "));
+  }
+  const auto& names = model->description.parameters;
+  if (camera.parameters.size() != names.size()) {
+    return fmt::format("camera model {} has {} parameters ({}), not {}", camera.model, names.size(),
+                       fmt::join(names, " "), camera.parameters.size());
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const double value = camera.parameters[i];
+    if (!std::isfinite(value)) return fmt::format("camera parameter {} is not finite", names[i]);
+    if (static_cast<int>(i) < model->focal_lengths && value <= 0.0) {
+      return fmt::format("focal length {} is {}, not positive", names[i], value);
+    }
+  }
+  if (camera.width == 0 || camera.height == 0) return "the image size is 0";
+  return {};
+}
+
+std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera) {
+  if (!(x_in_camera.z() > 0.0)) return std::nullopt;
+  const Model* const model = find_model(camera.model);
+  if (model == nullptr || camera.parameters.size() != model->description.parameters.size()) {
+    throw Error(ErrorKind::kMisuse, "project", camera_defect(camera), "a camera without defect");
+  }
+  const double* const p = camera.parameters.data();
+  const int focal_lengths = model->focal_lengths;
+  const Eigen::Vector2d distorted =
+      model->distort(x_in_camera.head<2>() / x_in_camera.z(), p + focal_lengths + 2);
+  return Pixel{p[0] * distorted.x() + p[focal_lengths],
+               p[focal_lengths - 1] * distorted.y() + p[focal_lengths + 1]};
+}
+
+}  // namespace cairn

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/core/ids.hpp"
+
+namespace cairn {
+
+/// A point of an image: u to the right, v down, in pixels; the centre of the top-left pixel is
+/// (0, 0), as in OpenCV.
+struct Pixel {
+  double u = 0.0;
+  double v = 0.0;
+
+  friend bool operator==(const Pixel&, const Pixel&) = default;
+};
+
+/// The intrinsics of one camera.
+struct Camera {
+  CameraId id;
+  /// A model of `camera_models()`, named as COLMAP does.
+  std::string model;
+  std::uint32_t width = 0;   ///< pixels
+  std::uint32_t height = 0;  ///< pixels
+  /// As many as the model has, in its order.
+  std::vector<double> parameters;
+
+  friend bool operator==(const Camera&, const Camera&) = default;
+};
+
+/// A camera model: its name and what its parameters are called, in order.
+struct CameraModel {
+  std::string_view name;
+  std::vector<std::string_view> parameters;
+};
+
+/// All models Cairn can project with.
+std::span<const CameraModel> camera_models();
+
+/// Why `camera` cannot be used (unknown model, wrong number of parameters, a focal length that is
+/// not positive, a parameter that is not finite, no size); empty if it can.
+std::string camera_defect(const Camera& camera);
+
+/// Where a point in camera coordinates (x right, y down, z forward) appears; nothing if it is not
+/// in front of the camera. Bounds of the image are not looked at. `camera` must have no defect.
+std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);
+
+}  // namespace cairn

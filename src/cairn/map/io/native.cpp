@@ -1,0 +1,939 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/io/native.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/geometry/covariance.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kBlockSize = std::size_t{1} << 20;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r';
+}
+
+// ---- sizes, estimated from the bytes alone so that columns grow without copying
+
+struct RecordCounts {
+  std::uint64_t frames = 0;
+  std::uint64_t landmarks = 0;
+  std::uint64_t observations = 0;
+};
+
+// An estimate that the bytes present bound: exact for version 1, slightly high for version 2.
+RecordCounts estimate_records(ByteSource& source) {
+  // The fewest bytes of a record bound how many there can be, whatever the first letters say.
+  constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
+  constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
+  std::vector<char> block(kBlockSize + 1);
+  block[0] = '\n';
+  std::uint64_t tokens = 0;
+  std::uint64_t dashes = 0;
+  std::uint64_t bytes = 0;
+  RecordCounts counts;
+  while (const std::size_t size = source.read(block.data() + 1, kBlockSize)) {
+    for (std::size_t i = 1; i <= size; ++i) {
+      const char before = block[i - 1];
+      const char c = block[i];
+      tokens += static_cast<std::uint64_t>((c > ' ') & (before <= ' '));
+      dashes += static_cast<std::uint64_t>((c <= ' ') & (before == '-'));
+      counts.frames += static_cast<std::uint64_t>((c == 'F') & (before == '\n'));
+      counts.landmarks += static_cast<std::uint64_t>((c == 'L') & (before == '\n'));
+    }
+    bytes += size;
+    block[0] = block[size];
+  }
+  source.rewind();
+  counts.frames = std::min(counts.frames, bytes / kShortestFrame);
+  counts.landmarks = std::min(counts.landmarks, bytes / kShortestLandmark);
+  const std::uint64_t in_observations = tokens + 8 * std::min(dashes, counts.landmarks);
+  const std::uint64_t in_records = 9 * counts.frames + 15 * counts.landmarks;
+  if (in_observations > in_records) counts.observations = (in_observations - in_records) / 3;
+  return counts;
+}
+
+// ---- one line, field by field
+
+class Fields {
+ public:
+  Fields(std::string_view line, const std::string& source, std::uint64_t line_number)
+      : next_(line.data()),
+        end_(line.data() + line.size()),
+        source_(source),
+        line_number_(line_number) {
+    while (end_ != next_ && is_blank(end_[-1])) --end_;
+    skip_blanks();
+  }
+
+  bool at_end() const { return next_ == end_; }
+
+  std::string_view word(const char* name) {
+    begin_field(name);
+    const char* const begin = next_;
+    while (next_ != end_ && !is_blank(*next_)) ++next_;
+    const std::string_view text(begin, static_cast<std::size_t>(next_ - begin));
+    skip_blanks();
+    return text;
+  }
+
+  /// Whether the next field is a lone '-', which is then taken.
+  bool take_unknown() {
+    if (next_ == end_ || *next_ != '-' || (next_ + 1 != end_ && !is_blank(next_[1]))) return false;
+    ++field_;
+    ++next_;
+    skip_blanks();
+    return true;
+  }
+
+  double number(const char* name) {
+    begin_field(name);
+    double value = 0.0;
+    const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
+    const auto [stop, error] = std::from_chars(begin, end_, value);
+    const bool whole = error == std::errc{} && (stop == end_ || is_blank(*stop));
+    if (!whole || !std::isfinite(value) || (begin != next_ && *begin == '-')) {
+      refuse_field("is not a number", "a finite decimal number");
+    }
+    next_ = stop;
+    skip_blanks();
+    return value;
+  }
+
+  template <class Integer>
+  Integer integer(const char* name, const char* expected) {
+    begin_field(name);
+    Integer value = 0;
+    const auto [stop, error] = std::from_chars(next_, end_, value);
+    if (error != std::errc{} || (stop != end_ && !is_blank(*stop))) {
+      refuse_field("is not one", expected);
+    }
+    next_ = stop;
+    skip_blanks();
+    return value;
+  }
+
+  std::uint64_t unsigned_integer(const char* name) {
+    return integer<std::uint64_t>(name, "an unsigned integer of at most 64 bits");
+  }
+
+  std::string_view rest(const char* name) {
+    begin_field(name);
+    const std::string_view text(next_, static_cast<std::size_t>(end_ - next_));
+    next_ = end_;
+    return text;
+  }
+
+  void expect_end(std::string_view record) {
+    if (at_end()) return;
+    ++field_;
+    name_ = nullptr;
+    refuse_field("is too much", fmt::format("the {} record to end here", record));
+  }
+
+  /// Refuses the field last taken.
+  [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
+    throw Error(ErrorKind::kInput, where(), what, expected);
+  }
+
+  /// Refuses the whole line.
+  [[noreturn]] void refuse_line(std::string_view what, std::string_view expected) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_, line_number_), what, expected);
+  }
+
+ private:
+  void skip_blanks() {
+    while (next_ != end_ && is_blank(*next_)) ++next_;
+  }
+
+  void begin_field(const char* name) {
+    ++field_;
+    name_ = name;
+    if (next_ == end_) refuse("missing", "more fields on this line");
+  }
+
+  // The field that starts at next_.
+  [[noreturn]] void refuse_field(std::string_view what, std::string_view expected) const {
+    const char* stop = next_;
+    while (stop != end_ && !is_blank(*stop)) ++stop;
+    refuse(fmt::format("{} {}", printable({next_, static_cast<std::size_t>(stop - next_)}), what),
+           expected);
+  }
+
+  std::string where() const {
+    return name_ == nullptr
+               ? fmt::format("{}:{}: field {}", source_, line_number_, field_)
+               : fmt::format("{}:{}: field {} ({})", source_, line_number_, field_, name_);
+  }
+
+  const char* next_;
+  const char* end_;
+  const std::string& source_;
+  std::uint64_t line_number_;
+  int field_ = 0;
+  const char* name_ = nullptr;
+};
+
+// ---- text within a line
+
+constexpr char kHexDigits[] = "0123456789abcdef";
+
+int hex_value(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+std::string escaped(std::string_view text) {
+  std::string result;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const bool at_edge = i == 0 || i + 1 == text.size();
+    if (byte < 0x20 || byte == 0x7f || byte == '%' || (byte == ' ' && at_edge)) {
+      result += {'%', kHexDigits[byte >> 4], kHexDigits[byte & 15]};
+    } else {
+      result += text[i];
+    }
+  }
+  return result;
+}
+
+std::string unescaped(std::string_view text, const Fields& fields) {
+  std::string result;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '%') {
+      result += text[i];
+      continue;
+    }
+    const bool complete = i + 2 < text.size();
+    const int high = complete ? hex_value(text[i + 1]) : -1;
+    const int low = complete ? hex_value(text[i + 2]) : -1;
+    if (high < 0 || low < 0) {
+      fields.refuse("'%' that starts no escape", "two hexadecimal digits after each '%'");
+    }
+    result += static_cast<char>(high * 16 + low);
+    i += 2;
+  }
+  return result;
+}
+
+// ---- reading
+
+// Line of each row of a kind, in few entries: a new one only where the distance changes.
+class RowLines {
+ public:
+  void add(std::uint64_t row, std::uint64_t line) {
+    if (runs_.empty() || line - row != runs_.back().second) runs_.emplace_back(row, line - row);
+  }
+  std::uint64_t line_of(std::uint64_t row) const {
+    const auto after =
+        std::upper_bound(runs_.begin(), runs_.end(), row,
+                         [](std::uint64_t sought, const auto& run) { return sought < run.first; });
+    return row + std::prev(after)->second;
+  }
+
+ private:
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> runs_;
+};
+
+// The row of the second landmark of the first id that occurs twice, if any. Frames are checked as
+// they come; landmarks are many and mostly in order, so they are checked at the end.
+std::optional<std::size_t> first_repeated(const std::vector<LandmarkId>& ids) {
+  if (std::adjacent_find(ids.begin(), ids.end(), std::greater_equal<>()) == ids.end() ||
+      std::adjacent_find(ids.begin(), ids.end(), std::less_equal<>()) == ids.end()) {
+    return std::nullopt;
+  }
+  std::vector<std::uint32_t> order(ids.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return ids[a] != ids[b] ? ids[a] < ids[b] : a < b;
+  });
+  std::optional<std::size_t> first;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    if (ids[order[i]] == ids[order[i - 1]] && (!first || order[i] < *first)) first = order[i];
+  }
+  return first;
+}
+
+class NativeReader {
+ public:
+  NativeReader(ByteSource& source, const MapReadOptions& options)
+      : source_(source), options_(options) {}
+
+  LandmarkMap read() {
+    if (source_.size()) reserve(estimate_records(source_));
+    LineReader lines(source_);
+    tables_.observations.offsets.push_back(0);
+    constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
+    std::uint64_t next_report = kReportEvery;
+    while (const auto line = lines.next()) {
+      read_line(*line, lines);
+      if (lines.bytes_read() >= next_report) {
+        next_report = lines.bytes_read() + kReportEvery;
+        if (options_.stop.stop_requested()) {
+          throw Error(ErrorKind::kCancelled, source_.name(), "reading was cancelled", "");
+        }
+        if (options_.progress && source_.size()) {
+          options_.progress(static_cast<double>(lines.bytes_read()) /
+                            static_cast<double>(*source_.size()));
+        }
+      }
+    }
+    if (version_ == 0) {
+      throw Error(ErrorKind::kInput, source_.name(), "the file is empty",
+                  "FRAME and LANDMARK records");
+    }
+    return finish();
+  }
+
+ private:
+  void reserve(const RecordCounts& counts) {
+    tables_.frames.ids.reserve(counts.frames);
+    tables_.frames.translations.reserve(counts.frames);
+    tables_.frames.quaternions.reserve(counts.frames);
+    frame_index_.reserve(counts.frames);
+    tables_.landmarks.ids.reserve(counts.landmarks);
+    tables_.landmarks.positions.reserve(counts.landmarks);
+    tables_.landmarks.covariances.reserve(counts.landmarks);
+    tables_.observations.offsets.reserve(counts.landmarks + 1);
+    tables_.observations.frames.reserve(counts.observations);
+    tables_.observations.pixels.reserve(counts.observations);
+  }
+
+  void read_line(std::string_view line, const LineReader& lines) {
+    Fields fields(line, source_.name(), lines.line_number());
+    if (fields.at_end()) return;
+    if (!lines.line_was_terminated()) {
+      fields.refuse_line("the last line does not end with a newline and may be cut off",
+                         "a newline at the end of the file");
+    }
+    const std::string_view record = fields.word("record");
+    line_ = lines.line_number();
+    if (record == "LANDMARK") {
+      read_landmark(fields);
+    } else if (record == "FRAME") {
+      read_frame(fields);
+    } else if (version_ == 0 && record == "CAIRN") {
+      read_version(fields);
+      return;
+    } else if (version_ == 2 && record[0] == '#') {
+      return;
+    } else if (version_ != 2 || !read_extra(record, fields)) {
+      fields.refuse_line(fmt::format("unknown record {}", printable(record)),
+                         version_ == 2 ? "a record of version 2" : "FRAME or LANDMARK");
+    }
+    fields.expect_end(record);
+    if (version_ == 0) version_ = 1;
+  }
+
+  void read_version(Fields& fields) {
+    const std::uint64_t version = fields.unsigned_integer("version");
+    if (version != 2) fields.refuse(fmt::format("format version {}", version), "2");
+    fields.expect_end("CAIRN");
+    version_ = 2;
+  }
+
+  void read_frame(Fields& fields) {
+    FrameTable& frames = tables_.frames;
+    const FrameId id{fields.unsigned_integer("id")};
+    if (!frame_index_.emplace(id, FrameIndex{static_cast<std::uint32_t>(frames.ids.size())})
+             .second) {
+      fields.refuse(fmt::format("frame {} stands above already", id.value), "distinct ids");
+    }
+    if (frames.ids.size() == std::numeric_limits<std::uint32_t>::max()) {
+      fields.refuse("too many frames", "fewer than 2^32");
+    }
+    const double x = fields.number("tx");
+    const double y = fields.number("ty");
+    const double z = fields.number("tz");
+    std::array<double, 4> q{};
+    constexpr std::array<const char*, 4> kNames = {"qw", "qx", "qy", "qz"};
+    double squared_norm = 0.0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      q[i] = fields.number(kNames[i]);
+      squared_norm += q[i] * q[i];
+    }
+    if (!(std::abs(std::sqrt(squared_norm) - 1.0) <= 1e-3)) {
+      fields.refuse_line(fmt::format("fields 6-9 (qw qx qy qz): quaternion of norm {:.6g}",
+                                     std::sqrt(squared_norm)),
+                         "norm 1 within 1e-3");
+    }
+    frames.ids.push_back(id);
+    frames.translations.emplace_back(x, y, z);
+    frames.quaternions.push_back(q);
+  }
+
+  void read_landmark(Fields& fields) {
+    LandmarkTable& landmarks = tables_.landmarks;
+    if (landmarks.ids.size() == std::numeric_limits<std::uint32_t>::max()) {
+      fields.refuse_line("too many landmarks", "fewer than 2^32");
+    }
+    const LandmarkId id{fields.unsigned_integer("id")};
+    const double x = fields.number("x");
+    const double y = fields.number("y");
+    const double z = fields.number("z");
+    landmark_lines_.add(landmarks.ids.size(), line_);
+    landmarks.ids.push_back(id);
+    landmarks.positions.emplace_back(x, y, z);
+    read_covariance(fields);
+    read_observations(fields);
+  }
+
+  void read_covariance(Fields& fields) {
+    auto& covariances = tables_.landmarks.covariances;
+    if (version_ == 2 && fields.take_unknown()) {
+      covariances.push_back(Eigen::Matrix3d::Constant(kNan));
+      return;
+    }
+    constexpr std::array<const char*, 9> kNames = {"c00", "c01", "c02", "c10", "c11",
+                                                   "c12", "c20", "c21", "c22"};
+    Eigen::Matrix3d covariance;
+    for (int i = 0; i < 9; ++i) {
+      covariance(i / 3, i % 3) = fields.number(kNames[static_cast<std::size_t>(i)]);
+    }
+    const std::string defect = covariance_defect(covariance);
+    if (!defect.empty()) {
+      fields.refuse_line("fields 6-14 (c00 ... c22): covariance is " + defect,
+                         "a symmetric positive semi-definite matrix");
+    }
+    covariances.push_back(covariance);
+  }
+
+  void read_observations(Fields& fields) {
+    ObservationTable& observations = tables_.observations;
+    const bool unknown = version_ == 2 && fields.take_unknown();
+    if (tables_.landmarks.ids.size() == 1) observations_unknown_ = unknown;
+    if (unknown != observations_unknown_) {
+      fields.refuse_line("some observation counts are '-' and some are not",
+                         "all of them or none, as for the first landmark");
+    }
+    if (unknown) return;
+    const std::uint64_t count = fields.unsigned_integer("n");
+    std::uint64_t found = 0;
+    for (; found < count && !fields.at_end(); ++found) {
+      const FrameId id{fields.unsigned_integer("observing frame")};
+      observations.frames.push_back(frame(id, fields));
+      const double u = fields.number("u");
+      const double v = fields.number("v");
+      observations.pixels.push_back({u, v});
+    }
+    if (found < count) {
+      fields.refuse_line(fmt::format("the record ends after {} of {} observations", found, count),
+                         "frame_id u v for each observation");
+    }
+    if (!fields.at_end()) {
+      fields.refuse_line(fmt::format("more than the {} observations that were announced", count),
+                         "the record to end after them");
+    }
+    observations.offsets.push_back(observations.frames.size());
+  }
+
+  FrameIndex frame(FrameId id, const Fields& fields) {
+    // Consecutive observations often name neighbouring frames, stored in order.
+    const auto found = frame_index_.find(id);
+    if (found == frame_index_.end()) {
+      fields.refuse(fmt::format("frame {} is unknown", id.value), "the id of a FRAME record above");
+    }
+    return found->second;
+  }
+
+  // ---- version 2
+
+  bool read_extra(std::string_view record, Fields& fields) {
+    if (record == "META") {
+      read_meta(fields);
+    } else if (record == "CAMERA") {
+      read_camera(fields);
+    } else if (record == "DESCRIPTORS") {
+      read_descriptor_kind(fields);
+    } else if (record == "COLUMN") {
+      read_column(fields);
+    } else if (record == "TIME" || record == "VIEW" || record == "IMAGE") {
+      read_frame_extra(record, fields);
+    } else if (record == "COLOR" || record == "DESCRIPTOR" || record == "VALUE" ||
+               record == "DETAIL") {
+      read_landmark_extra(record, fields);
+    } else {
+      return false;
+    }
+    return true;
+  }
+
+  static void refuse_second(bool is_second, const Fields& fields) {
+    if (is_second) fields.refuse_line("the same is said above already", "it once");
+  }
+
+  void read_meta(Fields& fields) {
+    MapInfo& info = tables_.info;
+    const std::string_view key = fields.word("key");
+    if (key == "length_unit") {
+      const std::string_view unit = fields.word("length_unit");
+      if (unit != "metres" && unit != "free") {
+        fields.refuse(printable(unit) + " is no unit of length", "metres or free");
+      }
+      info.length_unit = unit == "metres" ? LengthUnit::kMetres : LengthUnit::kFree;
+    } else if (key == "world_frame") {
+      refuse_second(info.world_frame.has_value(), fields);
+      info.world_frame = unescaped(fields.rest("world_frame"), fields);
+    } else if (key == "gravity") {
+      refuse_second(info.gravity.has_value(), fields);
+      const double x = fields.number("x");
+      const double y = fields.number("y");
+      const double z = fields.number("z");
+      info.gravity = Eigen::Vector3d(x, y, z);
+      if (!(std::abs(info.gravity->norm() - 1.0) < 1e-3)) {
+        fields.refuse_line("gravity is not a unit vector", "norm 1 within 1e-3");
+      }
+    } else if (key == "uuid") {
+      refuse_second(info.uuid.has_value(), fields);
+      info.uuid = unescaped(fields.rest("uuid"), fields);
+    } else if (key == "provenance") {
+      info.provenance.push_back(unescaped(fields.rest("provenance"), fields));
+    } else {
+      fields.refuse(printable(key) + " is no key",
+                    "length_unit, world_frame, gravity, uuid or provenance");
+    }
+  }
+
+  void read_camera(Fields& fields) {
+    Camera camera;
+    camera.id = CameraId{fields.unsigned_integer("id")};
+    if (camera_index_.contains(camera.id)) {
+      fields.refuse(fmt::format("camera {} stands above already", camera.id.value), "distinct ids");
+    }
+    camera.model = std::string(fields.word("model"));
+    camera.width = fields.integer<std::uint32_t>("width", "an unsigned integer of 32 bits");
+    camera.height = fields.integer<std::uint32_t>("height", "an unsigned integer of 32 bits");
+    while (!fields.at_end()) camera.parameters.push_back(fields.number("parameter"));
+    const std::string defect = camera_defect(camera);
+    if (!defect.empty()) fields.refuse_line(defect, "a usable camera");
+    camera_index_.emplace(camera.id,
+                          CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())});
+    tables_.cameras.push_back(std::move(camera));
+  }
+
+  void read_descriptor_kind(Fields& fields) {
+    auto& descriptors = tables_.landmarks.descriptors;
+    refuse_second(descriptors.has_value(), fields);
+    descriptors.emplace();
+    descriptors->kind = std::string(fields.word("kind"));
+    constexpr std::uint32_t kMostBytes = 1U << 16;
+    descriptors->bytes_each = fields.integer<std::uint32_t>("bytes", "an unsigned integer");
+    if (descriptors->bytes_each == 0 || descriptors->bytes_each > kMostBytes) {
+      fields.refuse(fmt::format("{} bytes", descriptors->bytes_each), "1 to 65536");
+    }
+  }
+
+  void read_column(Fields& fields) {
+    const std::string name(fields.word("name"));
+    refuse_second(find_column(name) != nullptr, fields);
+    tables_.landmarks.columns.push_back({name, {}});
+  }
+
+  NamedColumn* find_column(std::string_view name) {
+    auto& columns = tables_.landmarks.columns;
+    const auto found = std::find_if(columns.begin(), columns.end(),
+                                    [&](const NamedColumn& column) { return column.name == name; });
+    return found == columns.end() ? nullptr : &*found;
+  }
+
+  void read_frame_extra(std::string_view record, Fields& fields) {
+    FrameTable& frames = tables_.frames;
+    const std::size_t row = frame(FrameId{fields.unsigned_integer("frame")}, fields).value;
+    const std::size_t count = frames.ids.size();
+    if (record == "TIME") {
+      frames.timestamps_s.resize(count);
+      refuse_second(frames.timestamps_s[row].has_value(), fields);
+      frames.timestamps_s[row] = fields.number("seconds");
+    } else if (record == "VIEW") {
+      frames.cameras.resize(count);
+      refuse_second(frames.cameras[row].has_value(), fields);
+      const CameraId id{fields.unsigned_integer("camera")};
+      const auto found = camera_index_.find(id);
+      if (found == camera_index_.end()) {
+        fields.refuse(fmt::format("camera {} is unknown", id.value),
+                      "the id of a CAMERA record above");
+      }
+      frames.cameras[row] = found->second;
+    } else {
+      frames.image_names.resize(count);
+      refuse_second(!frames.image_names[row].empty(), fields);
+      frames.image_names[row] = unescaped(fields.rest("image"), fields);
+    }
+  }
+
+  void read_landmark_extra(std::string_view record, Fields& fields) {
+    LandmarkTable& landmarks = tables_.landmarks;
+    const LandmarkId id{fields.unsigned_integer("landmark")};
+    if (landmarks.ids.empty() || landmarks.ids.back() != id) {
+      fields.refuse(fmt::format("landmark {} is not the one directly above", id.value),
+                    "the id of the LANDMARK record above");
+    }
+    const std::size_t row = landmarks.ids.size() - 1;
+    if (record == "COLOR") {
+      landmarks.colors.resize(row + 1);
+      refuse_second(landmarks.colors[row].has_value(), fields);
+      const auto red = color_value(fields, "red");
+      const auto green = color_value(fields, "green");
+      const auto blue = color_value(fields, "blue");
+      landmarks.colors[row] = Color{red, green, blue};
+    } else if (record == "DESCRIPTOR") {
+      read_descriptor(row, fields);
+    } else if (record == "VALUE") {
+      const std::string_view name = fields.word("column");
+      NamedColumn* const column = find_column(name);
+      if (column == nullptr) {
+        fields.refuse(printable(name) + " is no column", "the name of a COLUMN record above");
+      }
+      column->values.resize(row + 1, kNan);
+      refuse_second(!std::isnan(column->values[row]), fields);
+      column->values[row] = fields.number("value");
+    } else {
+      read_detail(fields);
+    }
+  }
+
+  static std::uint8_t color_value(Fields& fields, const char* name) {
+    return fields.integer<std::uint8_t>(name, "an integer from 0 to 255");
+  }
+
+  void read_descriptor(std::size_t row, Fields& fields) {
+    auto& descriptors = tables_.landmarks.descriptors;
+    if (!descriptors) fields.refuse_line("no DESCRIPTORS record stands above", "one");
+    descriptors->known.resize(row + 1);
+    descriptors->bytes.resize((row + 1) * descriptors->bytes_each);
+    refuse_second(descriptors->known[row] != 0, fields);
+    const std::string_view hex = fields.word("descriptor");
+    if (hex.size() != 2 * descriptors->bytes_each) {
+      fields.refuse(fmt::format("{} hexadecimal digits", hex.size()),
+                    fmt::format("{}, two a byte", 2 * descriptors->bytes_each));
+    }
+    std::uint8_t* const bytes = descriptors->bytes.data() + row * descriptors->bytes_each;
+    for (std::size_t i = 0; i < descriptors->bytes_each; ++i) {
+      const int high = hex_value(hex[2 * i]);
+      const int low = hex_value(hex[2 * i + 1]);
+      if (high < 0 || low < 0) fields.refuse("not hexadecimal", "digits 0-9 and a-f");
+      bytes[i] = static_cast<std::uint8_t>(high * 16 + low);
+    }
+    descriptors->known[row] = 1;
+  }
+
+  void read_detail(Fields& fields) {
+    ObservationTable& observations = tables_.observations;
+    const std::size_t end = observations.frames.size();
+    const std::size_t begin = observations_unknown_ ? end : observations.offsets.end()[-2];
+    refuse_second(detailed_ == tables_.landmarks.ids.size(), fields);
+    detailed_ = tables_.landmarks.ids.size();
+    observations.keypoints.resize(end);
+    observations.depths.resize(end);
+    observations.octaves.resize(end);
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!fields.take_unknown()) {
+        observations.keypoints[i] =
+            fields.integer<std::uint32_t>("keypoint", "an unsigned integer of 32 bits, or -");
+      }
+      if (!fields.take_unknown()) observations.depths[i] = fields.number("depth");
+      if (!fields.take_unknown()) {
+        observations.octaves[i] = fields.integer<std::int32_t>("octave", "an integer, or -");
+      }
+    }
+  }
+
+  LandmarkMap finish() {
+    FrameTable& frames = tables_.frames;
+    LandmarkTable& landmarks = tables_.landmarks;
+    ObservationTable& observations = tables_.observations;
+    if (const auto row = first_repeated(landmarks.ids)) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: field 2 (id)", source_.name(), landmark_lines_.line_of(*row)),
+                  fmt::format("landmark {} stands above already", landmarks.ids[*row].value),
+                  "distinct ids");
+    }
+    const auto fill = [](auto& column, std::size_t rows) {
+      if (!column.empty()) column.resize(rows);
+    };
+    fill(frames.cameras, frames.ids.size());
+    fill(frames.timestamps_s, frames.ids.size());
+    fill(frames.image_names, frames.ids.size());
+    fill(landmarks.colors, landmarks.ids.size());
+    fill(observations.keypoints, observations.frames.size());
+    fill(observations.depths, observations.frames.size());
+    fill(observations.octaves, observations.frames.size());
+    for (NamedColumn& column : landmarks.columns) column.values.resize(landmarks.ids.size(), kNan);
+    if (auto& descriptors = landmarks.descriptors) {
+      descriptors->known.resize(landmarks.ids.size());
+      descriptors->bytes.resize(landmarks.ids.size() * descriptors->bytes_each);
+    }
+    if (observations_unknown_) observations.offsets.clear();
+    return LandmarkMap(std::move(tables_));
+  }
+
+  ByteSource& source_;
+  const MapReadOptions& options_;
+  MapTables tables_;
+  int version_ = 0;  // 0: no record seen yet
+  std::uint64_t line_ = 0;
+  bool observations_unknown_ = false;
+  std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was
+  RowLines landmark_lines_;
+  std::unordered_map<FrameId, FrameIndex> frame_index_;
+  std::unordered_map<CameraId, CameraIndex> camera_index_;
+};
+
+// ---- writing
+
+class NativeWriter {
+ public:
+  NativeWriter(const LandmarkMap& map, const ByteSink& sink) : map_(map), sink_(sink) {}
+
+  void write(int version, const Progress& progress) {
+    if (version == 2) write_head();
+    for (std::size_t i = 0; i < map_.frame_count(); ++i) {
+      write_frame(i);
+      if (version == 2) write_frame_extras(i);
+    }
+    for (std::size_t i = 0; i < map_.landmark_count(); ++i) {
+      write_landmark(i);
+      if (version == 2) write_landmark_extras(i);
+      constexpr std::size_t kReportEvery = 1 << 16;
+      if (progress && i % kReportEvery == 0) {
+        progress(static_cast<double>(i) / static_cast<double>(map_.landmark_count()));
+      }
+    }
+    flush();
+  }
+
+ private:
+  void flush() {
+    sink_(buffer_);
+    buffer_.clear();
+  }
+
+  void end_line() {
+    buffer_ += '\n';
+    if (buffer_.size() >= kBlockSize) flush();
+  }
+
+  template <class... Values>
+  void field(const Values&... values) {
+    (append_field(values), ...);
+  }
+  void append_field(double value) {
+    buffer_ += ' ';
+    append_number(buffer_, value);
+  }
+  void append_field(std::uint64_t value) {
+    buffer_ += ' ';
+    append_number(buffer_, value);
+  }
+  void append_field(std::string_view text) {
+    buffer_ += ' ';
+    buffer_ += text;
+  }
+
+  template <class... Values>
+  void line(std::string_view record, const Values&... values) {
+    buffer_ += record;
+    field(values...);
+    end_line();
+  }
+
+  void write_head() {
+    line("CAIRN", std::uint64_t{2});
+    const MapInfo& info = map_.info();
+    if (info.length_unit == LengthUnit::kFree) {
+      line("META", std::string_view("length_unit"), std::string_view("free"));
+    }
+    const auto text = [&](std::string_view key, const std::string& value) {
+      line("META", key, std::string_view(escaped(value)));
+    };
+    if (info.world_frame) text("world_frame", *info.world_frame);
+    if (info.gravity) {
+      line("META", std::string_view("gravity"), info.gravity->x(), info.gravity->y(),
+           info.gravity->z());
+    }
+    if (info.uuid) text("uuid", *info.uuid);
+    for (const std::string& step : info.provenance) text("provenance", step);
+    for (const Camera& camera : map_.cameras()) {
+      buffer_ += "CAMERA";
+      field(camera.id.value, std::string_view(camera.model), std::uint64_t{camera.width},
+            std::uint64_t{camera.height});
+      for (const double parameter : camera.parameters) field(parameter);
+      end_line();
+    }
+    if (const auto& descriptors = map_.landmarks().descriptors) {
+      line("DESCRIPTORS", std::string_view(descriptors->kind),
+           std::uint64_t{descriptors->bytes_each});
+    }
+    for (const NamedColumn& column : map_.landmarks().columns) {
+      line("COLUMN", std::string_view(column.name));
+    }
+  }
+
+  void write_frame(std::size_t i) {
+    const FrameTable& frames = map_.frames();
+    const Eigen::Vector3d& t = frames.translations[i];
+    const auto& q = frames.quaternions[i];
+    line("FRAME", frames.ids[i].value, t.x(), t.y(), t.z(), q[0], q[1], q[2], q[3]);
+  }
+
+  void write_frame_extras(std::size_t i) {
+    const FrameTable& frames = map_.frames();
+    const std::uint64_t id = frames.ids[i].value;
+    if (!frames.timestamps_s.empty() && frames.timestamps_s[i]) {
+      line("TIME", id, *frames.timestamps_s[i]);
+    }
+    if (!frames.cameras.empty() && frames.cameras[i]) {
+      line("VIEW", id, map_.cameras()[frames.cameras[i]->value].id.value);
+    }
+    if (!frames.image_names.empty() && !frames.image_names[i].empty()) {
+      line("IMAGE", id, std::string_view(escaped(frames.image_names[i])));
+    }
+  }
+
+  void write_landmark(std::size_t i) {
+    const LandmarkIndex landmark{static_cast<std::uint32_t>(i)};
+    const Eigen::Vector3d& x = map_.landmarks().positions[i];
+    buffer_ += "LANDMARK";
+    field(map_.landmarks().ids[i].value, x.x(), x.y(), x.z());
+    if (const auto covariance = map_.covariance(landmark)) {
+      for (int k = 0; k < 9; ++k) field((*covariance)(k / 3, k % 3));
+    } else {
+      field(std::string_view("-"));
+    }
+    if (map_.has_observations()) {
+      const auto frames = map_.observing_frames(landmark);
+      const auto pixels = map_.observed_pixels(landmark);
+      field(std::uint64_t{frames.size()});
+      for (std::size_t k = 0; k < frames.size(); ++k) {
+        field(map_.frames().ids[frames[k].value].value, pixels[k].u, pixels[k].v);
+      }
+    } else {
+      field(std::string_view("-"));
+    }
+    end_line();
+  }
+
+  void write_landmark_extras(std::size_t i) {
+    const LandmarkTable& landmarks = map_.landmarks();
+    const std::uint64_t id = landmarks.ids[i].value;
+    if (!landmarks.colors.empty() && landmarks.colors[i]) {
+      const Color& color = *landmarks.colors[i];
+      line("COLOR", id, std::uint64_t{color.red}, std::uint64_t{color.green},
+           std::uint64_t{color.blue});
+    }
+    if (const auto& descriptors = landmarks.descriptors;
+        descriptors && descriptors->known[i] != 0) {
+      std::string hex;
+      for (std::size_t k = 0; k < descriptors->bytes_each; ++k) {
+        const std::uint8_t byte = descriptors->bytes[i * descriptors->bytes_each + k];
+        hex += {kHexDigits[byte >> 4], kHexDigits[byte & 15]};
+      }
+      line("DESCRIPTOR", id, std::string_view(hex));
+    }
+    for (const NamedColumn& column : landmarks.columns) {
+      if (!std::isnan(column.values[i])) {
+        line("VALUE", id, std::string_view(column.name), column.values[i]);
+      }
+    }
+    write_detail(i);
+  }
+
+  void write_detail(std::size_t i) {
+    const ObservationTable& observations = map_.observations();
+    if (observations.keypoints.empty() && observations.depths.empty() &&
+        observations.octaves.empty()) {
+      return;
+    }
+    if (observations.offsets[i] == observations.offsets[i + 1]) return;
+    buffer_ += "DETAIL";
+    field(map_.landmarks().ids[i].value);
+    const auto optional_field = [&](const auto& column, std::uint64_t k) {
+      if (column.empty() || !column[k]) {
+        field(std::string_view("-"));
+      } else if constexpr (std::is_same_v<std::decay_t<decltype(*column[k])>, std::int32_t>) {
+        field(std::string_view(std::to_string(*column[k])));
+      } else if constexpr (std::is_same_v<std::decay_t<decltype(*column[k])>, std::uint32_t>) {
+        field(std::uint64_t{*column[k]});
+      } else {
+        field(*column[k]);
+      }
+    };
+    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
+      optional_field(observations.keypoints, k);
+      optional_field(observations.depths, k);
+      optional_field(observations.octaves, k);
+    }
+    end_line();
+  }
+
+  const LandmarkMap& map_;
+  const ByteSink& sink_;
+  std::string buffer_;
+};
+
+}  // namespace
+
+LandmarkMap read_native(ByteSource& source, const MapReadOptions& options) {
+  return NativeReader(source, options).read();
+}
+
+std::optional<std::string> version_1_loss(const LandmarkMap& map) {
+  const MapInfo& info = map.info();
+  const FrameTable& frames = map.frames();
+  const LandmarkTable& landmarks = map.landmarks();
+  const ObservationTable& observations = map.observations();
+  if (map.frame_count() + map.landmark_count() == 0) return "that the map is empty";
+  if (info.length_unit != LengthUnit::kMetres) return "the free scale";
+  if (info.world_frame) return "the name of the world frame";
+  if (info.gravity) return "the direction of gravity";
+  if (info.uuid) return "the UUID";
+  if (!info.provenance.empty()) return "the provenance";
+  if (!map.cameras().empty()) return "the cameras";
+  if (!frames.timestamps_s.empty()) return "the frames' times";
+  if (!frames.image_names.empty()) return "the frames' image names";
+  if (!landmarks.colors.empty()) return "the landmarks' colours";
+  if (landmarks.descriptors) return "the landmarks' descriptors";
+  if (!landmarks.columns.empty()) return "the landmarks' named columns";
+  if (!map.has_observations()) return "that observations are unknown";
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    if (!map.covariance(LandmarkIndex{i})) return "that covariances are unknown";
+  }
+  if (!observations.keypoints.empty() || !observations.depths.empty() ||
+      !observations.octaves.empty()) {
+    return "the observations' keypoints, depths and octaves";
+  }
+  return std::nullopt;
+}
+
+void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<int> version,
+                  const Progress& progress) {
+  const auto loss = version_1_loss(map);
+  if (version && *version != 1 && *version != 2) {
+    throw Error(ErrorKind::kMisuse, "version", std::to_string(*version), "1 or 2");
+  }
+  if (version == 1 && loss) {
+    throw Error(ErrorKind::kMisuse, "version 1 of the text format", "would lose " + *loss,
+                "version 2");
+  }
+  NativeWriter(map, sink).write(version.value_or(loss ? 2 : 1), progress);
+}
+
+}  // namespace cairn

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "cairn/core/file.hpp"
+#include "cairn/map/io/options.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn {
+
+struct PcdWriteOptions {
+  bool ascii = false;  ///< text instead of binary
+};
+
+/// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md says which fields).
+/// @throws Error (input) naming source, line or byte, what was found and what was expected
+LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options = {});
+
+/// Writes the landmarks as PCD 0.7 points: position, covariance, colour, count, named columns.
+void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptions& options = {});
+
+}  // namespace cairn

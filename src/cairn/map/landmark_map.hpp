@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/core/ids.hpp"
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/camera.hpp"
+
+namespace cairn {
+
+/// What one unit of length in a map is.
+enum class LengthUnit {
+  kMetres,
+  kFree,  ///< scale unknown, as from a single moving camera
+};
+
+/// What a map says of itself; what is not known is absent.
+struct MapInfo {
+  LengthUnit length_unit = LengthUnit::kMetres;
+  std::optional<std::string> world_frame;  ///< name of the frame that positions are given in
+  std::optional<Eigen::Vector3d> gravity;  ///< unit vector downwards, in the world frame
+  std::optional<std::string> uuid;
+  std::vector<std::string> provenance;  ///< how the map came to be, oldest first
+};
+
+/// Keyframes in columns. The optional columns are empty, or have one entry a frame.
+struct FrameTable {
+  std::vector<FrameId> ids;
+  std::vector<Eigen::Vector3d> translations;        ///< camera centre in the world
+  std::vector<std::array<double, 4>> quaternions;   ///< world_from_camera, (w, x, y, z) as stored:
+                                                    ///< norm within 1e-3 of 1
+  std::vector<std::optional<CameraIndex>> cameras;  ///< optional
+  std::vector<std::optional<double>> timestamps_s;  ///< optional
+  std::vector<std::string> image_names;             ///< optional; empty text where unknown
+};
+
+struct Color {
+  std::uint8_t red = 0;
+  std::uint8_t green = 0;
+  std::uint8_t blue = 0;
+
+  friend bool operator==(const Color&, const Color&) = default;
+};
+
+/// One descriptor a landmark, all of one kind and size.
+struct DescriptorColumn {
+  std::string kind;  ///< e.g. "ORB"
+  std::size_t bytes_each = 0;
+  std::vector<std::uint8_t> known;  ///< one entry a landmark: 1 if it has a descriptor
+  std::vector<std::uint8_t> bytes;  ///< bytes_each a landmark, zero where unknown
+};
+
+/// A number a landmark under a name of the user's choosing; NaN where unknown.
+struct NamedColumn {
+  std::string name;
+  std::vector<double> values;
+};
+
+/// Landmarks in columns. The optional columns are empty, or have one entry a landmark.
+struct LandmarkTable {
+  std::vector<LandmarkId> ids;
+  std::vector<Eigen::Vector3d> positions;    ///< in the world frame
+  std::vector<Eigen::Matrix3d> covariances;  ///< optional; of the position; unknown where
+                                             ///< the first entry is NaN
+  std::vector<std::optional<Color>> colors;  ///< optional
+  std::optional<DescriptorColumn> descriptors;
+  std::vector<NamedColumn> columns;
+};
+
+/// Observations in columns, grouped by landmark. One observation is one measurement of a landmark
+/// in one keyframe. The optional columns are empty, or have one entry an observation.
+struct ObservationTable {
+  /// Landmark i's observations are [offsets[i], offsets[i + 1]). Empty if the map does not know
+  /// its observations at all, as one read from a point cloud.
+  std::vector<std::uint64_t> offsets;
+  std::vector<FrameIndex> frames;
+  std::vector<Pixel> pixels;
+  std::vector<std::optional<std::uint32_t>> keypoints;  ///< optional; index in the frame's features
+  std::vector<std::optional<double>> depths;            ///< optional; along the optical axis
+  std::vector<std::optional<std::int32_t>> octaves;     ///< optional; pyramid level of the feature
+};
+
+/// All columns of a map: what one fills in to make a LandmarkMap.
+struct MapTables {
+  MapInfo info;
+  std::vector<Camera> cameras;
+  FrameTable frames;
+  LandmarkTable landmarks;
+  ObservationTable observations;
+};
+
+/// A landmark map: keyframes, landmarks and which of them saw which where. Valid and immutable. An
+/// optional column in which nothing is known is absent.
+class LandmarkMap {
+ public:
+  /// An empty map.
+  LandmarkMap() = default;
+  /// Checks and takes the columns over, in their order.
+  /// @throws Error (input) naming the entry that breaks what the tables state: sizes, ids that
+  /// occur
+  ///         twice, indices out of range, numbers that are not finite, quaternions off norm 1 by
+  ///         more than 1e-3, matrices that are no covariance, cameras with a defect
+  explicit LandmarkMap(MapTables tables);
+
+  const MapInfo& info() const { return tables_.info; }
+  std::span<const Camera> cameras() const { return tables_.cameras; }
+  const FrameTable& frames() const { return tables_.frames; }
+  const LandmarkTable& landmarks() const { return tables_.landmarks; }
+  const ObservationTable& observations() const { return tables_.observations; }
+
+  std::size_t frame_count() const { return tables_.frames.ids.size(); }
+  std::size_t landmark_count() const { return tables_.landmarks.ids.size(); }
+  std::size_t observation_count() const { return tables_.observations.frames.size(); }
+
+  /// Pose of a frame with the quaternion normalised.
+  Rigid3 world_from_camera(FrameIndex frame) const;
+  bool has_covariances() const { return !tables_.landmarks.covariances.empty(); }
+  /// Nothing if unknown.
+  std::optional<Eigen::Matrix3d> covariance(LandmarkIndex landmark) const;
+  /// Whether the map knows who saw its landmarks; if not, counts are unknown, not zero.
+  bool has_observations() const {
+    return !tables_.observations.offsets.empty() || landmark_count() == 0;
+  }
+  /// How often a landmark was observed; 0 if the map does not know its observations.
+  std::size_t observation_count(LandmarkIndex landmark) const;
+  /// Frames that observed a landmark, in the order of its observations.
+  std::span<const FrameIndex> observing_frames(LandmarkIndex landmark) const;
+  /// Pixels beside observing_frames.
+  std::span<const Pixel> observed_pixels(LandmarkIndex landmark) const;
+
+  std::optional<FrameIndex> find(FrameId id) const;
+  std::optional<LandmarkIndex> find(LandmarkId id) const;
+  /// The column of that name, or null.
+  const NamedColumn* column(std::string_view name) const;
+
+  /// The columns, given away: to make another map from.
+  MapTables tables() && { return std::move(tables_); }
+
+ private:
+  MapTables tables_;
+  // Positions sorted by id; empty where the ids ascend already.
+  std::vector<std::uint32_t> frames_by_id_;
+  std::vector<std::uint32_t> landmarks_by_id_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/operations.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::uint32_t kDropped = std::numeric_limits<std::uint32_t>::max();
+
+// The rows of an optional column, in a new order.
+template <class Value>
+std::vector<Value> rows(const std::vector<Value>& column, std::span<const std::uint32_t> kept) {
+  std::vector<Value> result;
+  if (column.empty()) return result;
+  result.reserve(kept.size());
+  for (const std::uint32_t row : kept) result.push_back(column[row]);
+  return result;
+}
+
+FrameTable frame_rows(const FrameTable& frames, std::span<const std::uint32_t> kept) {
+  return {rows(frames.ids, kept),          rows(frames.translations, kept),
+          rows(frames.quaternions, kept),  rows(frames.cameras, kept),
+          rows(frames.timestamps_s, kept), rows(frames.image_names, kept)};
+}
+
+LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std::uint32_t> kept) {
+  LandmarkTable result = {rows(landmarks.ids, kept),
+                          rows(landmarks.positions, kept),
+                          rows(landmarks.covariances, kept),
+                          rows(landmarks.colors, kept),
+                          std::nullopt,
+                          {}};
+  if (const auto& descriptors = landmarks.descriptors) {
+    result.descriptors = {
+        descriptors->kind, descriptors->bytes_each, rows(descriptors->known, kept), {}};
+    for (const std::uint32_t row : kept) {
+      const auto begin =
+          descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(row * descriptors->bytes_each);
+      result.descriptors->bytes.insert(
+          result.descriptors->bytes.end(), begin,
+          begin + static_cast<std::ptrdiff_t>(descriptors->bytes_each));
+    }
+  }
+  for (const NamedColumn& column : landmarks.columns) {
+    result.columns.push_back({column.name, rows(column.values, kept)});
+  }
+  return result;
+}
+
+// Observations of the kept landmarks; `new_frames` gives each frame its new position.
+ObservationTable observation_rows(const ObservationTable& observations,
+                                  std::span<const std::uint32_t> kept_landmarks,
+                                  std::span<const std::uint32_t> new_frames) {
+  ObservationTable result;
+  if (observations.offsets.empty()) return result;
+  result.offsets.reserve(kept_landmarks.size() + 1);
+  result.offsets.push_back(0);
+  const auto append = [](auto& to, const auto& from, std::uint64_t i) {
+    if (!from.empty()) to.push_back(from[i]);
+  };
+  for (const std::uint32_t landmark : kept_landmarks) {
+    for (std::uint64_t i = observations.offsets[landmark]; i < observations.offsets[landmark + 1];
+         ++i) {
+      result.frames.push_back(FrameIndex{new_frames[observations.frames[i].value]});
+      result.pixels.push_back(observations.pixels[i]);
+      append(result.keypoints, observations.keypoints, i);
+      append(result.depths, observations.depths, i);
+      append(result.octaves, observations.octaves, i);
+    }
+    result.offsets.push_back(result.frames.size());
+  }
+  return result;
+}
+
+LandmarkMap with_rows(const LandmarkMap& map, std::span<const std::uint32_t> frames,
+                      std::span<const std::uint32_t> landmarks) {
+  std::vector<std::uint32_t> new_frames(map.frame_count(), kDropped);
+  for (std::uint32_t i = 0; i < frames.size(); ++i) new_frames[frames[i]] = i;
+  MapTables tables;
+  tables.info = map.info();
+  tables.info.uuid.reset();
+  tables.cameras.assign(map.cameras().begin(), map.cameras().end());
+  tables.frames = frame_rows(map.frames(), frames);
+  tables.landmarks = landmark_rows(map.landmarks(), landmarks);
+  tables.observations = observation_rows(map.observations(), landmarks, new_frames);
+  return LandmarkMap(std::move(tables));
+}
+
+MapTables copied_tables(const LandmarkMap& map) {
+  LandmarkMap copy = map;
+  MapTables tables = std::move(copy).tables();
+  tables.info.uuid.reset();
+  return tables;
+}
+
+}  // namespace
+
+std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count) {
+  std::vector<LandmarkIndex> result;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    if (!map.has_observations() || map.observation_count(LandmarkIndex{i}) >= count) {
+      result.push_back(LandmarkIndex{i});
+    }
+  }
+  return result;
+}
+
+LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks) {
+  std::vector<std::uint32_t> kept;
+  kept.reserve(landmarks.size());
+  for (const LandmarkIndex landmark : landmarks) kept.push_back(landmark.value);
+  std::vector<std::uint32_t> frames(map.frame_count());
+  for (std::uint32_t i = 0; i < frames.size(); ++i) frames[i] = i;
+  return with_rows(map, frames, kept);
+}
+
+LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end) {
+  if (!map.has_observations()) {
+    throw Error(ErrorKind::kMisuse, "frames", "the map does not know which frame observed what",
+                "a map with observations");
+  }
+  const auto inside = [&](std::uint32_t frame) {
+    const FrameId id = map.frames().ids[frame];
+    return begin <= id && id < end;
+  };
+  std::vector<std::uint32_t> frames;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    if (inside(i)) frames.push_back(i);
+  }
+  if (frames.empty()) {
+    throw Error(
+        ErrorKind::kMisuse, "frames",
+        fmt::format("the map has no frame with an id from {} to below {}", begin.value, end.value),
+        "a range that holds frames");
+  }
+  std::vector<std::uint32_t> landmarks;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto observing = map.observing_frames(LandmarkIndex{i});
+    if (!observing.empty() && std::all_of(observing.begin(), observing.end(),
+                                          [&](FrameIndex frame) { return inside(frame.value); })) {
+      landmarks.push_back(i);
+    }
+  }
+  return with_rows(map, frames, landmarks);
+}
+
+LandmarkMap transformed(const LandmarkMap& map, const Rigid3& new_from_old) {
+  MapTables tables = copied_tables(map);
+  const Eigen::Matrix3d rotation = new_from_old.rotation();
+  if (tables.info.gravity) tables.info.gravity = rotation * *tables.info.gravity;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const Rigid3 pose = new_from_old * map.world_from_camera(FrameIndex{i});
+    const Eigen::Quaterniond q = pose.quaternion();
+    tables.frames.translations[i] = pose.translation();
+    tables.frames.quaternions[i] = {q.w(), q.x(), q.y(), q.z()};
+  }
+  for (Eigen::Vector3d& position : tables.landmarks.positions) position = new_from_old * position;
+  for (Eigen::Matrix3d& covariance : tables.landmarks.covariances) {
+    const Eigen::Matrix3d moved = rotated_covariance(covariance, rotation);
+    covariance = 0.5 * (moved + moved.transpose());
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
+                        std::vector<double> values) {
+  MapTables tables = copied_tables(map);
+  auto& columns = tables.landmarks.columns;
+  const auto found = std::find_if(columns.begin(), columns.end(),
+                                  [&](const NamedColumn& column) { return column.name == name; });
+  if (found != columns.end()) {
+    found->values = std::move(values);
+  } else {
+    columns.push_back({name, std::move(values)});
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera) {
+  MapTables tables = copied_tables(map);
+  tables.cameras = {camera};
+  tables.frames.cameras.assign(map.frame_count(), CameraIndex{0});
+  return LandmarkMap(std::move(tables));
+}
+
+}  // namespace cairn

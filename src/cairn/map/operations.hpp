@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn {
+
+// A map made from another keeps what still holds and drops the UUID, which named the other.
+
+/// Landmarks with at least `count` observations; all of them if the map does not know its
+/// observations.
+std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
+
+/// Only these landmarks, with their observations, in the given order; all frames.
+LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks);
+
+/// The mini-map of the frames whose id is in [begin, end): those frames and only landmarks that
+/// were observed and all of whose observations lie in them.
+/// @throws Error (misuse) if the map does not know its observations, or has no such frame
+LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
+
+/// The map in another world frame: positions, covariances, poses and gravity moved.
+LandmarkMap transformed(const LandmarkMap& map, const Rigid3& new_from_old);
+
+/// The map with a named column added; one of that name is replaced.
+/// @param values one a landmark
+LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
+                        std::vector<double> values);
+
+/// The map with one camera that all its frames are taken by; a camera that is there is replaced.
+LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
+
+}  // namespace cairn
