@@ -80,6 +80,7 @@ void drop_unknown_columns(MapTables& tables) {
   };
   drop_empty(tables.info.world_frame);
   drop_empty(tables.info.uuid);
+  std::erase(tables.info.provenance, std::string());
   drop_if_unknown(tables.frames.cameras);
   drop_if_unknown(tables.frames.timestamps_s);
   auto& names = tables.frames.image_names;
@@ -95,6 +96,7 @@ void drop_unknown_columns(MapTables& tables) {
   drop_if_unknown(tables.observations.keypoints);
   drop_if_unknown(tables.observations.depths);
   drop_if_unknown(tables.observations.octaves);
+  if (tables.landmarks.ids.empty()) tables.observations.offsets.clear();
 }
 
 bool is_plain_name(std::string_view name) {
@@ -134,6 +136,19 @@ void check_frames(const FrameTable& frames, std::size_t camera_count) {
   }
 }
 
+void check_descriptors(const DescriptorColumn& descriptors, const std::vector<LandmarkId>& ids) {
+  auto bytes = descriptors.bytes.begin();
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const auto end = bytes + static_cast<std::ptrdiff_t>(descriptors.bytes_each);
+    const std::uint8_t known = descriptors.known[i];
+    if (known > 1 || (known == 0 && std::any_of(bytes, end, [](auto byte) { return byte != 0; }))) {
+      refuse(entry("landmark", ids, i), "descriptor is neither known nor zero",
+             "1 for known, or 0 and all its bytes zero");
+    }
+    bytes = end;
+  }
+}
+
 void check_landmarks(const LandmarkTable& landmarks) {
   const std::size_t count = landmarks.ids.size();
   check_size("landmark positions", landmarks.positions.size(), count, false);
@@ -141,12 +156,20 @@ void check_landmarks(const LandmarkTable& landmarks) {
   check_size("landmark colors", landmarks.colors.size(), count, true);
   if (const auto& descriptors = landmarks.descriptors) {
     check_size("landmark descriptors", descriptors->known.size(), count, false);
-    if (descriptors->bytes_each == 0) refuse("landmark descriptors", "of 0 bytes", "at least 1");
+    if (descriptors->bytes_each == 0 || descriptors->bytes_each > kMostDescriptorBytes) {
+      refuse("landmark descriptors", fmt::format("of {} bytes", descriptors->bytes_each),
+             fmt::format("1 to {}", kMostDescriptorBytes));
+    }
     if (!is_plain_name(descriptors->kind)) {
       refuse("landmark descriptors", "kind is not a name", "visible ASCII, no blanks");
     }
     check_size("descriptor bytes", descriptors->bytes.size(), count * descriptors->bytes_each,
                false);
+    check_descriptors(*descriptors, landmarks.ids);
+  }
+  if (landmarks.columns.size() > kMostNamedColumns) {
+    refuse("named columns", fmt::format("{} of them", landmarks.columns.size()),
+           fmt::format("at most {}", kMostNamedColumns));
   }
   for (std::size_t i = 0; i < landmarks.columns.size(); ++i) {
     const NamedColumn& column = landmarks.columns[i];
@@ -157,6 +180,12 @@ void check_landmarks(const LandmarkTable& landmarks) {
     for (std::size_t j = 0; j < i; ++j) {
       if (landmarks.columns[j].name == column.name) {
         refuse("column " + printable(column.name), "occurs twice", "distinct names");
+      }
+    }
+    for (std::size_t j = 0; j < count; ++j) {
+      if (std::isinf(column.values[j])) {
+        refuse(entry("landmark", landmarks.ids, j), "infinite in column " + printable(column.name),
+               "a number, or NaN where unknown");
       }
     }
   }
@@ -203,6 +232,10 @@ void check_observations(const ObservationTable& observations, const LandmarkTabl
       if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
         refuse(where(), "pixel is not finite", "numbers");
       }
+      if (!observations.depths.empty() && observations.depths[j] &&
+          !std::isfinite(*observations.depths[j])) {
+        refuse(where(), "depth is not finite", "metres");
+      }
     }
   }
 }
@@ -214,15 +247,14 @@ LandmarkMap::LandmarkMap(MapTables tables)
       frames_by_id_(sorted_by_id("frame", tables_.frames.ids)),
       landmarks_by_id_(sorted_by_id("landmark", tables_.landmarks.ids)) {
   check_info(tables_.info);
-  for (std::size_t i = 0; i < tables_.cameras.size(); ++i) {
-    const Camera& camera = tables_.cameras[i];
-    const std::string where = fmt::format("camera {}", camera.id.value);
+  std::vector<CameraId> camera_ids;
+  for (const Camera& camera : tables_.cameras) {
     const std::string defect = camera_defect(camera);
-    if (!defect.empty()) refuse(where, defect, "a usable camera");
-    for (std::size_t j = 0; j < i; ++j) {
-      if (tables_.cameras[j].id == camera.id) refuse(where, "the id occurs twice", "distinct ids");
-    }
+    if (!defect.empty())
+      refuse(fmt::format("camera {}", camera.id.value), defect, "a usable camera");
+    camera_ids.push_back(camera.id);
   }
+  sorted_by_id("camera", camera_ids);  // refuses an id that occurs twice
   check_frames(tables_.frames, tables_.cameras.size());
   check_landmarks(tables_.landmarks);
   check_observations(tables_.observations, tables_.landmarks, frame_count());

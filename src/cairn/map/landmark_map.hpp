@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -52,10 +53,14 @@ struct Color {
   friend bool operator==(const Color&, const Color&) = default;
 };
 
+/// Limits on what a landmark carries: they bound what a small file can make a map take in memory.
+inline constexpr std::size_t kMostDescriptorBytes = 4096;
+inline constexpr std::size_t kMostNamedColumns = 512;
+
 /// One descriptor a landmark, all of one kind and size.
 struct DescriptorColumn {
-  std::string kind;  ///< e.g. "ORB"
-  std::size_t bytes_each = 0;
+  std::string kind;                 ///< e.g. "ORB"
+  std::size_t bytes_each = 0;       ///< 1 to kMostDescriptorBytes
   std::vector<std::uint8_t> known;  ///< one entry a landmark: 1 if it has a descriptor
   std::vector<std::uint8_t> bytes;  ///< bytes_each a landmark, zero where unknown
 };
@@ -74,14 +79,14 @@ struct LandmarkTable {
                                              ///< the first entry is NaN
   std::vector<std::optional<Color>> colors;  ///< optional
   std::optional<DescriptorColumn> descriptors;
-  std::vector<NamedColumn> columns;
+  std::vector<NamedColumn> columns;  ///< at most kMostNamedColumns, of distinct names
 };
 
 /// Observations in columns, grouped by landmark. One observation is one measurement of a landmark
 /// in one keyframe. The optional columns are empty, or have one entry an observation.
 struct ObservationTable {
   /// Landmark i's observations are [offsets[i], offsets[i + 1]). Empty if the map does not know
-  /// its observations at all, as one read from a point cloud.
+  /// its observations at all, as one read from a point cloud, or has no landmarks.
   std::vector<std::uint64_t> offsets;
   std::vector<FrameIndex> frames;
   std::vector<Pixel> pixels;
@@ -100,7 +105,7 @@ struct MapTables {
 };
 
 /// A landmark map: keyframes, landmarks and which of them saw which where. Valid and immutable. An
-/// optional column in which nothing is known is absent.
+/// optional column in which nothing is known is absent; descriptors and named columns are kept.
 class LandmarkMap {
  public:
   /// An empty map.

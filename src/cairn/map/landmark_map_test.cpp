@@ -1,1 +1,361 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/landmark_map.hpp"
+
+#include <array>
+#include <functional>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+
+#include "support/maps.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using testing::EqualsMap;
+using testing::full_map;
+using testing::full_tables;
+using ::testing::IsEmpty;
+using testing::plain_map;
+using testing::plain_tables;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct Breach {
+  const char* what;
+  std::function<void(MapTables&)> commit;
+  const char* message;
+};
+
+void expect_refused(const std::vector<Breach>& breaches) {
+  for (const Breach& breach : breaches) {
+    SCOPED_TRACE(breach.what);
+    MapTables tables = full_tables();
+    breach.commit(tables);
+    try {
+      const LandmarkMap map(std::move(tables));
+      ADD_FAILURE() << "accepted";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      EXPECT_STREQ(error.what(), breach.message);
+    }
+  }
+}
+
+TEST(LandmarkMap, RefusesBrokenFrames) {
+  expect_refused({
+      {"id twice", [](MapTables& t) { t.frames.ids[2] = t.frames.ids[0]; },
+       "frame 7: the id occurs twice; expected distinct ids"},
+      {"translations short", [](MapTables& t) { t.frames.translations.pop_back(); },
+       "frame translations: 2 entries; expected 3, one a row"},
+      {"translations absent", [](MapTables& t) { t.frames.translations.clear(); },
+       "frame translations: 0 entries; expected 3, one a row"},
+      {"quaternions long",
+       [](MapTables& t) {
+         t.frames.quaternions.push_back({1, 0, 0, 0});
+       },
+       "frame quaternions: 4 entries; expected 3, one a row"},
+      {"cameras short", [](MapTables& t) { t.frames.cameras.pop_back(); },
+       "frame cameras: 2 entries; expected 3, one a row"},
+      {"timestamps short", [](MapTables& t) { t.frames.timestamps_s.pop_back(); },
+       "frame timestamps: 2 entries; expected 3, one a row"},
+      {"image names short", [](MapTables& t) { t.frames.image_names.pop_back(); },
+       "frame image names: 2 entries; expected 3, one a row"},
+      {"translation NaN", [](MapTables& t) { t.frames.translations[2].y() = kNan; },
+       "frame 3: translation is not finite; expected numbers"},
+      {"quaternion zero",
+       [](MapTables& t) {
+         t.frames.quaternions[0] = {0, 0, 0, 0};
+       },
+       "frame 7: quaternion of norm 0; expected norm 1 within 1e-3"},
+      {"quaternion long",
+       [](MapTables& t) {
+         t.frames.quaternions[0] = {0, 1.25, 0, 0};
+       },
+       "frame 7: quaternion of norm 1.25; expected norm 1 within 1e-3"},
+      {"quaternion NaN",
+       [](MapTables& t) {
+         t.frames.quaternions[0] = {kNan, 0, 0, 0};
+       },
+       "frame 7: quaternion of norm nan; expected norm 1 within 1e-3"},
+      {"camera out of range", [](MapTables& t) { t.frames.cameras[2] = CameraIndex{2}; },
+       "frame 3: refers to a camera that the map does not have; expected the index of a camera"},
+      {"timestamp infinite", [](MapTables& t) { t.frames.timestamps_s[0] = kInfinity; },
+       "frame 7: timestamp is not finite; expected seconds"},
+  });
+}
+
+TEST(LandmarkMap, RefusesBrokenCamerasAndInfo) {
+  expect_refused({
+      {"camera with a defect", [](MapTables& t) { t.cameras[1].parameters[0] = 0.0; },
+       "camera 2: focal length fx is 0, not positive; expected a usable camera"},
+      {"camera id twice", [](MapTables& t) { t.cameras[1].id = t.cameras[0].id; },
+       "camera 5: the id occurs twice; expected distinct ids"},
+      {"gravity long", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, 0, -9.81); },
+       "gravity: not a unit vector; expected norm 1 within 1e-3"},
+      {"gravity NaN", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, kNan, 1); },
+       "gravity: not a unit vector; expected norm 1 within 1e-3"},
+  });
+}
+
+TEST(LandmarkMap, RefusesBrokenLandmarks) {
+  expect_refused({
+      {"id twice", [](MapTables& t) { t.landmarks.ids[3] = t.landmarks.ids[1]; },
+       "landmark 10: the id occurs twice; expected distinct ids"},
+      {"positions short", [](MapTables& t) { t.landmarks.positions.pop_back(); },
+       "landmark positions: 3 entries; expected 4, one a row"},
+      {"covariances short", [](MapTables& t) { t.landmarks.covariances.pop_back(); },
+       "landmark covariances: 3 entries; expected 4, one a row"},
+      {"colors long", [](MapTables& t) { t.landmarks.colors.emplace_back(); },
+       "landmark colors: 5 entries; expected 4, one a row"},
+      {"position infinite", [](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; },
+       "landmark 10: position is not finite; expected numbers"},
+      {"covariance not finite", [](MapTables& t) { t.landmarks.covariances[0](1, 1) = kInfinity; },
+       "landmark 30: covariance is an entry is not finite; expected a symmetric positive "
+       "semi-definite matrix"},
+      {"covariance not symmetric",
+       [](MapTables& t) {
+         t.landmarks.covariances[0].setIdentity();
+         t.landmarks.covariances[0](0, 1) = 0.5;
+       },
+       "landmark 30: covariance is not symmetric: opposite entries differ by 0.5; expected a "
+       "symmetric positive semi-definite matrix"},
+      {"covariance indefinite",
+       [](MapTables& t) {
+         t.landmarks.covariances[0] = Eigen::Vector3d(1.0, -0.25, 1.0).asDiagonal();
+       },
+       "landmark 30: covariance is indefinite: its smallest eigenvalue is -0.25; expected a "
+       "symmetric positive semi-definite matrix"},
+  });
+}
+
+TEST(LandmarkMap, RefusesBrokenDescriptorsAndNamedColumns) {
+  expect_refused({
+      {"known short", [](MapTables& t) { t.landmarks.descriptors->known.pop_back(); },
+       "landmark descriptors: 3 entries; expected 4, one a row"},
+      {"no bytes", [](MapTables& t) { t.landmarks.descriptors->bytes_each = 0; },
+       "landmark descriptors: of 0 bytes; expected 1 to 4096"},
+      {"too many bytes", [](MapTables& t) { t.landmarks.descriptors->bytes_each = 4097; },
+       "landmark descriptors: of 4097 bytes; expected 1 to 4096"},
+      {"bytes short", [](MapTables& t) { t.landmarks.descriptors->bytes.pop_back(); },
+       "descriptor bytes: 7 entries; expected 8, one a row"},
+      {"kind empty", [](MapTables& t) { t.landmarks.descriptors->kind = ""; },
+       "landmark descriptors: kind is not a name; expected visible ASCII, no blanks"},
+      {"kind with a blank", [](MapTables& t) { t.landmarks.descriptors->kind = "O RB"; },
+       "landmark descriptors: kind is not a name; expected visible ASCII, no blanks"},
+      {"known neither 0 nor 1", [](MapTables& t) { t.landmarks.descriptors->known[2] = 2; },
+       "landmark 9223372036854775808: descriptor is neither known nor zero; expected 1 for known, "
+       "or 0 and all its bytes zero"},
+      {"unknown but not zero", [](MapTables& t) { t.landmarks.descriptors->bytes[7] = 1; },
+       "landmark 20: descriptor is neither known nor zero; expected 1 for known, or 0 and all its "
+       "bytes zero"},
+      {"column short", [](MapTables& t) { t.landmarks.columns[1].values.pop_back(); },
+       "column 'never_set': 3 entries; expected 4, one a row"},
+      {"column infinite", [](MapTables& t) { t.landmarks.columns[0].values[1] = -kInfinity; },
+       "landmark 10: infinite in column 'confidence'; expected a number, or NaN where unknown"},
+      {"column without name", [](MapTables& t) { t.landmarks.columns[0].name = ""; },
+       "column '': not a name; expected visible ASCII, no blanks"},
+      {"column with a line end", [](MapTables& t) { t.landmarks.columns[0].name = "a\nb"; },
+       "column 'a\\x0ab': not a name; expected visible ASCII, no blanks"},
+      {"column not ASCII", [](MapTables& t) { t.landmarks.columns[0].name = "\xc3\xa9"; },
+       "column '\\xc3\\xa9': not a name; expected visible ASCII, no blanks"},
+      {"column twice", [](MapTables& t) { t.landmarks.columns[1].name = "confidence"; },
+       "column 'confidence': occurs twice; expected distinct names"},
+      {"too many columns", [](MapTables& t) { t.landmarks.columns.resize(513); },
+       "named columns: 513 of them; expected at most 512"},
+  });
+}
+
+TEST(LandmarkMap, RefusesBrokenObservations) {
+  constexpr const char* kOffsets =
+      "observation offsets: do not cut the observations into one range a landmark; expected "
+      "ascending from 0 to their number, one more than there are landmarks";
+  expect_refused({
+      {"pixels short", [](MapTables& t) { t.observations.pixels.pop_back(); },
+       "observation pixels: 4 entries; expected 5, one a row"},
+      {"keypoints short", [](MapTables& t) { t.observations.keypoints.pop_back(); },
+       "observation keypoints: 4 entries; expected 5, one a row"},
+      {"depths short", [](MapTables& t) { t.observations.depths.pop_back(); },
+       "observation depths: 4 entries; expected 5, one a row"},
+      {"octaves short", [](MapTables& t) { t.observations.octaves.pop_back(); },
+       "observation octaves: 4 entries; expected 5, one a row"},
+      {"offsets absent", [](MapTables& t) { t.observations.offsets.clear(); },
+       "observation offsets: missing; expected one a landmark and one more"},
+      {"offsets short", [](MapTables& t) { t.observations.offsets.pop_back(); }, kOffsets},
+      {"offsets start late", [](MapTables& t) { t.observations.offsets[0] = 1; }, kOffsets},
+      {"offsets end early", [](MapTables& t) { t.observations.offsets[4] = 4; }, kOffsets},
+      {"offsets end late", [](MapTables& t) { t.observations.offsets[4] = 6; }, kOffsets},
+      {"offsets descend", [](MapTables& t) { t.observations.offsets[2] = 1; }, kOffsets},
+      {"offset far out", [](MapTables& t) { t.observations.offsets[2] = 1U << 30; }, kOffsets},
+      {"unknown frame", [](MapTables& t) { t.observations.frames[4] = FrameIndex{3}; },
+       "landmark 20: observed by a frame that the map does not have; expected the index of a "
+       "frame"},
+      {"pixel NaN", [](MapTables& t) { t.observations.pixels[2].v = kNan; },
+       "landmark 10: pixel is not finite; expected numbers"},
+      {"depth NaN", [](MapTables& t) { t.observations.depths[0] = kNan; },
+       "landmark 30: depth is not finite; expected metres"},
+  });
+}
+
+TEST(LandmarkMap, HoldsWhatItWasMadeOf) {
+  const MapTables tables = full_tables();
+  const LandmarkMap map = full_map();
+  EXPECT_EQ(map.frame_count(), 3U);
+  EXPECT_EQ(map.landmark_count(), 4U);
+  EXPECT_EQ(map.observation_count(), 5U);
+  EXPECT_EQ(map.frames().quaternions[2], tables.frames.quaternions[2]);
+  EXPECT_THAT(map, EqualsMap(LandmarkMap(LandmarkMap(full_map()).tables())));
+}
+
+TEST(LandmarkMap, IsEmptyByDefault) {
+  const LandmarkMap map;
+  EXPECT_EQ(map.frame_count(), 0U);
+  EXPECT_EQ(map.landmark_count(), 0U);
+  EXPECT_EQ(map.observation_count(), 0U);
+  EXPECT_TRUE(map.has_observations());
+  EXPECT_FALSE(map.has_covariances());
+  EXPECT_EQ(map.find(LandmarkId{0}), std::nullopt);
+  EXPECT_THAT(LandmarkMap(MapTables{}), EqualsMap(map));
+}
+
+TEST(LandmarkMap, NormalisesPosesOnlyWhenAsked) {
+  MapTables tables = plain_tables();
+  tables.frames.quaternions[1] = {0.0, 1.0009, 0.0, 0.0};
+  const LandmarkMap map(std::move(tables));
+  EXPECT_EQ(map.frames().quaternions[1][1], 1.0009);
+  const Rigid3 pose = map.world_from_camera(FrameIndex{1});
+  EXPECT_NEAR(pose.quaternion().norm(), 1.0, 1e-15);
+  EXPECT_TRUE(
+      pose.rotation().isApprox(Eigen::Matrix3d(Eigen::Vector3d(1, -1, -1).asDiagonal()), 1e-15));
+  EXPECT_EQ(pose.translation(), Eigen::Vector3d(0.1, 0.0, 0.0));
+}
+
+TEST(LandmarkMap, KnowsWhichLandmarksHaveCovariances) {
+  const LandmarkMap map = full_map();
+  EXPECT_TRUE(map.has_covariances());
+  ASSERT_TRUE(map.covariance(LandmarkIndex{0}).has_value());
+  EXPECT_EQ((*map.covariance(LandmarkIndex{0}))(2, 2), 9e-4);
+  EXPECT_FALSE(map.covariance(LandmarkIndex{1}).has_value());
+  EXPECT_EQ(map.covariance(LandmarkIndex{2}), Eigen::Matrix3d::Zero());
+  MapTables tables = plain_tables();
+  tables.landmarks.covariances.clear();
+  EXPECT_FALSE(LandmarkMap(std::move(tables)).covariance(LandmarkIndex{0}).has_value());
+}
+
+TEST(LandmarkMap, GroupsObservationsByLandmark) {
+  const LandmarkMap map = plain_map();
+  EXPECT_EQ(map.observation_count(LandmarkIndex{0}), 2U);
+  EXPECT_EQ(map.observation_count(LandmarkIndex{1}), 1U);
+  EXPECT_EQ(map.observation_count(LandmarkIndex{2}), 0U);
+  EXPECT_THAT(map.observing_frames(LandmarkIndex{0}), ElementsAre(FrameIndex{0}, FrameIndex{1}));
+  EXPECT_THAT(map.observed_pixels(LandmarkIndex{1}), ElementsAre(Pixel{292.735, 255.3}));
+  EXPECT_THAT(map.observing_frames(LandmarkIndex{2}), IsEmpty());
+}
+
+TEST(LandmarkMap, TellsUnknownObservationsFromNone) {
+  MapTables tables = plain_tables();
+  tables.observations = {};
+  const LandmarkMap unknown(tables);
+  EXPECT_FALSE(unknown.has_observations());
+  EXPECT_EQ(unknown.observation_count(LandmarkIndex{0}), 0U);
+  EXPECT_THAT(unknown.observed_pixels(LandmarkIndex{0}), IsEmpty());
+  tables.observations.offsets = {0, 0, 0, 0};
+  const LandmarkMap none(tables);
+  EXPECT_TRUE(none.has_observations());
+  EXPECT_EQ(none.observation_count(LandmarkIndex{0}), 0U);
+}
+
+TEST(LandmarkMap, FindsByIdInAnyOrderOfIds) {
+  for (const std::vector<std::uint64_t>& ids :
+       {std::vector<std::uint64_t>{2, 5, 9, 18446744073709551615U},
+        std::vector<std::uint64_t>{18446744073709551615U, 9, 5, 2},
+        std::vector<std::uint64_t>{9, 2, 18446744073709551615U, 5}}) {
+    MapTables tables;
+    for (const std::uint64_t id : ids) {
+      tables.frames.ids.push_back(FrameId{id});
+      tables.frames.translations.emplace_back(0, 0, 0);
+      tables.frames.quaternions.push_back({1, 0, 0, 0});
+      tables.landmarks.ids.push_back(LandmarkId{id});
+      tables.landmarks.positions.emplace_back(0, 0, 0);
+    }
+    const LandmarkMap map(std::move(tables));
+    for (std::uint32_t i = 0; i < ids.size(); ++i) {
+      EXPECT_EQ(map.find(FrameId{ids[i]}), FrameIndex{i});
+      EXPECT_EQ(map.find(LandmarkId{ids[i]}), LandmarkIndex{i});
+    }
+    for (const std::uint64_t absent : {0U, 1U, 3U, 7U, 10U, 1000U}) {
+      EXPECT_EQ(map.find(FrameId{absent}), std::nullopt);
+      EXPECT_EQ(map.find(LandmarkId{absent}), std::nullopt);
+    }
+  }
+}
+
+TEST(LandmarkMap, FindsNamedColumns) {
+  const LandmarkMap map = full_map();
+  ASSERT_NE(map.column("confidence"), nullptr);
+  EXPECT_EQ(map.column("confidence")->values[0], 0.25);
+  EXPECT_EQ(map.column("confidenc"), nullptr);
+  EXPECT_EQ(map.column(""), nullptr);
+}
+
+TEST(LandmarkMap, DropsOptionalColumnsInWhichNothingIsKnown) {
+  MapTables tables = full_tables();
+  tables.info.world_frame = "";
+  tables.info.uuid = "";
+  tables.info.provenance = {"", "one", ""};
+  tables.frames.cameras.assign(3, std::nullopt);
+  tables.frames.timestamps_s.assign(3, std::nullopt);
+  tables.frames.image_names.assign(3, "");
+  tables.landmarks.covariances.assign(4, Eigen::Matrix3d::Constant(kNan));
+  tables.landmarks.colors.assign(4, std::nullopt);
+  tables.observations.keypoints.assign(5, std::nullopt);
+  tables.observations.depths.assign(5, std::nullopt);
+  tables.observations.octaves.assign(5, std::nullopt);
+  const LandmarkMap map(std::move(tables));
+
+  MapTables expected = full_tables();
+  expected.info.world_frame.reset();
+  expected.info.uuid.reset();
+  expected.info.provenance = {"one"};
+  expected.frames.cameras.clear();
+  expected.frames.timestamps_s.clear();
+  expected.frames.image_names.clear();
+  expected.landmarks.covariances.clear();
+  expected.landmarks.colors.clear();
+  expected.observations.keypoints.clear();
+  expected.observations.depths.clear();
+  expected.observations.octaves.clear();
+  EXPECT_THAT(map, EqualsMap(LandmarkMap(std::move(expected))));
+  EXPECT_THAT(map.frames().image_names, IsEmpty());
+  EXPECT_FALSE(map.has_covariances());
+  EXPECT_THAT(map.observations().octaves, IsEmpty());
+}
+
+TEST(LandmarkMap, KeepsDescriptorsAndNamedColumnsInWhichNothingIsKnown) {
+  MapTables tables = full_tables();
+  tables.landmarks.descriptors->known.assign(4, 0);
+  tables.landmarks.descriptors->bytes.assign(8, 0);
+  const LandmarkMap map(std::move(tables));
+  ASSERT_TRUE(map.landmarks().descriptors.has_value());
+  EXPECT_EQ(map.landmarks().descriptors->kind, "ORB");
+  EXPECT_NE(map.column("never_set"), nullptr);
+}
+
+TEST(LandmarkMap, HasOneFormWithoutLandmarks) {
+  MapTables tables;
+  tables.observations.offsets = {0};
+  const LandmarkMap map(std::move(tables));
+  EXPECT_THAT(map, EqualsMap(LandmarkMap{}));
+  EXPECT_TRUE(map.has_observations());
+}
+
+}  // namespace
+}  // namespace cairn

@@ -116,7 +116,13 @@ std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_
 LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks) {
   std::vector<std::uint32_t> kept;
   kept.reserve(landmarks.size());
-  for (const LandmarkIndex landmark : landmarks) kept.push_back(landmark.value);
+  for (const LandmarkIndex landmark : landmarks) {
+    if (landmark.value >= map.landmark_count()) {
+      throw Error(ErrorKind::kMisuse, "landmarks", fmt::format("index {}", landmark.value),
+                  fmt::format("below {}, the map's number of landmarks", map.landmark_count()));
+    }
+    kept.push_back(landmark.value);
+  }
   std::vector<std::uint32_t> frames(map.frame_count());
   for (std::uint32_t i = 0; i < frames.size(); ++i) frames[i] = i;
   return with_rows(map, frames, kept);

@@ -18,6 +18,7 @@ namespace cairn {
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
 
 /// Only these landmarks, with their observations, in the given order; all frames.
+/// @throws Error (misuse) for an index that the map does not have, (input) for one given twice
 LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks);
 
 /// The mini-map of the frames whose id is in [begin, end): those frames and only landmarks that

@@ -1,1 +1,331 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/operations.hpp"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+
+#include "support/maps.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using testing::EqualsMap;
+using testing::full_map;
+using testing::full_tables;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::plain_map;
+using testing::plain_tables;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+MapTables tables_of(LandmarkMap map) {
+  return std::move(map).tables();
+}
+
+LandmarkMap without_observations() {
+  MapTables tables = plain_tables();
+  tables.observations = {};
+  return LandmarkMap(std::move(tables));
+}
+
+template <class Call>
+void expect_refused(const Call& call, ErrorKind kind, const std::string& message) {
+  try {
+    call();
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), kind);
+    EXPECT_THAT(error.what(), HasSubstr(message));
+  }
+}
+
+// Frames 10, 20, 30, 40 and landmarks seen by: 1: 10 20; 2: 20 30; 3: 30; 4: none; 5: 40 30.
+LandmarkMap four_frames() {
+  MapTables tables;
+  for (const std::uint64_t id : {40U, 10U, 30U, 20U}) {
+    tables.frames.ids.push_back(FrameId{id});
+    tables.frames.translations.emplace_back(static_cast<double>(id), 0, 0);
+    tables.frames.quaternions.push_back({1, 0, 0, 0});
+    tables.frames.timestamps_s.emplace_back(static_cast<double>(id) / 10.0);
+  }
+  const std::vector<std::vector<std::uint32_t>> observing = {{1, 3}, {3, 2}, {2}, {}, {0, 2}};
+  tables.observations.offsets = {0};
+  for (std::uint32_t i = 0; i < observing.size(); ++i) {
+    tables.landmarks.ids.push_back(LandmarkId{i + 1});
+    tables.landmarks.positions.emplace_back(i, 0, 0);
+    for (const std::uint32_t frame : observing[i]) {
+      tables.observations.frames.push_back(FrameIndex{frame});
+      tables.observations.pixels.push_back({static_cast<double>(i), static_cast<double>(frame)});
+    }
+    tables.observations.offsets.push_back(tables.observations.frames.size());
+  }
+  tables.info.uuid = "of the whole";
+  return LandmarkMap(std::move(tables));
+}
+
+std::vector<std::uint64_t> values(const auto& ids) {
+  std::vector<std::uint64_t> result;
+  for (const auto id : ids) result.push_back(id.value);
+  return result;
+}
+
+TEST(LandmarksObserved, CountsObservations) {
+  const LandmarkMap map = plain_map();
+  EXPECT_THAT(landmarks_observed(map, 0),
+              ElementsAre(LandmarkIndex{0}, LandmarkIndex{1}, LandmarkIndex{2}));
+  EXPECT_THAT(landmarks_observed(map, 1), ElementsAre(LandmarkIndex{0}, LandmarkIndex{1}));
+  EXPECT_THAT(landmarks_observed(map, 2), ElementsAre(LandmarkIndex{0}));
+  EXPECT_THAT(landmarks_observed(map, 3), IsEmpty());
+}
+
+TEST(LandmarksObserved, AreAllWhereObservationsAreUnknown) {
+  EXPECT_EQ(landmarks_observed(without_observations(), 2).size(), 3U);
+}
+
+TEST(WithLandmarks, KeepsTheGivenOrderAndAllTheirColumns) {
+  const LandmarkMap map = full_map();
+  const std::vector<LandmarkIndex> picked = {LandmarkIndex{3}, LandmarkIndex{0}};
+  MapTables expected = full_tables();
+  expected.info.uuid.reset();
+  LandmarkTable& landmarks = expected.landmarks;
+  landmarks.ids = {landmarks.ids[3], landmarks.ids[0]};
+  landmarks.positions = {landmarks.positions[3], landmarks.positions[0]};
+  landmarks.covariances = {landmarks.covariances[3], landmarks.covariances[0]};
+  landmarks.colors = {landmarks.colors[3], landmarks.colors[0]};
+  landmarks.descriptors->known = {0, 1};
+  landmarks.descriptors->bytes = {0, 0, 0x00, 0xff};
+  landmarks.columns = {{"confidence", {1.0, 0.25}}, {"never_set", {kNan, kNan}}};
+  ObservationTable& observations = expected.observations;
+  observations.offsets = {0, 2, 4};
+  observations.frames = {FrameIndex{2}, FrameIndex{1}, FrameIndex{0}, FrameIndex{2}};
+  observations.pixels = {{1e-5, 1e5}, {-0.0, 3.0}, {447.925, 255.3}, {-0.5, 479.5}};
+  observations.keypoints = {0U, std::nullopt, 12U, std::nullopt};
+  observations.depths = {std::nullopt, std::nullopt, 2.01, 1.99};
+  observations.octaves = {0, std::nullopt, std::nullopt, 1};
+  EXPECT_THAT(with_landmarks(map, picked), EqualsMap(LandmarkMap(std::move(expected))));
+}
+
+TEST(WithLandmarks, KeepsAllFramesEvenWithoutLandmarks) {
+  const LandmarkMap none = with_landmarks(full_map(), {});
+  EXPECT_EQ(none.landmark_count(), 0U);
+  EXPECT_EQ(none.frame_count(), 3U);
+  EXPECT_EQ(none.observation_count(), 0U);
+  EXPECT_EQ(none.cameras().size(), 2U);
+}
+
+TEST(WithLandmarks, LeavesUnknownObservationsUnknown) {
+  const std::vector<LandmarkIndex> picked = {LandmarkIndex{1}};
+  EXPECT_FALSE(with_landmarks(without_observations(), picked).has_observations());
+}
+
+TEST(WithLandmarks, RefusesWhatTheMapDoesNotHave) {
+  expect_refused([] { with_landmarks(plain_map(), std::vector<LandmarkIndex>{LandmarkIndex{3}}); },
+                 ErrorKind::kMisuse, "landmarks: index 3; expected below 3");
+  expect_refused(
+      [] {
+        with_landmarks(plain_map(), std::vector<LandmarkIndex>{LandmarkIndex{1}, LandmarkIndex{1}});
+      },
+      ErrorKind::kInput, "landmark 2: the id occurs twice");
+}
+
+TEST(CutFrames, KeepsLandmarksAllOfWhoseObservationsLieInside) {
+  const LandmarkMap map = four_frames();
+  const LandmarkMap first = cut_frames(map, FrameId{10}, FrameId{30});
+  EXPECT_THAT(values(first.frames().ids), ElementsAre(10, 20));
+  EXPECT_THAT(values(first.landmarks().ids), ElementsAre(1));
+  const LandmarkMap second = cut_frames(map, FrameId{30}, FrameId{41});
+  EXPECT_THAT(values(second.frames().ids), ElementsAre(40, 30));
+  EXPECT_THAT(values(second.landmarks().ids), ElementsAre(3, 5));
+  // Observations name their frames by the new positions, in the old order.
+  EXPECT_THAT(second.observing_frames(LandmarkIndex{1}), ElementsAre(FrameIndex{0}, FrameIndex{1}));
+  EXPECT_THAT(second.observed_pixels(LandmarkIndex{1}), ElementsAre(Pixel{4, 0}, Pixel{4, 2}));
+  EXPECT_THAT(second.frames().timestamps_s, ElementsAre(4.0, 3.0));
+  EXPECT_EQ(second.info().uuid, std::nullopt);
+}
+
+TEST(CutFrames, TakesTheRangeHalfOpen) {
+  const LandmarkMap map = four_frames();
+  EXPECT_THAT(values(cut_frames(map, FrameId{10}, FrameId{11}).frames().ids), ElementsAre(10));
+  EXPECT_THAT(values(cut_frames(map, FrameId{11}, FrameId{40}).frames().ids), ElementsAre(30, 20));
+  // Even the whole range leaves out the landmark that nothing observed.
+  const LandmarkMap whole = cut_frames(map, FrameId{0}, FrameId{18446744073709551615U});
+  EXPECT_EQ(whole.frame_count(), 4U);
+  EXPECT_THAT(values(whole.landmarks().ids), ElementsAre(1, 2, 3, 5));
+}
+
+TEST(CutFrames, RefusesARangeWithoutFrames) {
+  const LandmarkMap map = four_frames();
+  expect_refused([&] { cut_frames(map, FrameId{11}, FrameId{20}); }, ErrorKind::kMisuse,
+                 "frames: the map has no frame with an id from 11 to below 20");
+  expect_refused([&] { cut_frames(map, FrameId{20}, FrameId{20}); }, ErrorKind::kMisuse,
+                 "no frame");
+  expect_refused([&] { cut_frames(map, FrameId{40}, FrameId{10}); }, ErrorKind::kMisuse,
+                 "no frame");
+}
+
+TEST(CutFrames, RefusesAMapThatDoesNotKnowItsObservations) {
+  expect_refused([] { cut_frames(without_observations(), FrameId{1}, FrameId{2}); },
+                 ErrorKind::kMisuse, "does not know which frame observed what");
+}
+
+const Rigid3 kFirst = Rigid3::from_roll_pitch_yaw({1.0, -2.0, 0.5}, 0.3, -0.4, 2.0);
+const Rigid3 kSecond = Rigid3::from_roll_pitch_yaw({-0.2, 0.1, 3.0}, -1.0, 0.2, 0.7);
+
+// The same numbers but for rounding; NaN equals NaN.
+void expect_near(const LandmarkMap& a, const LandmarkMap& b) {
+  ASSERT_EQ(a.frame_count(), b.frame_count());
+  ASSERT_EQ(a.landmark_count(), b.landmark_count());
+  for (std::uint32_t i = 0; i < a.frame_count(); ++i) {
+    EXPECT_LT(
+        a.world_from_camera(FrameIndex{i}).difference_to(b.world_from_camera(FrameIndex{i})).norm(),
+        1e-13);
+  }
+  for (std::uint32_t i = 0; i < a.landmark_count(); ++i) {
+    EXPECT_TRUE(a.landmarks().positions[i].isApprox(b.landmarks().positions[i], 1e-14));
+    const auto ca = a.covariance(LandmarkIndex{i});
+    const auto cb = b.covariance(LandmarkIndex{i});
+    ASSERT_EQ(ca.has_value(), cb.has_value());
+    if (ca) {
+      EXPECT_LE((*ca - *cb).norm(), 1e-14 * ca->norm());
+    }
+  }
+  ASSERT_EQ(a.info().gravity.has_value(), b.info().gravity.has_value());
+  if (a.info().gravity) {
+    EXPECT_TRUE(a.info().gravity->isApprox(*b.info().gravity, 1e-14));
+  }
+}
+
+TEST(Transformed, ByTheIdentityChangesNothingButRounding) {
+  expect_near(transformed(full_map(), Rigid3()), full_map());
+}
+
+TEST(Transformed, TwiceIsOnceByTheProduct) {
+  expect_near(transformed(transformed(full_map(), kFirst), kSecond),
+              transformed(full_map(), kSecond * kFirst));
+}
+
+TEST(Transformed, IsUndoneByTheInverse) {
+  MapTables tables = full_tables();
+  tables.landmarks.positions[2] = {7.0, 8.0, 9.0};  // one at 1e300 leaves no digits for the rest
+  const LandmarkMap map(std::move(tables));
+  const LandmarkMap back = transformed(transformed(map, kFirst), kFirst.inverse());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    EXPECT_LT((back.landmarks().positions[i] - map.landmarks().positions[i]).norm(), 1e-13);
+  }
+  expect_near(transformed(back, kSecond), transformed(map, kSecond));
+}
+
+TEST(Transformed, MovesAPointMapAsOneExpects) {
+  // A quarter turn about z and a step of (10, 0, 0): x -> y, y -> -x.
+  MapTables tables = plain_tables();
+  tables.info.gravity = Eigen::Vector3d(0.0, 1.0, 0.0);
+  tables.landmarks.positions[0] = {1.0, 2.0, 3.0};
+  tables.landmarks.covariances[0] = Eigen::Vector3d(1.0, 4.0, 9.0).asDiagonal();
+  const LandmarkMap moved =
+      transformed(LandmarkMap(std::move(tables)),
+                  Rigid3::from_roll_pitch_yaw({10.0, 0.0, 0.0}, 0.0, 0.0, std::acos(0.0)));
+  EXPECT_TRUE(moved.landmarks().positions[0].isApprox(Eigen::Vector3d(8.0, 1.0, 3.0), 1e-15));
+  EXPECT_TRUE(moved.landmarks().covariances[0].isApprox(
+      Eigen::Matrix3d(Eigen::Vector3d(4.0, 1.0, 9.0).asDiagonal()), 1e-15));
+  EXPECT_TRUE(moved.info().gravity->isApprox(Eigen::Vector3d(-1.0, 0.0, 0.0), 1e-15));
+  EXPECT_TRUE(moved.frames().translations[1].isApprox(Eigen::Vector3d(10.0, 0.1, 0.0), 1e-15));
+  const Eigen::Vector3d forward =
+      moved.world_from_camera(FrameIndex{1}).rotation() * Eigen::Vector3d::UnitX();
+  EXPECT_TRUE(forward.isApprox(Eigen::Vector3d::UnitY(), 1e-15));
+}
+
+TEST(Transformed, KeepsCovariancesExactlySymmetricAndUnknownOnesUnknown) {
+  const LandmarkMap moved = transformed(full_map(), kFirst);
+  const auto covariance = moved.covariance(LandmarkIndex{0});
+  ASSERT_TRUE(covariance.has_value());
+  EXPECT_EQ(*covariance, covariance->transpose());
+  EXPECT_FALSE(moved.covariance(LandmarkIndex{1}).has_value());
+}
+
+TEST(Transformed, LeavesReprojectionUnchanged) {
+  const Camera camera{CameraId{0}, "PINHOLE", 640, 480, {517.3, 516.5, 318.6, 255.3}};
+  MapTables tables = plain_tables();
+  tables.frames.quaternions[1] = {0.995, 0.05, -0.07, 0.05};
+  const LandmarkMap map(std::move(tables));
+  const LandmarkMap moved = transformed(map, kFirst);
+  std::size_t compared = 0;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    for (const FrameIndex frame : map.observing_frames(LandmarkIndex{i})) {
+      const auto before =
+          project(camera, map.world_from_camera(frame).inverse() * map.landmarks().positions[i]);
+      const auto after = project(
+          camera, moved.world_from_camera(frame).inverse() * moved.landmarks().positions[i]);
+      ASSERT_TRUE(before && after);
+      EXPECT_NEAR(after->u, before->u, 1e-10);
+      EXPECT_NEAR(after->v, before->v, 1e-10);
+      ++compared;
+    }
+  }
+  EXPECT_EQ(compared, 3U);
+}
+
+TEST(Transformed, KeepsAllElseAndDropsTheUuid) {
+  const LandmarkMap map = full_map();
+  MapTables moved = tables_of(transformed(map, kFirst));
+  EXPECT_EQ(moved.info.uuid, std::nullopt);
+  moved.info.uuid = map.info().uuid;
+  moved.info.gravity = map.info().gravity;
+  moved.frames.translations = map.frames().translations;
+  moved.frames.quaternions = map.frames().quaternions;
+  moved.landmarks.positions = map.landmarks().positions;
+  moved.landmarks.covariances = map.landmarks().covariances;
+  EXPECT_THAT(LandmarkMap(std::move(moved)), EqualsMap(map));
+}
+
+TEST(WithColumn, AddsAColumn) {
+  const LandmarkMap map = with_column(plain_map(), "weight", {1.0, kNan, 3.0});
+  ASSERT_NE(map.column("weight"), nullptr);
+  EXPECT_EQ(map.column("weight")->values[2], 3.0);
+  MapTables tables = tables_of(map);
+  tables.landmarks.columns.clear();
+  EXPECT_THAT(LandmarkMap(std::move(tables)), EqualsMap(plain_map()));
+}
+
+TEST(WithColumn, ReplacesAColumnOfThatNameInItsPlace) {
+  const LandmarkMap map = with_column(full_map(), "confidence", {1.0, 2.0, 3.0, 4.0});
+  MapTables expected = full_tables();
+  expected.info.uuid.reset();
+  expected.landmarks.columns[0].values = {1.0, 2.0, 3.0, 4.0};
+  EXPECT_THAT(map, EqualsMap(LandmarkMap(std::move(expected))));
+}
+
+TEST(WithColumn, RefusesAWrongNumberOfValues) {
+  expect_refused(
+      [] {
+        with_column(plain_map(), "weight", {1.0, 2.0});
+      },
+      ErrorKind::kInput, "column 'weight': 2 entries; expected 3, one a row");
+  expect_refused(
+      [] {
+        with_column(plain_map(), "two words", {1.0, 2.0, 3.0});
+      },
+      ErrorKind::kInput, "column 'two words': not a name");
+}
+
+TEST(WithCamera, GivesAllFramesTheOneCamera) {
+  const Camera camera{CameraId{9}, "SIMPLE_PINHOLE", 64, 48, {50.0, 32.0, 24.0}};
+  const LandmarkMap map = with_camera(full_map(), camera);
+  MapTables expected = full_tables();
+  expected.info.uuid.reset();
+  expected.cameras = {camera};
+  expected.frames.cameras.assign(3, CameraIndex{0});
+  EXPECT_THAT(map, EqualsMap(LandmarkMap(std::move(expected))));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -37,23 +37,25 @@ struct RecordCounts {
   std::uint64_t observations = 0;
 };
 
-// An estimate that the bytes present bound: exact for version 1, slightly high for version 2.
+// An estimate that the bytes present bound: exact where records start their lines.
 RecordCounts estimate_records(ByteSource& source) {
   // The fewest bytes of a record bound how many there can be, whatever the first letters say.
   constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
   constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
   std::vector<char> block(kBlockSize + 1);
   block[0] = '\n';
-  std::uint64_t tokens = 0;
+  std::uint64_t tokens = 0;  // in landmark records, as the next
   std::uint64_t dashes = 0;
+  bool in_landmark = false;
   std::uint64_t bytes = 0;
   RecordCounts counts;
   while (const std::size_t size = source.read(block.data() + 1, kBlockSize)) {
     for (std::size_t i = 1; i <= size; ++i) {
       const char before = block[i - 1];
       const char c = block[i];
-      tokens += static_cast<std::uint64_t>((c > ' ') & (before <= ' '));
-      dashes += static_cast<std::uint64_t>((c <= ' ') & (before == '-'));
+      in_landmark = before == '\n' ? c == 'L' : in_landmark;
+      tokens += static_cast<std::uint64_t>(in_landmark & (c > ' ') & (before <= ' '));
+      dashes += static_cast<std::uint64_t>(in_landmark & (c <= ' ') & (before == '-'));
       counts.frames += static_cast<std::uint64_t>((c == 'F') & (before == '\n'));
       counts.landmarks += static_cast<std::uint64_t>((c == 'L') & (before == '\n'));
     }
@@ -64,7 +66,7 @@ RecordCounts estimate_records(ByteSource& source) {
   counts.frames = std::min(counts.frames, bytes / kShortestFrame);
   counts.landmarks = std::min(counts.landmarks, bytes / kShortestLandmark);
   const std::uint64_t in_observations = tokens + 8 * std::min(dashes, counts.landmarks);
-  const std::uint64_t in_records = 9 * counts.frames + 15 * counts.landmarks;
+  const std::uint64_t in_records = 15 * counts.landmarks;
   if (in_observations > in_records) counts.observations = (in_observations - in_records) / 3;
   return counts;
 }
@@ -282,7 +284,7 @@ class NativeReader {
     LineReader lines(source_);
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
-    std::uint64_t next_report = kReportEvery;
+    std::uint64_t next_report = 0;
     while (const auto line = lines.next()) {
       read_line(*line, lines);
       if (lines.bytes_read() >= next_report) {
@@ -291,8 +293,9 @@ class NativeReader {
           throw Error(ErrorKind::kCancelled, source_.name(), "reading was cancelled", "");
         }
         if (options_.progress && source_.size()) {
-          options_.progress(static_cast<double>(lines.bytes_read()) /
-                            static_cast<double>(*source_.size()));
+          // A file may grow while it is read.
+          options_.progress(std::min(
+              1.0, static_cast<double>(lines.bytes_read()) / static_cast<double>(*source_.size())));
         }
       }
     }
@@ -484,6 +487,8 @@ class NativeReader {
     MapInfo& info = tables_.info;
     const std::string_view key = fields.word("key");
     if (key == "length_unit") {
+      refuse_second(length_unit_known_, fields);
+      length_unit_known_ = true;
       const std::string_view unit = fields.word("length_unit");
       if (unit != "metres" && unit != "free") {
         fields.refuse(printable(unit) + " is no unit of length", "metres or free");
@@ -529,22 +534,33 @@ class NativeReader {
     tables_.cameras.push_back(std::move(camera));
   }
 
+  static std::string name(Fields& fields, const char* field) {
+    const std::string_view text = fields.word(field);
+    if (!std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c < '\x7f'; })) {
+      fields.refuse(printable(text) + " is not a name", "visible ASCII");
+    }
+    return std::string(text);
+  }
+
   void read_descriptor_kind(Fields& fields) {
     auto& descriptors = tables_.landmarks.descriptors;
     refuse_second(descriptors.has_value(), fields);
     descriptors.emplace();
-    descriptors->kind = std::string(fields.word("kind"));
-    constexpr std::uint32_t kMostBytes = 1U << 16;
+    descriptors->kind = name(fields, "kind");
     descriptors->bytes_each = fields.integer<std::uint32_t>("bytes", "an unsigned integer");
-    if (descriptors->bytes_each == 0 || descriptors->bytes_each > kMostBytes) {
-      fields.refuse(fmt::format("{} bytes", descriptors->bytes_each), "1 to 65536");
+    if (descriptors->bytes_each == 0 || descriptors->bytes_each > kMostDescriptorBytes) {
+      fields.refuse(fmt::format("{} bytes", descriptors->bytes_each),
+                    fmt::format("1 to {}", kMostDescriptorBytes));
     }
   }
 
   void read_column(Fields& fields) {
-    const std::string name(fields.word("name"));
-    refuse_second(find_column(name) != nullptr, fields);
-    tables_.landmarks.columns.push_back({name, {}});
+    std::string column = name(fields, "name");
+    refuse_second(find_column(column) != nullptr, fields);
+    if (tables_.landmarks.columns.size() == kMostNamedColumns) {
+      fields.refuse_line("too many columns", fmt::format("at most {}", kMostNamedColumns));
+    }
+    tables_.landmarks.columns.push_back({std::move(column), {}});
   }
 
   NamedColumn* find_column(std::string_view name) {
@@ -681,7 +697,7 @@ class NativeReader {
       descriptors->known.resize(landmarks.ids.size());
       descriptors->bytes.resize(landmarks.ids.size() * descriptors->bytes_each);
     }
-    if (observations_unknown_) observations.offsets.clear();
+    if (observations_unknown_) observations.offsets = {};
     return LandmarkMap(std::move(tables_));
   }
 
@@ -690,6 +706,7 @@ class NativeReader {
   MapTables tables_;
   int version_ = 0;  // 0: no record seen yet
   std::uint64_t line_ = 0;
+  bool length_unit_known_ = false;
   bool observations_unknown_ = false;
   std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was
   RowLines landmark_lines_;

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+
+#include <CLI/CLI.hpp>
+
+namespace cairn::cli {
+
+/// Runs a verb after its arguments were parsed; returns the exit code.
+using Run = std::function<int()>;
+
+// Each adds its verb to the program; what it returns runs the verb.
+Run add_align(CLI::App& program);
+Run add_convert(CLI::App& program);
+Run add_demo(CLI::App& program);
+Run add_info(CLI::App& program);
+
+}  // namespace cairn::cli

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/alignments.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+std::string number(std::optional<double> value, int digits) {
+  return value ? fmt::format("{:.{}g}", *value, digits) : "-";
+}
+
+std::string percent(double share) { return fmt::format("{:.0f} %", 100.0 * share); }
+
+Json json_of(const std::vector<OpenDirection>& directions) {
+  Json list = Json::array();
+  for (const OpenDirection& direction : directions) {
+    list.push_back({{"translation", to_json(direction.translation)},
+                    {"rotation", to_json(direction.rotation)}});
+  }
+  return list;
+}
+
+Json json_of(const std::vector<IterationRecord>& history, bool trace) {
+  Json list = Json::array();
+  for (const IterationRecord& iteration : history) {
+    Json entry = {{"target_from_source", to_json(iteration.target_from_source)},
+                  {"mean_squared_distance", iteration.mean_squared_distance}};
+    if (trace) {
+      entry["score"] = to_json(iteration.score);
+      Json matches = Json::array();
+      for (const Match& match : iteration.matches) matches.push_back({match.source, match.target});
+      entry["matches"] = std::move(matches);
+    }
+    list.push_back(std::move(entry));
+  }
+  return list;
+}
+
+}  // namespace
+
+std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
+                                    const std::vector<Strategy>& strategies,
+                                    const AlignOptions& options,
+                                    const PointSetOptions& point_options,
+                                    const std::optional<Rigid3>& truth) {
+  std::vector<Alignment> alignments;
+  for (const Strategy& strategy : strategies) {
+    const PointSet source_points = point_set(source, strategy.metric, point_options);
+    const PointSet target_points = point_set(target, strategy.metric, point_options);
+    Alignment alignment;
+    alignment.confidence = strategy.name;
+    alignment.k = strategy.metric ? options.k : 1;
+    alignment.result = align(source_points, target_points, options);
+    if (truth && alignment.result.status == AlignStatus::kAligned) {
+      alignment.error =
+          pose_error(alignment.result.target_from_source, *truth, source_points.positions);
+    }
+    alignments.push_back(std::move(alignment));
+  }
+  return alignments;
+}
+
+std::string alignment_table(const std::vector<Alignment>& alignments, const std::string& unit) {
+  const auto any = [&](auto&& has) {
+    return std::any_of(alignments.begin(), alignments.end(), has);
+  };
+  const bool with_error = any([](const Alignment& a) { return a.error.has_value(); });
+  const bool with_overlap = any([](const Alignment& a) { return a.result.overlap.has_value(); });
+  std::vector<std::string> header = {"confidence", "k", "status", "iterations", "stopped by",
+                                     "score before", "score " + unit + "^2"};
+  if (with_overlap) header.insert(header.end(), {"source overlap", "target overlap"});
+  if (with_error) header.insert(header.end(), {"rotation error", "translation error"});
+  header.emplace_back("time");
+  Table table(header);
+  for (const Alignment& alignment : alignments) {
+    const AlignResult& result = alignment.result;
+    std::vector<std::string> row = {alignment.confidence,
+                                    std::to_string(alignment.k),
+                                    std::string(to_string(result.status)),
+                                    std::to_string(result.iterations),
+                                    std::string(to_string(result.stop_reason)),
+                                    number(result.initial_score, 4),
+                                    number(result.score, 4)};
+    if (with_overlap) {
+      row.push_back(result.overlap ? percent(result.overlap->source) : "-");
+      row.push_back(result.overlap ? percent(result.overlap->target) : "-");
+    }
+    if (with_error) {
+      const auto& error = alignment.error;
+      row.push_back(error ? fmt::format("{:.3f} deg", degrees(error->rotation_rad)) : "-");
+      row.push_back(error ? fmt::format("{:.4f} {}", error->translation, unit) : "-");
+    }
+    row.push_back(fmt::format("{:.0f} ms", 1e3 * result.duration_s));
+    table.add_row(std::move(row));
+  }
+  return table.text();
+}
+
+Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit unit) {
+  const AlignResult& result = alignment.result;
+  const bool has_pose = result.status != AlignStatus::kFailed;
+  Json json = {
+      {"status", to_string(result.status)},
+      {"verdict", "none"},
+      {"reason", result.reason},
+      {"target_from_source", has_pose ? to_json(result.target_from_source) : Json(nullptr)},
+      {"scale", has_pose ? Json(1.0) : Json(nullptr)},
+      {"method", "icp"},
+      {"confidence", alignment.confidence},
+      {"k", alignment.k},
+      {"length_unit", to_string(unit)},
+      {"score", to_json(result.score)},
+      {"initial_score", to_json(result.initial_score)},
+      {"iterations", result.iterations},
+      {"stop_reason", to_string(result.stop_reason)},
+      {"matches", result.matches.size()},
+      {"overlap", result.overlap ? Json{{"source", result.overlap->source},
+                                        {"target", result.overlap->target},
+                                        {"radius", *options.overlap_radius}}
+                                 : Json(nullptr)},
+      {"probability", nullptr},
+      {"covariance", result.covariance ? to_json(*result.covariance) : Json(nullptr)},
+      {"unobservable", json_of(result.unobservable)},
+      {"candidates", nullptr},
+      {"duration_s", result.duration_s},
+  };
+  if (alignment.error) {
+    json["error"] = {{"rotation_deg", degrees(alignment.error->rotation_rad)},
+                     {"translation", alignment.error->translation}};
+  }
+  json["history"] = json_of(result.history, options.trace);
+  return json;
+}
+
+std::string unit_symbol(LengthUnit unit) { return unit == LengthUnit::kMetres ? "m" : "units"; }
+
+}  // namespace cairn::cli

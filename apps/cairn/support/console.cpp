@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/console.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include <fmt/format.h>
+
+namespace cairn::cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+class ProgressBar {
+ public:
+  explicit ProgressBar(std::string label) : label_(std::move(label)) {}
+  ~ProgressBar() {
+    if (shown_) fmt::print(stderr, "\r\x1b[K");
+  }
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+  void update(double share) {
+    const auto now = Clock::now();
+    if (now - start_ < std::chrono::seconds(1)) return;
+    if (shown_ && now - last_ < std::chrono::milliseconds(100)) return;
+    constexpr int kWidth = 30;
+    const double clamped = std::clamp(share, 0.0, 1.0);
+    const int filled = static_cast<int>(clamped * kWidth);
+    fmt::print(stderr, "\r\x1b[K{} [{}{}] {:3.0f} %", label_, std::string(filled, '#'),
+               std::string(kWidth - filled, '.'), 100.0 * clamped);
+    std::fflush(stderr);
+    shown_ = true;
+    last_ = now;
+  }
+
+ private:
+  std::string label_;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point last_;
+  bool shown_ = false;
+};
+
+}  // namespace
+
+Console::Console(bool quiet, bool answer) : quiet_(quiet), answer_(answer) {}
+
+void Console::print(std::string_view text) const {
+  if (answer_) fmt::print("{}", text);
+}
+
+void Console::remark(std::string_view text) const {
+  if (!quiet_) fmt::print(stderr, "cairn: {}\n", text);
+}
+
+LogSink Console::log() const {
+  return [console = *this](std::string_view text) { console.remark(text); };
+}
+
+Progress Console::progress(const std::string& label) const {
+  if (quiet_ || ::isatty(STDERR_FILENO) == 0) return {};
+  return [bar = std::make_shared<ProgressBar>(label)](double share) { bar->update(share); };
+}
+
+}  // namespace cairn::cli

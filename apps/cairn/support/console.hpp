@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "cairn/core/log.hpp"
+#include "cairn/core/progress.hpp"
+
+namespace cairn::cli {
+
+/// Where output goes: answers to stdout, remarks and progress to stderr.
+class Console {
+ public:
+  /// @param quiet  no remarks, no progress
+  /// @param answer whether stdout is for people; false when JSON goes there
+  Console(bool quiet, bool answer);
+
+  /// Part of the answer, as is.
+  void print(std::string_view text) const;
+  /// A remark, one line.
+  void remark(std::string_view text) const;
+  LogSink log() const;
+
+  /// A bar on a terminal, once the work has taken over a second; it clears itself.
+  Progress progress(const std::string& label) const;
+
+ private:
+  bool quiet_;
+  bool answer_;
+};
+
+}  // namespace cairn::cli

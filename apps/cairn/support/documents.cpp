@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/documents.hpp"
+
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include "cairn/core/file.hpp"
+#include "cairn/core/version_number.hpp"
+#include "cairn/map/io/map_file.hpp"
+
+namespace cairn::cli {
+
+LoadedMap load_map(const std::string& path, const CommonArguments& common) {
+  const Console console = common.console();
+  MapReadOptions options;
+  options.progress = console.progress("reading " + path);
+  options.log = console.log();
+  LoadedMap loaded{path, read_map(path, options), {}};
+  // A pipe cannot be read a second time.
+  const bool can_hash = std::filesystem::is_regular_file(path) && !common.json_path.empty();
+  loaded.description = {{"path", path},
+                        {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)},
+                        {"frames", loaded.map.frame_count()},
+                        {"landmarks", loaded.map.landmark_count()},
+                        {"observations", loaded.map.has_observations()
+                                             ? Json(loaded.map.observation_count())
+                                             : Json(nullptr)}};
+  return loaded;
+}
+
+Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options) {
+  return {{"schema", {{"name", "cairn." + schema}, {"version", 1}}},
+          {"cairn_version", kVersion},
+          {"inputs", std::move(inputs)},
+          {"options", std::move(options)},
+          {"seed", common.seed}};
+}
+
+void write_document(const Json& json, const CommonArguments& common) {
+  if (common.json_path.empty()) return;
+  // Text from files may be any bytes; JSON must be UTF-8.
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  if (common.json_path == "-") {
+    fmt::print("{}", text);
+  } else {
+    write_file(common.json_path, [&](const ByteSink& sink) { sink(text); });
+  }
+}
+
+Json to_json(const Rigid3& pose) {
+  const Matrix4d matrix = pose.matrix();
+  Json rows = Json::array();
+  for (int i = 0; i < 4; ++i) {
+    rows.push_back({matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3)});
+  }
+  return rows;
+}
+
+Json to_json(const Eigen::Vector3d& vector) { return {vector.x(), vector.y(), vector.z()}; }
+
+Json to_json(const Matrix6d& matrix) {
+  Json rows = Json::array();
+  for (int i = 0; i < 6; ++i) {
+    Json row = Json::array();
+    for (int j = 0; j < 6; ++j) row.push_back(matrix(i, j));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::string to_string(LengthUnit unit) { return unit == LengthUnit::kMetres ? "metres" : "free"; }
+
+}  // namespace cairn::cli

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn {
+
+/// How far an estimated pose is from the true one.
+struct PoseError {
+  double rotation_rad = 0.0;  ///< angle of the relative rotation, in [0, π]
+  double translation = 0.0;   ///< displacement of the source landmarks' centroid, map's unit of length
+};
+
+/// The error of `estimate` against `truth`, both target_from_source. Translation is measured at the
+/// landmarks: at the source's origin, which may be far from them, it would count rotation twice.
+/// @param source landmarks in the source frame; of none, the origin stands in for their centroid
+PoseError pose_error(const Rigid3& estimate, const Rigid3& truth,
+                     std::span<const Eigen::Vector3d> source);
+
+}  // namespace cairn

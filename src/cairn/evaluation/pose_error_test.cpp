@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/evaluation/pose_error.hpp"
+
+#include <numbers>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace cairn {
+namespace {
+
+TEST(PoseError, IsZeroForTheTruth) {
+  const auto pose = Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3);
+  const PoseError error = pose_error(pose, pose, {});
+  EXPECT_NEAR(error.rotation_rad, 0.0, 1e-15);
+  EXPECT_NEAR(error.translation, 0.0, 1e-15);
+}
+
+TEST(PoseError, MeasuresTranslationAtTheLandmarksAndNotAtTheOrigin) {
+  // Both poses turn the landmarks about their own centroid, a kilometre from the origin.
+  const Eigen::Vector3d centre(1000, 0, 0);
+  const std::vector<Eigen::Vector3d> source = {centre + Eigen::Vector3d(1, 0, 0),
+                                               centre - Eigen::Vector3d(1, 0, 0)};
+  const Rigid3 to_centre(Eigen::Quaterniond::Identity(), centre);
+  const auto turn = Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0, 0, std::numbers::pi / 2);
+  const PoseError error = pose_error(to_centre * turn * to_centre.inverse(), Rigid3(), source);
+  EXPECT_NEAR(error.rotation_rad, std::numbers::pi / 2, 1e-12);
+  EXPECT_NEAR(error.translation, 0.0, 1e-9);
+}
+
+TEST(PoseError, IsSymmetricInRotation) {
+  const auto a = Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0.1, 0.2, 0.3);
+  const auto b = Rigid3::from_roll_pitch_yaw({0, 3, 4}, -0.3, 0.2, 0.1);
+  EXPECT_NEAR(pose_error(a, b, {}).rotation_rad, pose_error(b, a, {}).rotation_rad, 1e-14);
+  EXPECT_NEAR(pose_error(a, b, {}).translation, 5.0, 1e-14);
+}
+
+}  // namespace
+}  // namespace cairn

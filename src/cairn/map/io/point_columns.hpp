@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/core/file.hpp"
+#include "cairn/map/io/options.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+// What the PLY and PCD formats share: a landmark map as a table of points with scalar fields.
+// Private to cairn/map/io.
+namespace cairn::detail {
+
+enum class PointFormat { kPly, kPcd };
+
+enum class ScalarType : std::uint8_t {
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat32,
+  kFloat64,
+};
+
+std::size_t size_of(ScalarType type);
+bool is_integer(ScalarType type);
+
+/// What a file says a point (or another record) holds, in the order of the file.
+struct PointField {
+  std::string name;
+  ScalarType type = ScalarType::kFloat64;
+  std::uint64_t count = 1;               ///< values a point; below 2^32
+  std::optional<ScalarType> list_count;  ///< of a list, whose length stands before its values
+};
+
+/// A map holds fewer points than this.
+constexpr std::uint64_t kPointLimit = std::uint64_t{1} << 32;
+/// And a file has fewer fields: far more than any has, few enough to compare all their names.
+constexpr std::size_t kFieldLimit = 4096;
+
+/// A source of a text header followed by a body. Looks after the progress and the stop of reading.
+class HeadedSource final : public ByteSource {
+ public:
+  HeadedSource(ByteSource& source, const MapReadOptions& options);
+
+  /// The next line of the header, without its end and the blanks around it. Valid until the next
+  /// call.
+  /// @throws Error (input) at the end of the source, or for a line of no header's length
+  std::string_view header_line(std::string_view expected);
+  /// "file:line" of the header line last handed out.
+  std::string header_place() const;
+  std::uint64_t header_lines() const { return header_lines_; }
+
+  /// The bytes next in line: at least `least`, fewer only at the end. Valid until the next call.
+  std::string_view peek(std::size_t least);
+  void consume(std::size_t count);
+  /// Passes over bytes. @return how many there were
+  std::uint64_t skip(std::uint64_t count);
+  /// Bytes handed out so far.
+  std::uint64_t offset() const { return offset_; }
+  /// Bytes left; nothing if the source has no size.
+  std::optional<std::uint64_t> remaining() const;
+  /// @throws Error (input) unless all bytes were handed out
+  void expect_end();
+
+  const std::string& name() const override { return source_.name(); }
+  std::optional<std::uint64_t> size() const override { return source_.size(); }
+  std::size_t read(char* buffer, std::size_t capacity) override;
+  void rewind() override;
+
+ private:
+  std::size_t read_more(char* buffer, std::size_t capacity);
+
+  ByteSource& source_;
+  const MapReadOptions& options_;
+  std::vector<char> buffer_;
+  std::size_t begin_ = 0;
+  std::size_t end_ = 0;
+  std::uint64_t offset_ = 0;
+  std::uint64_t received_ = 0;
+  std::uint64_t next_report_ = 0;
+  std::uint64_t header_lines_ = 0;
+};
+
+/// The lines of a text body that are not blank.
+class TextRows {
+ public:
+  explicit TextRows(HeadedSource& source);
+
+  /// Row `done` of `count` rows.
+  /// @throws Error (input) if there is none, or its end is missing
+  std::string_view next(std::uint64_t done, std::uint64_t count, std::string_view rows);
+  std::uint64_t line_number() const { return header_lines_ + lines_.line_number(); }
+  /// @throws Error (input) if there is one more
+  void expect_end();
+
+ private:
+  std::optional<std::string_view> next_filled();
+
+  const HeadedSource& source_;
+  std::uint64_t header_lines_;
+  LineReader lines_;
+};
+
+/// Fields of points on their way into a map.
+class PointTable {
+ public:
+  /// Decides what becomes of each field.
+  /// @param where what the message says if x, y or z is missing
+  PointTable(PointFormat format, std::string source, std::string_view where,
+             std::vector<PointField> fields, const MapReadOptions& options);
+
+  const std::vector<PointField>& fields() const { return fields_; }
+  std::size_t size() const { return positions_.size(); }
+  void reserve(std::size_t rows);
+
+  /// Takes one point in text.
+  void append_text(std::string_view row, std::uint64_t line_number);
+  /// Takes `rows` points that lie one behind the other without their lists.
+  void append_binary(const char* bytes, std::size_t rows, bool big_endian);
+  /// Takes little-endian points that lie field by field: the start of each field's values.
+  void append_columns(const std::vector<const char*>& columns, std::size_t rows);
+
+  /// Makes the map: leaves out points without a finite position, and finds out whose ids are ids.
+  LandmarkMap finish() &&;
+
+ private:
+  enum class Role { kSkipped, kPosition, kCovariance, kChannel, kPackedColor, kId, kColumn };
+  struct Slot {
+    Role role = Role::kSkipped;
+    std::size_t index = 0;
+  };
+
+  void choose_slots(PointFormat format, std::string_view where);
+  void grow(std::size_t rows);
+  template <class T>
+  void put(Slot slot, std::size_t row, T value);
+  void put_text(std::size_t field, std::string_view text, std::uint64_t line, std::uint64_t token);
+  void put_run(std::size_t field, std::size_t first_row, std::size_t rows, const char* bytes,
+               std::size_t step, bool swap_bytes);
+  [[noreturn]] void refuse(std::uint64_t line, std::uint64_t token, std::string_view field,
+                           std::string_view what, std::string_view expected) const;
+  void drop_points_without_position();
+  void take_ids(LandmarkTable& landmarks);
+  void remark(const std::string& text) const;
+
+  std::string source_;
+  const MapReadOptions& options_;
+  std::vector<PointField> fields_;
+  std::vector<Slot> slots_;  // one a field
+  std::vector<Eigen::Vector3d> positions_;
+  bool has_covariances_ = false;
+  std::vector<Eigen::Matrix3d> covariances_;
+  bool has_colors_ = false;
+  std::vector<std::optional<Color>> colors_;
+  bool has_ids_ = false;
+  bool ids_are_signed_ = false;
+  std::vector<std::uint64_t> ids_;  // two's complement of what is negative
+  std::vector<NamedColumn> columns_;
+};
+
+/// Reads `count` points of a text body.
+void read_text_points(TextRows& rows, HeadedSource& source, std::uint64_t count,
+                      std::string_view points, PointTable& table);
+
+/// Reads `count` points of a binary body in which point follows point.
+void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_view points,
+                        bool big_endian, PointTable& table);
+
+/// Passes over records of a binary body.
+void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fields,
+                         std::uint64_t count, std::string_view records, bool big_endian);
+
+/// The first bytes of a scalar as an unsigned 32-bit integer of little-endian order.
+std::uint32_t load_little_endian_32(const char* bytes);
+
+/// A map as points with fields.
+class PointRows {
+ public:
+  /// @throws Error (misuse) for a named column whose name stands for something else in the file
+  PointRows(const LandmarkMap& map, PointFormat format);
+
+  const std::vector<PointField>& fields() const { return fields_; }
+  /// Hands out header and points, the points as text or in little-endian binary.
+  void write(std::string header, bool ascii, const ByteSink& sink) const;
+
+ private:
+  enum class Content { kPosition, kCovariance, kChannel, kPackedColor, kCount, kId, kColumn };
+  struct Cell {
+    Content content;
+    std::size_t index;
+  };
+
+  void add(std::string name, ScalarType type, Content content, std::size_t index = 0);
+  template <class Put>
+  void visit(std::size_t field, std::size_t row, Put&& put) const;
+
+  const LandmarkMap& map_;
+  std::vector<PointField> fields_;
+  std::vector<Cell> cells_;  // one a field
+};
+
+}  // namespace cairn::detail

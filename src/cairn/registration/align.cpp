@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/align.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/registration/convergence/pcl_criteria.hpp"
+#include "cairn/registration/correspondence/confident_neighbor.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
+#include "cairn/registration/icp.hpp"
+#include "cairn/registration/neighbors/kd_tree.hpp"
+#include "cairn/registration/score/fitness.hpp"
+
+namespace cairn {
+namespace {
+
+using Points = std::vector<Eigen::Vector3d>;
+using Correspondence = ConfidentNeighborCorrespondence<KdTree>;
+
+template <class Value>
+void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
+  if (valid) return;
+  throw Error(ErrorKind::kMisuse, fmt::format("AlignOptions.{}", field), fmt::format("{}", value),
+              expected);
+}
+
+void check_points(const PointSet& points, std::string_view name) {
+  const auto refuse = [&](std::string_view what, std::string_view expected) {
+    throw Error(ErrorKind::kMisuse, name, what, expected);
+  };
+  if (!points.confidences.empty() && points.confidences.size() != points.positions.size()) {
+    refuse(fmt::format("{} confidences of {} points", points.confidences.size(),
+                       points.positions.size()),
+           "one a point, or none");
+  }
+  for (std::size_t i = 0; i < points.positions.size(); ++i) {
+    if (!points.positions[i].allFinite()) {
+      refuse(fmt::format("position of point {} is not finite", i), "numbers");
+    }
+  }
+  for (std::size_t i = 0; i < points.confidences.size(); ++i) {
+    if (!std::isfinite(points.confidences[i])) {
+      refuse(fmt::format("confidence of point {} is not finite", i), "a number");
+    }
+  }
+}
+
+Eigen::Vector3d centroid(const Points& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) sum += point;
+  return sum / static_cast<double>(points.size());
+}
+
+Points moved(const Points& points, const Rigid3& pose) {
+  const Eigen::Matrix3d rotation = pose.rotation();
+  Points result;
+  result.reserve(points.size());
+  for (const Eigen::Vector3d& point : points) {
+    result.push_back(rotation * point + pose.translation());
+  }
+  return result;
+}
+
+std::vector<double> non_negative(std::vector<double> weights) {
+  for (double& weight : weights) weight = std::max(weight, 0.0);
+  return weights;
+}
+
+// One alignment. All work is done in a frame centred on the target, with the source brought near it
+// by the initial pose, so that coordinates far from the origin cost no precision.
+class Alignment {
+ public:
+  Alignment(const PointSet& source, const PointSet& target, const AlignOptions& options)
+      : options_(options),
+        centre_(centroid(target.positions)),
+        centred_from_source_(Rigid3(Eigen::Quaterniond::Identity(), -centre_) * options.initial),
+        source_(moved(source.positions, centred_from_source_)),
+        target_(moved(target.positions, Rigid3(Eigen::Quaterniond::Identity(), -centre_))),
+        target_tree_(target_),
+        source_confidences_(source.confidences),
+        target_confidences_(target.confidences) {
+    if (options.reciprocal || options.overlap_radius) source_tree_.emplace(source_);
+    if (options.weight_by_source_confidence) weights_ = non_negative(source.confidences);
+  }
+
+  AlignResult run() const {
+    AlignResult result;
+    const Correspondence find_any_matches = correspondence();
+    const auto find_matches = [&](std::span<const Eigen::Vector3d> moved_source,
+                                  const Rigid3& pose) {
+      std::vector<Match> matches = find_any_matches(moved_source, pose);
+      // A match without weight says nothing of the pose.
+      std::erase_if(matches, [&](const Match& match) {
+        return !weights_.empty() && weights_[match.source] == 0.0;
+      });
+      return matches;
+    };
+    const PointToPointEstimation estimate_step(target_, weights_);
+    const PclCriteria converged{options_.max_iterations, options_.mse_change_threshold};
+    result.initial_score = score(Rigid3());
+    const IcpRun icp = run_icp(source_, Rigid3(), find_matches, estimate_step, converged,
+                               options_.stop, [&](Iteration iteration) {
+                                 result.history.push_back(record(std::move(iteration)));
+                                 report_progress(result.history.size());
+                               });
+    result.iterations = icp.iterations;
+    result.stop_reason = icp.stop_reason;
+    result.target_from_source = uncentred(icp.target_from_source);
+    const Points moved_source = moved(source_, icp.target_from_source);
+    result.matches = find_matches(moved_source, icp.target_from_source);
+    describe_final_pose(icp.target_from_source, moved_source, result);
+    return result;
+  }
+
+ private:
+  Correspondence correspondence() const {
+    std::optional<ConfidentSet<KdTree>> source;
+    if (options_.reciprocal) source.emplace(*source_tree_, source_, source_confidences_);
+    // Without confidences k is meaningless; a k beyond the target is the whole target.
+    const std::size_t k = std::min(options_.k, target_.size());
+    return {{target_tree_, target_, target_confidences_},
+            source,
+            {k, options_.max_distance, options_.trimmed_fraction},
+            options_.executor};
+  }
+
+  // centred_target_from_centred_source as target_from_source.
+  Rigid3 uncentred(const Rigid3& pose) const {
+    return Rigid3(Eigen::Quaterniond::Identity(), centre_) * pose * centred_from_source_;
+  }
+
+  std::optional<double> score(const Rigid3& pose) const {
+    return fitness_score(
+        nearest_squared_distances(source_, pose, target_tree_, options_.executor));
+  }
+
+  IterationRecord record(Iteration iteration) const {
+    IterationRecord result;
+    result.target_from_source = uncentred(iteration.target_from_source);
+    result.mean_squared_distance = iteration.mean_squared_distance;
+    result.match_count = iteration.matches.size();
+    if (options_.trace) {
+      result.score = score(iteration.target_from_source);
+      result.matches = std::move(iteration.matches);
+    }
+    return result;
+  }
+
+  void report_progress(std::size_t iterations) const {
+    if (!options_.progress) return;
+    options_.progress(static_cast<double>(iterations) / options_.max_iterations);
+  }
+
+  void describe_final_pose(const Rigid3& pose, const Points& moved_source,
+                           AlignResult& result) const {
+    const std::vector<double> distances =
+        nearest_squared_distances(source_, pose, target_tree_, options_.executor);
+    result.score = fitness_score(distances);
+    if (options_.overlap_radius) {
+      const std::vector<double> back = nearest_squared_distances(
+          target_, pose.inverse(), *source_tree_, options_.executor);
+      result.overlap = Overlap{*share_within(distances, *options_.overlap_radius),
+                               *share_within(back, *options_.overlap_radius)};
+    }
+    PoseUncertainty uncertainty =
+        pose_uncertainty(pose, moved_source, target_, result.matches, weights_);
+    result.unobservable = std::move(uncertainty.unobservable);
+    if (uncertainty.covariance) result.covariance = uncentred_covariance(pose, *uncertainty.covariance);
+  }
+
+  // The covariance is about the centred pose, whose translation differs from target_from_source's by
+  // R·centred_from_source.translation() + centre: a rotation error acts on that arm too.
+  Matrix6d uncentred_covariance(const Rigid3& pose, const Matrix6d& covariance) const {
+    Matrix6d jacobian = Matrix6d::Identity();
+    jacobian.topRightCorner<3, 3>() =
+        -skew(pose.quaternion() * centred_from_source_.translation());
+    const Matrix6d result = jacobian * covariance * jacobian.transpose();
+    return 0.5 * (result + result.transpose());
+  }
+
+  const AlignOptions& options_;
+  Eigen::Vector3d centre_;
+  Rigid3 centred_from_source_;
+  Points source_;
+  Points target_;
+  KdTree target_tree_;
+  std::optional<KdTree> source_tree_;
+  std::span<const double> source_confidences_;
+  std::span<const double> target_confidences_;
+  std::vector<double> weights_;
+};
+
+std::string sentence(const AlignResult& result, std::size_t source_size, std::size_t target_size) {
+  switch (result.stop_reason) {
+    case StopReason::kMseChange:
+      return fmt::format("converged after {} iterations: the mean squared match distance settled",
+                         result.iterations);
+    case StopReason::kNoMotion:
+      return fmt::format("converged after {} iterations: nothing moved any more", result.iterations);
+    case StopReason::kIterationLimit:
+      return fmt::format("stopped at the limit of {} iterations", result.iterations);
+    case StopReason::kCancelled:
+      return fmt::format("cancelled after {} iterations", result.iterations);
+    case StopReason::kTooFewMatches:
+      break;
+  }
+  if (source_size == 0 || target_size == 0) {
+    return fmt::format("the {} has no landmarks to align", source_size == 0 ? "source" : "target");
+  }
+  return fmt::format("fewer than {} matches between {} source and {} target landmarks",
+                     kFewestMatches, source_size, target_size);
+}
+
+AlignStatus status_of(StopReason reason) {
+  if (reason == StopReason::kTooFewMatches) return AlignStatus::kFailed;
+  if (reason == StopReason::kCancelled) return AlignStatus::kCancelled;
+  return AlignStatus::kAligned;
+}
+
+}  // namespace
+
+void AlignOptions::validate() const {
+  require(initial.matrix().allFinite(), "initial", "not finite", "a rigid transform");
+  require(k >= 1, "k", k, "at least 1");
+  require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
+  require(mse_change_threshold >= 0.0, "mse_change_threshold", mse_change_threshold,
+          "0 or a positive number");
+  require(max_distance > 0.0, "max_distance", max_distance, "a positive number");
+  require(trimmed_fraction >= 0.0 && trimmed_fraction < 1.0, "trimmed_fraction", trimmed_fraction,
+          "a share from 0 to below 1");
+  require(!overlap_radius || *overlap_radius > 0.0, "overlap_radius", overlap_radius.value_or(0.0),
+          "a positive number");
+}
+
+AlignResult align(const PointSet& source, const PointSet& target, const AlignOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  options.validate();
+  check_points(source, "source");
+  check_points(target, "target");
+  if (options.weight_by_source_confidence && source.confidences.empty() &&
+      !source.positions.empty()) {
+    throw Error(ErrorKind::kMisuse, "AlignOptions.weight_by_source_confidence",
+                "the source has no confidences", "one a point");
+  }
+  AlignResult result;
+  result.target_from_source = options.initial;
+  if (!source.positions.empty() && !target.positions.empty()) {
+    result = Alignment(source, target, options).run();
+  }
+  result.status = status_of(result.stop_reason);
+  result.reason = sentence(result, source.positions.size(), target.positions.size());
+  result.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+AlignResult align(const LandmarkMap& source, const LandmarkMap& target,
+                  const std::optional<Metric>& metric, const AlignOptions& options,
+                  const PointSetOptions& point_options) {
+  return align(point_set(source, metric, point_options), point_set(target, metric, point_options),
+               options);
+}
+
+std::string_view to_string(StopReason reason) {
+  switch (reason) {
+    case StopReason::kMseChange:
+      return "mse_change";
+    case StopReason::kNoMotion:
+      return "no_motion";
+    case StopReason::kIterationLimit:
+      return "iteration_limit";
+    case StopReason::kTooFewMatches:
+      return "too_few_matches";
+    case StopReason::kCancelled:
+      return "cancelled";
+  }
+  return "unknown";
+}
+
+std::string_view to_string(AlignStatus status) {
+  switch (status) {
+    case AlignStatus::kAligned:
+      return "aligned";
+    case AlignStatus::kFailed:
+      return "failed";
+    case AlignStatus::kCancelled:
+      return "cancelled";
+  }
+  return "unknown";
+}
+
+}  // namespace cairn

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/geometry/rigid3.hpp"
+
+/// The stages of an ICP that can be replaced, and what passes between them. `run_icp` (icp.hpp) puts
+/// any four of them together; `align` (align.hpp) is the ready-made combination.
+namespace cairn {
+
+/// A point of a set, as found from a query.
+struct Neighbor {
+  std::uint32_t index = 0;
+  double squared_distance = 0.0;
+
+  friend bool operator==(const Neighbor&, const Neighbor&) = default;
+};
+
+/// A source point and the target point it is taken to be.
+struct Match {
+  std::uint32_t source = 0;
+  std::uint32_t target = 0;
+  double squared_distance = 0.0;  ///< at the pose at which the match was found
+
+  friend bool operator==(const Match&, const Match&) = default;
+};
+
+/// Finds the nearest points of a fixed set, exactly.
+///
+/// `nearest(query, out)` fills `out` with the out.size() nearest points (all, if there are fewer),
+/// nearest first, equal distances by lower index, and returns how many; a set of k nearest with a tie
+/// at its edge keeps the lower indices. Distances are `(p - query).squaredNorm()`. Thread-safe.
+template <class Search>
+concept NeighborSearch =
+    requires(const Search& search, const Eigen::Vector3d& query, std::span<Neighbor> out) {
+      { search.size() } -> std::convertible_to<std::size_t>;
+      { search.nearest(query, out) } -> std::same_as<std::size_t>;
+    };
+
+/// Decides which target point each source point is.
+///
+/// Called with the source points moved into the target frame and the pose that moved them; returns
+/// at most one match a source point, by ascending source index.
+template <class Correspondence>
+concept CorrespondenceSearch =
+    requires(const Correspondence& find_matches, std::span<const Eigen::Vector3d> moved_source,
+             const Rigid3& target_from_source) {
+      { find_matches(moved_source, target_from_source) } -> std::same_as<std::vector<Match>>;
+    };
+
+/// Finds the motion that brings matched points together.
+///
+/// Called with the moved source points and their matches; returns the step to apply to the moved
+/// source points.
+template <class Estimator>
+concept TransformEstimation =
+    requires(const Estimator& estimate_step, std::span<const Eigen::Vector3d> moved_source,
+             std::span<const Match> matches) {
+      { estimate_step(moved_source, matches) } -> std::same_as<Rigid3>;
+    };
+
+/// Why an alignment ended.
+enum class StopReason {
+  kMseChange,       ///< the mean squared match distance hardly changed any more
+  kNoMotion,        ///< a step without any motion
+  kIterationLimit,  ///< the limit, which counts as converged as in PCL
+  kTooFewMatches,   ///< fewer than three matches determine no pose
+  kCancelled,       ///< the caller asked to stop
+};
+
+/// "mse_change" and so on: the names in results.
+std::string_view to_string(StopReason reason);
+
+/// What a convergence test sees after each iteration.
+struct IterationState {
+  int iteration = 0;  ///< from 1
+  Rigid3 step;        ///< the motion of this iteration
+  double mean_squared_distance = 0.0;  ///< of the matches, before the step
+  double previous_mean_squared_distance = std::numeric_limits<double>::max();
+};
+
+/// Says whether, and why, to stop after an iteration.
+template <class Convergence>
+concept ConvergenceTest = requires(const Convergence& test, const IterationState& state) {
+  { test(state) } -> std::same_as<std::optional<StopReason>>;
+};
+
+/// Fewer matches than this determine no pose.
+inline constexpr std::size_t kFewestMatches = 3;
+
+}  // namespace cairn

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/correspondence/confident_neighbor.hpp"
+
+#include <cmath>
+#include <numeric>
+
+namespace cairn {
+
+std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
+                                       std::span<const double> confidences,
+                                       double max_squared_distance) {
+  std::optional<Neighbor> best;
+  double best_confidence = 0.0;
+  for (const Neighbor& candidate : nearest) {
+    if (candidate.squared_distance > max_squared_distance) break;
+    if (confidences.empty()) return candidate;
+    const double confidence = confidences[candidate.index];
+    if (confidence > best_confidence) {
+      best = candidate;
+      best_confidence = confidence;
+    }
+  }
+  return best;
+}
+
+std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction) {
+  const auto dropped = static_cast<std::size_t>(
+      std::floor(trimmed_fraction * static_cast<double>(matches.size())));
+  if (dropped == 0) return matches;
+  std::vector<std::size_t> order(matches.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return matches[a].squared_distance < matches[b].squared_distance;
+  });
+  order.resize(matches.size() - dropped);
+  std::sort(order.begin(), order.end());
+  std::vector<Match> kept;
+  kept.reserve(order.size());
+  for (const std::size_t i : order) kept.push_back(matches[i]);
+  return kept;
+}
+
+}  // namespace cairn

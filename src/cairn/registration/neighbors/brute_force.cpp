@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/neighbors/brute_force.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+namespace cairn {
+
+BruteForceSearch::BruteForceSearch(std::span<const Eigen::Vector3d> points)
+    : points_(points.begin(), points.end()) {}
+
+std::size_t BruteForceSearch::nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
+  std::vector<Neighbor> all(points_.size());
+  for (std::uint32_t i = 0; i < points_.size(); ++i) {
+    all[i] = {i, (points_[i] - query).squaredNorm()};
+  }
+  const std::size_t count = std::min(out.size(), all.size());
+  std::partial_sort(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(count), all.end(),
+                    [](const Neighbor& a, const Neighbor& b) {
+                      return std::tie(a.squared_distance, a.index) <
+                             std::tie(b.squared_distance, b.index);
+                    });
+  std::copy_n(all.begin(), count, out.begin());
+  return count;
+}
+
+}  // namespace cairn

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/confidence/metric.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn {
+
+/// The points to align, and how far each is trusted.
+struct PointSet {
+  std::vector<Eigen::Vector3d> positions;
+  /// One a point, or empty: then the nearest point is always the match. A point whose confidence is
+  /// not positive is never chosen.
+  std::vector<double> confidences;
+};
+
+struct PointSetOptions {
+  /// Landmarks observed less often are left out, as the paper's authors do; of no effect on a map
+  /// that does not know its observations.
+  std::size_t min_observations = 2;
+};
+
+/// The landmarks of a map as points, by ascending landmark id, so that ties between points resolve by
+/// id.
+/// @param metric gives the confidences; nothing: none
+PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
+                   const PointSetOptions& options = {});
+
+}  // namespace cairn

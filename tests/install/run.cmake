@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# cmake -D BUILD=<build folder> -D WORK=<folder> -D COMPILER=... -D LAUNCHER=... -D PCL=ON|OFF -P run.cmake
+#
+# Installs a build of Cairn, then builds and runs the consumer project against what was installed.
+cmake_minimum_required(VERSION 3.25)
+
+function(run)
+  execute_process(COMMAND ${ARGV} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT result EQUAL 0)
+    list(JOIN ARGV " " command)
+    message(NOTICE "${output}") # an error message's text would be wrapped
+    message(FATAL_ERROR "failed: ${command}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+set(prefix "${WORK}/prefix")
+file(REMOVE_RECURSE "${WORK}")
+run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${prefix}")
+
+file(GLOB_RECURSE headers RELATIVE "${prefix}/include" "${prefix}/include/cairn/*.hpp")
+set(pcl_headers ${headers})
+list(FILTER headers EXCLUDE REGEX "^cairn/adapters/")
+list(FILTER pcl_headers INCLUDE REGEX "^cairn/adapters/")
+if(NOT "cairn/core/version_number.hpp" IN_LIST headers OR NOT "cairn/map/landmark_map.hpp" IN_LIST headers)
+  message(FATAL_ERROR "headers are missing from what was installed: ${headers}")
+endif()
+if(NOT PCL)
+  set(pcl_headers "")
+endif()
+# The adapter is included as in this tree: adapters/pcl/x.hpp.
+list(TRANSFORM pcl_headers REPLACE "^cairn/" "")
+
+# A cache file, for lists do not survive a command line.
+file(WRITE "${WORK}/consumer_cache.cmake"
+     "set(CAIRN_HEADERS [[${headers}]] CACHE STRING \"\")\nset(CAIRN_PCL_HEADERS [[${pcl_headers}]] CACHE STRING \"\")\n")
+run("${CMAKE_COMMAND}" -C "${WORK}/consumer_cache.cmake" -S "${CMAKE_CURRENT_LIST_DIR}/consumer" -B "${WORK}/build" -G Ninja
+    "-DCMAKE_PREFIX_PATH=${prefix}" "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}"
+    "-DCMAKE_BUILD_TYPE=")
+run("${CMAKE_COMMAND}" --build "${WORK}/build" --parallel 2)
+execute_process(COMMAND "${WORK}/build/consumer" WORKING_DIRECTORY "${WORK}" RESULT_VARIABLE result)
+if(NOT result EQUAL 0)
+  message(FATAL_ERROR "the consumer failed: ${result}")
+endif()
+
+# The installed tool runs from where it was installed.
+if(EXISTS "${prefix}/bin/cairn")
+  run("${prefix}/bin/cairn" --version)
+  message(STATUS "${output}")
+endif()
+foreach(document IN ITEMS LICENSE THIRD_PARTY)
+  file(GLOB_RECURSE found "${prefix}/share/doc/*/${document}")
+  if(NOT found)
+    message(FATAL_ERROR "${document} was not installed")
+  endif()
+endforeach()
