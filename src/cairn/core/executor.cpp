@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <optional>
-#include <thread>
 
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -21,9 +21,11 @@ struct Executor::Arena {
   std::optional<tbb::task_arena> arena;
 };
 
-Executor::Executor(unsigned threads)
-    : arena_(std::make_shared<Arena>(
-          threads != 0 ? threads : std::max(1U, std::thread::hardware_concurrency()))) {}
+Executor::Executor(unsigned threads) {
+  // TBB would complain on stderr about more threads than it has workers for.
+  const auto cores = static_cast<unsigned>(std::max(1, tbb::info::default_concurrency()));
+  arena_ = std::make_shared<Arena>(threads == 0 ? cores : std::min(threads, cores));
+}
 
 unsigned Executor::threads() const noexcept {
   return arena_->threads;

@@ -13,9 +13,10 @@ namespace cairn {
 /// threads, so what is computed block by block is the same with any number of them.
 class Executor {
  public:
-  /// @param threads at most this many; 0 means one per core
+  /// @param threads at most this many, and at most one per core; 0 means one per core
   explicit Executor(unsigned threads = 1);
 
+  /// How many there really are.
   unsigned threads() const noexcept;
 
   /// Calls `body(begin, end)` for consecutive ranges that cover [0, count), each of `block` items

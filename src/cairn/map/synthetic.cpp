@@ -412,7 +412,8 @@ bool hides(const Box& box, const Vector3d& eye, const Vector3d& ray, double near
     const double inverse = 1.0 / along[i];
     const double first = (-box.half_size[i] - from[i]) * inverse;
     const double second = (box.half_size[i] - from[i]) * inverse;
-    // Along a slab both are infinite, or one is no number: it then does not narrow the range.
+    // For a ray along the slab both are infinite, of unlike signs inside it. Exactly in its surface
+    // one is not a number, which the comparisons let pass.
     enter = std::max(enter, std::min(first, second));
     leave = std::min(leave, std::max(first, second));
   }

@@ -1,1 +1,330 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/align.hpp"
+
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+double distance(const Rigid3& a, const Rigid3& b) {
+  return a.difference_to(b).norm();
+}
+
+PointSet random_points(std::uint64_t seed, std::size_t count) {
+  Random random(seed);
+  PointSet points;
+  for (std::size_t i = 0; i < count; ++i) {
+    points.positions.emplace_back(random.uniform(0, 2), random.uniform(0, 1), random.uniform(0, 1));
+    points.confidences.push_back(1.0 + static_cast<double>(random.index(5)));
+  }
+  return points;
+}
+
+PointSet moved(PointSet points, const Rigid3& pose) {
+  for (auto& position : points.positions) position = pose * position;
+  return points;
+}
+
+// The paper's algorithm once more, as plainly as it can be written.
+Rigid3 plain_icp(const PointSet& source, const PointSet& target, std::size_t k, int iterations) {
+  Rigid3 pose;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    Eigen::Matrix3Xd from(3, source.positions.size());
+    Eigen::Matrix3Xd to(3, source.positions.size());
+    for (std::size_t i = 0; i < source.positions.size(); ++i) {
+      const Eigen::Vector3d query = pose * source.positions[i];
+      std::vector<std::size_t> order(target.positions.size());
+      for (std::size_t j = 0; j < order.size(); ++j) order[j] = j;
+      std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return (target.positions[a] - query).squaredNorm() <
+               (target.positions[b] - query).squaredNorm();
+      });
+      std::size_t best = order[0];
+      for (std::size_t j = 1; j < k; ++j) {
+        if (target.confidences[order[j]] > target.confidences[best]) best = order[j];
+      }
+      from.col(static_cast<Eigen::Index>(i)) = query;
+      to.col(static_cast<Eigen::Index>(i)) = target.positions[best];
+    }
+    const Eigen::Matrix4d step = Eigen::umeyama(from, to, false);
+    pose = Rigid3::from_matrix(Matrix4d(step)) * pose;
+  }
+  return pose;
+}
+
+TEST(Align, FollowsThePlainAlgorithmStepByStep) {
+  const PointSet target = random_points(1, 150);
+  const PointSet source =
+      moved(random_points(2, 120), Rigid3::from_roll_pitch_yaw({0.1, 0, 0}, 0, 0, 0.1));
+  for (const std::size_t k : {1UL, 3UL, 5UL}) {
+    AlignOptions options;
+    options.k = k;
+    options.max_iterations = 20;
+    options.mse_change_threshold = 0.0;
+    const AlignResult result = align(source, target, options);
+    for (std::size_t i = 0; i < result.history.size(); ++i) {
+      const Rigid3 expected = plain_icp(source, target, k, static_cast<int>(i) + 1);
+      ASSERT_LT(distance(result.history[i].target_from_source, expected), 1e-9) << k << " " << i;
+    }
+  }
+}
+
+TEST(Align, FindsASmallMotionOfTheSameMapExactly) {
+  const PointSet target = random_points(3, 500);
+  const auto truth = Rigid3::from_roll_pitch_yaw({0.02, -0.01, 0.01}, 0.01, -0.02, 0.02);
+  AlignOptions options;
+  options.k = 1;
+  options.overlap_radius = 0.01;
+  const AlignResult result = align(moved(target, truth.inverse()), target, options);
+  EXPECT_EQ(result.status, AlignStatus::kAligned);
+  EXPECT_LT(distance(result.target_from_source, truth), 1e-9);
+  EXPECT_LT(*result.score, 1e-18);
+  EXPECT_GT(*result.initial_score, 1e-6);
+  EXPECT_EQ(result.matches.size(), target.positions.size());
+  EXPECT_EQ(result.overlap->source, 1.0);
+  EXPECT_EQ(result.overlap->target, 1.0);
+  ASSERT_TRUE(result.covariance);
+  EXPECT_LT(result.covariance->norm(), 1e-12) << "no residuals, no uncertainty";
+}
+
+TEST(Align, OneCandidateOrNoConfidencesIsTheBaseIcp) {
+  const PointSet target = random_points(4, 300);
+  const PointSet source = random_points(5, 200);
+  AlignOptions options;
+  options.k = 1;
+  const AlignResult weighted = align(source, target, options);
+  options.k = 5;
+  const AlignResult base = align({source.positions, {}}, {target.positions, {}}, options);
+  EXPECT_EQ(distance(weighted.target_from_source, base.target_from_source), 0.0);
+  EXPECT_EQ(weighted.matches, base.matches);
+}
+
+TEST(Align, MapsTheSourceAsReadWithTheInitialPosePartOfTheResult) {
+  const PointSet target = random_points(6, 300);
+  const auto truth = Rigid3::from_roll_pitch_yaw({5, -3, 2}, 0.5, 1.0, 2.0);
+  AlignOptions options;
+  options.k = 1;
+  options.initial = truth.perturbed((Vector6d() << 0.01, 0.01, 0, 0.005, 0, 0.005).finished());
+  const AlignResult result = align(moved(target, truth.inverse()), target, options);
+  EXPECT_LT(distance(result.target_from_source, truth), 1e-9);
+}
+
+TEST(Align, DoesNotDependOnWhereTheWorldIs) {
+  const PointSet target = random_points(7, 300);
+  const PointSet source = random_points(8, 250);
+  const AlignResult here = align(source, target);
+  const auto shift = Rigid3::from_roll_pitch_yaw({3, 4, -5}, 0.2, 0.3, 0.4);
+  AlignOptions options;
+  options.initial = shift;
+  const AlignResult there = align(source, moved(target, shift), options);
+  EXPECT_LT(distance(there.target_from_source, shift * here.target_from_source), 1e-8);
+  EXPECT_NEAR(*there.score, *here.score, 1e-10);
+}
+
+TEST(Align, KeepsItsPrecisionAtHugeOffsets) {
+  const PointSet target = random_points(9, 400);
+  const PointSet source =
+      moved(random_points(10, 400), Rigid3::from_roll_pitch_yaw({0.05, 0, 0}, 0, 0, 0.05));
+  const Eigen::Vector3d far(1e6, -1e6, 1e6);
+  const Rigid3 shift(Eigen::Quaterniond::Identity(), far);
+  for (const std::size_t k : {1UL, 5UL}) {
+    AlignOptions options;
+    options.k = k;
+    const AlignResult centred = align(source, target, options);
+    const AlignResult offset = align(moved(source, shift), moved(target, shift), options);
+    for (const auto& x : source.positions) {
+      const Eigen::Vector3d expected = shift * (centred.target_from_source * x);
+      EXPECT_LT((offset.target_from_source * (shift * x) - expected).norm(), 1e-6);
+    }
+    EXPECT_NEAR(*offset.score, *centred.score, 1e-9);
+  }
+}
+
+TEST(Align, GivesTheSameBytesWithAnyNumberOfThreads) {
+  const SyntheticPair pair = synthetic_pair({.seed = 4});
+  AlignOptions options;
+  options.initial = pair.target_from_source;
+  options.overlap_radius = 0.05;
+  options.reciprocal = true;
+  const auto run = [&](unsigned threads) {
+    options.executor = Executor(threads);
+    return align(pair.source, pair.target, observations_metric(), options);
+  };
+  const AlignResult one = run(1);
+  for (const unsigned threads : {2U, 3U}) {
+    const AlignResult many = run(threads);
+    EXPECT_EQ(one.target_from_source.matrix(), many.target_from_source.matrix());
+    EXPECT_EQ(one.score, many.score);
+    EXPECT_EQ(one.matches, many.matches);
+    EXPECT_EQ(*one.covariance, *many.covariance);
+    EXPECT_EQ(one.overlap->target, many.overlap->target);
+  }
+}
+
+TEST(Align, AlignsTwoSessionsOfOneDeskNearTheTruth) {
+  const SyntheticPair pair = synthetic_pair({.seed = 5, .overlap = 0.8});
+  AlignOptions options;
+  options.initial = pair.target_from_source.perturbed(
+      (Vector6d() << 0.03, -0.02, 0.02, 0.02, -0.02, 0.03).finished());
+  for (const auto& metric : {std::optional<Metric>(), std::optional(observations_metric())}) {
+    options.trimmed_fraction = 0.3;
+    const AlignResult result = align(pair.source, pair.target, metric, options);
+    const Eigen::Vector3d centre = pair.source.landmarks().positions.front();
+    EXPECT_LT((result.target_from_source * centre - pair.target_from_source * centre).norm(), 0.02);
+    EXPECT_LT((result.target_from_source.inverse() * pair.target_from_source).angle(),
+              1.5 * kDegree);
+  }
+}
+
+TEST(Align, MatchesOnlyWithinTheDistance) {
+  PointSet target = random_points(11, 200);
+  PointSet source = target;
+  target.confidences.clear();
+  source.confidences.clear();
+  for (std::size_t i = 0; i < 50; ++i) source.positions[i] += Eigen::Vector3d(0, 0, 10);
+  AlignOptions options;
+  options.max_distance = 0.5;
+  const AlignResult result = align(source, target, options);
+  EXPECT_EQ(result.matches.size(), 150U);
+  EXPECT_LT(distance(result.target_from_source, Rigid3()), 1e-9);
+}
+
+TEST(Align, TrimmingAndWeightsKeepOutliersFromThePose) {
+  PointSet target = random_points(12, 200);
+  target.confidences.assign(200, 1.0);
+  PointSet source = target;
+  for (std::size_t i = 0; i < 40; ++i) {
+    source.positions[i] += Eigen::Vector3d(0, 0, 3);
+    source.confidences[i] = 0.0;
+  }
+  AlignOptions trim;
+  trim.trimmed_fraction = 0.2;
+  AlignOptions weigh;
+  weigh.weight_by_source_confidence = true;
+  EXPECT_LT(distance(align(source, target, trim).target_from_source, Rigid3()), 1e-9);
+  EXPECT_LT(distance(align(source, target, weigh).target_from_source, Rigid3()), 1e-9);
+  EXPECT_GT(distance(align(source, target).target_from_source, Rigid3()), 1e-2);
+}
+
+TEST(Align, RecordsEveryIteration) {
+  const PointSet target = random_points(13, 100);
+  const PointSet source = random_points(14, 100);
+  AlignOptions options;
+  options.trace = true;
+  const AlignResult result = align(source, target, options);
+  ASSERT_EQ(result.history.size(), static_cast<std::size_t>(result.iterations));
+  EXPECT_EQ(result.history.back().target_from_source.matrix(), result.target_from_source.matrix());
+  EXPECT_EQ(*result.history.back().score, *result.score);
+  for (const IterationRecord& record : result.history) {
+    EXPECT_EQ(record.matches.size(), record.match_count);
+  }
+  options.trace = false;
+  const AlignResult brief = align(source, target, options);
+  EXPECT_FALSE(brief.history.front().score);
+  EXPECT_TRUE(brief.history.front().matches.empty());
+}
+
+TEST(Align, CovarianceHoldsTheTruthOfRightMatchesFarFromTheOrigin) {
+  // Well separated points, so that the nearest is the right match, in frames far apart.
+  Random random(15);
+  PointSet source;
+  for (int i = 0; i < 125; ++i) source.positions.emplace_back(i % 5, (i / 5) % 5, i / 25);
+  const auto truth = Rigid3::from_roll_pitch_yaw({40, -30, 20}, 0.5, -0.7, 2.0);
+  constexpr int kTrials = 200;
+  int inside = 0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    PointSet target = moved(source, truth);
+    for (auto& p : target.positions) {
+      p += 0.02 * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
+    }
+    AlignOptions options;
+    options.initial = truth;
+    const AlignResult result = align(source, target, options);
+    const Vector6d error = result.target_from_source.difference_to(truth);
+    const Eigen::Matrix<double, 6, 6> covariance = *result.covariance;
+    inside += error.dot(Vector6d(covariance.ldlt().solve(error))) < 12.592 ? 1 : 0;  // 95 %
+  }
+  EXPECT_GT(inside, kTrials * 0.90);
+}
+
+TEST(Align, StopsWhenAsked) {
+  std::stop_source stop;
+  AlignOptions options;
+  options.stop = stop.get_token();
+  options.progress = [&](double share) {
+    EXPECT_GT(share, 0.0);
+    stop.request_stop();
+  };
+  const AlignResult result = align(random_points(16, 100), random_points(17, 100), options);
+  EXPECT_EQ(result.status, AlignStatus::kCancelled);
+  EXPECT_EQ(result.stop_reason, StopReason::kCancelled);
+  EXPECT_EQ(result.iterations, 1);
+}
+
+std::string message_of(const PointSet& source, const PointSet& target,
+                       const AlignOptions& options) {
+  try {
+    align(source, target, options);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(Align, RefusesMisuseByName) {
+  const PointSet points = random_points(18, 10);
+  const auto with = [&](auto&& change) {
+    AlignOptions options;
+    change(options);
+    return message_of(points, points, options);
+  };
+  const double nan = std::nan("");
+  EXPECT_THAT(with([](auto& o) { o.k = 0; }), HasSubstr("AlignOptions.k: 0; expected at least 1"));
+  EXPECT_THAT(with([](auto& o) { o.max_iterations = 0; }),
+              HasSubstr("AlignOptions.max_iterations"));
+  EXPECT_THAT(with([](auto& o) { o.max_distance = 0; }), HasSubstr("AlignOptions.max_distance"));
+  EXPECT_THAT(with([&](auto& o) { o.max_distance = nan; }), HasSubstr("AlignOptions.max_distance"));
+  EXPECT_THAT(with([](auto& o) { o.trimmed_fraction = 1; }), HasSubstr("trimmed_fraction: 1"));
+  EXPECT_THAT(with([](auto& o) { o.mse_change_threshold = -1; }),
+              HasSubstr("mse_change_threshold"));
+  EXPECT_THAT(with([](auto& o) { o.overlap_radius = 0; }), HasSubstr("overlap_radius"));
+  EXPECT_THAT(with([&](auto& o) {
+                o.initial = Rigid3(Eigen::Quaterniond(1, 0, 0, 0), {nan, 0, 0});
+              }),
+              HasSubstr("AlignOptions.initial"));
+
+  PointSet short_of_confidences = points;
+  short_of_confidences.confidences.pop_back();
+  EXPECT_THAT(message_of(points, short_of_confidences, {}),
+              HasSubstr("target: 9 confidences of 10"));
+  PointSet not_finite = points;
+  not_finite.positions[3].y() = nan;
+  EXPECT_THAT(message_of(not_finite, points, {}), HasSubstr("source: position of point 3"));
+  PointSet nan_confidence = points;
+  nan_confidence.confidences[4] = nan;
+  EXPECT_THAT(message_of(points, nan_confidence, {}), HasSubstr("confidence of point 4"));
+  AlignOptions weigh;
+  weigh.weight_by_source_confidence = true;
+  EXPECT_THAT(message_of({points.positions, {}}, points, weigh), HasSubstr("no confidences"));
+}
+
+}  // namespace
+}  // namespace cairn

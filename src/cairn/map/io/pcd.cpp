@@ -30,7 +30,8 @@ struct TypeName {
   int size;
   ScalarType type;
 };
-constexpr std::array<TypeName, 10> kTypeNames = {{
+// The first entry of a type is the one we write.
+constexpr std::array<TypeName, 11> kTypeNames = {{
     {'I', 1, ScalarType::kInt8},
     {'U', 1, ScalarType::kUint8},
     {'I', 2, ScalarType::kInt16},
@@ -41,6 +42,7 @@ constexpr std::array<TypeName, 10> kTypeNames = {{
     {'U', 8, ScalarType::kUint64},
     {'F', 4, ScalarType::kFloat32},
     {'F', 8, ScalarType::kFloat64},
+    {'B', 1, ScalarType::kUint8},  // bool, as PCL writes it since 1.13
 }};
 
 enum class Encoding { kAscii, kBinary, kBinaryCompressed };
@@ -163,10 +165,11 @@ class HeaderReader {
   void read_type() {
     expect_word_per_field();
     for (std::size_t i = 0; i < words_.size(); ++i) {
-      if (words_[i] != "I" && words_[i] != "U" && words_[i] != "F") {
+      if (words_[i].size() != 1 ||
+          std::string_view("IUFB").find(words_[i][0]) == std::string_view::npos) {
         refuse(
             fmt::format("type {} for field {}", printable(words_[i]), printable(fields_[i].name)),
-            "I, U or F");
+            "I, U, F or B");
       }
       letters_[i] = words_[i][0];
     }
@@ -237,7 +240,7 @@ class HeaderReader {
         throw Error(ErrorKind::kInput, find("TYPE")->place,
                     fmt::format("type {} with {} bytes for field {}", letters_[i], sizes_[i],
                                 printable(fields_[i].name)),
-                    "4 or 8 bytes for F");
+                    "4 or 8 bytes for F, 1 for B");
       }
       fields_[i].type = found->type;
     }

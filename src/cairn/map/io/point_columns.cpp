@@ -690,6 +690,17 @@ void PointTable::drop_points_without_position() {
   for (NamedColumn& column : columns_) compact(column.values);
 }
 
+void PointTable::forget_infinite_values() {
+  for (NamedColumn& column : columns_) {
+    const auto is_infinite = [](double value) { return std::isinf(value); };
+    const auto count = std::count_if(column.values.begin(), column.values.end(), is_infinite);
+    if (count == 0) continue;
+    remark(fmt::format("{} infinite values of field {} taken as unknown", count,
+                       printable(column.name)));
+    std::replace_if(column.values.begin(), column.values.end(), is_infinite, kNan);
+  }
+}
+
 void PointTable::take_ids(LandmarkTable& landmarks) {
   const std::size_t size = landmarks.positions.size();
   landmarks.ids.reserve(size);
@@ -725,6 +736,7 @@ void PointTable::take_ids(LandmarkTable& landmarks) {
 
 LandmarkMap PointTable::finish() && {
   drop_points_without_position();
+  forget_infinite_values();
   MapTables tables;
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.positions = std::move(positions_);

@@ -151,6 +151,7 @@ class PointTable {
   [[noreturn]] void refuse(std::uint64_t line, std::uint64_t token, std::string_view field,
                            std::string_view what, std::string_view expected) const;
   void drop_points_without_position();
+  void forget_infinite_values();
   void take_ids(LandmarkTable& landmarks);
   void remark(const std::string& text) const;
 
