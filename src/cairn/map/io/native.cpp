@@ -29,6 +29,12 @@ bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r';
 }
 
+// What to read at a time: a block, or all of a small source and one byte that would show its end.
+std::size_t block_size_for(const ByteSource& source) {
+  const std::uint64_t size = source.size().value_or(kBlockSize);
+  return size < kBlockSize ? static_cast<std::size_t>(size) + 1 : kBlockSize;
+}
+
 // ---- sizes, estimated from the bytes alone so that columns grow without copying
 
 struct RecordCounts {
@@ -37,27 +43,47 @@ struct RecordCounts {
   std::uint64_t observations = 0;
 };
 
+// Counts in bytes first, which the compiler turns into vector code: a stretch is short enough for
+// them not to overflow.
+constexpr std::size_t kStretch = 255;
+
+void count_stretch(const char* text, std::size_t size, RecordCounts& counts, std::uint64_t& tokens,
+                   std::uint64_t& dashes) {
+  std::uint8_t token_starts = 0;
+  std::uint8_t dash_ends = 0;
+  std::uint8_t frames = 0;
+  std::uint8_t landmarks = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    const char before = text[static_cast<std::ptrdiff_t>(i) - 1];
+    const char c = text[i];
+    token_starts = static_cast<std::uint8_t>(token_starts + ((c > ' ') & (before <= ' ')));
+    dash_ends = static_cast<std::uint8_t>(dash_ends + ((c <= ' ') & (before == '-')));
+    frames = static_cast<std::uint8_t>(frames + ((c == 'F') & (before == '\n')));
+    landmarks = static_cast<std::uint8_t>(landmarks + ((c == 'L') & (before == '\n')));
+  }
+  tokens += token_starts;
+  dashes += dash_ends;
+  counts.frames += frames;
+  counts.landmarks += landmarks;
+}
+
 // An estimate that the bytes present bound: exact where records start their lines.
 RecordCounts estimate_records(ByteSource& source) {
   // The fewest bytes of a record bound how many there can be, whatever the first letters say.
   constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
   constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
-  std::vector<char> block(kBlockSize + 1);
+  const std::size_t block_size = block_size_for(source);
+  std::vector<char> block(block_size + 1);
   block[0] = '\n';
   std::uint64_t tokens = 0;  // in landmark records, as the next
   std::uint64_t dashes = 0;
   bool in_landmark = false;
   std::uint64_t bytes = 0;
   RecordCounts counts;
-  while (const std::size_t size = source.read(block.data() + 1, kBlockSize)) {
-    for (std::size_t i = 1; i <= size; ++i) {
-      const char before = block[i - 1];
-      const char c = block[i];
-      in_landmark = before == '\n' ? c == 'L' : in_landmark;
-      tokens += static_cast<std::uint64_t>(in_landmark & (c > ' ') & (before <= ' '));
-      dashes += static_cast<std::uint64_t>(in_landmark & (c <= ' ') & (before == '-'));
-      counts.frames += static_cast<std::uint64_t>((c == 'F') & (before == '\n'));
-      counts.landmarks += static_cast<std::uint64_t>((c == 'L') & (before == '\n'));
+  while (const std::size_t size = source.read(block.data() + 1, block_size)) {
+    for (std::size_t begin = 1; begin <= size; begin += kStretch) {
+      count_stretch(block.data() + begin, std::min(kStretch, size + 1 - begin), counts, tokens,
+                    dashes);
     }
     bytes += size;
     block[0] = block[size];
@@ -281,7 +307,7 @@ class NativeReader {
 
   LandmarkMap read() {
     if (source_.size()) reserve(estimate_records(source_));
-    LineReader lines(source_);
+    LineReader lines(source_, block_size_for(source_));
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;

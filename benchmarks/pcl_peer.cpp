@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The Point Cloud Library as Debian ships it, on the same work as Cairn.
+#include <vector>
+
+#include <benchmark/benchmark.h>
+#include <pcl/kdtree/kdtree_flann.h>
+#include <pcl/point_types.h>
+#include <pcl/registration/icp.h>
+
+#include "adapters/pcl/confidence_correspondence_estimation.hpp"
+#include "workload.hpp"
+
+namespace cairn::benchmarks {
+namespace {
+
+using Cloud = pcl::PointCloud<pcl::PointXYZ>;
+
+Cloud::Ptr cloud_of(const PointSet& points) {
+  Cloud::Ptr cloud(new Cloud);
+  for (const auto& position : points.positions) {
+    const Eigen::Vector3f p = position.cast<float>();
+    cloud->push_back({p.x(), p.y(), p.z()});
+  }
+  return cloud;
+}
+
+void align_pcl(benchmark::State& state) {
+  const Workload& work = workload();
+  const Cloud::Ptr source = cloud_of(work.source);
+  const Cloud::Ptr target = cloud_of(work.target);
+  double score = 0.0;
+  int iterations = 0;
+  for (auto _ : state) {
+    pcl::IterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ, double> icp;
+    if (state.range(0) > 1) {
+      icp.setCorrespondenceEstimation(
+          pcl::make_shared<pcl_adapter::ConfidenceCorrespondenceEstimation<pcl::PointXYZ,
+                                                                           pcl::PointXYZ, double>>(
+              work.target.confidences, static_cast<std::size_t>(state.range(0))));
+    }
+    icp.setMaximumIterations(static_cast<int>(state.range(1)));
+    icp.setInputSource(source);
+    icp.setInputTarget(target);
+    Cloud aligned;
+    icp.align(aligned, Eigen::Matrix4d(work.options.initial.matrix()));
+    score = icp.getFitnessScore();
+    iterations = icp.nr_iterations_;
+  }
+  state.counters["iterations_made"] = iterations;
+  state.counters["score"] = score;
+}
+
+void build_pcl(benchmark::State& state) {
+  const Cloud::Ptr cloud = cloud_of(random_points(static_cast<std::size_t>(state.range(0)), 1));
+  for (auto _ : state) {
+    pcl::KdTreeFLANN<pcl::PointXYZ> tree;
+    tree.setInputCloud(cloud);
+    benchmark::DoNotOptimize(&tree);
+  }
+  state.SetItemsProcessed(state.iterations() * state.range(0));
+}
+
+void search_pcl(benchmark::State& state) {
+  const Cloud::Ptr cloud = cloud_of(random_points(static_cast<std::size_t>(state.range(0)), 1));
+  const Cloud::Ptr queries = cloud_of(random_points(static_cast<std::size_t>(state.range(0)), 2));
+  pcl::KdTreeFLANN<pcl::PointXYZ> tree;
+  tree.setInputCloud(cloud);
+  const int k = static_cast<int>(state.range(1));
+  pcl::Indices indices(static_cast<std::size_t>(k));
+  std::vector<float> distances(static_cast<std::size_t>(k));
+  for (auto _ : state) {
+    for (const auto& query : *queries) {
+      benchmark::DoNotOptimize(tree.nearestKSearch(query, k, indices, distances));
+    }
+  }
+  state.SetItemsProcessed(state.iterations() * state.range(0));
+}
+
+BENCHMARK(align_pcl)
+    ->Name("align/pcl")
+    ->ArgNames({"k", "most"})
+    ->Args({1, 1})
+    ->Args({5, 1})
+    ->Args({1, 150})
+    ->Args({5, 150})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK(build_pcl)
+    ->Name("build/pcl")
+    ->ArgName("points")
+    ->Arg(6000)
+    ->Arg(100000)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(search_pcl)
+    ->Name("search/pcl")
+    ->ArgNames({"points", "k"})
+    ->Args({6000, 1})
+    ->Args({6000, 5})
+    ->Args({100000, 1})
+    ->Args({100000, 5})
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace cairn::benchmarks
