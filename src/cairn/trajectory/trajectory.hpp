@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn {
+
+/// Where a camera was at a time.
+struct TimedPose {
+  double timestamp_s = 0.0;
+  Rigid3 world_from_camera;
+};
+
+/// The poses of a camera in the order of time. Valid and immutable.
+class Trajectory {
+ public:
+  /// An empty trajectory.
+  Trajectory() = default;
+  /// @throws Error (input) unless the timestamps are finite and ascend, each once
+  explicit Trajectory(std::vector<TimedPose> poses);
+
+  std::span<const TimedPose> poses() const { return poses_; }
+  std::size_t size() const { return poses_.size(); }
+  bool empty() const { return poses_.empty(); }
+  /// From the first pose to the last; 0 of fewer than two.
+  double duration_s() const;
+  /// Length of the path through the camera centres, in the unit of the poses.
+  double length() const;
+
+ private:
+  std::vector<TimedPose> poses_;
+};
+
+/// Pairs of positions in two trajectories.
+using PosePairs = std::vector<std::pair<std::size_t, std::size_t>>;
+
+/// Pairs poses of two trajectories by time, as the TUM benchmark's associate.py does: of all pairs
+/// whose times differ by less than `max_difference_s`, the closest in time first, each pose at most
+/// once. Of equal differences the earlier pair first. Ordered by time.
+PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s = 0.02);
+
+}  // namespace cairn

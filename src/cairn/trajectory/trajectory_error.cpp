@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/trajectory/trajectory_error.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+std::optional<Similarity3> align_trajectories(const Trajectory& estimate, const Trajectory& truth,
+                                              const PosePairs& pairs,
+                                              TrajectoryAlignment alignment) {
+  if (pairs.empty()) return std::nullopt;
+  const auto estimated = [&](std::size_t i) { return estimate.poses()[i].world_from_camera; };
+  const auto true_pose = [&](std::size_t i) { return truth.poses()[i].world_from_camera; };
+  if (alignment == TrajectoryAlignment::kNone) return Similarity3();
+  if (alignment == TrajectoryAlignment::kOrigin) {
+    return Similarity3(1.0,
+                       true_pose(pairs.front().second) * estimated(pairs.front().first).inverse());
+  }
+  constexpr std::size_t kFewest = 3;
+  if (pairs.size() < kFewest) return std::nullopt;
+  const auto count = static_cast<Eigen::Index>(pairs.size());
+  Eigen::Matrix3Xd from(3, count);
+  Eigen::Matrix3Xd to(3, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const auto& [a, b] = pairs[static_cast<std::size_t>(i)];
+    from.col(i) = estimated(a).translation();
+    to.col(i) = true_pose(b).translation();
+  }
+  const bool with_scale = alignment == TrajectoryAlignment::kSim3;
+  const bool still = (from.colwise() - from.col(0)).isZero(0.0);
+  if (with_scale && still) return std::nullopt;  // a point has no scale
+  const Eigen::Matrix4d transform = Eigen::umeyama(from, to, with_scale);
+  const double scale = with_scale ? std::cbrt(transform.topLeftCorner<3, 3>().determinant()) : 1.0;
+  if (!(scale > 0.0) || !std::isfinite(scale)) return std::nullopt;
+  const Eigen::Matrix3d rotation = transform.topLeftCorner<3, 3>() / scale;
+  return Similarity3(scale, Rigid3(rotation, transform.topRightCorner<3, 1>()));
+}
+
+// For each associated pose, how far along the interval's measure it is.
+std::vector<double> positions_along(const Trajectory& truth, const PosePairs& pairs,
+                                    RelativeInterval::Unit unit) {
+  std::vector<double> result;
+  double length = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const TimedPose& pose = truth.poses()[pairs[i].second];
+    if (i > 0) {
+      const TimedPose& before = truth.poses()[pairs[i - 1].second];
+      length +=
+          (pose.world_from_camera.translation() - before.world_from_camera.translation()).norm();
+    }
+    switch (unit) {
+      case RelativeInterval::Unit::kSeconds:
+        result.push_back(pose.timestamp_s);
+        break;
+      case RelativeInterval::Unit::kMetres:
+        result.push_back(length);
+        break;
+      case RelativeInterval::Unit::kFrames:
+        result.push_back(static_cast<double>(i));
+        break;
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+std::optional<ErrorStatistics> statistics_of(std::span<const double> errors) {
+  if (errors.empty()) return std::nullopt;
+  std::vector<double> sorted(errors.begin(), errors.end());
+  std::sort(sorted.begin(), sorted.end());
+  ErrorStatistics result;
+  result.count = sorted.size();
+  const auto count = static_cast<double>(sorted.size());
+  double squares = 0.0;
+  for (const double error : sorted) {
+    result.mean += error / count;
+    squares += error * error / count;
+  }
+  result.rmse = std::sqrt(squares);
+  double deviations = 0.0;
+  for (const double error : sorted) deviations += (error - result.mean) * (error - result.mean);
+  result.standard_deviation = std::sqrt(deviations / count);
+  const std::size_t middle = sorted.size() / 2;
+  result.median =
+      sorted.size() % 2 == 1 ? sorted[middle] : 0.5 * (sorted[middle - 1] + sorted[middle]);
+  result.lowest = sorted.front();
+  result.highest = sorted.back();
+  return result;
+}
+
+std::optional<AbsoluteError> absolute_error(const Trajectory& estimate, const Trajectory& truth,
+                                            const PosePairs& pairs, TrajectoryAlignment alignment) {
+  const auto truth_from_estimate = align_trajectories(estimate, truth, pairs, alignment);
+  if (!truth_from_estimate) return std::nullopt;
+  AbsoluteError result;
+  result.truth_from_estimate = *truth_from_estimate;
+  std::vector<double> angles;
+  for (const auto& [a, b] : pairs) {
+    const Rigid3& estimated = estimate.poses()[a].world_from_camera;
+    const Rigid3& true_pose = truth.poses()[b].world_from_camera;
+    result.translations.push_back(
+        (*truth_from_estimate * estimated.translation() - true_pose.translation()).norm());
+    angles.push_back(((truth_from_estimate->rigid() * estimated).inverse() * true_pose).angle());
+  }
+  result.translation = *statistics_of(result.translations);
+  result.rotation_rad = *statistics_of(angles);
+  return result;
+}
+
+std::optional<RelativeError> relative_error(const Trajectory& estimate, const Trajectory& truth,
+                                            const PosePairs& pairs,
+                                            const RelativeInterval& interval) {
+  if (!(interval.length > 0.0) || !std::isfinite(interval.length)) {
+    throw Error(ErrorKind::kMisuse, "RelativeInterval.length", fmt::format("{}", interval.length),
+                "a positive number");
+  }
+  const std::vector<double> along = positions_along(truth, pairs, interval.unit);
+  std::vector<double> translations;
+  std::vector<double> angles;
+  std::size_t end = 0;
+  for (std::size_t begin = 0; begin < pairs.size(); ++begin) {
+    while (end < pairs.size() && along[end] - along[begin] < interval.length) ++end;
+    if (end == pairs.size()) break;
+    const auto motion = [&](const Trajectory& trajectory, std::size_t from, std::size_t to) {
+      return trajectory.poses()[from].world_from_camera.inverse() *
+             trajectory.poses()[to].world_from_camera;
+    };
+    const Rigid3 drift = motion(truth, pairs[begin].second, pairs[end].second).inverse() *
+                         motion(estimate, pairs[begin].first, pairs[end].first);
+    translations.push_back(drift.translation().norm());
+    angles.push_back(drift.angle());
+  }
+  if (translations.empty()) return std::nullopt;
+  return RelativeError{*statistics_of(translations), *statistics_of(angles)};
+}
+
+}  // namespace cairn

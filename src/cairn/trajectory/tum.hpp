@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "cairn/core/file.hpp"
+#include "cairn/trajectory/trajectory.hpp"
+
+namespace cairn {
+
+/// Reads a trajectory in the format of the TUM RGB-D benchmark: `timestamp tx ty tz qx qy qz qw` a
+/// line, seconds and metres, world_from_camera; lines that start with '#' are comments.
+/// @throws Error (input) naming source, line, field, what was found and what was expected
+Trajectory read_tum_trajectory(ByteSource& source);
+
+/// Writes that format, numbers as the shortest decimals that parse back.
+void write_tum_trajectory(const Trajectory& trajectory, const ByteSink& sink);
+
+}  // namespace cairn
