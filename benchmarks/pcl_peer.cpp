@@ -18,8 +18,8 @@ using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 Cloud::Ptr cloud_of(const PointSet& points) {
   Cloud::Ptr cloud(new Cloud);
   for (const auto& position : points.positions) {
-    const Eigen::Vector3f p = position.cast<float>();
-    cloud->push_back({p.x(), p.y(), p.z()});
+    cloud->push_back({static_cast<float>(position.x()), static_cast<float>(position.y()),
+                      static_cast<float>(position.z())});
   }
   return cloud;
 }

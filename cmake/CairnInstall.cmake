@@ -6,7 +6,10 @@ get_property(modules GLOBAL PROPERTY CAIRN_MODULES)
 install(TARGETS ${modules} cairn_cairn cairn_pcl EXPORT cairn-targets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(EXPORT cairn-targets NAMESPACE cairn:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/cairn)
-install(DIRECTORY src/cairn/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn FILES_MATCHING PATTERN "*.hpp")
+foreach(module IN LISTS modules)
+  string(REGEX REPLACE "^cairn_" "" folder "${module}")
+  install(DIRECTORY src/cairn/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn FILES_MATCHING PATTERN "*.hpp")
+endforeach()
 install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/adapters/pcl
         FILES_MATCHING PATTERN "*.hpp")
 install(FILES "${PROJECT_BINARY_DIR}/generated/cairn/core/version_number.hpp"

@@ -11,12 +11,12 @@ function(cairn_target_settings target)
   endif()
 endfunction()
 
-# cairn_module(NAME SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ...)
+# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ...)
 #
 # One static library cairn_NAME (alias cairn::NAME) for the current folder, and one test program of
-# its x_test.cpp files.
+# its x_test.cpp files. OPTIONAL modules need heavy libraries: they are not part of cairn::cairn.
 function(cairn_module name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS" ${ARGN})
   add_library(cairn_${name} STATIC ${ARG_SOURCES})
   add_library(cairn::${name} ALIAS cairn_${name})
   cairn_target_settings(cairn_${name})
@@ -25,6 +25,9 @@ function(cairn_module name)
     "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
   target_link_libraries(cairn_${name} PUBLIC ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
   set_property(GLOBAL APPEND PROPERTY CAIRN_MODULES cairn_${name})
+  if(NOT ARG_OPTIONAL)
+    set_property(GLOBAL APPEND PROPERTY CAIRN_CORE_MODULES cairn_${name})
+  endif()
   if(CAIRN_BUILD_TESTS AND ARG_TESTS)
     cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name})
   endif()

@@ -16,9 +16,10 @@ int main() {
   Cloud::Ptr source(new Cloud);
   Cloud::Ptr target(new Cloud);
   for (const Eigen::Vector3d& x : map.landmarks().positions) {
-    const Eigen::Vector3f p = x.cast<float>();
-    target->push_back({p.x(), p.y(), p.z()});
-    source->push_back({p.x() + 0.02F, p.y(), p.z()});
+    const pcl::PointXYZ p(static_cast<float>(x.x()), static_cast<float>(x.y()),
+                          static_cast<float>(x.z()));
+    target->push_back(p);
+    source->push_back({p.x + 0.02F, p.y, p.z});
   }
 
   pcl::IterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ> icp;

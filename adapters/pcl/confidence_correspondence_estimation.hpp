@@ -9,11 +9,9 @@
 #include <span>
 #include <string>
 #include <tuple>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
-#include <pcl/common/io.h>
 #include <pcl/common/point_tests.h>
 #include <pcl/registration/correspondence_estimation.h>
 
@@ -31,6 +29,7 @@ namespace cairn::pcl_adapter {
 ///         pcl::make_shared<cairn::pcl_adapter::ConfidenceCorrespondenceEstimation<
 ///             pcl::PointXYZ, pcl::PointXYZ>>(target_confidences));
 ///
+/// Source and target have one point type: PCL 1.13's own base class does not compile for two.
 /// Points with a coordinate that is not finite are never matched. PCL computes distances in single
 /// precision, so choices between points about equally far can differ from cairn::align's.
 template <class PointSource, class PointTarget, class Scalar = float>
@@ -82,13 +81,12 @@ class ConfidenceCorrespondenceEstimation
     check("source", source_confidences_, this->input_->size());
     for (const auto i : *this->indices_) {
       const PointSource& point = (*this->input_)[static_cast<std::size_t>(i)];
-      const auto match =
-          choose<PointTarget>(*this->tree_, point, target_confidences_, max_distance);
+      const auto match = choose(*this->tree_, point, target_confidences_, max_distance);
       if (!match) continue;
       if (reciprocal) {
         const PointTarget& matched = (*this->target_)[match->index];
-        const auto back = choose<PointSource>(*this->tree_reciprocal_, matched, source_confidences_,
-                                              max_distance);
+        const auto back =
+            choose(*this->tree_reciprocal_, matched, source_confidences_, max_distance);
         if (!back || back->index != static_cast<std::uint32_t>(i)) continue;
       }
       correspondences.emplace_back(i, static_cast<::pcl::index_t>(match->index),
@@ -105,21 +103,13 @@ class ConfidenceCorrespondenceEstimation
                 "one a point, or none");
   }
 
-  template <class PointSearched, class Tree, class PointQuery>
-  std::optional<Neighbor> choose(const Tree& tree, const PointQuery& query,
+  std::optional<Neighbor> choose(const typename Base::KdTree& tree, const PointTarget& query,
                                  std::span<const double> confidences, double max_distance) const {
     if (!::pcl::isXYZFinite(query)) return std::nullopt;
     const int k = confidences.empty() ? 1 : static_cast<int>(k_);
     ::pcl::Indices indices(static_cast<std::size_t>(k));
     std::vector<float> distances(static_cast<std::size_t>(k));
-    int count = 0;
-    if constexpr (std::is_same_v<PointSearched, PointQuery>) {
-      count = tree.nearestKSearch(query, k, indices, distances);
-    } else {
-      PointSearched converted;
-      ::pcl::copyPoint(query, converted);
-      count = tree.nearestKSearch(converted, k, indices, distances);
-    }
+    const int count = tree.nearestKSearch(query, k, indices, distances);
     std::vector<Neighbor> nearest;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
       nearest.push_back({static_cast<std::uint32_t>(indices[i]), distances[i]});

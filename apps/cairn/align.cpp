@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/align.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -11,11 +14,12 @@
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/registration/align.hpp"
+
 #include "commands.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -26,12 +30,11 @@ struct AlignArguments {
   CommonArguments common;
   std::string source;
   std::string target;
-  std::vector<std::string> confidence = {"none"};
+  std::string confidence = "none";
   PoseArguments initial;
   std::string truth;
   std::string output;
   std::string camera;
-  std::optional<double> overlap_radius;
   AlignOptions options;
   PointSetOptions point_options;
 
@@ -39,53 +42,46 @@ struct AlignArguments {
   int run();
 
  private:
-  Json options_json() const;
-  void write_output(const LandmarkMap& source, const Alignment& alignment) const;
+  void check_options() const;
+  Json options_json(const std::vector<Strategy>& strategies) const;
+  void print(const LoadedMap& source_map, const LoadedMap& target_map,
+             const std::vector<Alignment>& alignments, LengthUnit unit) const;
 };
 
 void AlignArguments::add_to(CLI::App& command) {
-  command.add_option("source", source, "Map to move: .map, .ply or .pcd")->required();
-  command.add_option("target", target, "Map to align it to")->required();
-  command
-      .add_option("--confidence", confidence,
-                  "Trust in landmarks: " + confidence_help() +
-                      ". Several, separated by commas, run side by side")
-      ->type_name("METRIC[,...]")
+  add_text(command, "source", source, "Map to move: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "target", target, "Map to align it to")->required();
+  add_text(command, "--confidence", confidence,
+           "Trust in landmarks: " + confidence_help() +
+               ". Several, separated by commas, run side by side",
+           "METRIC,...")
       ->capture_default_str();
-  command.add_option("-k,--neighbors", options.k,
-                     "Nearest target landmarks among which the most trusted is matched")
-      ->capture_default_str();
+  add_number(command, "-k,--neighbors", options.k,
+             "Nearest target landmarks among which the most trusted is matched");
   initial.add_to(command, "initial", "Displacement of the source map before alignment");
-  command
-      .add_option("--truth", truth,
-                  "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors")
-      ->type_name("FILE");
-  command.add_option("--max-iterations", options.max_iterations, "Limit of the iterations")
-      ->capture_default_str();
-  command
-      .add_option("--min-observations", point_options.min_observations,
-                  "Leave out landmarks observed less often")
-      ->capture_default_str();
-  command.add_option("--max-distance", options.max_distance,
-                     "Longest distance of a match, in the maps' unit; unlimited by default");
+  add_text(command, "--truth", truth,
+           "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors",
+           "FILE");
+  add_text(command, "-o,--output", output, "Write the source map, aligned to the target", "FILE");
+  add_number(command, "--max-iterations", options.max_iterations, "Limit of the iterations");
+  add_number(command, "--min-observations", point_options.min_observations,
+             "Leave out landmarks observed less often");
+  add_number(command, "--max-distance", options.max_distance,
+             "Longest distance of a match, in the maps' unit (default: unlimited)");
   command.add_flag("--reciprocal", options.reciprocal, "Keep only matches that hold both ways");
-  command
-      .add_option("--trim", options.trimmed_fraction,
-                  "Share of the matches, the farthest apart, to leave out")
-      ->capture_default_str();
+  add_number(command, "--trim", options.trimmed_fraction,
+             "Share of the matches, the farthest apart, to leave out");
   command.add_flag("--weight-by-confidence", options.weight_by_source_confidence,
                    "Weigh matches in the estimate by the source landmark's confidence");
-  command.add_option(
-      "--overlap-radius", overlap_radius,
-      fmt::format("Distance within which landmarks overlap; {} m by default for maps in metres",
+  add_number(
+      command, "--overlap-radius", options.overlap_radius,
+      fmt::format("Distance within which landmarks overlap, in the maps' unit (default: {:g} "
+                  "for maps in metres, else no overlap is computed)",
                   kDefaultOverlapRadius));
-  command
-      .add_option("--camera", camera,
-                  "Camera of maps that name none, for reprojection: \"MODEL width height parameters\"")
-      ->type_name("CAMERA");
-  command.add_option("-o,--output", output, "Write the source map, aligned to the target")
-      ->type_name("FILE");
-  command.add_flag("--trace", options.trace, "Keep score and matches of each iteration in the JSON");
+  add_text(command, "--camera", camera,
+           "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
+  command.add_flag("--trace", options.trace,
+                   "Keep score and matches of each iteration in the JSON");
   common.add_to(command);
   command.footer(
       "Example: align two maps from a guess, by two strategies, and keep the result\n"
@@ -93,8 +89,28 @@ void AlignArguments::add_to(CLI::App& command) {
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
 
-Json AlignArguments::options_json() const {
-  return {{"confidence", confidence},
+// The library names its own fields; people know the options.
+void AlignArguments::check_options() const {
+  try {
+    options.validate();
+  } catch (const Error& error) {
+    const std::string message = error.what();
+    for (const auto& [field, option] : {std::pair{"AlignOptions.k:", "--neighbors"},
+                                        {"AlignOptions.max_iterations:", "--max-iterations"},
+                                        {"AlignOptions.max_distance:", "--max-distance"},
+                                        {"AlignOptions.trimmed_fraction:", "--trim"},
+                                        {"AlignOptions.overlap_radius:", "--overlap-radius"}}) {
+      if (!message.starts_with(field)) continue;
+      throw Error(error.kind(), option, message.substr(std::string(field).size() + 1), "");
+    }
+    throw;
+  }
+}
+
+Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const {
+  Json names = Json::array();
+  for (const Strategy& strategy : strategies) names.push_back(strategy.name);
+  return {{"confidence", std::move(names)},
           {"k", options.k},
           {"initial", to_json(options.initial)},
           {"max_iterations", options.max_iterations},
@@ -106,16 +122,38 @@ Json AlignArguments::options_json() const {
           {"trimmed_fraction", options.trimmed_fraction},
           {"weight_by_source_confidence", options.weight_by_source_confidence},
           {"overlap_radius", to_json(options.overlap_radius)},
+          {"camera", text_or_null(camera)},
           {"trace", options.trace}};
 }
 
-void AlignArguments::write_output(const LandmarkMap& source_map, const Alignment& alignment) const {
-  if (output.empty()) return;
-  if (alignment.result.status != AlignStatus::kAligned) {
-    common.console().remark(output + " is not written: there is no pose to move the source by");
-    return;
+void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_map,
+                           const std::vector<Alignment>& alignments, LengthUnit unit) const {
+  const Console console = common.console();
+  for (const auto& [role, loaded] : {std::pair{"source", &source_map}, {"target", &target_map}}) {
+    console.print(fmt::format("{}  {}: {} of {} landmarks\n", role, loaded->path,
+                              loaded->description["kept_landmarks"].get<std::size_t>(),
+                              loaded->map.landmark_count()));
   }
-  write_map(transformed(source_map, alignment.result.target_from_source), output);
+  console.print("\n" + alignment_table(alignments, options, unit));
+  for (const Alignment& alignment : alignments) {
+    const AlignResult& result = alignment.result;
+    console.print(fmt::format("\n{}: {}\n", alignment.confidence, result.reason));
+    if (result.status != AlignStatus::kAligned) continue;
+    const Eigen::Vector3d& t = result.target_from_source.translation();
+    const Eigen::Vector3d angles = result.target_from_source.roll_pitch_yaw();
+    console.print(fmt::format(
+        "  target_from_source: x {} y {} z {} {}, roll {} pitch {} yaw {} deg\n", fixed(t.x(), 6),
+        fixed(t.y(), 6), fixed(t.z(), 6), unit_symbol(unit), fixed(degrees(angles.x()), 4),
+        fixed(degrees(angles.y()), 4), fixed(degrees(angles.z()), 4)));
+    if (!result.unobservable.empty()) {
+      console.print(
+          fmt::format("  {} of the pose's 6 directions are not determined by the matches\n",
+                      result.unobservable.size()));
+    }
+  }
+  if (!output.empty() && alignments.front().result.status == AlignStatus::kAligned) {
+    console.print(fmt::format("\nwrote {}\n", output));
+  }
 }
 
 // Both in one unit, or neither known: a pose between maps of different scale means nothing.
@@ -133,69 +171,53 @@ LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
 int AlignArguments::run() {
   // What the command line says is checked before any file is read.
   const std::vector<Strategy> strategies = parse_strategies(confidence);
-  if (!output.empty() && strategies.size() > 1) {
-    throw Error(ErrorKind::kMisuse, "--output", "several strategies give several results",
-                "one --confidence");
+  if (!output.empty()) {
+    require_map_path(output, "--output");
+    if (strategies.size() > 1) {
+      throw Error(ErrorKind::kMisuse, "--output", "several strategies give several results",
+                  "one --confidence");
+    }
   }
-  if (!output.empty() && !format_of_extension(output)) {
-    throw Error(ErrorKind::kMisuse, "--output", output + " names no map format",
-                "a name that ends in .map, .txt, .ply or .pcd");
-  }
+  require_folder_of(common.json_path);
+  check_options();
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
   options.initial = initial.pose();
-  options.executor = common.executor();
-  options.overlap_radius = overlap_radius;
-  options.validate();
   const auto true_pose = truth.empty() ? std::nullopt : std::optional(read_pose_file(truth));
 
   LoadedMap source_map = load_map(source, common);
   LoadedMap target_map = load_map(target, common);
   const LengthUnit unit = common_unit(source_map, target_map);
-  if (!overlap_radius && unit == LengthUnit::kMetres) options.overlap_radius = kDefaultOverlapRadius;
+  if (!options.overlap_radius && unit == LengthUnit::kMetres) {
+    options.overlap_radius = kDefaultOverlapRadius;
+  }
   for (LoadedMap* const loaded : {&source_map, &target_map}) {
     if (given_camera) loaded->map = with_camera(loaded->map, *given_camera);
-    const auto kept = landmarks_observed(loaded->map, point_options.min_observations);
-    loaded->description["kept_landmarks"] = kept.size();
+    loaded->description["kept_landmarks"] =
+        landmarks_observed(loaded->map, point_options.min_observations).size();
   }
-  const Console console = common.console();
-  options.progress = console.progress("aligning");
-  const std::vector<Alignment> alignments = align_by_all(
-      source_map.map, target_map.map, strategies, options, point_options, true_pose);
+  const std::vector<Alignment> alignments = align_by_all(source_map.map, target_map.map, strategies,
+                                                         options, point_options, true_pose, common);
 
-  console.print(fmt::format("source {}: {} of {} landmarks\ntarget {}: {} of {} landmarks\n\n",
-                            source, source_map.description["kept_landmarks"].get<std::size_t>(),
-                            source_map.map.landmark_count(), target,
-                            target_map.description["kept_landmarks"].get<std::size_t>(),
-                            target_map.map.landmark_count()));
-  console.print(alignment_table(alignments, unit_symbol(unit)));
-  for (const Alignment& alignment : alignments) {
-    console.print(fmt::format("\n{}: {}\n", alignment.confidence, alignment.result.reason));
-    if (alignment.result.status != AlignStatus::kAligned) continue;
-    const Rigid3& pose = alignment.result.target_from_source;
-    const Eigen::Vector3d angles = pose.roll_pitch_yaw();
-    console.print(fmt::format(
-        "  target_from_source: x {:.6f} y {:.6f} z {:.6f} {}, roll {:.4f} pitch {:.4f} yaw {:.4f} deg\n",
-        pose.translation().x(), pose.translation().y(), pose.translation().z(), unit_symbol(unit),
-        degrees(angles.x()), degrees(angles.y()), degrees(angles.z())));
-    if (!alignment.result.unobservable.empty()) {
-      console.print(fmt::format("  {} directions of the pose are not determined by the matches\n",
-                                alignment.result.unobservable.size()));
+  if (!output.empty()) {
+    const AlignResult& result = alignments.front().result;
+    if (result.status == AlignStatus::kAligned) {
+      save_map(transformed(source_map.map, result.target_from_source), output, common);
+    } else {
+      common.console().remark(output + " is not written: there is no pose to move the source by");
     }
   }
-
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
   if (true_pose) inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*true_pose)}};
-  Json json = document("align", common, std::move(inputs), options_json());
+  Json json = document("align", common, std::move(inputs), options_json(strategies));
   json["results"] = Json::array();
   for (const Alignment& alignment : alignments) {
     json["results"].push_back(to_json(alignment, options, unit));
   }
-  write_output(source_map.map, alignments.front());
   write_document(json, common);
-  const bool all_aligned =
-      std::all_of(alignments.begin(), alignments.end(), [](const Alignment& alignment) {
-        return alignment.result.status == AlignStatus::kAligned;
-      });
+  print(source_map, target_map, alignments, unit);
+  const bool all_aligned = std::all_of(
+      alignments.begin(), alignments.end(),
+      [](const Alignment& alignment) { return alignment.result.status == AlignStatus::kAligned; });
   return all_aligned ? kDone : kNoTrustworthyAlignment;
 }
 
@@ -204,7 +226,7 @@ int AlignArguments::run() {
 Run add_align(CLI::App& program) {
   auto arguments = std::make_shared<AlignArguments>();
   arguments->add_to(*program.add_subcommand(
-      "align", "Align a source map to a target map: transform, score, comparison of strategies"));
+      "align", "Align a source map to a target map: transform, score, strategies side by side"));
   return [arguments] { return arguments->run(); };
 }
 

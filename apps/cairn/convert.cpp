@@ -10,6 +10,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
@@ -24,13 +25,16 @@ struct ConvertArguments {
   std::string frames;
   std::size_t min_observations = 0;
   PoseArguments transform;
-  std::vector<std::string> confidence;
+  std::string confidence;
   std::string camera;
   std::optional<int> format_version;
   bool ascii = false;
 
   void add_to(CLI::App& command);
   int run();
+
+ private:
+  void check_format() const;
 };
 
 struct FrameRange {
@@ -51,28 +55,25 @@ FrameRange parse_frames(const std::string& text) {
 }
 
 void ConvertArguments::add_to(CLI::App& command) {
-  command.add_option("input", input, "Map to read: .map, .ply or .pcd")->required();
-  command
-      .add_option("output", output, "Map to write; the extension names the format: .map, .ply, .pcd")
+  add_text(command, "input", input, "Map to read: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "output", output,
+           "Map to write; the extension names the format: .map, .txt, .ply or .pcd")
       ->required();
-  command
-      .add_option("--frames", frames,
-                  "Cut a mini-map: keep frames with ids from A to below B, and only landmarks all of "
-                  "whose observations lie in them")
-      ->type_name("A:B");
-  command
-      .add_option("--min-observations", min_observations, "Leave out landmarks observed less often")
-      ->capture_default_str();
-  transform.add_to(command, "transform", "Move the map: new_from_old");
-  command
-      .add_option("--confidence", confidence,
-                  "Add confidences as columns named confidence_METRIC: " + confidence_help())
-      ->type_name("METRIC[,...]");
-  command
-      .add_option("--camera", camera, "The camera of all frames: \"MODEL width height parameters\"")
-      ->type_name("CAMERA");
-  command.add_option("--format-version", format_version,
-                     "Version of the text format, 1 or 2; by default 1 where nothing is lost");
+  add_text(
+      command, "--frames", frames,
+      "Cut a mini-map: keep frames with ids from A to below B, and only landmarks all of whose "
+      "observations lie in them",
+      "A:B");
+  add_number(command, "--min-observations", min_observations,
+             "Leave out landmarks observed less often, after cutting");
+  transform.add_to(command, "transform", "Move the map, new_from_old");
+  add_text(command, "--confidence", confidence,
+           "Add confidences as columns named confidence_METRIC: " + confidence_help(),
+           "METRIC,...");
+  add_text(command, "--camera", camera, "Camera of all frames: \"MODEL width height parameters\"",
+           "CAMERA");
+  add_number(command, "--format-version", format_version,
+             "Version of the text format, 1 or 2 (default: 1 where nothing is lost)");
   command.add_flag("--ascii", ascii, "PLY and PCD as text instead of binary");
   common.add_to(command);
   command.footer(
@@ -82,48 +83,72 @@ void ConvertArguments::add_to(CLI::App& command) {
       "  cairn convert first.map first.ply --confidence covariance,observations");
 }
 
+void ConvertArguments::check_format() const {
+  require_map_path(output, "output");
+  const bool native = format_of_extension(output) == MapFormat::kNative;
+  if (format_version && !native) {
+    throw Error(ErrorKind::kMisuse, "--format-version", output + " is not in the text format",
+                "an output that ends in .map or .txt");
+  }
+  if (format_version && *format_version != 1 && *format_version != 2) {
+    throw Error(ErrorKind::kMisuse, "--format-version", std::to_string(*format_version), "1 or 2");
+  }
+  if (ascii && native) {
+    throw Error(ErrorKind::kMisuse, "--ascii", output + " is text anyway",
+                "an output that ends in .ply or .pcd");
+  }
+}
+
 int ConvertArguments::run() {
+  check_format();
+  require_folder_of(common.json_path);
   const auto range = frames.empty() ? std::nullopt : std::optional(parse_frames(frames));
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
-  const auto metrics =
+  const auto strategies =
       confidence.empty() ? std::vector<Strategy>{} : parse_strategies(confidence);
-  const bool moves = transform.given();
-  const Rigid3 new_from_old = transform.pose();
-  if (!format_of_extension(output)) {
-    throw Error(ErrorKind::kMisuse, output, "the extension names no map format",
-                ".map, .txt, .ply or .pcd");
-  }
+  const auto new_from_old = transform.given() ? std::optional(transform.pose()) : std::nullopt;
 
   const LoadedMap loaded = load_map(input, common);
   LandmarkMap map = loaded.map;
   if (given_camera) map = with_camera(map, *given_camera);
+  if (range && !map.has_observations()) {
+    throw Error(ErrorKind::kInput, input, "does not know its observations",
+                "a map that does, for --frames");
+  }
   if (range) map = cut_frames(map, range->begin, range->end);
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
-  if (moves) map = transformed(map, new_from_old);
-  for (const Strategy& strategy : metrics) {
+  if (new_from_old) map = transformed(map, *new_from_old);
+  Json metrics = Json::array();
+  for (const Strategy& strategy : strategies) {
     if (!strategy.metric) continue;
     map = with_column(map, "confidence_" + strategy.name, strategy.metric->evaluate(map));
+    metrics.push_back(strategy.name);
   }
-  const Console console = common.console();
   MapWriteOptions options;
   options.native_version = format_version;
   options.ascii = ascii;
-  options.progress = console.progress("writing " + output);
-  write_map(map, output, options);
-  console.print(fmt::format("{}: {} frames, {} landmarks\n", output, map.frame_count(),
-                            map.landmark_count()));
+  save_map(map, output, common, options);
 
+  const bool has_frames = format_of_extension(output) == MapFormat::kNative;
   Json json = document("convert", common, {{"map", loaded.description}},
-                       {{"frames", frames.empty() ? Json(nullptr) : Json(frames)},
+                       {{"frames", text_or_null(frames)},
                         {"min_observations", min_observations},
-                        {"transform", moves ? to_json(new_from_old) : Json(nullptr)},
-                        {"confidence", confidence}});
-  json["output"] = {{"path", output},
-                    {"frames", map.frame_count()},
-                    {"landmarks", map.landmark_count()},
-                    {"observations", map.has_observations() ? Json(map.observation_count())
-                                                            : Json(nullptr)}};
+                        {"transform", new_from_old ? to_json(*new_from_old) : Json(nullptr)},
+                        {"confidence", std::move(metrics)},
+                        {"camera", text_or_null(camera)},
+                        {"format_version", to_json(format_version)},
+                        {"ascii", ascii}});
+  json["output"] = {
+      {"path", output},
+      {"frames", has_frames ? Json(map.frame_count()) : Json(nullptr)},
+      {"landmarks", map.landmark_count()},
+      {"observations",
+       has_frames && map.has_observations() ? Json(map.observation_count()) : Json(nullptr)}};
   write_document(json, common);
+  const std::string frame_text =
+      has_frames ? fmt::format("{} frames, ", map.frame_count()) : std::string();
+  common.console().print(
+      fmt::format("{}: {}{} landmarks\n", output, frame_text, map.landmark_count()));
   return kDone;
 }
 

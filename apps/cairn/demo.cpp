@@ -2,13 +2,15 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
+
 #include "commands.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
@@ -28,15 +30,13 @@ struct DemoArguments {
 
 void DemoArguments::add_to(CLI::App& command) {
   common.seed = 1;
-  command
-      .add_option("--displacement", displacement,
-                  "How far from the true pose to start: \"x y z roll pitch yaw\", metres and degrees")
-      ->type_name("POSE")
+  add_text(command, "--displacement", displacement,
+           "How far from the true pose to start: \"x y z roll pitch yaw\", metres and degrees",
+           "POSE")
       ->capture_default_str();
-  command
-      .add_option("--save", save,
-                  "Write source.map, target.map, truth.txt and initial.txt to FOLDER, to go on with")
-      ->type_name("FOLDER");
+  add_text(command, "--save", save,
+           "Write source.map, target.map, truth.txt and initial.txt to FOLDER, to go on with",
+           "FOLDER");
   common.add_to(command);
   command.footer(
       "Example: keep the maps and align them by hand\n"
@@ -64,39 +64,33 @@ Rigid3 displaced(const Rigid3& truth, const Rigid3& displacement, const Landmark
   return to_centre * displacement * to_centre.inverse() * truth;
 }
 
+void make_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw Error(ErrorKind::kStorage, "--save", folder + " cannot be made: " + error.message(),
+                "a folder");
+  }
+}
+
 int DemoArguments::run() {
   const Rigid3 offset = parse_pose(displacement, "--displacement");
-  const Console console = common.console();
+  require_folder_of(common.json_path);
+  if (!save.empty()) make_folder(save);
   const SyntheticPair pair = synthetic_pair({.seed = common.seed});
   AlignOptions options;
-  options.executor = common.executor();
   options.overlap_radius = 0.05;
   options.initial = displaced(pair.target_from_source, offset, pair.source);
-  const std::vector<Strategy> strategies =
-      parse_strategies({"none", "covariance", "observations", "distance"});
   const std::vector<Alignment> alignments = align_by_all(
-      pair.source, pair.target, strategies, options, PointSetOptions(), pair.target_from_source);
-  const PoseError start = pose_error(options.initial, pair.target_from_source,
-                                     pair.source.landmarks().positions);
+      pair.source, pair.target, parse_strategies("none,covariance,observations,distance"), options,
+      PointSetOptions(), pair.target_from_source, common);
 
-  console.print(fmt::format(
-      "Two simulated sessions over one desk: {} and {} landmarks, of which {} are the same points.\n"
-      "The source starts {:.2f} m and {:.1f} degrees off its true pose.\n\n",
-      pair.source.landmark_count(), pair.target.landmark_count(), pair.shared.size(),
-      start.translation, degrees(start.rotation_rad)));
-  console.print(alignment_table(alignments, "m"));
-  console.print(
-      "\nconfidence: none is plain ICP; the others match the most trusted of the k nearest landmarks.\n"
-      "score: mean squared distance to the nearest landmark. The errors are against the truth; a\n"
-      "lower score need not mean a smaller error.\n");
   if (!save.empty()) {
     const std::filesystem::path folder = save;
-    std::filesystem::create_directories(folder);
-    write_map(pair.source, folder / "source.map");
-    write_map(pair.target, folder / "target.map");
+    save_map(pair.source, folder / "source.map", common);
+    save_map(pair.target, folder / "target.map", common);
     write_pose(folder / "truth.txt", pair.target_from_source);
     write_pose(folder / "initial.txt", options.initial);
-    console.print(fmt::format("\nSaved to {}: source.map target.map truth.txt initial.txt\n", save));
   }
   Json json = document("demo", common, Json::object(), {{"displacement", displacement}});
   json["truth"] = to_json(pair.target_from_source);
@@ -105,6 +99,29 @@ int DemoArguments::run() {
     json["results"].push_back(to_json(alignment, options, LengthUnit::kMetres));
   }
   write_document(json, common);
+
+  const Console console = common.console();
+  const PoseError start =
+      pose_error(options.initial, pair.target_from_source, pair.source.landmarks().positions);
+  console.print(
+      fmt::format("Two simulated sessions over one desk: {} and {} landmarks, of which {} are the "
+                  "same points.\n"
+                  "The source starts {:.2f} m and {:.1f} degrees off its true pose.\n\n",
+                  pair.source.landmark_count(), pair.target.landmark_count(), pair.shared.size(),
+                  start.translation, degrees(start.rotation_rad)));
+  console.print(alignment_table(alignments, options, LengthUnit::kMetres));
+  console.print(
+      "error    of the pose found against the true one; a lower score need not mean a smaller "
+      "error\n"
+      "\n"
+      "Confidence none is plain ICP: each landmark is matched to the nearest. The others match it "
+      "to\n"
+      "the most trusted of the k nearest: smallest covariance, most observations, seen from "
+      "closest.\n");
+  if (!save.empty()) {
+    console.print(
+        fmt::format("\nSaved to {}: source.map target.map truth.txt initial.txt\n", save));
+  }
   return kDone;
 }
 

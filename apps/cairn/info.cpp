@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
+
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
@@ -30,11 +34,9 @@ struct InfoArguments {
 };
 
 void InfoArguments::add_to(CLI::App& command) {
-  command.add_option("map", input, "Map to read: .map, .ply or .pcd")->required();
-  command
-      .add_option("--camera", camera,
-                  "The camera of all frames, for reprojection: \"MODEL width height parameters\"")
-      ->type_name("CAMERA");
+  add_text(command, "map", input, "Map to read: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "--camera", camera,
+           "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
   common.add_to(command);
   command.footer(
       "Example: what the map holds, and how well it explains its images\n"
@@ -134,111 +136,196 @@ std::vector<std::string> warnings(const LandmarkMap& map) {
   const std::size_t count = map.landmark_count();
   if (count == 0) result.emplace_back("the map has no landmarks");
   if (!map.has_observations()) {
-    result.emplace_back("the map does not know its observations: confidences observations, distance, "
-                        "parallax and reprojection cannot be had");
+    result.emplace_back(
+        "the map does not know its observations: confidences observations, distance, "
+        "parallax and reprojection cannot be had");
   } else if (count > 0) {
     if (const auto none = observed_exactly(map, 0); none > 0) {
-      result.push_back(fmt::format("{} landmarks have no observation", none));
+      result.push_back(fmt::format("landmarks without any observation: {}", none));
     }
     if (const auto idle = unobserving_frames(map); idle > 0) {
-      result.push_back(fmt::format("{} frames observe no landmark", idle));
+      result.push_back(fmt::format("frames that observe no landmark: {}", idle));
     }
   }
   const auto kept = landmarks_observed(map, 2);
   if (const auto repeated = repeated_positions(map, kept); repeated > 0) {
     result.push_back(fmt::format(
-        "{} landmarks with two or more observations lie exactly where another does", repeated));
+        "landmarks, observed twice or more, that lie exactly where another does: {}", repeated));
   }
   if (count > 0 && !map.has_covariances()) {
     result.emplace_back("the map has no covariances: confidence covariance cannot be had");
   } else if (const auto alike = most_common_covariance(map); count > 1 && alike * 2 > count) {
-    result.push_back(fmt::format("{} landmarks share one and the same covariance", alike));
+    result.push_back(fmt::format("landmarks that share one and the same covariance: {}", alike));
   }
   return result;
 }
 
-int InfoArguments::run() {
-  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
-  LoadedMap loaded = load_map(input, common);
-  if (given_camera) loaded.map = with_camera(loaded.map, *given_camera);
-  const LandmarkMap& map = loaded.map;
-  const auto kept = landmarks_observed(map, 2);
+// What the verb finds out beside what the map itself says. `kept`: with two or more observations,
+// or all of a map that does not know its observations.
+struct Findings {
+  std::vector<LandmarkIndex> kept;
+  std::optional<std::size_t> unobserved;
+  std::optional<Quantiles> observations_each;  // of kept
+  Eigen::AlignedBox3d extent;                  // of kept
+  std::optional<Quantiles> reprojection_px;
+  std::vector<std::pair<std::string, std::optional<Quantiles>>> confidences;  // of kept
+  std::vector<std::string> warnings;
+};
 
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  Eigen::Vector3d high = -low;
+std::optional<Quantiles> confidence_quantiles(const LandmarkMap& map, const char* metric,
+                                              std::span<const LandmarkIndex> landmarks) {
+  try {
+    const std::vector<double> all = metric_named(metric).evaluate(map);
+    std::vector<double> values;
+    for (const LandmarkIndex landmark : landmarks) values.push_back(all[landmark.value]);
+    return quantiles(std::move(values));
+  } catch (const Error&) {
+    return std::nullopt;  // the map lacks the metric's input
+  }
+}
+
+Findings examine(const LandmarkMap& map) {
+  Findings findings;
+  findings.kept = landmarks_observed(map, 2);
   std::vector<double> counts;
-  for (const LandmarkIndex landmark : kept) {
-    low = low.cwiseMin(map.landmarks().positions[landmark.value]);
-    high = high.cwiseMax(map.landmarks().positions[landmark.value]);
-    if (map.has_observations()) {
-      counts.push_back(static_cast<double>(map.observation_count(landmark)));
-    }
+  for (const LandmarkIndex landmark : findings.kept) {
+    findings.extent.extend(map.landmarks().positions[landmark.value]);
+    counts.push_back(static_cast<double>(map.observation_count(landmark)));
   }
-  const auto reprojection = quantiles(reprojection_errors(map));
-  const std::vector<std::string> remarks = warnings(map);
-
-  const Console console = common.console();
-  const std::string unit = map.info().length_unit == LengthUnit::kMetres ? "m" : "units";
-  console.print(fmt::format("{}\n  frames        {}\n  landmarks     {}\n", input, map.frame_count(),
-                            map.landmark_count()));
   if (map.has_observations()) {
-    console.print(fmt::format("  observations  {}\n  observed by two or more frames  {}\n",
-                              map.observation_count(), kept.size()));
+    findings.unobserved = observed_exactly(map, 0);
+    findings.observations_each = quantiles(std::move(counts));
   }
-  if (const auto q = quantiles(counts)) {
-    console.print(fmt::format("  observations of those           {} to {}, mean {:.2f}\n", q->lowest,
-                              q->highest, q->mean));
-  }
-  if (!kept.empty()) {
-    console.print(fmt::format("  extent        x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f} {}\n",
-                              low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), unit));
-  }
-  console.print(fmt::format("  cameras       {}\n", map.cameras().size()));
-  if (map.info().world_frame) console.print(fmt::format("  world frame   {}\n", *map.info().world_frame));
-  if (map.info().uuid) console.print(fmt::format("  uuid          {}\n", *map.info().uuid));
-  for (const std::string& step : map.info().provenance) {
-    console.print(fmt::format("  provenance    {}\n", step));
-  }
-  if (reprojection) {
-    console.print(fmt::format("  reprojection  median {:.3g} px, mean {:.3g} px, worst {:.3g} px\n",
-                              reprojection->median, reprojection->mean, reprojection->highest));
-  }
-
-  Json metrics = Json::object();
-  Table table({"confidence", "lowest", "median", "mean", "highest"});
+  findings.reprojection_px = quantiles(reprojection_errors(map));
   for (const char* name : {"covariance", "observations", "distance", "parallax", "reprojection"}) {
-    metrics[name] = nullptr;
-    try {
-      const std::vector<double> all = metric_named(name).evaluate(map);
-      std::vector<double> values;
-      for (const LandmarkIndex landmark : kept) values.push_back(all[landmark.value]);
-      const auto q = quantiles(std::move(values));
-      if (!q) continue;
-      metrics[name] = to_json(*q);
-      table.add_row({name, fmt::format("{:.4g}", q->lowest), fmt::format("{:.4g}", q->median),
-                     fmt::format("{:.4g}", q->mean), fmt::format("{:.4g}", q->highest)});
-    } catch (const Error&) {
-      table.add_row({name, "-", "-", "-", "-"});  // the map lacks its input
+    findings.confidences.emplace_back(name, confidence_quantiles(map, name, findings.kept));
+  }
+  findings.warnings = warnings(map);
+  return findings;
+}
+
+// Lines "name  value" of what the map says of itself.
+std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& map,
+                                                            const Findings& findings) {
+  std::vector<std::pair<std::string, std::string>> lines;
+  const auto add = [&](const std::string& name, std::string value) {
+    lines.emplace_back(name, std::move(value));
+  };
+  const auto& frame_ids = map.frames().ids;
+  if (frame_ids.empty()) {
+    add("frames", "0");
+  } else {
+    const auto [first, last] = std::minmax_element(frame_ids.begin(), frame_ids.end());
+    add("frames", fmt::format("{}, ids {} to {}", frame_ids.size(), first->value, last->value));
+  }
+  add("cameras", std::to_string(map.cameras().size()));
+  add("landmarks", std::to_string(map.landmark_count()));
+  if (map.has_observations()) {
+    add("observations", std::to_string(map.observation_count()));
+    std::string often = std::to_string(findings.kept.size());
+    if (const auto& q = findings.observations_each) {
+      often += fmt::format(", {} to {} each, mean {:.2f}", q->lowest, q->highest, q->mean);
+    }
+    add("observed twice or more", often);
+  } else {
+    add("observations", "unknown");
+  }
+  if (map.has_covariances()) add("covariances", "yes");
+  if (!map.landmarks().colors.empty()) add("colours", "yes");
+  if (const auto& descriptors = map.landmarks().descriptors) {
+    add("descriptors",
+        fmt::format("{}, {} bytes each", descriptors->kind, descriptors->bytes_each));
+  }
+  std::string columns;
+  for (const NamedColumn& column : map.landmarks().columns) {
+    columns += (columns.empty() ? "" : ", ") + column.name;
+  }
+  if (!columns.empty()) add("columns", columns);
+  if (!findings.extent.isEmpty()) {
+    const Eigen::Vector3d& low = findings.extent.min();
+    const Eigen::Vector3d& high = findings.extent.max();
+    add("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f} {}",
+                              low.x(), high.x(), low.y(), high.y(), low.z(), high.z(),
+                              unit_symbol(map.info().length_unit)));
+  }
+  add("length unit", to_string(map.info().length_unit));
+  if (map.info().world_frame) add("world frame", *map.info().world_frame);
+  if (const auto& down = map.info().gravity) {
+    add("gravity", fmt::format("{:.4g} {:.4g} {:.4g}", down->x(), down->y(), down->z()));
+  }
+  if (map.info().uuid) add("uuid", *map.info().uuid);
+  for (const std::string& step : map.info().provenance) add("provenance", step);
+  if (const auto& q = findings.reprojection_px) {
+    add("reprojection", fmt::format("median {:.3g} px, mean {:.3g} px, worst {:.3g} px", q->median,
+                                    q->mean, q->highest));
+  }
+  return lines;
+}
+
+void print(const Console& console, const LoadedMap& loaded, const Findings& findings) {
+  const LandmarkMap& map = loaded.map;
+  console.print(loaded.path + "\n");
+  for (const auto& [name, value] : properties(map, findings)) {
+    console.print(fmt::format("  {:<22}  {}\n", name, value));
+  }
+  if (map.landmark_count() > 0) {
+    Table table({"confidence", "lowest", "median", "mean", "highest"});
+    for (const auto& [name, q] : findings.confidences) {
+      const auto cell = [](double value) { return fmt::format("{:.6g}", value); };
+      table.add_row(
+          q ? std::vector{name, cell(q->lowest), cell(q->median), cell(q->mean), cell(q->highest)}
+            : std::vector<std::string>{name, "-", "-", "-", "-"});
+    }
+    console.print("\n" + table.text());
+    if (map.has_observations() && map.frames().cameras.empty()) {
+      console.print("reprojection needs the frames' camera: --camera gives it\n");
     }
   }
-  console.print("\n" + table.text());
-  if (!remarks.empty()) console.print("\n");
-  for (const std::string& remark : remarks) console.print("warning: " + remark + "\n");
+  if (!findings.warnings.empty()) console.print("\n");
+  for (const std::string& warning : findings.warnings) {
+    console.print("warning: " + warning + "\n");
+  }
+}
 
-  Json json = document("info", common, {{"map", loaded.description}}, {{"camera", camera}});
-  json["observed_twice_or_more"] = map.has_observations() ? Json(kept.size()) : Json(nullptr);
-  json["observations_each"] = counts.empty() ? Json(nullptr) : to_json(*quantiles(counts));
+void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) {
+  const auto quantiles_json = [](const std::optional<Quantiles>& q) {
+    return q ? to_json(*q) : Json(nullptr);
+  };
+  json["observed_twice_or_more"] =
+      map.has_observations() ? Json(findings.kept.size()) : Json(nullptr);
+  json["unobserved"] = cli::to_json(findings.unobserved);
+  json["observations_each"] = quantiles_json(findings.observations_each);
   json["length_unit"] = to_string(map.info().length_unit);
   json["world_frame"] = cli::to_json(map.info().world_frame);
+  json["gravity"] = map.info().gravity ? cli::to_json(*map.info().gravity) : Json(nullptr);
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();
-  json["extent"] =
-      kept.empty() ? Json(nullptr) : Json{{"low", cli::to_json(low)}, {"high", cli::to_json(high)}};
-  json["reprojection_px"] = reprojection ? to_json(*reprojection) : Json(nullptr);
-  json["confidence"] = std::move(metrics);
-  json["warnings"] = remarks;
+  json["columns"] = Json::array();
+  for (const NamedColumn& column : map.landmarks().columns) json["columns"].push_back(column.name);
+  json["extent"] = nullptr;
+  if (!findings.extent.isEmpty()) {
+    const Eigen::Vector3d& low = findings.extent.min();
+    const Eigen::Vector3d& high = findings.extent.max();
+    json["extent"] = {{"low", cli::to_json(low)}, {"high", cli::to_json(high)}};
+  }
+  json["reprojection_px"] = quantiles_json(findings.reprojection_px);
+  json["confidence"] = Json::object();
+  for (const auto& [name, q] : findings.confidences) json["confidence"][name] = quantiles_json(q);
+  json["warnings"] = findings.warnings;
+}
+
+int InfoArguments::run() {
+  require_folder_of(common.json_path);
+  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
+  LoadedMap loaded = load_map(input, common);
+  if (given_camera) loaded.map = with_camera(loaded.map, *given_camera);
+  const Findings findings = examine(loaded.map);
+  Json json =
+      document("info", common, {{"map", loaded.description}}, {{"camera", text_or_null(camera)}});
+  add_findings(json, loaded.map, findings);
   write_document(json, common);
+  print(common.console(), loaded, findings);
   return kDone;
 }
 

@@ -1,20 +1,33 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <map>
+#include <memory>
 #include <new>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <CLI/CLI.hpp>
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
 #include "cairn/core/version_number.hpp"
+
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
+#include "support/help.hpp"
+#include "support/interrupt.hpp"
 
 namespace {
 
 using cairn::cli::ExitCode;
+using cairn::cli::print_error;
 
 int exit_code_of(cairn::ErrorKind kind) {
   switch (kind) {
@@ -29,48 +42,101 @@ int exit_code_of(cairn::ErrorKind kind) {
   return ExitCode::kInternalError;
 }
 
+// A file opened while a standard stream is closed would take its number, and its messages.
+void occupy_standard_streams() {
+  for (int descriptor = 0; descriptor <= 2; ++descriptor) {
+    if (::fcntl(descriptor, F_GETFD) < 0) ::open("/dev/null", O_RDONLY);
+  }
+}
+
+const CLI::App* parsed_verb(const CLI::App& program) {
+  const auto verbs = program.get_subcommands();
+  return verbs.empty() ? nullptr : verbs.front();
+}
+
+// What is wrong with the command line, for people.
+std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
+  const std::vector<std::string> unexpected = program.remaining(true);
+  if (parsed_verb(program) == nullptr) {
+    std::vector<std::string> names;
+    for (const CLI::App* verb : program.get_subcommands(nullptr)) names.push_back(verb->get_name());
+    return fmt::format("{}; expected a verb: {}",
+                       unexpected.empty() ? "nothing to do" : cairn::printable(unexpected.front()),
+                       fmt::join(names, ", "));
+  }
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr) return error.what();
+  const bool has_number =
+      std::any_of(unexpected.begin(), unexpected.end(),
+                  [](const std::string& word) { return cairn::parse_number(word).has_value(); });
+  return fmt::format("not expected: {}{}", fmt::join(unexpected, " "),
+                     has_number ? " (the numbers of a pose go into one quoted argument)" : "");
+}
+
 int run(int argc, char** argv) {
   CLI::App program("Aligns, links and merges the landmark maps of visual SLAM.", "cairn");
-  program.set_version_flag("--version", std::string("cairn ") + cairn::kVersion);
+  program.formatter(std::make_shared<cairn::cli::HelpFormatter>());
+  program.set_version_flag("--version", std::string("cairn ") + cairn::kVersion,
+                           "Print the version and exit");
+  program.set_help_flag("-h,--help", "Print this text and exit");
+  program.option_defaults()->take_last();
   program.require_subcommand(1);
-  program.get_formatter()->column_width(34);
-  program.footer("Try 'cairn demo', then 'cairn VERB --help'.\n"
-                 "Exit codes: 0 done, 1 internal or system error, 2 wrong usage, 3 bad input,\n"
-                 "4 no trustworthy alignment.");
-  const std::map<std::string, cairn::cli::Run> verbs = {
-      {"align", cairn::cli::add_align(program)},
-      {"convert", cairn::cli::add_convert(program)},
+  program.footer(
+      "Try 'cairn demo', then 'cairn <verb> --help'.\n\n"
+      "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
+      "4 no trustworthy alignment; 130 interrupted.");
+  const std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
       {"demo", cairn::cli::add_demo(program)},
       {"info", cairn::cli::add_info(program)},
+      {"convert", cairn::cli::add_convert(program)},
+      {"align", cairn::cli::add_align(program)},
   };
+  for (CLI::App* const verb : program.get_subcommands(nullptr)) verb->group("Verbs");
+  if (argc < 2) {
+    print_error(program.help());
+    return ExitCode::kWrongUsage;
+  }
   try {
     program.parse(argc, argv);
+  } catch (const CLI::Success& asked) {
+    program.exit(asked);  // prints the help or the version
+    return ExitCode::kDone;
   } catch (const CLI::ParseError& error) {
-    const bool asked = error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success);
-    program.exit(error);
-    return asked ? ExitCode::kDone : ExitCode::kWrongUsage;
+    const CLI::App* const verb = parsed_verb(program);
+    print_error(fmt::format("cairn: {}\nRun 'cairn {}--help' for what there is.\n",
+                            complaint(program, error),
+                            verb == nullptr ? "" : verb->get_name() + " "));
+    return ExitCode::kWrongUsage;
   }
-  return verbs.at(program.get_subcommands().front()->get_name())();
+  const std::string name = parsed_verb(program)->get_name();
+  return std::find_if(verbs.begin(), verbs.end(),
+                      [&](const auto& verb) { return verb.first == name; })
+      ->second();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  occupy_standard_streams();
+  cairn::cli::catch_interrupts();
   try {
     const int code = run(argc, argv);
     // An answer that never reached its file is no answer.
     if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-      fmt::print(stderr, "cairn: stdout: cannot be written\n");
+      print_error("cairn: stdout: cannot be written\n");
       return ExitCode::kInternalError;
     }
     return code;
   } catch (const cairn::Error& error) {
-    fmt::print(stderr, "cairn: {}\n", error.what());
+    if (error.kind() == cairn::ErrorKind::kCancelled) {
+      print_error("cairn: interrupted\n");
+      cairn::cli::end_by_interrupt();
+    }
+    print_error(fmt::format("cairn: {}\n", error.what()));
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {
-    fmt::print(stderr, "cairn: out of memory\n");
+    print_error("cairn: out of memory\n");
   } catch (const std::exception& error) {
-    fmt::print(stderr, "cairn: internal error: {}\n", error.what());
+    print_error(fmt::format("cairn: internal error: {}\n", error.what()));
   }
   return ExitCode::kInternalError;
 }

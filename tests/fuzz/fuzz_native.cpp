@@ -2,11 +2,12 @@
 #include "cairn/map/io/native.hpp"
 
 #include "fuzz/round_trip.hpp"
+#include "fuzz/token_mutator.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
   const auto read = [](cairn::ByteSource& source) { return cairn::read_native(source); };
-  cairn::testing::expect_round_trip(bytes, read,
+  cairn::testing::expect_round_trip(bytes, cairn::testing::Fidelity::kWholeMap, read,
                                     [](const cairn::LandmarkMap& map, const cairn::ByteSink& sink) {
                                       cairn::write_native(map, sink);
                                     });

@@ -2,13 +2,15 @@
 #include "cairn/map/io/pcd.hpp"
 
 #include "fuzz/round_trip.hpp"
+#include "fuzz/token_mutator.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
   const auto read = [](cairn::ByteSource& source) { return cairn::read_pcd(source); };
   for (const bool ascii : {true, false}) {
     cairn::testing::expect_round_trip(
-        bytes, read, [&](const cairn::LandmarkMap& map, const cairn::ByteSink& sink) {
+        bytes, cairn::testing::Fidelity::kItsPart, read,
+        [&](const cairn::LandmarkMap& map, const cairn::ByteSink& sink) {
           cairn::write_pcd(map, sink, {.ascii = ascii});
         });
   }

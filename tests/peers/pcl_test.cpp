@@ -47,8 +47,8 @@ PointSet rounded_to_float(PointSet points) {
 Cloud::Ptr cloud_of(const PointSet& points) {
   Cloud::Ptr cloud(new Cloud);
   for (const Eigen::Vector3d& position : points.positions) {
-    const Eigen::Vector3f p = position.cast<float>();
-    cloud->push_back(pcl::PointXYZ(p.x(), p.y(), p.z()));
+    cloud->push_back({static_cast<float>(position.x()), static_cast<float>(position.y()),
+                      static_cast<float>(position.z())});
   }
   return cloud;
 }
@@ -221,14 +221,14 @@ TEST(PclPeer, LeavesOutPointsThatAreNotFinite) {
   EXPECT_EQ(found[0].index_match, 0) << "the more confident one lies beyond the distance";
 }
 
-TEST(PclPeer, WorksBetweenPointTypesAndAsAClone) {
-  pcl::PointCloud<pcl::PointXYZI>::Ptr source(new pcl::PointCloud<pcl::PointXYZI>);
-  source->push_back(pcl::PointXYZI(0.1F, 0, 0, 7));
-  Cloud::Ptr target(new Cloud);
-  target->push_back({0, 0, 0});
-  target->push_back({1, 0, 0});
-  pcl_adapter::ConfidenceCorrespondenceEstimation<pcl::PointXYZI, pcl::PointXYZ> estimation(
-      {1.0, 3.0}, 2);
+TEST(PclPeer, WorksForOtherPointTypesAndAsAClone) {
+  using Point = pcl::PointXYZI;
+  pcl::PointCloud<Point>::Ptr source(new pcl::PointCloud<Point>);
+  source->push_back(Point(0.1F, 0, 0, 7));
+  pcl::PointCloud<Point>::Ptr target(new pcl::PointCloud<Point>);
+  target->push_back(Point(0, 0, 0, 1));
+  target->push_back(Point(1, 0, 0, 1));
+  pcl_adapter::ConfidenceCorrespondenceEstimation<Point, Point> estimation({1.0, 3.0}, 2);
   const auto clone = estimation.clone();
   clone->setInputSource(source);
   clone->setInputTarget(target);

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
+
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -14,7 +16,9 @@ std::string number(std::optional<double> value, int digits) {
   return value ? fmt::format("{:.{}g}", *value, digits) : "-";
 }
 
-std::string percent(double share) { return fmt::format("{:.0f} %", 100.0 * share); }
+std::string percent(double share) {
+  return fmt::format("{:.0f} %", 100.0 * share);
+}
 
 Json json_of(const std::vector<OpenDirection>& directions) {
   Json list = Json::array();
@@ -44,18 +48,24 @@ Json json_of(const std::vector<IterationRecord>& history, bool trace) {
 }  // namespace
 
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies,
-                                    const AlignOptions& options,
+                                    const std::vector<Strategy>& strategies, AlignOptions options,
                                     const PointSetOptions& point_options,
-                                    const std::optional<Rigid3>& truth) {
+                                    const std::optional<Rigid3>& truth,
+                                    const CommonArguments& common) {
+  options.executor = common.executor();
+  options.stop = common.stop();
   std::vector<Alignment> alignments;
   for (const Strategy& strategy : strategies) {
     const PointSet source_points = point_set(source, strategy.metric, point_options);
     const PointSet target_points = point_set(target, strategy.metric, point_options);
+    options.progress = common.console().progress("aligning, confidence " + strategy.name);
     Alignment alignment;
     alignment.confidence = strategy.name;
     alignment.k = strategy.metric ? options.k : 1;
     alignment.result = align(source_points, target_points, options);
+    if (alignment.result.status == AlignStatus::kCancelled) {
+      throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
+    }
     if (truth && alignment.result.status == AlignStatus::kAligned) {
       alignment.error =
           pose_error(alignment.result.target_from_source, *truth, source_points.positions);
@@ -65,16 +75,15 @@ std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap
   return alignments;
 }
 
-std::string alignment_table(const std::vector<Alignment>& alignments, const std::string& unit) {
-  const auto any = [&](auto&& has) {
-    return std::any_of(alignments.begin(), alignments.end(), has);
-  };
-  const bool with_error = any([](const Alignment& a) { return a.error.has_value(); });
-  const bool with_overlap = any([](const Alignment& a) { return a.result.overlap.has_value(); });
-  std::vector<std::string> header = {"confidence", "k", "status", "iterations", "stopped by",
-                                     "score before", "score " + unit + "^2"};
-  if (with_overlap) header.insert(header.end(), {"source overlap", "target overlap"});
-  if (with_error) header.insert(header.end(), {"rotation error", "translation error"});
+std::string alignment_table(const std::vector<Alignment>& alignments, const AlignOptions& options,
+                            LengthUnit unit) {
+  const bool with_error = std::any_of(alignments.begin(), alignments.end(),
+                                      [](const Alignment& a) { return a.error.has_value(); });
+  const std::string symbol = unit_symbol(unit);
+  std::vector<std::string> header = {"confidence",   "k",          "status", "iterations",
+                                     "score before", "score after"};
+  if (options.overlap_radius) header.emplace_back("overlap");
+  if (with_error) header.emplace_back("pose error");
   header.emplace_back("time");
   Table table(header);
   for (const Alignment& alignment : alignments) {
@@ -83,22 +92,30 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const std:
                                     std::to_string(alignment.k),
                                     std::string(to_string(result.status)),
                                     std::to_string(result.iterations),
-                                    std::string(to_string(result.stop_reason)),
                                     number(result.initial_score, 4),
                                     number(result.score, 4)};
-    if (with_overlap) {
-      row.push_back(result.overlap ? percent(result.overlap->source) : "-");
-      row.push_back(result.overlap ? percent(result.overlap->target) : "-");
+    if (options.overlap_radius) {
+      const auto& overlap = result.overlap;
+      row.push_back(overlap ? percent(overlap->source) + " / " + percent(overlap->target) : "-");
     }
     if (with_error) {
       const auto& error = alignment.error;
-      row.push_back(error ? fmt::format("{:.3f} deg", degrees(error->rotation_rad)) : "-");
-      row.push_back(error ? fmt::format("{:.4f} {}", error->translation, unit) : "-");
+      row.push_back(error ? fmt::format("{:.3f} deg {:.4f} {}", degrees(error->rotation_rad),
+                                        error->translation, symbol)
+                          : "-");
     }
     row.push_back(fmt::format("{:.0f} ms", 1e3 * result.duration_s));
     table.add_row(std::move(row));
   }
-  return table.text();
+  std::string text = table.text();
+  text += fmt::format("\nscore    mean squared distance to the nearest target landmark, {}^2\n",
+                      symbol);
+  if (options.overlap_radius) {
+    text += fmt::format(
+        "overlap  share of source / target landmarks with a counterpart within {:g} {}\n",
+        *options.overlap_radius, symbol);
+  }
+  return text;
 }
 
 Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit unit) {
@@ -125,10 +142,11 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
                                  : Json(nullptr)},
       {"probability", nullptr},
       {"covariance", result.covariance ? to_json(*result.covariance) : Json(nullptr)},
-      {"unobservable", json_of(result.unobservable)},
+      {"unobservable", has_pose ? json_of(result.unobservable) : Json(nullptr)},
       {"candidates", nullptr},
       {"duration_s", result.duration_s},
   };
+  json["error"] = nullptr;
   if (alignment.error) {
     json["error"] = {{"rotation_deg", degrees(alignment.error->rotation_rad)},
                      {"translation", alignment.error->translation}};
@@ -136,7 +154,5 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
   json["history"] = json_of(result.history, options.trace);
   return json;
 }
-
-std::string unit_symbol(LengthUnit unit) { return unit == LengthUnit::kMetres ? "m" : "units"; }
 
 }  // namespace cairn::cli

@@ -7,6 +7,7 @@
 
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/registration/align.hpp"
+
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 
@@ -20,21 +21,19 @@ struct Alignment {
   std::optional<PoseError> error;  ///< against the truth, where that is known
 };
 
-/// Aligns two maps by each strategy in turn.
+/// Aligns two maps by each strategy in turn, with progress and until interrupted.
+/// @throws Error (cancelled)
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies,
-                                    const AlignOptions& options,
+                                    const std::vector<Strategy>& strategies, AlignOptions options,
                                     const PointSetOptions& point_options,
-                                    const std::optional<Rigid3>& truth);
+                                    const std::optional<Rigid3>& truth,
+                                    const CommonArguments& common);
 
-/// One row a strategy.
-/// @param unit of length, as in "m"
-std::string alignment_table(const std::vector<Alignment>& alignments, const std::string& unit);
+/// One row a strategy, and what the columns mean.
+std::string alignment_table(const std::vector<Alignment>& alignments, const AlignOptions& options,
+                            LengthUnit unit);
 
 /// One entry of a document's `results`.
 Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit unit);
-
-/// "m", or "units" for maps of free scale.
-std::string unit_symbol(LengthUnit unit);
 
 }  // namespace cairn::cli

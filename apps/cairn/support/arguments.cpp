@@ -2,6 +2,8 @@
 #include "support/arguments.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -27,79 +29,120 @@ std::vector<std::string_view> words_of(std::string_view text, std::string_view s
 }
 
 constexpr std::string_view kBlanks = " \t\r\n";
+constexpr std::string_view kSeparators = " \t\r\n,";
+
+constexpr std::string_view kPoseFile =
+    "16 numbers of a rigid transform, row-major, or the JSON of an alignment";
 
 [[noreturn]] void fail_pose_file(const std::string& path, std::string_view what) {
-  throw Error(ErrorKind::kInput, path, what,
-              "16 numbers of a rigid transform, row-major, or the JSON of an alignment");
+  throw Error(ErrorKind::kInput, path, what, kPoseFile);
 }
 
 Matrix4d matrix_of_json(const std::string& path, const std::string& text) {
+  const auto document = nlohmann::json::parse(text, nullptr, false);
+  if (document.is_discarded()) fail_pose_file(path, "starts like JSON but is none");
+  const nlohmann::json::json_pointer place("/results/0/target_from_source");
+  if (!document.contains(place)) fail_pose_file(path, "holds no results of an alignment");
+  const auto& rows = document.at(place);
+  if (rows.is_null()) fail_pose_file(path, "the alignment failed and has no pose");
   try {
-    const auto document = nlohmann::json::parse(text);
-    const auto& rows = document.at("results").at(0).at("target_from_source");
+    const auto numbers = rows.get<std::array<std::array<double, 4>, 4>>();
     Matrix4d matrix;
     for (int i = 0; i < 16; ++i) {
       matrix(i / 4, i % 4) =
-          rows.at(static_cast<std::size_t>(i / 4)).at(static_cast<std::size_t>(i % 4)).get<double>();
+          numbers[static_cast<std::size_t>(i / 4)][static_cast<std::size_t>(i % 4)];
     }
     return matrix;
-  } catch (const nlohmann::json::exception& error) {
-    fail_pose_file(path, fmt::format("no alignment in this JSON ({})", error.what()));
+  } catch (const nlohmann::json::exception&) {
+    fail_pose_file(path, "target_from_source is no 4x4 matrix");
   }
 }
 
 Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
-  const auto words = words_of(text, " \t\r\n,");
-  if (words.size() != 16) fail_pose_file(path, fmt::format("{} numbers", words.size()));
+  const auto words = words_of(text, kSeparators);
   Matrix4d matrix;
-  for (std::size_t i = 0; i < 16; ++i) {
+  for (std::size_t i = 0; i < words.size() && i < 16; ++i) {
     const auto number = parse_number(words[i]);
     if (!number) {
-      fail_pose_file(path, fmt::format("number {}: {} is no number", i + 1, printable(words[i])));
+      fail_pose_file(path, fmt::format("word {}: {} is no number", i + 1, printable(words[i])));
     }
     matrix(static_cast<int>(i / 4), static_cast<int>(i % 4)) = *number;
   }
+  if (words.size() != 16) fail_pose_file(path, fmt::format("{} numbers", words.size()));
   return matrix;
 }
 
 }  // namespace
 
+CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& text,
+                      const std::string& what, const std::string& type) {
+  const auto refuse_none = [option = long_name(name)](const std::string& word) {
+    if (word.empty() || word.starts_with("--")) {
+      throw Error(ErrorKind::kMisuse, option, printable(word), "a value");
+    }
+    return std::string();
+  };
+  return command.add_option(name, text, what)->type_name(type)->check(refuse_none);
+}
+
+std::string long_name(const std::string& name) {
+  return name.substr(name.find_last_of(',') + 1);
+}
+
+double parse_real(const std::string& word, const std::string& option) {
+  const auto number = parse_number(word);
+  if (!number) throw Error(ErrorKind::kMisuse, option, printable(word), "a finite decimal number");
+  return *number;
+}
+
+std::uint64_t parse_whole(const std::string& word, const std::string& option,
+                          std::uint64_t largest) {
+  const auto number = parse_unsigned(word);
+  if (!number) throw Error(ErrorKind::kMisuse, option, printable(word), "a whole number");
+  if (*number > largest) {
+    throw Error(ErrorKind::kMisuse, option, word, fmt::format("at most {}", largest));
+  }
+  return *number;
+}
+
 void CommonArguments::add_to(CLI::App& command) {
-  const std::string group = "Common";
-  command.add_option("--json", json_path, "Write the result as JSON to FILE, or to stdout for -")
-      ->type_name("FILE|-")
+  const std::string group = "Common options";
+  add_text(command, "--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
+           "FILE|-")
       ->group(group);
   command.add_flag("--quiet", quiet, "No remarks and no progress on stderr")->group(group);
-  command.add_option("--threads", threads, "Threads to use at most; 0: one per core")
-      ->capture_default_str()
+  add_number(command, "--threads", threads,
+             "Threads to use at most; 0: one a core. Results do not depend on it")
       ->group(group);
-  command.add_option("--seed", seed, "Seed of all random numbers")
-      ->capture_default_str()
-      ->group(group);
+  add_number(command, "--seed", seed, "Seed of all random numbers")->group(group);
 }
 
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
-                                  std::optional<std::size_t> count) {
+                                  std::string_view expected) {
   std::vector<double> numbers;
-  for (const std::string_view word : words_of(text, " \t\r\n,")) {
+  for (const std::string_view word : words_of(text, kSeparators)) {
     const auto number = parse_number(word);
     if (!number) {
-      throw Error(ErrorKind::kMisuse, option, printable(word) + " is no number", "numbers");
+      throw Error(ErrorKind::kMisuse, option, printable(word) + " is no number", expected);
     }
     numbers.push_back(*number);
-  }
-  if (count && numbers.size() != *count) {
-    throw Error(ErrorKind::kMisuse, option, fmt::format("{} numbers", numbers.size()),
-                fmt::format("{} in one quoted argument", *count));
   }
   return numbers;
 }
 
-double degrees(double radians) { return radians * 180.0 / std::numbers::pi; }
-double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
+double degrees(double radians) {
+  return radians * 180.0 / std::numbers::pi;
+}
+double radians(double degrees) {
+  return degrees * std::numbers::pi / 180.0;
+}
 
 Rigid3 parse_pose(const std::string& text, std::string_view option) {
-  const std::vector<double> n = parse_numbers(text, option, 6);
+  constexpr std::string_view kExpected = "6, in one quoted argument: \"x y z roll pitch yaw\"";
+  const std::vector<double> n = parse_numbers(text, option, kExpected);
+  if (n.size() != 6) {
+    throw Error(ErrorKind::kMisuse, option, fmt::format("{} numbers", n.size()), kExpected);
+  }
   return Rigid3::from_roll_pitch_yaw({n[0], n[1], n[2]}, radians(n[3]), radians(n[4]),
                                      radians(n[5]));
 }
@@ -113,22 +156,22 @@ Rigid3 read_pose_file(const std::string& path) {
   try {
     return Rigid3::from_matrix(matrix);
   } catch (const Error& error) {
-    fail_pose_file(path, error.what());
+    throw Error(ErrorKind::kInput, path, error.what(), "");
   }
 }
 
 void PoseArguments::add_to(CLI::App& command, const std::string& name, const std::string& what) {
   name_ = "--" + name;
   auto* const as_text =
-      command
-          .add_option(name_, text,
-                      what + ": \"x y z roll pitch yaw\", metres and degrees, "
-                             "R = Rz(yaw)*Ry(pitch)*Rx(roll)")
-          ->type_name("POSE");
-  command
-      .add_option(name_ + "-matrix", file,
-                  "The same from a file: 16 numbers, row-major, or the JSON of an alignment")
-      ->type_name("FILE")
+      add_text(command, name_, text,
+               what +
+                   ": \"x y z roll pitch yaw\", lengths in the map's unit, angles in degrees, "
+                   "R = Rz(yaw)*Ry(pitch)*Rx(roll)",
+               "POSE");
+  add_text(command, name_ + "-matrix", file,
+           "The same from a file: 16 numbers, row-major, or the JSON of an alignment (its first "
+           "result)",
+           "FILE")
       ->excludes(as_text);
 }
 
@@ -138,22 +181,28 @@ Rigid3 PoseArguments::pose() const {
   return {};
 }
 
-std::vector<Strategy> parse_strategies(const std::vector<std::string>& words) {
+std::vector<Strategy> parse_strategies(const std::string& text) {
+  const auto refuse = [](std::string_view name) {
+    throw Error(ErrorKind::kMisuse, "--confidence", printable(name) + " names no metric",
+                confidence_help());
+  };
   std::vector<Strategy> strategies;
-  for (const std::string& word : words) {
-    for (const std::string_view name : words_of(word, ",")) {
-      Strategy strategy{std::string(name), std::nullopt};
-      if (name != "none" && name != "base") strategy.metric = metric_named(name);
-      if (name == "base") strategy.name = "none";
-      const bool repeated =
-          std::any_of(strategies.begin(), strategies.end(),
-                      [&](const Strategy& other) { return other.name == strategy.name; });
-      if (!repeated) strategies.push_back(std::move(strategy));
+  for (const std::string_view name : words_of(text, kSeparators)) {
+    Strategy strategy{std::string(name), std::nullopt};
+    if (name == "base") strategy.name = "none";
+    if (strategy.name != "none") {
+      try {
+        strategy.metric = metric_named(name);
+      } catch (const Error&) {
+        refuse(name);
+      }
+    }
+    const auto same = [&](const Strategy& other) { return other.name == strategy.name; };
+    if (std::none_of(strategies.begin(), strategies.end(), same)) {
+      strategies.push_back(std::move(strategy));
     }
   }
-  if (strategies.empty()) {
-    throw Error(ErrorKind::kMisuse, "--confidence", "empty", "none or the name of a metric");
-  }
+  if (strategies.empty()) refuse(text);
   return strategies;
 }
 
@@ -163,18 +212,18 @@ std::string confidence_help() {
 }
 
 Camera parse_camera(const std::string& text) {
+  constexpr std::string_view kExpected = "\"MODEL width height parameters\"";
   const auto words = words_of(text, kBlanks);
   Camera camera;
   if (!words.empty()) {
     camera.model = std::string(words.front());
-    const std::string rest = text.substr(static_cast<std::size_t>(
-        words.front().data() + words.front().size() - text.data()));
-    const std::vector<double> numbers = parse_numbers(rest, "--camera");
+    const std::string rest = text.substr(
+        static_cast<std::size_t>(words.front().data() + words.front().size() - text.data()));
+    const std::vector<double> numbers = parse_numbers(rest, "--camera", kExpected);
     constexpr double kLargest = 1e6;
     const auto is_size = [&](double n) { return n >= 1.0 && n <= kLargest && n == std::floor(n); };
     if (numbers.size() < 2 || !is_size(numbers[0]) || !is_size(numbers[1])) {
-      throw Error(ErrorKind::kMisuse, "--camera", "no image size",
-                  "\"MODEL width height parameters\"");
+      throw Error(ErrorKind::kMisuse, "--camera", "no image size", kExpected);
     }
     camera.width = static_cast<std::uint32_t>(numbers[0]);
     camera.height = static_cast<std::uint32_t>(numbers[1]);
@@ -182,7 +231,7 @@ Camera parse_camera(const std::string& text) {
   }
   const std::string defect = camera_defect(camera);
   if (!defect.empty()) {
-    throw Error(ErrorKind::kMisuse, "--camera", defect, "\"MODEL width height parameters\"");
+    throw Error(ErrorKind::kMisuse, "--camera", defect, kExpected);
   }
   return camera;
 }

@@ -1,19 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
+#include <concepts>
 #include <cstdint>
+#include <limits>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/executor.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
+
 #include "support/console.hpp"
+#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 
@@ -26,6 +33,55 @@ enum ExitCode {
   kNoTrustworthyAlignment = 4,
 };
 
+/// Adds an argument or option that takes text. Refused is empty text, as of an unset shell
+/// variable, and what must be the next option.
+CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& text,
+                      const std::string& what, const std::string& type = "");
+
+/// "--name" of "-n,--name".
+std::string long_name(const std::string& name);
+
+/// Number from a word of the command line; `option` is for the message.
+/// @throws Error (misuse)
+double parse_real(const std::string& word, const std::string& option);
+std::uint64_t parse_whole(const std::string& word, const std::string& option,
+                          std::uint64_t largest);
+
+template <class Number>
+Number parse_as(const std::string& word, const std::string& option) {
+  if constexpr (std::integral<Number>) {
+    constexpr auto kLargest = static_cast<std::uint64_t>(std::numeric_limits<Number>::max());
+    return static_cast<Number>(parse_whole(word, option, kLargest));
+  } else {
+    return parse_real(word, option);
+  }
+}
+
+/// Adds an option that takes a number: a finite decimal, or a whole number that fits.
+template <class Number>
+CLI::Option* add_number(CLI::App& command, const std::string& name, std::optional<Number>& number,
+                        const std::string& what) {
+  const auto parse = [&number, option = long_name(name)](const CLI::results_t& words) {
+    number = parse_as<Number>(words.back(), option);
+    return true;
+  };
+  return command.add_option(name, parse, what)->type_name(std::integral<Number> ? "N" : "X");
+}
+
+/// The same; the help shows the number's value before parsing as the default.
+template <class Number>
+CLI::Option* add_number(CLI::App& command, const std::string& name, Number& number,
+                        const std::string& what) {
+  const auto parse = [&number, option = long_name(name)](const CLI::results_t& words) {
+    number = parse_as<Number>(words.back(), option);
+    return true;
+  };
+  CLI::Option* const added =
+      command.add_option(name, parse, what)->type_name(std::integral<Number> ? "N" : "X");
+  if (std::integral<Number> || std::isfinite(number)) added->default_str(fmt::format("{}", number));
+  return added;
+}
+
 /// What every verb takes.
 struct CommonArguments {
   std::string json_path;  ///< empty: none; "-": stdout
@@ -37,6 +93,8 @@ struct CommonArguments {
   /// Answers for people go to stdout unless JSON goes there.
   Console console() const { return {quiet, json_path != "-"}; }
   Executor executor() const { return Executor(threads); }
+  /// Requested when the user asks to stop.
+  std::stop_token stop() const { return interrupt_requests(); }
 };
 
 /// "x y z roll pitch yaw": metres and degrees, R = Rz(yaw)·Ry(pitch)·Rx(roll).
@@ -44,6 +102,7 @@ struct CommonArguments {
 Rigid3 parse_pose(const std::string& text, std::string_view option);
 
 /// 16 numbers, row-major, from a text file; or the first result of an `align --json` document.
+/// @throws Error (input) naming the file and what is wrong with it
 Rigid3 read_pose_file(const std::string& path);
 
 /// A pose given as an option of either kind.
@@ -66,8 +125,8 @@ struct Strategy {
   std::optional<Metric> metric;
 };
 
-/// Strategies from "none,covariance"-like words, given once or several times; no two alike.
-std::vector<Strategy> parse_strategies(const std::vector<std::string>& words);
+/// Strategies from text such as "none,covariance"; no two alike.
+std::vector<Strategy> parse_strategies(const std::string& text);
 
 /// Help text that lists the metrics.
 std::string confidence_help();
@@ -76,9 +135,9 @@ std::string confidence_help();
 Camera parse_camera(const std::string& text);
 
 /// The numbers in `text`, separated by blanks or commas.
-/// @throws Error (misuse) naming `option` if there are not `count` of them
+/// @throws Error (misuse) naming `option`
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
-                                  std::optional<std::size_t> count = std::nullopt);
+                                  std::string_view expected);
 
 double degrees(double radians);
 double radians(double degrees);

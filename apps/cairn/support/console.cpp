@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/console.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 namespace cairn::cli {
+
+void print_raw(std::string_view text) {
+  std::fwrite(text.data(), 1, text.size(), stdout);
+}
+
+void print_error(std::string_view text) {
+  std::fwrite(text.data(), 1, text.size(), stderr);
+}
+
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -18,7 +26,7 @@ class ProgressBar {
  public:
   explicit ProgressBar(std::string label) : label_(std::move(label)) {}
   ~ProgressBar() {
-    if (shown_) fmt::print(stderr, "\r\x1b[K");
+    if (shown_) print_error("\r\x1b[K");
   }
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
@@ -30,8 +38,8 @@ class ProgressBar {
     constexpr int kWidth = 30;
     const double clamped = std::clamp(share, 0.0, 1.0);
     const int filled = static_cast<int>(clamped * kWidth);
-    fmt::print(stderr, "\r\x1b[K{} [{}{}] {:3.0f} %", label_, std::string(filled, '#'),
-               std::string(kWidth - filled, '.'), 100.0 * clamped);
+    print_error(fmt::format("\r\x1b[K{} [{}{}] {:3.0f} %", label_, std::string(filled, '#'),
+                            std::string(kWidth - filled, '.'), 100.0 * clamped));
     std::fflush(stderr);
     shown_ = true;
     last_ = now;
@@ -49,11 +57,11 @@ class ProgressBar {
 Console::Console(bool quiet, bool answer) : quiet_(quiet), answer_(answer) {}
 
 void Console::print(std::string_view text) const {
-  if (answer_) fmt::print("{}", text);
+  if (answer_) print_raw(text);
 }
 
 void Console::remark(std::string_view text) const {
-  if (!quiet_) fmt::print(stderr, "cairn: {}\n", text);
+  if (!quiet_) print_error(fmt::format("cairn: {}\n", text));
 }
 
 LogSink Console::log() const {

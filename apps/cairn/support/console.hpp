@@ -10,6 +10,11 @@
 
 namespace cairn::cli {
 
+/// Writes to stdout. A failure shows at the end of the program, which checks the stream.
+void print_raw(std::string_view text);
+/// Writes to stderr as far as that is possible.
+void print_error(std::string_view text);
+
 /// Where output goes: answers to stdout, remarks and progress to stderr.
 class Console {
  public:

@@ -5,9 +5,9 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
-#include "cairn/map/io/map_file.hpp"
 
 namespace cairn::cli {
 
@@ -15,18 +15,57 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common) {
   const Console console = common.console();
   MapReadOptions options;
   options.progress = console.progress("reading " + path);
+  options.stop = common.stop();
   options.log = console.log();
   LoadedMap loaded{path, read_map(path, options), {}};
   // A pipe cannot be read a second time.
   const bool can_hash = std::filesystem::is_regular_file(path) && !common.json_path.empty();
-  loaded.description = {{"path", path},
-                        {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)},
-                        {"frames", loaded.map.frame_count()},
-                        {"landmarks", loaded.map.landmark_count()},
-                        {"observations", loaded.map.has_observations()
-                                             ? Json(loaded.map.observation_count())
-                                             : Json(nullptr)}};
+  loaded.description = {
+      {"path", path},
+      {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)},
+      {"frames", loaded.map.frame_count()},
+      {"landmarks", loaded.map.landmark_count()},
+      {"observations",
+       loaded.map.has_observations() ? Json(loaded.map.observation_count()) : Json(nullptr)}};
   return loaded;
+}
+
+void require_folder_of(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) {
+    throw Error(ErrorKind::kStorage, path, "cannot be written: it is a folder", "a file");
+  }
+  if (!folder.empty() && !std::filesystem::is_directory(folder, ignored)) {
+    throw Error(ErrorKind::kStorage, path,
+                "cannot be written: there is no folder " + folder.string(), "");
+  }
+}
+
+void require_map_path(const std::string& path, const std::string& option) {
+  if (!format_of_extension(path)) {
+    throw Error(ErrorKind::kMisuse, option, path + " names no map format",
+                "a name that ends in .map, .txt, .ply or .pcd");
+  }
+  require_folder_of(path);
+}
+
+void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
+              MapWriteOptions options) {
+  const Console console = common.console();
+  options.progress = [show = console.progress("writing " + path), path,
+                      stop = common.stop()](double share) {
+    if (stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, path, "writing was cancelled", "");
+    }
+    if (show) show(share);
+  };
+  write_map(map, path, options);
+  if (format_of_extension(path) != MapFormat::kNative && map.frame_count() > 0) {
+    console.remark(
+        fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
+                    map.frame_count(), map.observation_count()));
+  }
 }
 
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options) {
@@ -42,7 +81,7 @@ void write_document(const Json& json, const CommonArguments& common) {
   // Text from files may be any bytes; JSON must be UTF-8.
   const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   if (common.json_path == "-") {
-    fmt::print("{}", text);
+    print_raw(text);
   } else {
     write_file(common.json_path, [&](const ByteSink& sink) { sink(text); });
   }
@@ -57,7 +96,9 @@ Json to_json(const Rigid3& pose) {
   return rows;
 }
 
-Json to_json(const Eigen::Vector3d& vector) { return {vector.x(), vector.y(), vector.z()}; }
+Json to_json(const Eigen::Vector3d& vector) {
+  return {vector.x(), vector.y(), vector.z()};
+}
 
 Json to_json(const Matrix6d& matrix) {
   Json rows = Json::array();
@@ -69,6 +110,16 @@ Json to_json(const Matrix6d& matrix) {
   return rows;
 }
 
-std::string to_string(LengthUnit unit) { return unit == LengthUnit::kMetres ? "metres" : "free"; }
+Json text_or_null(const std::string& text) {
+  return text.empty() ? Json(nullptr) : Json(text);
+}
+
+std::string to_string(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "metres" : "free";
+}
+
+std::string unit_symbol(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "m" : "units";
+}
 
 }  // namespace cairn::cli

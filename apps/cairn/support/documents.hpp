@@ -7,7 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
+
 #include "support/arguments.hpp"
 
 namespace cairn::cli {
@@ -19,10 +21,22 @@ using Json = nlohmann::ordered_json;
 struct LoadedMap {
   std::string path;
   LandmarkMap map;
-  Json description;  ///< path, hash, format counts
+  Json description;  ///< path, hash, counts
 };
 
 LoadedMap load_map(const std::string& path, const CommonArguments& common);
+
+/// Fails before long work, rather than after it, where a file could not be written.
+/// @throws Error (storage) if `path` is a folder, or in none that exists
+void require_folder_of(const std::string& path);
+
+/// As require_folder_of; and the extension must name a map format.
+/// @throws Error (misuse) naming `option`
+void require_map_path(const std::string& path, const std::string& option);
+
+/// Writes a map and remarks what its format does not hold.
+void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
+              MapWriteOptions options = {});
 
 /// The head that every document has; `schema` is e.g. "align".
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options);
@@ -37,8 +51,13 @@ template <class Value>
 Json to_json(const std::optional<Value>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
+/// Null for an option that was not given.
+Json text_or_null(const std::string& text);
 
 /// "metres" or "free".
 std::string to_string(LengthUnit unit);
+
+/// "m", or "units" for maps of free scale.
+std::string unit_symbol(LengthUnit unit);
 
 }  // namespace cairn::cli

@@ -8,9 +8,19 @@
 
 namespace cairn::cli {
 
-Table::Table(std::vector<std::string> header) { rows_.push_back(std::move(header)); }
+std::string fixed(double value, int digits) {
+  const std::string text = fmt::format("{:.{}f}", value, digits);
+  const bool is_zero = text.find_first_not_of("-0.") == std::string::npos;
+  return is_zero && text.starts_with('-') ? text.substr(1) : text;
+}
 
-void Table::add_row(std::vector<std::string> cells) { rows_.push_back(std::move(cells)); }
+Table::Table(std::vector<std::string> header) {
+  rows_.push_back(std::move(header));
+}
+
+void Table::add_row(std::vector<std::string> cells) {
+  rows_.push_back(std::move(cells));
+}
 
 std::string Table::text() const {
   std::vector<std::size_t> widths(rows_.front().size(), 0);

@@ -6,6 +6,9 @@
 
 namespace cairn::cli {
 
+/// With so many digits behind the point; never "-0.000".
+std::string fixed(double value, int digits);
+
 /// A table for people: the first column flush left, all others flush right.
 class Table {
  public:

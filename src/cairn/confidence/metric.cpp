@@ -107,9 +107,9 @@ Metric covariance_metric(CovarianceNorm norm) {
             return for_each_landmark(map, [&](LandmarkIndex landmark) {
               const auto covariance = map.covariance(landmark);
               if (!covariance) return 0.0;
-              return 1.0 / (1.0 + (norm == CovarianceNorm::kFrobenius
-                                       ? covariance->norm()
-                                       : spectral_norm(*covariance)));
+              return 1.0 /
+                     (1.0 + (norm == CovarianceNorm::kFrobenius ? covariance->norm()
+                                                                : spectral_norm(*covariance)));
             });
           }};
 }
@@ -136,9 +136,8 @@ Metric distance_metric() {
 Metric parallax_metric() {
   return {"parallax", [](const LandmarkMap& map) {
             require_observations(map, "parallax");
-            return for_each_landmark(map, [&](LandmarkIndex landmark) {
-              return largest_viewing_angle(map, landmark);
-            });
+            return for_each_landmark(
+                map, [&](LandmarkIndex landmark) { return largest_viewing_angle(map, landmark); });
           }};
 }
 

@@ -2,6 +2,7 @@
 #include "cairn/core/executor.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <optional>
 
 #include <tbb/info.h>
@@ -10,7 +11,43 @@
 
 #include "cairn/core/error.hpp"
 
+#if defined(__SANITIZE_THREAD__)
+#define CAIRN_THREAD_SANITIZER 1
+#elif defined(__has_feature)
+#if __has_feature(thread_sanitizer)
+#define CAIRN_THREAD_SANITIZER 1
+#endif
+#endif
+
 namespace cairn {
+namespace {
+
+#ifdef CAIRN_THREAD_SANITIZER
+// TBB's library is not built with the thread sanitizer, which therefore misses what TBB guarantees:
+// what comes before a loop happens before its blocks, and these before what comes after. Here it is
+// told so. Blocks stay unordered among each other, so that races between them still show.
+std::atomic<unsigned> loop_began;  // global, for even what a block captured was written before it
+std::atomic<unsigned> block_ended;
+
+struct LoopOrder {
+  LoopOrder() { loop_began.fetch_add(1, std::memory_order_release); }
+  LoopOrder(const LoopOrder&) = delete;
+  LoopOrder& operator=(const LoopOrder&) = delete;
+  ~LoopOrder() { (void)block_ended.load(std::memory_order_acquire); }
+};
+
+struct BlockOrder {
+  BlockOrder() { (void)loop_began.load(std::memory_order_acquire); }
+  BlockOrder(const BlockOrder&) = delete;
+  BlockOrder& operator=(const BlockOrder&) = delete;
+  ~BlockOrder() { block_ended.fetch_add(1, std::memory_order_release); }
+};
+#else
+struct LoopOrder {};
+struct BlockOrder {};
+#endif
+
+}  // namespace
 
 struct Executor::Arena {
   explicit Arena(unsigned thread_count) : threads(thread_count) {
@@ -43,8 +80,13 @@ void Executor::for_blocks(
     for (std::size_t i = 0; i < blocks; ++i) run(i);
     return;
   }
+  const auto run_ordered = [&](std::size_t i) {
+    [[maybe_unused]] const BlockOrder block_order;
+    run(i);
+  };
+  [[maybe_unused]] const LoopOrder loop_order;
   arena_->arena->execute(
-      [&] { tbb::parallel_for(std::size_t{0}, blocks, run, tbb::simple_partitioner{}); });
+      [&] { tbb::parallel_for(std::size_t{0}, blocks, run_ordered, tbb::simple_partitioner{}); });
 }
 
 }  // namespace cairn

@@ -10,7 +10,8 @@ namespace cairn {
 /// How far an estimated pose is from the true one.
 struct PoseError {
   double rotation_rad = 0.0;  ///< angle of the relative rotation, in [0, π]
-  double translation = 0.0;   ///< displacement of the source landmarks' centroid, map's unit of length
+  double translation =
+      0.0;  ///< displacement of the source landmarks' centroid, map's unit of length
 };
 
 /// The error of `estimate` against `truth`, both target_from_source. Translation is measured at the

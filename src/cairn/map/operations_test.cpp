@@ -75,6 +75,7 @@ LandmarkMap four_frames() {
 
 std::vector<std::uint64_t> values(const auto& ids) {
   std::vector<std::uint64_t> result;
+  result.reserve(ids.size());
   for (const auto id : ids) result.push_back(id.value);
   return result;
 }

@@ -134,8 +134,7 @@ class Alignment {
   }
 
   std::optional<double> score(const Rigid3& pose) const {
-    return fitness_score(
-        nearest_squared_distances(source_, pose, target_tree_, options_.executor));
+    return fitness_score(nearest_squared_distances(source_, pose, target_tree_, options_.executor));
   }
 
   IterationRecord record(Iteration iteration) const {
@@ -161,23 +160,23 @@ class Alignment {
         nearest_squared_distances(source_, pose, target_tree_, options_.executor);
     result.score = fitness_score(distances);
     if (options_.overlap_radius) {
-      const std::vector<double> back = nearest_squared_distances(
-          target_, pose.inverse(), *source_tree_, options_.executor);
+      const std::vector<double> back =
+          nearest_squared_distances(target_, pose.inverse(), *source_tree_, options_.executor);
       result.overlap = Overlap{*share_within(distances, *options_.overlap_radius),
                                *share_within(back, *options_.overlap_radius)};
     }
     PoseUncertainty uncertainty =
         pose_uncertainty(pose, moved_source, target_, result.matches, weights_);
     result.unobservable = std::move(uncertainty.unobservable);
-    if (uncertainty.covariance) result.covariance = uncentred_covariance(pose, *uncertainty.covariance);
+    if (uncertainty.covariance)
+      result.covariance = uncentred_covariance(pose, *uncertainty.covariance);
   }
 
   // The covariance is about the centred pose, whose translation differs from target_from_source's by
   // R·centred_from_source.translation() + centre: a rotation error acts on that arm too.
   Matrix6d uncentred_covariance(const Rigid3& pose, const Matrix6d& covariance) const {
     Matrix6d jacobian = Matrix6d::Identity();
-    jacobian.topRightCorner<3, 3>() =
-        -skew(pose.quaternion() * centred_from_source_.translation());
+    jacobian.topRightCorner<3, 3>() = -skew(pose.quaternion() * centred_from_source_.translation());
     const Matrix6d result = jacobian * covariance * jacobian.transpose();
     return 0.5 * (result + result.transpose());
   }
@@ -200,7 +199,8 @@ std::string sentence(const AlignResult& result, std::size_t source_size, std::si
       return fmt::format("converged after {} iterations: the mean squared match distance settled",
                          result.iterations);
     case StopReason::kNoMotion:
-      return fmt::format("converged after {} iterations: nothing moved any more", result.iterations);
+      return fmt::format("converged after {} iterations: nothing moved any more",
+                         result.iterations);
     case StopReason::kIterationLimit:
       return fmt::format("stopped at the limit of {} iterations", result.iterations);
     case StopReason::kCancelled:

@@ -19,22 +19,23 @@ namespace cairn {
 
 /// How to align. The defaults are the paper's.
 struct AlignOptions {
-  Rigid3 initial;     ///< target_from_source to start from
+  Rigid3 initial = {};  ///< target_from_source to start from
   std::size_t k = 5;  ///< candidates a point among which the most confident is matched; at least 1
-  int max_iterations = 150;             ///< at least 1
-  double mse_change_threshold = 1e-12;  ///< stop below this change of the mean squared match distance
+  int max_iterations = 150;  ///< at least 1
+  /// Stop below this change of the mean squared match distance.
+  double mse_change_threshold = 1e-12;
   double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
   bool reciprocal = false;        ///< keep only matches that hold both ways
   double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
   /// Weigh each match in the estimate by its source point's confidence (the paper does not).
   bool weight_by_source_confidence = false;
   /// Within which distance points count as overlapping; nothing: overlap is not computed.
-  std::optional<double> overlap_radius;
+  std::optional<double> overlap_radius = {};
   bool trace = false;  ///< keep score and matches of every iteration
 
   Executor executor = Executor();
-  std::stop_token stop;
-  Progress progress;
+  std::stop_token stop = {};
+  Progress progress = {};
 
   /// @throws Error (misuse) naming the field, its value and what it may be
   void validate() const;

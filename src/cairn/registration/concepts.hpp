@@ -83,8 +83,8 @@ std::string_view to_string(StopReason reason);
 
 /// What a convergence test sees after each iteration.
 struct IterationState {
-  int iteration = 0;  ///< from 1
-  Rigid3 step;        ///< the motion of this iteration
+  int iteration = 0;                   ///< from 1
+  Rigid3 step;                         ///< the motion of this iteration
   double mean_squared_distance = 0.0;  ///< of the matches, before the step
   double previous_mean_squared_distance = std::numeric_limits<double>::max();
 };

@@ -11,9 +11,8 @@ PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
                    const PointSetOptions& options) {
   std::vector<LandmarkIndex> kept = landmarks_observed(map, options.min_observations);
   const auto& ids = map.landmarks().ids;
-  std::sort(kept.begin(), kept.end(), [&](LandmarkIndex a, LandmarkIndex b) {
-    return ids[a.value] < ids[b.value];
-  });
+  std::sort(kept.begin(), kept.end(),
+            [&](LandmarkIndex a, LandmarkIndex b) { return ids[a.value] < ids[b.value]; });
   PointSet points;
   points.positions.reserve(kept.size());
   for (const LandmarkIndex landmark : kept) {

@@ -21,10 +21,10 @@ std::optional<MapFormat> format_of_extension(const std::filesystem::path& path);
 LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options = {});
 
 struct MapWriteOptions {
-  std::optional<MapFormat> format;    ///< nothing: by the path's extension
-  std::optional<int> native_version;  ///< nothing: 1 where it holds all of the map, else 2
-  bool ascii = false;                 ///< PLY and PCD: text instead of binary
-  Progress progress;
+  std::optional<MapFormat> format = {};    ///< nothing: by the path's extension
+  std::optional<int> native_version = {};  ///< nothing: 1 where it holds all of the map, else 2
+  bool ascii = false;                      ///< PLY and PCD: text instead of binary
+  Progress progress = {};
 };
 
 /// Writes a map, whole or not at all.

@@ -43,28 +43,25 @@ struct RecordCounts {
   std::uint64_t observations = 0;
 };
 
-// Counts in bytes first, which the compiler turns into vector code: a stretch is short enough for
-// them not to overflow.
-constexpr std::size_t kStretch = 255;
-
-void count_stretch(const char* text, std::size_t size, RecordCounts& counts, std::uint64_t& tokens,
-                   std::uint64_t& dashes) {
-  std::uint8_t token_starts = 0;
-  std::uint8_t dash_ends = 0;
-  std::uint8_t frames = 0;
-  std::uint8_t landmarks = 0;
-  for (std::size_t i = 0; i < size; ++i) {
-    const char before = text[static_cast<std::ptrdiff_t>(i) - 1];
-    const char c = text[i];
-    token_starts = static_cast<std::uint8_t>(token_starts + ((c > ' ') & (before <= ' ')));
-    dash_ends = static_cast<std::uint8_t>(dash_ends + ((c <= ' ') & (before == '-')));
-    frames = static_cast<std::uint8_t>(frames + ((c == 'F') & (before == '\n')));
-    landmarks = static_cast<std::uint8_t>(landmarks + ((c == 'L') & (before == '\n')));
+// Counts the tokens that start in a text, and those ending in '-'; text[-1] must be there. Counts
+// in bytes first, which the compiler turns into vector code: a stretch is too short to overflow
+// them.
+void count_tokens(const char* text, std::size_t size, std::uint64_t& tokens,
+                  std::uint64_t& dashes) {
+  constexpr std::size_t kStretch = 255;
+  for (std::size_t begin = 0; begin < size; begin += kStretch) {
+    const std::size_t end = std::min(begin + kStretch, size);
+    std::uint8_t token_starts = 0;
+    std::uint8_t dash_ends = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const char before = text[static_cast<std::ptrdiff_t>(i) - 1];
+      const char c = text[i];
+      token_starts = static_cast<std::uint8_t>(token_starts + ((c > ' ') & (before <= ' ')));
+      dash_ends = static_cast<std::uint8_t>(dash_ends + ((c <= ' ') & (before == '-')));
+    }
+    tokens += token_starts;
+    dashes += dash_ends;
   }
-  tokens += token_starts;
-  dashes += dash_ends;
-  counts.frames += frames;
-  counts.landmarks += landmarks;
 }
 
 // An estimate that the bytes present bound: exact where records start their lines.
@@ -75,15 +72,25 @@ RecordCounts estimate_records(ByteSource& source) {
   const std::size_t block_size = block_size_for(source);
   std::vector<char> block(block_size + 1);
   block[0] = '\n';
+  bool in_landmark = false;
   std::uint64_t tokens = 0;  // in landmark records, as the next
   std::uint64_t dashes = 0;
-  bool in_landmark = false;
   std::uint64_t bytes = 0;
   RecordCounts counts;
   while (const std::size_t size = source.read(block.data() + 1, block_size)) {
-    for (std::size_t begin = 1; begin <= size; begin += kStretch) {
-      count_stretch(block.data() + begin, std::min(kStretch, size + 1 - begin), counts, tokens,
-                    dashes);
+    const char* next = block.data() + 1;
+    const char* const end = next + size;
+    while (next != end) {
+      if (next[-1] == '\n') {
+        in_landmark = *next == 'L';
+        counts.landmarks += in_landmark ? 1 : 0;
+        counts.frames += *next == 'F' ? 1 : 0;
+      }
+      const auto left = static_cast<std::size_t>(end - next);
+      const void* const newline = std::memchr(next, '\n', left);
+      const char* const stop = newline != nullptr ? static_cast<const char*>(newline) + 1 : end;
+      if (in_landmark) count_tokens(next, static_cast<std::size_t>(stop - next), tokens, dashes);
+      next = stop;
     }
     bytes += size;
     block[0] = block[size];
@@ -428,7 +435,7 @@ class NativeReader {
   void read_covariance(Fields& fields) {
     auto& covariances = tables_.landmarks.covariances;
     if (version_ == 2 && fields.take_unknown()) {
-      covariances.push_back(Eigen::Matrix3d::Constant(kNan));
+      covariances.emplace_back(Eigen::Matrix3d::Constant(kNan));
       return;
     }
     constexpr std::array<const char*, 9> kNames = {"c00", "c01", "c02", "c10", "c11",
@@ -786,6 +793,8 @@ class NativeWriter {
     buffer_ += ' ';
     append_number(buffer_, value);
   }
+  void append_field(std::uint32_t value) { append_field(std::uint64_t{value}); }
+  void append_field(std::int32_t value) { append_field(std::string_view(std::to_string(value))); }
   void append_field(std::string_view text) {
     buffer_ += ' ';
     buffer_ += text;
@@ -911,10 +920,6 @@ class NativeWriter {
     const auto optional_field = [&](const auto& column, std::uint64_t k) {
       if (column.empty() || !column[k]) {
         field(std::string_view("-"));
-      } else if constexpr (std::is_same_v<std::decay_t<decltype(*column[k])>, std::int32_t>) {
-        field(std::string_view(std::to_string(*column[k])));
-      } else if constexpr (std::is_same_v<std::decay_t<decltype(*column[k])>, std::uint32_t>) {
-        field(std::uint64_t{*column[k]});
       } else {
         field(*column[k]);
       }

@@ -26,6 +26,7 @@ using testing::EqualsMap;
 class RealMap : public ::testing::Test {
  protected:
   void SetUp() override {
+    // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
     const char* const folder = std::getenv("CAIRN_DATA");
     if (folder == nullptr) {
       GTEST_SKIP() << "CAIRN_DATA does not name the folder of real data: nothing was tested";

@@ -295,7 +295,7 @@ TEST(ReadNative, RefusesUnknownRecords) {
       {std::string(kFrame) + "CAIRN 2\n",
        "desk.map:2: unknown record 'CAIRN'; expected FRAME or LANDMARK"},
       {"\xef\xbb\xbf" + std::string(kFrame),
-       "desk.map:1: unknown record '\\xef\\xbb\\xbfFRAME'; expected FRAME or LANDMARK"},
+       R"(desk.map:1: unknown record '\xef\xbb\xbfFRAME'; expected FRAME or LANDMARK)"},
   });
 }
 
@@ -827,7 +827,7 @@ TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
     for (;;) {
       const std::uint64_t bits = random();
       if (bits % 8 == 0) return corners[random() % corners.size()];
-      const double value = std::bit_cast<double>(bits % 8 == 1 ? bits & 0x800fffffffffffffU : bits);
+      const auto value = std::bit_cast<double>(bits % 8 == 1 ? bits & 0x800fffffffffffffU : bits);
       if (std::isfinite(value)) return value;
     }
   };
@@ -836,11 +836,11 @@ TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
   for (std::uint32_t i = 0; i < 2000; ++i) {
     tables.frames.ids.push_back(FrameId{(random() & ~std::uint64_t{4095}) | i});
     tables.frames.translations.emplace_back(any(), any(), any());
-    const double angle = static_cast<double>(random() % 1000);
+    const auto angle = static_cast<double>(random() % 1000);
     tables.frames.quaternions.push_back({std::cos(angle), 0.0, std::sin(angle), -0.0});
     tables.landmarks.ids.push_back(LandmarkId{(random() & ~std::uint64_t{4095}) | i});
     tables.landmarks.positions.emplace_back(any(), any(), any());
-    tables.landmarks.covariances.push_back(
+    tables.landmarks.covariances.emplace_back(
         Eigen::Vector3d(std::abs(any()), std::abs(any()), std::abs(any())).asDiagonal());
     for (std::uint64_t k = random() % 4; k > 0; --k) {
       tables.observations.frames.push_back(FrameIndex{static_cast<std::uint32_t>(random() % 2000)});

@@ -10,9 +10,9 @@ namespace cairn {
 
 /// What every reader of a map format takes.
 struct MapReadOptions {
-  Progress progress;
-  std::stop_token stop;  ///< asked for: reading throws Error (cancelled)
-  LogSink log;           ///< told what was left out and why
+  Progress progress = {};
+  std::stop_token stop = {};  ///< asked for: reading throws Error (cancelled)
+  LogSink log = {};           ///< told what was left out and why
 };
 
 }  // namespace cairn

@@ -405,6 +405,13 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
   table.append_columns(columns, static_cast<std::size_t>(points));
 }
 
+// Passes over the zeros, up to a page of memory, that PCL leaves behind binary data of any kind.
+void skip_page_filling(HeadedSource& source) {
+  constexpr std::size_t kLargestPage = std::size_t{1} << 16;
+  const std::string_view rest = source.peek(kLargestPage + 1).substr(0, kLargestPage);
+  source.consume(std::min(rest.find_first_not_of('\0'), rest.size()));
+}
+
 }  // namespace
 
 LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
@@ -423,6 +430,7 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
     } else {
       read_compressed_points(headed, header.points(), table);
     }
+    skip_page_filling(headed);
     headed.expect_end();
   }
   return std::move(table).finish();

@@ -226,12 +226,12 @@ TEST(Pcd, ReadsEveryTypeInEveryEncoding) {
 
 TEST(Pcd, ReadsPackedColoursOfEitherType) {
   // The bits of the second are those of a signalling NaN, which a detour over double would change.
-  const std::uint32_t kPacked[] = {0x00c88028, 0xff8001feU, 0x00000000};
+  const std::uint32_t packed_colors[] = {0x00c88028, 0xff8001feU, 0x00000000};
   for (const std::string name : {"rgb", "rgba"}) {
     for (const std::string type : {"U", "F", "I"}) {
       std::string file =
           header("x y z " + name, "4 4 4 4", "F F F " + type, "1 1 1 1", "3", "binary");
-      for (const std::uint32_t packed : kPacked) {
+      for (const std::uint32_t packed : packed_colors) {
         for (const float value : {1.0F, 2.0F, 3.0F}) put(file, value);
         put(file, packed);
       }
@@ -253,6 +253,12 @@ TEST(Pcd, ReadsPackedColoursOfEitherType) {
       read(header("x y z rgb", "4 4 4 8", "F F F F", "1 1 1 1", "1", "ascii") + "1 2 3 0.5\n");
   EXPECT_TRUE(wide.landmarks().colors.empty());
   EXPECT_THAT(wide.column("rgb")->values, ElementsAre(0.5));
+  // Its name stays its own when the map is written: no other field is a colour then.
+  const LandmarkMap both = read(header("x y z rgb rgba red green blue", "4 4 4 8 4 1 1 1",
+                                       "F F F F U U U U", "1 1 1 1 1 1 1 1", "1", "ascii") +
+                                "1 2 3 0.5 9 1 1 1\n");
+  EXPECT_TRUE(both.landmarks().colors.empty());
+  expect_same_landmarks(both, read(written(both, false)));
   // Neither are separate channels lost.
   const LandmarkMap channels = read(
       header("x y z red green blue", "4 4 4 1 1 1", "F F F U U U", "1 1 1 1 1 1", "1", "ascii") +
@@ -361,6 +367,18 @@ TEST(Pcd, ReadsCompressedData) {
   }
 }
 
+TEST(Pcd, BinaryDataMayBeFilledUpWithAPageOfZeros) {
+  for (const std::string& file :
+       {xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144),
+        xyz_header("12", "binary") + std::string(144, '\0')}) {
+    EXPECT_EQ(read(file + std::string(4096, '\0')).landmark_count(), 12U);
+    EXPECT_EQ(read(file + std::string(65536, '\0')).landmark_count(), 12U);
+    EXPECT_THAT(refusal(file + std::string(65537, '\0')), HasSubstr("more data"));
+    EXPECT_THAT(refusal(file + std::string(50, '\0') + 'a'),
+                HasSubstr("test.pcd: byte " + std::to_string(file.size() + 50) + ": more data"));
+  }
+}
+
 TEST(Pcd, CompressedDataMayHoldPaddingOrNot) {
   const std::string head = header("x y z _ pair n", "4 4 4 1 1 2", "F F F U U U", "1 1 1 4 2 1",
                                   "2", "binary_compressed");
@@ -403,10 +421,8 @@ TEST(Pcd, RefusesMalformedCompressedData) {
   EXPECT_THAT(refusal(head + size_144.substr(0, 20)),
               HasSubstr(at(20) + "the file ends after 12 bytes of compressed data"));
   // Literals and references that are cut off.
-  for (const std::string& cut : {std::string("\x05"
-                                             "ab"),
-                                 std::string("\x20"), std::string("\xe0\x01")}) {
-    EXPECT_THAT(refusal(head + compressed_block(good + cut, 144)),
+  for (const char* const cut : {"\5ab", "\40", "\340\1"}) {
+    EXPECT_THAT(refusal(head + compressed_block(std::string(good).append(cut), 144)),
                 HasSubstr(at(8 + good.size()) + "the compressed data ends within an instruction"));
   }
   EXPECT_THAT(refusal(head + compressed_block(std::string("\x00"
@@ -490,7 +506,7 @@ TEST(Pcd, RefusesMalformedInput) {
   EXPECT_EQ(refusal(binary + std::string(17, '\0')),
             "test.pcd: byte " + std::to_string(binary.size() + 17) +
                 ": field 2 (y): the file ends after 1 of 2 points; expected 12 bytes for each");
-  EXPECT_THAT(refusal(binary + std::string(25, '\0')), HasSubstr("the file to end here"));
+  EXPECT_THAT(refusal(binary + std::string(24, '\0') + '\n'), HasSubstr("the file to end here"));
 }
 
 TEST(Pcd, AColumnOfATakenNameIsNotWritten) {

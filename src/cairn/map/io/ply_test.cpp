@@ -182,10 +182,10 @@ TEST(Ply, ObservationCountsComeBackAsAColumn) {
 }
 
 TEST(Ply, ReadsEveryTypeInEveryEncoding) {
-  const char* const kNames[2][8] = {
+  const char* const type_names[2][8] = {
       {"char", "uchar", "short", "ushort", "int", "uint", "float", "double"},
       {"int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"}};
-  for (const auto& names : kNames) {
+  for (const auto& names : type_names) {
     for (const std::string encoding : {"ascii", "binary_little_endian", "binary_big_endian"}) {
       std::string file = "ply\nformat " + encoding + " 1.0\nelement vertex 2\n";
       for (const char* const axis : {"x", "y", "z"}) {
@@ -223,13 +223,13 @@ TEST(Ply, ReadsEveryTypeInEveryEncoding) {
       ASSERT_EQ(map.landmark_count(), 2U) << encoding;
       EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1.5, -2, 30));
       EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
-      const double kFirst[] = {-128, 255, -32768, 65535, -2147483648.0, 4294967295.0, -0.25, 0.1};
-      const double kSecond[] = {127, 0, 32767, 0, 2147483647.0, 0, kNan, -1e300};
+      const double first[] = {-128, 255, -32768, 65535, -2147483648.0, 4294967295.0, -0.25, 0.1};
+      const double second[] = {127, 0, 32767, 0, 2147483647.0, 0, kNan, -1e300};
       for (std::size_t i = 0; i < 8; ++i) {
         const NamedColumn* const column = map.column(std::string("c_") + names[i]);
         ASSERT_NE(column, nullptr) << names[i];
-        EXPECT_TRUE(same_bits(column->values[0], kFirst[i])) << encoding << names[i];
-        EXPECT_TRUE(same_bits(column->values[1], kSecond[i])) << encoding << names[i];
+        EXPECT_TRUE(same_bits(column->values[0], first[i])) << encoding << names[i];
+        EXPECT_TRUE(same_bits(column->values[1], second[i])) << encoding << names[i];
       }
     }
   }
@@ -538,15 +538,17 @@ TEST(Ply, AnyDamageIsReadOrRefused) {
 
 TEST(Ply, AnnouncedCountsCostNoMemory) {
   const std::int64_t before = peak_memory_kb();
-  const std::string binary = "ply\nformat binary_little_endian 1.0\n";
-  const std::string faces = "property list uint double l\nend_header\n";
+  const auto binary_file = [](const std::string& element, const std::string& rest) {
+    return "ply\nformat binary_little_endian 1.0\nelement " + element + '\n' + std::string(kXyz) +
+           rest;
+  };
   for (const std::string& file :
-       {binary + "element vertex 1000000000000000000\n" + std::string(kXyz) + "end_header\n",
-        binary + "element vertex 4294967295\n" + std::string(kXyz) + "end_header\n0123456789abcdef",
-        binary + "element vertex 4294967295\n" + std::string(kXyz) + faces +
-            std::string(40, '\xff'),
-        binary + "element face 18446744073709551615\nproperty int i\nelement vertex 0\n" +
-            std::string(kXyz) + "end_header\n",
+       {binary_file("vertex 1000000000000000000", "end_header\n"),
+        binary_file("vertex 4294967295", "end_header\n0123456789abcdef"),
+        binary_file("vertex 4294967295",
+                    "property list uint double l\nend_header\n" + std::string(40, '\xff')),
+        binary_file("face 18446744073709551615",
+                    "element vertex 0\n" + std::string(kXyz) + "end_header\n"),
         ascii_file(4294967295, "", "1 2 3\n")}) {
     EXPECT_NE(refusal(file), "");
     Pipe pipe(file, 1 << 20);

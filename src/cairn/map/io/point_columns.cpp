@@ -158,6 +158,12 @@ bool parse(std::string_view text, T& value) {
   return error == std::errc{} && stop == end;
 }
 
+// A small file needs no large block; one byte more tells its end.
+std::size_t block_size_for(const ByteSource& source) {
+  const std::uint64_t size = source.size().value_or(kBlockSize);
+  return static_cast<std::size_t>(std::clamp<std::uint64_t>(size, 4095, kBlockSize - 1)) + 1;
+}
+
 // Bytes that a field takes in a binary point, its list apart.
 std::uint64_t fixed_size(const PointField& field) {
   return field.list_count ? 0 : field.count * size_of(field.type);
@@ -286,7 +292,7 @@ std::uint32_t load_little_endian_32(const char* bytes) {
 // ---- HeadedSource
 
 HeadedSource::HeadedSource(ByteSource& source, const MapReadOptions& options)
-    : source_(source), options_(options), buffer_(kBlockSize) {}
+    : source_(source), options_(options), buffer_(block_size_for(source)) {}
 
 std::string_view HeadedSource::header_line(std::string_view expected) {
   // A line within the first block needs no more memory than the block.
@@ -294,7 +300,7 @@ std::string_view HeadedSource::header_line(std::string_view expected) {
   std::string_view bytes = peek(1);
   for (;;) {
     const std::size_t size = bytes.find('\n');
-    if (size != std::string_view::npos && size <= kLongest) {
+    if (size <= kLongest) {
       ++header_lines_;
       consume(size + 1);
       return trimmed(bytes.substr(0, size));
@@ -398,7 +404,9 @@ std::size_t HeadedSource::read_more(char* buffer, std::size_t capacity) {
 // ---- TextRows
 
 TextRows::TextRows(HeadedSource& source)
-    : source_(source), header_lines_(source.header_lines()), lines_(source) {}
+    : source_(source),
+      header_lines_(source.header_lines()),
+      lines_(source, block_size_for(source)) {}
 
 std::optional<std::string_view> TextRows::next_filled() {
   while (const auto line = lines_.next()) {
@@ -479,16 +487,18 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   for (std::size_t i = 0; has_covariances_ && i < kCovarianceEntries.size(); ++i) {
     use(kCovarianceEntries[i].name, Role::kCovariance, i);
   }
+  bool may_have_channels = true;
   if (format == PointFormat::kPcd) {
-    for (const std::string_view name : {"rgb", "rgba"}) {
-      const PointField* const packed = find(name);
-      if (has_colors_ || packed == nullptr || size_of(packed->type) != 4) continue;
-      use(name, Role::kPackedColor, 0);
-      has_colors_ = true;
-    }
+    // A field 'rgb' that is something else keeps its name: no colour could be written beside it.
+    const std::string_view name = find("rgb") != nullptr ? "rgb" : "rgba";
+    const PointField* const packed = find(name);
+    has_colors_ = packed != nullptr && size_of(packed->type) == 4;
+    if (has_colors_) use(name, Role::kPackedColor, 0);
+    may_have_channels = !has_colors_ && find("rgb") == nullptr;
   }
   const bool has_channels =
-      !has_colors_ && std::all_of(kChannels.begin(), kChannels.end(), [&](std::string_view name) {
+      may_have_channels &&
+      std::all_of(kChannels.begin(), kChannels.end(), [&](std::string_view name) {
         const PointField* const channel = find(name);
         return channel != nullptr && channel->type == ScalarType::kUint8;
       });
@@ -539,26 +549,30 @@ void PointTable::put(Slot slot, std::size_t row, T value) {
     case Role::kColumn:
       columns_[slot.index].values[row] = static_cast<double>(value);
       break;
-    case Role::kChannel:
+    default:
       if constexpr (std::is_integral_v<T>) {
-        Color& color = *colors_[row];
-        (slot.index == 0   ? color.red
-         : slot.index == 1 ? color.green
-                           : color.blue) = static_cast<std::uint8_t>(value);
+        using Widest = std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>;
+        put_integer(slot, row, static_cast<std::uint64_t>(Widest{value}));
       }
+  }
+}
+
+void PointTable::put_integer(Slot slot, std::size_t row, std::uint64_t bits) {
+  const auto byte = [&](int shift) { return static_cast<std::uint8_t>(bits >> shift & 0xffU); };
+  switch (slot.role) {
+    case Role::kChannel: {
+      Color& color = *colors_[row];
+      std::uint8_t* const channels[] = {&color.red, &color.green, &color.blue};
+      *channels[slot.index] = byte(0);
       break;
+    }
     case Role::kPackedColor:
-      if constexpr (std::is_integral_v<T>) {
-        const auto bits = static_cast<std::uint32_t>(value);
-        colors_[row] = Color{static_cast<std::uint8_t>(bits >> 16 & 0xffU),
-                             static_cast<std::uint8_t>(bits >> 8 & 0xffU),
-                             static_cast<std::uint8_t>(bits & 0xffU)};
-      }
+      colors_[row] = Color{byte(16), byte(8), byte(0)};
       break;
     case Role::kId:
-      if constexpr (std::is_integral_v<T>) ids_[row] = static_cast<std::uint64_t>(value);
+      ids_[row] = bits;
       break;
-    case Role::kSkipped:
+    default:
       break;
   }
 }

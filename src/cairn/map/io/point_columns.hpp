@@ -145,6 +145,7 @@ class PointTable {
   void grow(std::size_t rows);
   template <class T>
   void put(Slot slot, std::size_t row, T value);
+  void put_integer(Slot slot, std::size_t row, std::uint64_t bits);
   void put_text(std::size_t field, std::string_view text, std::uint64_t line, std::uint64_t token);
   void put_run(std::size_t field, std::size_t first_row, std::size_t rows, const char* bytes,
                std::size_t step, bool swap_bytes);

@@ -24,8 +24,8 @@ std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
 }
 
 std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction) {
-  const auto dropped = static_cast<std::size_t>(
-      std::floor(trimmed_fraction * static_cast<double>(matches.size())));
+  const auto dropped =
+      static_cast<std::size_t>(std::floor(trimmed_fraction * static_cast<double>(matches.size())));
   if (dropped == 0) return matches;
   std::vector<std::size_t> order(matches.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -30,7 +30,8 @@ std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction);
 
 struct ConfidentNeighborOptions {
   std::size_t k = 5;  ///< candidates a point
-  double max_distance = std::numeric_limits<double>::infinity();  ///< candidates beyond do not count
+  double max_distance =
+      std::numeric_limits<double>::infinity();  ///< candidates beyond do not count
   double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
 };
 

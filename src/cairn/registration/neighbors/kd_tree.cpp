@@ -80,7 +80,9 @@ KdTree::~KdTree() = default;
 KdTree::KdTree(KdTree&&) noexcept = default;
 KdTree& KdTree::operator=(KdTree&&) noexcept = default;
 
-std::size_t KdTree::size() const { return index_->access.points.size(); }
+std::size_t KdTree::size() const {
+  return index_->access.points.size();
+}
 
 std::size_t KdTree::nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
   if (size() == 0 || out.empty()) return 0;

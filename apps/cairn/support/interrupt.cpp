@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/interrupt.hpp"
+
+#include <atomic>
+#include <csignal>
+#include <cstdlib>
+#include <ctime>
+#include <thread>
+
+namespace cairn::cli {
+namespace {
+
+std::stop_source& requests() {
+  static std::stop_source source;
+  return source;
+}
+
+std::atomic<int> received = SIGINT;
+
+// A program started with a signal ignored (nohup, a script's background job) goes on ignoring it.
+bool is_ignored(int signal) {
+  struct sigaction action = {};
+  return ::sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+}  // namespace
+
+void catch_interrupts() {
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  for (const int signal : {SIGINT, SIGTERM}) {
+    if (!is_ignored(signal)) ::sigaddset(&signals, signal);
+  }
+  // All threads inherit the mask: the signals reach nobody but the thread that waits for them,
+  // where anything may be called, unlike in a signal handler.
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  requests();
+  std::thread([signals] {
+    int signal = SIGINT;
+    if (::sigwait(&signals, &signal) != 0) return;
+    received = signal;
+    requests().request_stop();
+    constexpr timespec kPatience = {2, 0};
+    ::sigtimedwait(&signals, nullptr, &kPatience);
+    end_by_interrupt();
+  }).detach();
+}
+
+std::stop_token interrupt_requests() {
+  return requests().get_token();
+}
+
+void end_by_interrupt() {
+  const int signal = received;
+  std::signal(signal, SIG_DFL);
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  ::sigaddset(&signals, signal);
+  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  ::raise(signal);
+  std::_Exit(128 + signal);
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+
+#include <opencv2/core/mat.hpp>
+
+namespace cairn {
+
+/// Reads a colour image (PNG or JPEG, grey or colour) as 8-bit grey, of its own size.
+/// @throws Error (input) naming the file: missing, neither PNG nor JPEG, cut off, damaged
+cv::Mat read_gray_image(const std::filesystem::path& path);
+
+/// Reads a colour image (PNG or JPEG) as 8-bit blue, green, red.
+/// @throws Error as read_gray_image
+cv::Mat read_color_image(const std::filesystem::path& path);
+
+/// Reads a depth image, a PNG of one 16-bit channel, as it is stored.
+/// @throws Error as read_gray_image, and for any other kind of image
+cv::Mat read_depth_image(const std::filesystem::path& path);
+
+/// Writes an image as PNG, whole or not at all.
+/// @throws Error (storage) naming the file
+void write_png(const std::filesystem::path& path, const cv::Mat& image);
+
+}  // namespace cairn

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/sequence/sequence.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/sequence/image_file.hpp"
+#include "cairn/sequence/tum_layout.hpp"
+
+namespace cairn {
+namespace {
+
+std::vector<ImageEntry> list_in(const std::filesystem::path& file, const LogSink& log) {
+  FileReader reader(file);
+  return read_image_list(reader, log);
+}
+
+}  // namespace
+
+void SequenceOptions::validate() const {
+  const auto require_positive = [](double value, std::string_view field) {
+    if (value > 0.0 && value < 1e9) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("SequenceOptions.{}", field),
+                fmt::format("{}", value), "a positive number");
+  };
+  require_positive(max_time_difference_s, "max_time_difference_s");
+  require_positive(depth_units_per_metre, "depth_units_per_metre");
+}
+
+RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options,
+                           const LogSink& log)
+    : depth_units_per_metre_(options.depth_units_per_metre) {
+  options.validate();
+  if (!std::filesystem::is_directory(folder)) {
+    throw Error(ErrorKind::kInput, folder.string(), "not a folder",
+                "the folder of a sequence with rgb.txt and depth.txt");
+  }
+  const std::vector<ImageEntry> color = list_in(folder / "rgb.txt", log);
+  const std::vector<ImageEntry> depth = list_in(folder / "depth.txt", log);
+  for (const ImagePair& pair : associate_images(color, depth, options.max_time_difference_s)) {
+    SequenceFrame frame{color[pair.color].timestamp_s, folder / color[pair.color].file, {}};
+    if (pair.depth) {
+      frame.depth = folder / depth[*pair.depth].file;
+    } else {
+      ++frames_without_depth_;
+    }
+    frames_.push_back(std::move(frame));
+  }
+  unused_depth_images_ = depth.size() - (frames_.size() - frames_without_depth_);
+}
+
+RgbdSequence::Images RgbdSequence::read(std::size_t frame) const {
+  if (frame >= frames_.size()) {
+    throw Error(ErrorKind::kMisuse, "frame", fmt::format("{} of {}", frame, frames_.size()),
+                "the position of a frame");
+  }
+  Images images;
+  images.gray = read_gray_image(frames_[frame].color);
+  if (const auto& path = frames_[frame].depth) {
+    const cv::Mat raw = read_depth_image(*path);
+    if (raw.size() != images.gray.size()) {
+      throw Error(ErrorKind::kInput, path->string(),
+                  fmt::format("{} x {} pixels", raw.cols, raw.rows),
+                  fmt::format("{} x {}, as its colour image", images.gray.cols, images.gray.rows));
+    }
+    raw.convertTo(images.depth, CV_32F, 1.0 / depth_units_per_metre_);
+  }
+  return images;
+}
+
+}  // namespace cairn

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/sequence/tum_layout.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string_view>
+#include <tuple>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::string_view kBlanks = " \t\r";
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+}
+
+// Whether a path stays within the folder it is relative to.
+bool stays_inside(const std::string& file) {
+  const std::filesystem::path path(file);
+  return path.is_relative() &&
+         std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
+}
+
+struct NumberedEntry {
+  ImageEntry entry;
+  std::uint64_t line;
+};
+
+NumberedEntry parse_entry(std::string_view line, const std::string& source, std::uint64_t number) {
+  const std::string place = fmt::format("{}:{}", source, number);
+  const std::string_view time = line.substr(0, line.find_first_of(kBlanks));
+  const auto timestamp = parse_number(time);
+  if (!timestamp) {
+    throw Error(ErrorKind::kInput, place + ": field 1 (timestamp)",
+                printable(time) + " is not a number", "seconds");
+  }
+  const std::string file(trimmed(line.substr(time.size())));
+  if (file.empty()) {
+    throw Error(ErrorKind::kInput, place + ": field 2 (file)", "missing", "timestamp file");
+  }
+  if (!stays_inside(file)) {
+    throw Error(ErrorKind::kInput, place + ": field 2 (file)",
+                printable(file) + " leaves the sequence's folder", "a path inside it");
+  }
+  return {{*timestamp, file}, number};
+}
+
+}  // namespace
+
+std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) {
+  std::vector<NumberedEntry> entries;
+  LineReader lines(source);
+  while (const auto line = lines.next()) {
+    const std::string_view text = trimmed(*line);
+    if (text.empty() || text.front() == '#') continue;
+    entries.push_back(parse_entry(text, source.name(), lines.line_number()));
+  }
+  if (entries.empty()) {
+    throw Error(ErrorKind::kInput, source.name(), "no images", "lines of timestamp and file");
+  }
+  const auto earlier = [](const NumberedEntry& a, const NumberedEntry& b) {
+    return a.entry.timestamp_s < b.entry.timestamp_s;
+  };
+  if (!std::is_sorted(entries.begin(), entries.end(), earlier)) {
+    if (log) log(source.name() + ": the images are not in the order of time; sorted");
+    std::stable_sort(entries.begin(), entries.end(), earlier);
+  }
+  std::vector<ImageEntry> result;
+  for (NumberedEntry& entry : entries) {
+    if (!result.empty() && result.back().timestamp_s == entry.entry.timestamp_s) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: field 1 (timestamp)", source.name(), entry.line),
+                  fmt::format("{:.6f} stands above already", entry.entry.timestamp_s),
+                  "each timestamp once");
+    }
+    result.push_back(std::move(entry.entry));
+  }
+  return result;
+}
+
+std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
+                                        const std::vector<ImageEntry>& depth,
+                                        double max_difference_s) {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < color.size(); ++i) {
+    const double time = color[i].timestamp_s;
+    while (first < depth.size() && depth[first].timestamp_s <= time - max_difference_s) ++first;
+    for (std::size_t j = first; j < depth.size(); ++j) {
+      const double difference = depth[j].timestamp_s - time;
+      if (difference >= max_difference_s) break;
+      candidates.emplace_back(std::abs(difference), i, j);
+    }
+  }
+  std::sort(candidates.begin(), candidates.end());
+  std::vector<ImagePair> pairs(color.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i].color = i;
+  std::vector<bool> taken(depth.size(), false);
+  for (const auto& [difference, i, j] : candidates) {
+    if (pairs[i].depth || taken[j]) continue;
+    pairs[i].depth = j;
+    taken[j] = true;
+  }
+  return pairs;
+}
+
+}  // namespace cairn

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/align.hpp"
+
+#include <cstdint>
+#include <numbers>
+#include <string>
+
+#include "cairn/core/file.hpp"
+#include "cairn/evaluation/pose_error.hpp"
+#include "cairn/map/operations.hpp"
+
+#include "cli.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+class AlignTest : public CliTest {
+ protected:
+  const Words pair_ = {"align", "source.map", "target.map", "--initial-matrix", "start.txt"};
+
+  Words pair(const Words& more) const {
+    Words words = pair_;
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+};
+
+TEST_F(AlignTest, PrintsEachStrategyOnStdoutAndNothingElse) {
+  write_pair();
+  const CommandResult result =
+      cairn(pair({"--confidence", "none,covariance,observations,distance"}));
+  EXPECT_EQ(result.exit_code, kDone);
+  EXPECT_THAT(result.errors, IsEmpty());
+  for (const char* const name : {"none", "covariance", "observations", "distance"}) {
+    EXPECT_THAT(result.output, ContainsRegex(std::string("\n") + name + " +[15] +aligned"));
+    EXPECT_THAT(result.output, HasSubstr(std::string("\n") + name + ": converged"));
+  }
+  EXPECT_THAT(result.output, HasSubstr("target_from_source: x "));
+  EXPECT_THAT(result.output, HasSubstr("m^2"));
+}
+
+TEST_F(AlignTest, JsonHasEveryFieldAndNullWhereThereIsNone) {
+  const SyntheticPair maps = write_pair();
+  const Json json = document(pair({"--confidence", "none,covariance", "-k", "7"}));
+  EXPECT_EQ(json.at("schema"), Json({{"name", "cairn.align"}, {"version", 1}}));
+  EXPECT_TRUE(json.at("cairn_version").is_string());
+  EXPECT_EQ(json.at("seed"), 0);
+  for (const char* const role : {"source", "target"}) {
+    const Json& input = json.at("inputs").at(role);
+    const std::string name = std::string(role) + ".map";
+    EXPECT_EQ(input.at("path"), name);
+    EXPECT_EQ(input.at("hash"), hash_file(path(name)));
+    EXPECT_EQ(input.at("frames"), 20);
+    EXPECT_EQ(input.at("landmarks"), 600);
+    EXPECT_GT(input.at("observations"), 600);
+    EXPECT_EQ(input.at("kept_landmarks"),
+              landmarks_observed(role[0] == 's' ? maps.source : maps.target, 2).size());
+  }
+  EXPECT_EQ(json.at("options").at("k"), 7);
+  EXPECT_EQ(json.at("options").at("max_iterations"), 150);
+  EXPECT_EQ(json.at("options").at("min_observations"), 2);
+  EXPECT_TRUE(json.at("options").at("max_distance").is_null());
+  EXPECT_EQ(json.at("options").at("confidence"), Json({"none", "covariance"}));
+
+  ASSERT_EQ(json.at("results").size(), 2U);
+  EXPECT_EQ(json.at("results").at(0).at("confidence"), "none");
+  EXPECT_EQ(json.at("results").at(0).at("k"), 1);
+  EXPECT_EQ(json.at("results").at(1).at("confidence"), "covariance");
+  EXPECT_EQ(json.at("results").at(1).at("k"), 7);
+  for (const Json& result : json.at("results")) {
+    EXPECT_EQ(result.at("status"), "aligned");
+    EXPECT_EQ(result.at("verdict"), "none");
+    EXPECT_EQ(result.at("method"), "icp");
+    EXPECT_EQ(result.at("scale"), 1.0);
+    EXPECT_EQ(result.at("length_unit"), "metres");
+    EXPECT_THAT(result.at("reason").get<std::string>(), Not(IsEmpty()));
+    EXPECT_TRUE(result.at("stop_reason").is_string());
+    EXPECT_GT(result.at("score"), 0.0);
+    EXPECT_GT(result.at("initial_score"), 0.0);
+    EXPECT_GT(result.at("iterations"), 0);
+    EXPECT_EQ(result.at("matches"), json.at("inputs").at("source").at("kept_landmarks"));
+    EXPECT_GT(result.at("overlap").at("source"), 0.5);
+    EXPECT_GT(result.at("overlap").at("target"), 0.5);
+    EXPECT_EQ(result.at("overlap").at("radius"), 0.05);
+    EXPECT_EQ(result.at("covariance").size(), 6U);
+    EXPECT_TRUE(result.at("unobservable").is_array());
+    EXPECT_GT(result.at("duration_s"), 0.0);
+    for (const char* const absent : {"probability", "candidates", "error"}) {
+      EXPECT_TRUE(result.at(absent).is_null()) << absent;
+    }
+    ASSERT_EQ(result.at("history").size(), result.at("iterations"));
+    const Json& last = result.at("history").back();
+    EXPECT_EQ(last.at("target_from_source"), result.at("target_from_source"));
+    EXPECT_TRUE(last.at("mean_squared_distance").is_number());
+    EXPECT_FALSE(last.contains("score"));
+  }
+}
+
+TEST_F(AlignTest, TraceAddsScoreAndMatchesOfEachIteration) {
+  write_pair();
+  const Json result = document(pair({"--trace"})).at("results").at(0);
+  const Json& last = result.at("history").back();
+  EXPECT_EQ(last.at("score"), result.at("score"));
+  EXPECT_EQ(last.at("matches").size(), result.at("matches"));
+}
+
+TEST_F(AlignTest, JsonGoesToStdoutInsteadOfTheTableAndToAFileBesideIt) {
+  write_pair();
+  const CommandResult to_file = cairn(pair({"--json", "result.json"}));
+  EXPECT_THAT(to_file.output, HasSubstr("score after"));
+  const Json file = Json::parse(content("result.json"));
+  EXPECT_EQ(file.at("results").at(0).at("score"), document(pair_).at("results").at(0).at("score"));
+}
+
+TEST_F(AlignTest, AnswersAsTheLibraryDoes) {
+  const SyntheticPair maps = write_pair();
+  const Json document_ = document(pair({"--confidence", "covariance"}));
+  AlignOptions options;
+  options.initial = pose_of(document_.at("options").at("initial"));
+  const AlignResult expected = align(maps.source, maps.target, covariance_metric(), options);
+  const Json& result = document_.at("results").at(0);
+  EXPECT_EQ(result.at("score"), expected.score.value());
+  EXPECT_EQ(result.at("iterations"), expected.iterations);
+  const Matrix4d difference =
+      pose_of(result.at("target_from_source")).matrix() - expected.target_from_source.matrix();
+  EXPECT_LT(difference.norm(), 1e-12);
+}
+
+TEST_F(AlignTest, TruthAddsPoseErrors) {
+  const SyntheticPair maps = write_pair();
+  const Words words = pair({"--truth", "truth.txt"});
+  EXPECT_THAT(answer(words), ContainsRegex("pose error"));
+  const Json json = document(words);
+  const Json& result = json.at("results").at(0);
+  const PoseError expected =
+      pose_error(pose_of(result.at("target_from_source")), maps.target_from_source,
+                 point_set(maps.source, std::nullopt).positions);
+  EXPECT_NEAR(result.at("error").at("rotation_deg").get<double>(),
+              expected.rotation_rad * 180.0 / std::numbers::pi, 1e-9);
+  EXPECT_NEAR(result.at("error").at("translation").get<double>(), expected.translation, 1e-9);
+  EXPECT_EQ(json.at("inputs").at("truth").at("path"), "truth.txt");
+}
+
+TEST_F(AlignTest, SavedResultServesAsInitialPoseAndAsTruth) {
+  write_pair();
+  answer(pair({"--json", "result.json"}));
+  const Json again = document({"align", "source.map", "target.map", "--initial-matrix",
+                               "result.json", "--truth", "result.json"});
+  const Json saved = Json::parse(content("result.json"));
+  EXPECT_EQ(again.at("options").at("initial"), saved.at("results").at(0).at("target_from_source"));
+  EXPECT_LT(again.at("results").at(0).at("error").at("translation"), 1e-6);
+}
+
+TEST_F(AlignTest, OutputLiesOnTheTarget) {
+  const LandmarkMap map = write_pair().source;
+  answer({"convert", "source.map", "moved.map", "--transform", "0.02 -0.01 0.015 1 -1 2"});
+  answer({"align", "moved.map", "source.map", "-o", "aligned.map", "--confidence", "none"});
+  const LandmarkMap moved = read_map(path("moved.map"));
+  const LandmarkMap aligned = read_map(path("aligned.map"));
+  ASSERT_EQ(aligned.landmark_count(), map.landmark_count());
+  EXPECT_EQ(aligned.observation_count(), map.observation_count());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const Eigen::Vector3d& target = map.landmarks().positions[i];
+    EXPECT_GT((moved.landmarks().positions[i] - target).norm(), 1e-3);
+    EXPECT_LT((aligned.landmarks().positions[i] - target).norm(), 1e-6);
+  }
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    EXPECT_LT((aligned.frames().translations[i] - map.frames().translations[i]).norm(), 1e-6);
+  }
+}
+
+TEST_F(AlignTest, MapOnItselfScoresZero) {
+  write_pair();
+  const Json result = document({"align", "source.map", "source.map"}).at("results").at(0);
+  EXPECT_EQ(result.at("initial_score"), 0.0);
+  EXPECT_LT(result.at("score"), 1e-20);
+  EXPECT_EQ(result.at("overlap").at("source"), 1.0);
+}
+
+TEST_F(AlignTest, FailureHasItsExitCodeReasonAndNulls) {
+  write_pair();
+  const Json json =
+      document(pair({"--max-distance", "1e-9", "--truth", "truth.txt"}), kNoAlignment);
+  const Json& result = json.at("results").at(0);
+  EXPECT_EQ(result.at("status"), "failed");
+  EXPECT_THAT(result.at("reason").get<std::string>(), HasSubstr("fewer than 3 matches"));
+  for (const char* const absent :
+       {"target_from_source", "scale", "covariance", "unobservable", "error"}) {
+    EXPECT_TRUE(result.at(absent).is_null()) << absent;
+  }
+  EXPECT_EQ(result.at("iterations"), 0);
+  EXPECT_THAT(result.at("history"), IsEmpty());
+}
+
+TEST_F(AlignTest, MapWithNothingToAlignFails) {
+  write_pair();
+  write("nothing.map", "CAIRN 2\n");
+  const CommandResult empty = cairn({"align", "nothing.map", "target.map"});
+  EXPECT_EQ(empty.exit_code, kNoAlignment);
+  EXPECT_THAT(empty.output, HasSubstr("the source has no landmarks"));
+  const Json json = document(pair({"--min-observations", "1000"}), kNoAlignment);
+  EXPECT_EQ(json.at("inputs").at("source").at("kept_landmarks"), 0);
+  EXPECT_TRUE(json.at("results").at(0).at("score").is_null());
+  EXPECT_TRUE(json.at("results").at(0).at("overlap").is_null());
+}
+
+TEST_F(AlignTest, FailureWritesNoMap) {
+  write_pair();
+  const CommandResult result = cairn(pair({"--max-distance", "1e-9", "-o", "out.map"}));
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  EXPECT_THAT(result.errors, HasSubstr("out.map is not written"));
+  EXPECT_FALSE(std::filesystem::exists(path("out.map")));
+}
+
+TEST_F(AlignTest, MetricWithoutItsInputFailsByName) {
+  write_pair();
+  answer({"convert", "source.map", "source.ply"});
+  expect_refusal({"align", "source.ply", "target.map", "--confidence", "observations"}, kBadInput,
+                 {"observations", "the map has no observations"});
+  expect_refusal({"align", "source.map", "target.map", "--confidence", "column:sharpness"},
+                 kBadInput, {"column:sharpness"});
+}
+
+TEST_F(AlignTest, MapsOfDifferentUnitsAreRefused) {
+  write_pair();
+  write_map(full_map(), path("free.map"));
+  expect_refusal({"align", "free.map", "target.map"}, kBadInput,
+                 {"free.map", "target.map", "free", "metres"});
+}
+
+TEST_F(AlignTest, OverlapOfFreeScaleNeedsARadius) {
+  write_map(full_map(), path("free.map"));
+  const Words words = {"align", "free.map", "free.map", "--min-observations", "0"};
+  const Json without = document(words).at("results").at(0);
+  EXPECT_EQ(without.at("length_unit"), "free");
+  EXPECT_TRUE(without.at("overlap").is_null());
+  Words with_radius = words;
+  with_radius.insert(with_radius.end(), {"--overlap-radius", "0.5"});
+  EXPECT_EQ(document(with_radius).at("results").at(0).at("overlap").at("radius"), 0.5);
+}
+
+TEST_F(AlignTest, NumberOfThreadsDoesNotChangeTheDocument) {
+  write_pair();
+  const auto without_durations = [](const std::string& text) {
+    std::string kept;
+    for (std::size_t begin = 0; begin < text.size();) {
+      const std::size_t end = text.find('\n', begin) + 1;
+      const std::string line = text.substr(begin, end - begin);
+      if (line.find("\"duration_s\"") == std::string::npos) kept += line;
+      begin = end;
+    }
+    return kept;
+  };
+  std::string first;
+  for (const char* const threads : {"1", "0", "2", "99"}) {
+    const std::string text = without_durations(answer(
+        pair({"--confidence", "none,distance", "--trace", "--json", "-", "--threads", threads})));
+    if (first.empty()) first = text;
+    EXPECT_EQ(text, first) << threads << " threads";
+  }
+  EXPECT_THAT(first, HasSubstr("\"history\""));
+}
+
+TEST_F(AlignTest, OptionsMayStandBeforeTheMaps) {
+  write_pair();
+  answer({"align", "--confidence", "none,covariance", "--initial-matrix", "start.txt", "source.map",
+          "target.map"});
+}
+
+TEST_F(AlignTest, InitialPoseMayStartWithAMinus) {
+  write_pair();
+  const Json options =
+      document({"align", "source.map", "target.map", "--initial", "-0.5 0 0 0 0 -90"})
+          .at("options");
+  EXPECT_EQ(options.at("initial").at(0).at(3), -0.5);
+  EXPECT_NEAR(options.at("initial").at(0).at(1).get<double>(), 1.0, 1e-12);
+}
+
+TEST_F(AlignTest, BaseIsAnotherNameForNone) {
+  write_pair();
+  const Json json = document(pair({"--confidence", "base,none"}));
+  ASSERT_EQ(json.at("results").size(), 1U);
+  EXPECT_EQ(json.at("results").at(0).at("confidence"), "none");
+}
+
+}  // namespace
+}  // namespace cairn::testing

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <numbers>
+#include <string>
+
+#include "cairn/confidence/metric.hpp"
+#include "cairn/map/operations.hpp"
+
+#include "cli.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+class ConvertTest : public CliTest {};
+
+TEST_F(ConvertTest, NativeToNativeKeepsEveryBit) {
+  write_map(full_map(), path("full.map"));
+  EXPECT_THAT(answer({"convert", "full.map", "copy.map"}),
+              StartsWith("copy.map: 3 frames, 4 landmarks"));
+  EXPECT_THAT(read_map(path("copy.map")), EqualsMap(full_map()));
+}
+
+TEST_F(ConvertTest, PointCloudsKeepPositionsAndCovariances) {
+  const LandmarkMap map = write_pair().source;
+  const std::vector<std::pair<const char*, Words>> outputs = {
+      {"a.ply", {}}, {"b.ply", {"--ascii"}}, {"c.pcd", {}}, {"d.pcd", {"--ascii"}}};
+  for (const auto& [name, options] : outputs) {
+    Words words = {"convert", "source.map", name};
+    words.insert(words.end(), options.begin(), options.end());
+    EXPECT_EQ(answer(words), std::string(name) + ": 600 landmarks\n");
+    answer({"convert", name, "back.map"});
+    const LandmarkMap back = read_map(path("back.map"));
+    ASSERT_EQ(back.landmark_count(), map.landmark_count());
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      EXPECT_EQ(back.landmarks().positions[i], map.landmarks().positions[i]);
+      EXPECT_EQ(back.covariance(LandmarkIndex{i}), map.covariance(LandmarkIndex{i}));
+    }
+  }
+  EXPECT_THAT(content("b.ply"), HasSubstr("format ascii"));
+  EXPECT_THAT(content("d.pcd"), HasSubstr("DATA ascii"));
+}
+
+TEST_F(ConvertTest, SaysWhatAPointCloudCannotHold) {
+  write_plain();
+  const CommandResult result = cairn({"convert", "plain.map", "plain.ply"});
+  EXPECT_THAT(result.errors,
+              HasSubstr("plain.ply holds landmarks only: 2 frames and 3 observations"));
+  EXPECT_EQ(cairn({"convert", "plain.map", "plain.ply", "--quiet"}).errors, "");
+  const Json output = document({"convert", "plain.map", "plain.ply"}).at("output");
+  EXPECT_TRUE(output.at("frames").is_null());
+  EXPECT_TRUE(output.at("observations").is_null());
+  EXPECT_EQ(output.at("landmarks"), 3);
+}
+
+TEST_F(ConvertTest, FramesCutAMiniMap) {
+  const LandmarkMap map = write_pair().source;
+  answer({"convert", "source.map", "first.map", "--frames", "0:8"});
+  EXPECT_THAT(read_map(path("first.map")), EqualsMap(cut_frames(map, FrameId{0}, FrameId{8})));
+}
+
+TEST_F(ConvertTest, FramesThatTheMapDoesNotHaveAreRefused) {
+  write_plain();
+  expect_refusal({"convert", "plain.map", "out.map", "--frames", "100:200"}, kWrongUsage,
+                 {"frames", "100", "200"});
+  EXPECT_THAT(files(), ElementsAre("plain.map"));
+}
+
+TEST_F(ConvertTest, FramesOfAPointCloudAreRefused) {
+  write_plain();
+  answer({"convert", "plain.map", "plain.ply"});
+  expect_refusal({"convert", "plain.ply", "out.map", "--frames", "0:1"}, kBadInput,
+                 {"plain.ply", "observations", "--frames"});
+}
+
+TEST_F(ConvertTest, MinObservationsLeavesOutLandmarks) {
+  write_plain();
+  answer({"convert", "plain.map", "one.map", "--min-observations", "1"});
+  answer({"convert", "plain.map", "two.map", "--min-observations", "2"});
+  EXPECT_THAT(read_map(path("one.map")).landmarks().ids, ElementsAre(LandmarkId{1}, LandmarkId{2}));
+  EXPECT_THAT(read_map(path("two.map")).landmarks().ids, ElementsAre(LandmarkId{1}));
+}
+
+TEST_F(ConvertTest, TransformMovesTheMapByMetresAndDegrees) {
+  const LandmarkMap map = write_plain();
+  answer({"convert", "plain.map", "moved.map", "--transform", "1 2 3 0 0 90"});
+  const LandmarkMap moved = read_map(path("moved.map"));
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const Eigen::Vector3d& x = map.landmarks().positions[i];
+    const Eigen::Vector3d expected(1.0 - x.y(), 2.0 + x.x(), 3.0 + x.z());
+    EXPECT_LT((moved.landmarks().positions[i] - expected).norm(), 1e-12);
+  }
+}
+
+TEST_F(ConvertTest, TransformByRollPitchYawIsYawTimesPitchTimesRoll) {
+  const LandmarkMap map = write_plain();
+  answer({"convert", "plain.map", "moved.map", "--transform", "-0.1 0 0 10 -20 30"});
+  constexpr double kDegree = std::numbers::pi / 180.0;
+  const Rigid3 pose =
+      Rigid3::from_roll_pitch_yaw({-0.1, 0, 0}, 10 * kDegree, -20 * kDegree, 30 * kDegree);
+  const Eigen::Matrix3d rotation = (Eigen::AngleAxisd(30 * kDegree, Eigen::Vector3d::UnitZ()) *
+                                    Eigen::AngleAxisd(-20 * kDegree, Eigen::Vector3d::UnitY()) *
+                                    Eigen::AngleAxisd(10 * kDegree, Eigen::Vector3d::UnitX()))
+                                       .toRotationMatrix();
+  EXPECT_LT((pose.matrix().topLeftCorner<3, 3>() - rotation).norm(), 1e-12);
+  const LandmarkMap moved = read_map(path("moved.map"));
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    EXPECT_LT((moved.landmarks().positions[i] - pose * map.landmarks().positions[i]).norm(), 1e-12);
+  }
+}
+
+TEST_F(ConvertTest, ConfidencesBecomeColumnsThatAlignmentCanUse) {
+  const LandmarkMap map = write_pair().source;
+  answer({"convert", "source.map", "source.ply", "--confidence", "covariance,distance"});
+  answer({"convert", "target.map", "target.pcd", "--confidence", "covariance,distance"});
+  const LandmarkMap cloud = read_map(path("source.ply"));
+  const NamedColumn* const column = cloud.column("confidence_distance");
+  ASSERT_NE(column, nullptr);
+  EXPECT_EQ(column->values, distance_metric().evaluate(map));
+  ASSERT_NE(cloud.column("confidence_covariance"), nullptr);
+
+  answer({"align", "source.ply", "target.pcd", "--confidence", "column:confidence_distance",
+          "--initial-matrix", "start.txt"});
+}
+
+TEST_F(ConvertTest, VersionOneIsRefusedWhereItWouldLoseSomething) {
+  write_map(full_map(), path("full.map"));
+  expect_refusal({"convert", "full.map", "out.map", "--format-version", "1"}, kWrongUsage,
+                 {"version 1", "would lose"});
+  EXPECT_THAT(files(), ElementsAre("full.map"));
+  write_plain();
+  answer({"convert", "plain.map", "two.map", "--format-version", "2"});
+  EXPECT_THAT(content("two.map"), StartsWith("CAIRN 2\n"));
+  answer({"convert", "two.map", "one.map", "--format-version", "1"});
+  EXPECT_EQ(content("one.map"), content("plain.map"));
+}
+
+TEST_F(ConvertTest, FileCanBeReplacedByItself) {
+  write_plain();
+  answer({"convert", "plain.map", "plain.map", "--min-observations", "2"});
+  EXPECT_EQ(read_map(path("plain.map")).landmark_count(), 1U);
+}
+
+TEST_F(ConvertTest, MetricWithoutItsInputFailsByNameAndWritesNothing) {
+  write_plain();
+  expect_refusal({"convert", "plain.map", "out.ply", "--confidence", "reprojection"}, kBadInput,
+                 {"reprojection", "camera"});
+  EXPECT_THAT(files(), ElementsAre("plain.map"));
+}
+
+TEST_F(ConvertTest, JsonSaysWhatWasAskedAndWritten) {
+  write_plain();
+  const Json json = document({"convert", "plain.map", "out.map", "--frames", "1:2",
+                              "--min-observations", "1", "--transform", "1 0 0 0 0 0"});
+  EXPECT_EQ(json.at("schema").at("name"), "cairn.convert");
+  EXPECT_EQ(json.at("inputs").at("map").at("landmarks"), 3);
+  EXPECT_EQ(json.at("options").at("frames"), "1:2");
+  EXPECT_EQ(json.at("options").at("min_observations"), 1);
+  EXPECT_EQ(json.at("options").at("transform").at(0), Json({1.0, 0.0, 0.0, 1.0}));
+  EXPECT_EQ(json.at("output").at("path"), "out.map");
+  EXPECT_EQ(json.at("output").at("frames"), 1);
+}
+
+}  // namespace
+}  // namespace cairn::testing

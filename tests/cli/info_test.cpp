@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <string>
+
+#include "cairn/core/file.hpp"
+
+#include "cli.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+class InfoTest : public CliTest {};
+
+TEST_F(InfoTest, CountsWhatTheMapHoldsAndWarnsOfTheRest) {
+  write_plain();
+  const CommandResult result = cairn({"info", "plain.map"});
+  EXPECT_EQ(result.exit_code, kDone);
+  EXPECT_THAT(result.errors, IsEmpty());
+  EXPECT_THAT(result.output, ContainsRegex("frames +2, ids 1 to 2\n"));
+  EXPECT_THAT(result.output, ContainsRegex("landmarks +3\n"));
+  EXPECT_THAT(result.output, ContainsRegex("observations +3\n"));
+  EXPECT_THAT(result.output, ContainsRegex("observed twice or more +1,"));
+  EXPECT_THAT(result.output, ContainsRegex("observations +2 +2 +2 +2\n"));
+  EXPECT_THAT(result.output, HasSubstr("warning: landmarks without any observation: 1\n"));
+}
+
+TEST_F(InfoTest, MetricWithoutItsInputShowsDashesAndHowToGetIt) {
+  write_plain();
+  const std::string text = answer({"info", "plain.map"});
+  EXPECT_THAT(text, ContainsRegex("reprojection +- +- +- +-\n"));
+  EXPECT_THAT(text, HasSubstr("--camera"));
+}
+
+TEST_F(InfoTest, CameraGivesReprojectionErrors) {
+  write_plain();
+  const std::string camera = "PINHOLE 640 480 517.3 516.5 318.6 255.3";
+  const std::string text = answer({"info", "plain.map", "--camera", camera});
+  EXPECT_THAT(text, ContainsRegex("reprojection +median"));
+  EXPECT_THAT(text, Not(ContainsRegex("reprojection +-")));
+  const Json json = document({"info", "plain.map", "--camera", camera});
+  EXPECT_EQ(json.at("options").at("camera"), camera);
+  // Two observations of that map are exact; the third is of another landmark.
+  EXPECT_NEAR(json.at("reprojection_px").at("lowest").get<double>(), 0.0, 1e-9);
+}
+
+TEST_F(InfoTest, JsonHoldsAllThatIsPrinted) {
+  write_plain();
+  const Json json = document({"info", "plain.map"});
+  EXPECT_EQ(json.at("schema"), Json({{"name", "cairn.info"}, {"version", 1}}));
+  EXPECT_TRUE(json.at("cairn_version").is_string());
+  EXPECT_EQ(json.at("seed"), 0);
+  const Json& input = json.at("inputs").at("map");
+  EXPECT_EQ(input.at("path"), "plain.map");
+  EXPECT_EQ(input.at("hash"), hash_file(path("plain.map")));
+  EXPECT_EQ(input.at("frames"), 2);
+  EXPECT_EQ(input.at("landmarks"), 3);
+  EXPECT_EQ(input.at("observations"), 3);
+  EXPECT_EQ(json.at("observed_twice_or_more"), 1);
+  EXPECT_EQ(json.at("unobserved"), 1);
+  EXPECT_EQ(json.at("length_unit"), "metres");
+  EXPECT_EQ(json.at("extent").at("low"), Json({0.5, 0.0, 2.0}));
+  EXPECT_EQ(json.at("confidence").at("observations").at("median"), 2.0);
+  for (const char* const absent : {"world_frame", "gravity", "uuid", "reprojection_px"}) {
+    EXPECT_TRUE(json.at(absent).is_null()) << absent;
+  }
+  EXPECT_TRUE(json.at("confidence").at("reprojection").is_null());
+  EXPECT_THAT(json.at("warnings"), ::testing::Contains("landmarks without any observation: 1"));
+}
+
+TEST_F(InfoTest, PointCloudDoesNotKnowItsObservations) {
+  write_pair();
+  answer({"convert", "source.map", "source.ply"});
+  const std::string text = answer({"info", "source.ply"});
+  EXPECT_THAT(text, ContainsRegex("observations +unknown\n"));
+  EXPECT_THAT(text, ContainsRegex("columns +observations\n"));
+  EXPECT_THAT(text, HasSubstr("warning: the map does not know its observations"));
+  const Json json = document({"info", "source.ply"});
+  EXPECT_TRUE(json.at("inputs").at("map").at("observations").is_null());
+  EXPECT_TRUE(json.at("observed_twice_or_more").is_null());
+  EXPECT_TRUE(json.at("confidence").at("distance").is_null());
+  EXPECT_FALSE(json.at("confidence").at("covariance").is_null());
+}
+
+TEST_F(InfoTest, MapOfNothingIsNoError) {
+  write("nothing.map", "CAIRN 2\n");
+  EXPECT_THAT(answer({"info", "nothing.map"}), HasSubstr("warning: the map has no landmarks"));
+  EXPECT_TRUE(document({"info", "nothing.map"}).at("extent").is_null());
+}
+
+TEST_F(InfoTest, OptionalPartsOfAMapAreListed) {
+  write_map(full_map(), path("full.map"));
+  const std::string text = answer({"info", "full.map"});
+  EXPECT_THAT(text, ContainsRegex("cameras +2\n"));
+  EXPECT_THAT(text, ContainsRegex("descriptors +ORB, 2 bytes each\n"));
+  EXPECT_THAT(text, ContainsRegex("columns +confidence, never_set\n"));
+  EXPECT_THAT(text, ContainsRegex("world frame +desk\n"));
+  EXPECT_THAT(text, ContainsRegex("length unit +free\n"));
+}
+
+}  // namespace
+}  // namespace cairn::testing

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The command line itself: help, and every way to get it wrong.
+#include <string>
+
+#include "cli.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::MatchesRegex;
+
+class UsageTest : public CliTest {};
+
+TEST_F(UsageTest, WithoutArgumentsSaysHowToStart) {
+  const CommandResult result = cairn({});
+  EXPECT_EQ(result.exit_code, kWrongUsage);
+  EXPECT_THAT(result.output, IsEmpty());
+  EXPECT_THAT(result.errors, HasSubstr("Usage: cairn"));
+  EXPECT_THAT(result.errors, HasSubstr("cairn demo"));
+}
+
+TEST_F(UsageTest, HelpListsTheVerbsAndExitCodes) {
+  const std::string help = answer({"--help"});
+  for (const char* const verb : {"demo", "info", "convert", "align"}) {
+    EXPECT_THAT(help, HasSubstr(std::string("\n  ") + verb));
+  }
+  EXPECT_THAT(help, HasSubstr("Exit codes: 0 done"));
+}
+
+TEST_F(UsageTest, VersionIsOneLineOnStdout) {
+  EXPECT_THAT(answer({"--version"}), MatchesRegex("cairn [0-9]+\\.[0-9]+\\.[0-9]+\n"));
+}
+
+class VerbTest : public UsageTest, public ::testing::WithParamInterface<const char*> {};
+INSTANTIATE_TEST_SUITE_P(All, VerbTest, ::testing::Values("demo", "info", "convert", "align"),
+                         [](const auto& verb) { return std::string(verb.param); });
+
+TEST_P(VerbTest, HelpHasAnExampleAndTheCommonOptions) {
+  const std::string help = answer({GetParam(), "--help"});
+  EXPECT_THAT(help, HasSubstr(std::string("Usage: cairn ") + GetParam()));
+  EXPECT_THAT(help, HasSubstr("Example: "));
+  EXPECT_THAT(help, HasSubstr(std::string("\n  cairn ") + GetParam() + " "));
+  for (const char* const option : {"--json", "--quiet", "--threads", "--seed"}) {
+    EXPECT_THAT(help, HasSubstr(option));
+  }
+}
+
+TEST_P(VerbTest, HelpFitsATerminal) {
+  const std::string help = answer({GetParam(), "--help"});
+  for (std::size_t begin = 0; begin < help.size();) {
+    const std::size_t end = help.find('\n', begin);
+    EXPECT_LE(end - begin, 100U) << help.substr(begin, end - begin);
+    begin = end + 1;
+  }
+}
+
+TEST_P(VerbTest, UnknownOptionIsRefusedByName) {
+  expect_refusal({GetParam(), "a.map", "b.map", "--colour"}, kWrongUsage,
+                 {"--colour", std::string("cairn ") + GetParam() + " --help"});
+}
+
+TEST_P(VerbTest, NumbersThatAreNoneAreRefused) {
+  for (const char* const option : {"--threads", "--seed"}) {
+    for (const char* const value : {"-1", "abc", "1.5", "0x10", "99999999999999999999"}) {
+      expect_refusal({GetParam(), "a.map", "b.map", option, value}, kWrongUsage,
+                     {option, value, "expected"});
+    }
+  }
+}
+
+TEST_F(UsageTest, UnknownVerbIsNamedBesideThoseThereAre) {
+  expect_refusal({"alignn", "a", "b"}, kWrongUsage, {"'alignn'", "demo, info, convert, align"});
+  expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected a verb"});
+}
+
+TEST_F(UsageTest, MissingArgumentIsNamed) {
+  expect_refusal({"align"}, kWrongUsage, {"source"});
+  expect_refusal({"align", "a.map"}, kWrongUsage, {"target"});
+  expect_refusal({"convert", "a.map"}, kWrongUsage, {"output"});
+  expect_refusal({"info"}, kWrongUsage, {"map"});
+  expect_refusal({"info", "a.map", "--json"}, kWrongUsage, {"--json"});
+}
+
+TEST_F(UsageTest, SurplusArgumentIsNamed) {
+  expect_refusal({"align", "a.map", "b.map", "c.map"}, kWrongUsage, {"not expected: c.map"});
+}
+
+TEST_F(UsageTest, UnquotedPoseIsExplained) {
+  expect_refusal({"align", "a.map", "b.map", "--initial", "0.1", "-0.2", "0", "0", "0", "30"},
+                 kWrongUsage, {"-0.2 0 0 0 30", "one quoted argument"});
+}
+
+// As of an unset shell variable.
+TEST_F(UsageTest, EmptyValueIsRefused) {
+  write_plain();
+  expect_refusal({"info", ""}, kWrongUsage, {"map", "expected a value"});
+  for (const char* const option :
+       {"--initial", "--truth", "--confidence", "--camera", "--output"}) {
+    expect_refusal({"align", "plain.map", "plain.map", option, ""}, kWrongUsage, {option});
+  }
+  expect_refusal({"convert", "plain.map", "out.map", "--frames", ""}, kWrongUsage, {"--frames"});
+}
+
+TEST_F(UsageTest, OptionIsNoValueOfTheOneBefore) {
+  write_plain();
+  expect_refusal({"info", "plain.map", "--json", "--quiet"}, kWrongUsage, {"--json", "--quiet"});
+  EXPECT_THAT(files(), ::testing::ElementsAre("plain.map"));
+}
+
+TEST_F(UsageTest, PoseIsSixNumbers) {
+  expect_refusal({"align", "a.map", "b.map", "--initial", "1 2 3"}, kWrongUsage,
+                 {"--initial", "3 numbers", "x y z roll pitch yaw"});
+  expect_refusal({"align", "a.map", "b.map", "--initial", "0 0 0 0 0 east"}, kWrongUsage,
+                 {"--initial", "'east'"});
+  expect_refusal({"align", "a.map", "b.map", "--initial", "0 0 0 0 0 nan"}, kWrongUsage, {"'nan'"});
+  expect_refusal({"convert", "a.map", "b.map", "--transform", "1"}, kWrongUsage, {"--transform"});
+  expect_refusal({"demo", "--displacement", "1 2"}, kWrongUsage, {"--displacement", "2 numbers"});
+}
+
+TEST_F(UsageTest, PoseAndPoseFileExcludeEachOther) {
+  expect_refusal({"align", "a", "b", "--initial", "0 0 0 0 0 0", "--initial-matrix", "start.txt"},
+                 kWrongUsage, {"--initial", "--initial-matrix"});
+}
+
+TEST_F(UsageTest, AlignmentOptionsOutOfRangeAreNamedAsTheUserKnowsThem) {
+  const std::vector<std::pair<const char*, const char*>> wrong = {
+      {"--neighbors", "0"},      {"--neighbors", "-1"},       {"--neighbors", "five"},
+      {"--max-iterations", "0"}, {"--max-iterations", "1e3"}, {"--min-observations", "-1"},
+      {"--trim", "1"},           {"--trim", "-0.1"},          {"--max-distance", "0"},
+      {"--max-distance", "-1"},  {"--max-distance", "nan"},   {"--max-distance", "1e999"},
+      {"--overlap-radius", "0"}, {"--overlap-radius", "inf"}};
+  for (const auto& [option, value] : wrong) {
+    expect_refusal({"align", "a.map", "b.map", option, value}, kWrongUsage,
+                   {option, value, "expected"});
+  }
+}
+
+TEST_F(UsageTest, UnknownMetricIsNamedBesideThoseThereAre) {
+  expect_refusal({"align", "a.map", "b.map", "--confidence", "none,covarianec"}, kWrongUsage,
+                 {"--confidence", "'covarianec'", "none, covariance", "reprojection"});
+}
+
+TEST_F(UsageTest, CameraIsChecked) {
+  expect_refusal({"info", "a.map", "--camera", "PINHOLE 640"}, kWrongUsage,
+                 {"--camera", "MODEL width height parameters"});
+  expect_refusal({"info", "a.map", "--camera", "FISH 640 480 1"}, kWrongUsage,
+                 {"'FISH'", "PINHOLE"});
+}
+
+TEST_F(UsageTest, OutputOfUnknownFormatIsRefusedBeforeAnythingIsRead) {
+  expect_refusal({"convert", "missing.map", "out.xyz"}, kWrongUsage, {"out.xyz", ".ply"});
+  expect_refusal({"convert", "missing.map", "out"}, kWrongUsage, {"out", ".ply"});
+  expect_refusal({"align", "missing.map", "b.map", "-o", "out.xyz"}, kWrongUsage, {"out.xyz"});
+}
+
+TEST_F(UsageTest, OutputOfSeveralStrategiesIsRefused) {
+  expect_refusal({"align", "a.map", "b.map", "-o", "out.map", "--confidence", "none,distance"},
+                 kWrongUsage, {"--output", "one --confidence"});
+}
+
+TEST_F(UsageTest, FrameRangeMustBeOne) {
+  for (const char* const range : {"5:2", "5:5", "5:", ":5", "5", "a:b", "-5:5", "1:2:3", "1.5:2"}) {
+    expect_refusal({"convert", "a.map", "b.map", "--frames", range}, kWrongUsage,
+                   {"--frames", range, "A:B"});
+  }
+}
+
+TEST_F(UsageTest, OptionsThatTheOutputFormatDoesNotHaveAreRefused) {
+  expect_refusal({"convert", "a.map", "b.ply", "--format-version", "1"}, kWrongUsage,
+                 {"--format-version", "b.ply"});
+  expect_refusal({"convert", "a.map", "b.map", "--format-version", "3"}, kWrongUsage, {"1 or 2"});
+  expect_refusal({"convert", "a.map", "b.map", "--ascii"}, kWrongUsage, {"--ascii", "b.map"});
+}
+
+TEST_F(UsageTest, MissingFolderOfAnOutputIsFoundBeforeTheWork) {
+  expect_refusal({"align", "a.map", "b.map", "-o", "no/out.map"}, kSystemError,
+                 {"no/out.map", "there is no folder no"});
+  expect_refusal({"info", "a.map", "--json", "no/out.json"}, kSystemError, {"no/out.json"});
+  expect_refusal({"convert", "a.map", "no/out.map"}, kSystemError, {"no/out.map"});
+  expect_refusal({"info", "a.map", "--json", "."}, kSystemError, {"folder"});
+}
+
+TEST_F(UsageTest, UnreadableInputIsNamedWithTheReason) {
+  write_plain();
+  std::filesystem::create_directory(path("folder"));
+  expect_refusal({"info", "missing.map"}, kBadInput, {"missing.map", "No such file"});
+  expect_refusal({"info", "folder"}, kBadInput, {"folder", "directory"});
+  expect_refusal({"align", "plain.map", "missing.map"}, kBadInput, {"missing.map"});
+  expect_refusal({"align", "missing.map", "plain.map"}, kBadInput, {"missing.map"});
+  expect_refusal({"convert", "missing.map", "out.map"}, kBadInput, {"missing.map"});
+  EXPECT_FALSE(std::filesystem::exists(path("out.map")));
+}
+
+TEST_F(UsageTest, BrokenMapIsRefusedByFileLineFieldAndValue) {
+  write("broken.map", "FRAME 1 0 0 0 1 0 0 0\nFRAME 2 0 zero 0 1 0 0 0\n");
+  expect_refusal({"info", "broken.map"}, kBadInput,
+                 {"broken.map:2:", "field", "'zero'", "expected"});
+  write("cut.map", "FRAME 1 0 0 0 1 0 0 0\nFRAME 2 0 0 0 1");
+  expect_refusal({"info", "cut.map"}, kBadInput, {"cut.map:2:"});
+  write("picture.png", "\x89PNG\r\n\x1a\n");
+  expect_refusal({"info", "picture.png"}, kBadInput, {"picture.png:1:", "expected FRAME"});
+  write("empty.map", "");
+  expect_refusal({"info", "empty.map"}, kBadInput, {"empty.map", "empty"});
+}
+
+TEST_F(UsageTest, PoseFilesAreChecked) {
+  write_plain();
+  const std::vector<std::pair<const char*, const char*>> wrong = {
+      {"1 2 3", "3 numbers"},
+      {"", "0 numbers"},
+      {"1 0 0 0 0 1 0 0 0 0 2 0 0 0 0 1", "rotation"},
+      {"1 0 0 0 0 1 0 0 0 0 one 0 0 0 0 1", "'one'"},
+      {"{", "JSON"},
+      {"{\"results\": []}", "no results"},
+      {"{\"results\": [{\"target_from_source\": null}]}", "no pose"},
+      {"{\"results\": [{\"target_from_source\": [[1, 2], [3]]}]}", "4x4"}};
+  for (const auto& [text, fragment] : wrong) {
+    write("pose", text);
+    expect_refusal({"align", "plain.map", "plain.map", "--truth", "pose"}, kBadInput,
+                   {"pose: ", fragment});
+    expect_refusal({"align", "plain.map", "plain.map", "--initial-matrix", "pose"}, kBadInput,
+                   {"pose: ", fragment});
+  }
+  expect_refusal({"align", "plain.map", "plain.map", "--truth", "plain.map"}, kBadInput,
+                 {"plain.map", "16 numbers"});
+}
+
+}  // namespace
+}  // namespace cairn::testing
