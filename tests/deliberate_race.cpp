@@ -8,8 +8,8 @@
 int main() {
   std::size_t sum = 0;
   for (int i = 0; i < 100; ++i) {
-    cairn::Executor(4).for_blocks(
-        10'000, 10, [&](std::size_t begin, std::size_t end) { sum += end - begin; });
+    cairn::Executor(4).for_blocks(10'000, 10,
+                                  [&](std::size_t begin, std::size_t end) { sum += end - begin; });
   }
   std::printf("%zu\n", sum);
 }

@@ -29,6 +29,7 @@ struct ConvertArguments {
   std::string camera;
   std::optional<int> format_version;
   bool ascii = false;
+  bool double_precision = false;
 
   void add_to(CLI::App& command);
   int run();
@@ -75,6 +76,8 @@ void ConvertArguments::add_to(CLI::App& command) {
   add_number(command, "--format-version", format_version,
              "Version of the text format, 1 or 2 (default: 1 where nothing is lost)");
   command.add_flag("--ascii", ascii, "PLY and PCD as text instead of binary");
+  command.add_flag("--double", double_precision,
+                   "PCD: positions in double precision, which PCL's point types do not take");
   common.add_to(command);
   command.footer(
       "Example: cut a long map into two mini-maps, and look at one in any PLY viewer\n"
@@ -127,6 +130,7 @@ int ConvertArguments::run() {
   MapWriteOptions options;
   options.native_version = format_version;
   options.ascii = ascii;
+  options.double_precision = double_precision;
   save_map(map, output, common, options);
 
   const bool has_frames = format_of_extension(output) == MapFormat::kNative;
@@ -137,7 +141,8 @@ int ConvertArguments::run() {
                         {"confidence", std::move(metrics)},
                         {"camera", text_or_null(camera)},
                         {"format_version", to_json(format_version)},
-                        {"ascii", ascii}});
+                        {"ascii", ascii},
+                        {"double_precision", double_precision}});
   json["output"] = {
       {"path", output},
       {"frames", has_frames ? Json(map.frame_count()) : Json(nullptr)},

@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     cairn::testing::expect_round_trip(
         bytes, cairn::testing::Fidelity::kItsPart, read,
         [&](const cairn::LandmarkMap& map, const cairn::ByteSink& sink) {
-          cairn::write_pcd(map, sink, {.ascii = ascii});
+          cairn::write_pcd(map, sink, {.ascii = ascii, .double_precision = true});
         });
   }
   return 0;

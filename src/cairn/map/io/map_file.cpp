@@ -96,7 +96,8 @@ void write_map(const LandmarkMap& map, const std::filesystem::path& path,
         write_ply(map, sink, {.ascii = options.ascii});
         break;
       case MapFormat::kPcd:
-        write_pcd(map, sink, {.ascii = options.ascii});
+        write_pcd(map, sink,
+                  {.ascii = options.ascii, .double_precision = options.double_precision});
         break;
     }
   });

@@ -24,6 +24,8 @@ struct MapWriteOptions {
   std::optional<MapFormat> format = {};    ///< nothing: by the path's extension
   std::optional<int> native_version = {};  ///< nothing: 1 where it holds all of the map, else 2
   bool ascii = false;                      ///< PLY and PCD: text instead of binary
+  bool double_precision =
+      false;  ///< PCD: positions as doubles, which PCL's point types do not take
   Progress progress = {};
 };
 

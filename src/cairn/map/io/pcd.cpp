@@ -437,7 +437,9 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
 }
 
 void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptions& options) {
-  const detail::PointRows rows(map, detail::PointFormat::kPcd);
+  const detail::PointRows rows(
+      map, detail::PointFormat::kPcd,
+      options.double_precision ? detail::ScalarType::kFloat64 : detail::ScalarType::kFloat32);
   std::string names = "FIELDS";
   std::string sizes = "SIZE";
   std::string types = "TYPE";

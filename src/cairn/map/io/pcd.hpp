@@ -9,6 +9,8 @@ namespace cairn {
 
 struct PcdWriteOptions {
   bool ascii = false;  ///< text instead of binary
+  /// Positions as doubles instead of floats: exact, but PCL's own point types do not take them.
+  bool double_precision = false;
 };
 
 /// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md says which fields).

@@ -52,7 +52,8 @@ LandmarkMap read(std::string_view bytes, const MapReadOptions& options = {}) {
 
 std::string written(const LandmarkMap& map, bool ascii) {
   std::string bytes;
-  write_pcd(map, [&](std::string_view piece) { bytes += piece; }, {.ascii = ascii});
+  write_pcd(map, [&](std::string_view piece) { bytes += piece; },
+            {.ascii = ascii, .double_precision = true});
   return bytes;
 }
 

@@ -258,7 +258,7 @@ LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options) {
 }
 
 void write_ply(const LandmarkMap& map, const ByteSink& sink, const PlyWriteOptions& options) {
-  const detail::PointRows rows(map, detail::PointFormat::kPly);
+  const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
   std::string header =
       fmt::format("ply\nformat {} 1.0\nelement vertex {}\n",
                   options.ascii ? "ascii" : "binary_little_endian", map.landmark_count());

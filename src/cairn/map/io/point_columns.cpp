@@ -117,6 +117,11 @@ void append_text_value(std::string& out, double value) {
     append_number(out, value);
   }
 }
+void append_text_value(std::string& out, float value) {
+  std::array<char, 32> buffer;
+  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  out.append(buffer.data(), result.ptr);
+}
 void append_text_value(std::string& out, std::uint64_t value) {
   append_number(out, value);
 }
@@ -847,9 +852,17 @@ void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fi
 
 // ---- writing
 
-PointRows::PointRows(const LandmarkMap& map, PointFormat format) : map_(map) {
+PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type)
+    : map_(map) {
   const LandmarkTable& landmarks = map.landmarks();
-  for (std::size_t i = 0; i < 3; ++i) add(kAxes[i], ScalarType::kFloat64, Content::kPosition, i);
+  for (std::size_t i = 0; i < 3; ++i) add(kAxes[i], position_type, Content::kPosition, i);
+  for (std::size_t i = 0; position_type == ScalarType::kFloat32 && i < landmarks.ids.size(); ++i) {
+    if (!landmarks.positions[i].cast<float>().allFinite()) {
+      throw Error(ErrorKind::kMisuse, fmt::format("landmark {}", landmarks.ids[i].value),
+                  "its position is beyond single precision",
+                  "positions written in double precision");
+    }
+  }
   for (std::size_t i = 0; map.has_covariances() && i < kCovarianceEntries.size(); ++i) {
     add(kCovarianceEntries[i].name, ScalarType::kFloat64, Content::kCovariance, i);
   }
@@ -894,9 +907,15 @@ void PointRows::visit(std::size_t field, std::size_t row, Put&& put) const {
   const LandmarkTable& landmarks = map_.landmarks();
   const std::size_t index = cells_[field].index;
   switch (cells_[field].content) {
-    case Content::kPosition:
-      put(landmarks.positions[row][static_cast<Eigen::Index>(index)]);
+    case Content::kPosition: {
+      const double coordinate = landmarks.positions[row][static_cast<Eigen::Index>(index)];
+      if (fields_[field].type == ScalarType::kFloat32) {
+        put(static_cast<float>(coordinate));
+      } else {
+        put(coordinate);
+      }
       break;
+    }
     case Content::kCovariance: {
       const Eigen::Matrix3d& covariance = landmarks.covariances[row];
       const CovarianceEntry& entry = kCovarianceEntries[index];
@@ -942,7 +961,7 @@ void PointRows::write(std::string header, bool ascii, const ByteSink& sink) cons
       if (ascii) {
         if (field > 0) buffer += ' ';
         visit(field, row, [&]<class T>(T value) {
-          using Text = std::conditional_t<std::is_integral_v<T>, std::uint64_t, double>;
+          using Text = std::conditional_t<std::is_integral_v<T>, std::uint64_t, T>;
           append_text_value(buffer, Text{value});
         });
       } else {

@@ -189,8 +189,10 @@ std::uint32_t load_little_endian_32(const char* bytes);
 /// A map as points with fields.
 class PointRows {
  public:
-  /// @throws Error (misuse) for a named column whose name stands for something else in the file
-  PointRows(const LandmarkMap& map, PointFormat format);
+  /// @param position_type kFloat32 or kFloat64, of x, y and z
+  /// @throws Error (misuse) for a named column whose name stands for something else in the file, or a
+  ///         position beyond the range of `position_type`
+  PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type);
 
   const std::vector<PointField>& fields() const { return fields_; }
   /// Hands out header and points, the points as text or in little-endian binary.

@@ -8,11 +8,13 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/registration/neighbors/brute_force.hpp"
+
+#include "support/brute_force_search.hpp"
 
 namespace cairn {
 namespace {
 
+using testing::BruteForceSearch;
 using ::testing::ElementsAre;
 using Points = std::vector<Eigen::Vector3d>;
 using Correspondence = ConfidentNeighborCorrespondence<BruteForceSearch>;

@@ -6,11 +6,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/registration/neighbors/brute_force.hpp"
+#include "support/brute_force_search.hpp"
 
 namespace cairn {
 namespace {
 
+using testing::BruteForceSearch;
 using ::testing::ElementsAre;
 
 TEST(FitnessScore, IsTheMeanOfTheSquaredDistances) {

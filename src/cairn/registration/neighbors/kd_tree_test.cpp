@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/neighbors/kd_tree.hpp"
+
 #include <string>
 #include <vector>
 
@@ -6,12 +8,13 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/registration/neighbors/brute_force.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
+
+#include "support/brute_force_search.hpp"
 
 namespace cairn {
 namespace {
 
+using testing::BruteForceSearch;
 using ::testing::ElementsAre;
 using Points = std::vector<Eigen::Vector3d>;
 
