@@ -37,6 +37,7 @@ int main() {
   const cairn::PointSet target = cairn::point_set(map, cairn::observations_metric());
   const auto truth = cairn::Rigid3::from_roll_pitch_yaw({0.05, -0.04, 0.0}, 0.0, 0.0, 0.05);
   std::vector<Eigen::Vector3d> source;
+  source.reserve(target.positions.size());
   for (const Eigen::Vector3d& x : target.positions) source.push_back(truth.inverse() * x);
 
   const cairn::KdTree tree(target.positions);

@@ -30,7 +30,7 @@ struct InfoArguments {
   std::string camera;
 
   void add_to(CLI::App& command);
-  int run();
+  int run() const;
 };
 
 void InfoArguments::add_to(CLI::App& command) {
@@ -315,7 +315,7 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["warnings"] = findings.warnings;
 }
 
-int InfoArguments::run() {
+int InfoArguments::run() const {
   require_folder_of(common.json_path);
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
   LoadedMap loaded = load_map(input, common);

@@ -25,8 +25,10 @@ TEST_F(ConvertTest, NativeToNativeKeepsEveryBit) {
 
 TEST_F(ConvertTest, PointCloudsKeepPositionsAndCovariances) {
   const LandmarkMap map = write_pair().source;
-  const std::vector<std::pair<const char*, Words>> outputs = {
-      {"a.ply", {}}, {"b.ply", {"--ascii"}}, {"c.pcd", {}}, {"d.pcd", {"--ascii"}}};
+  const std::vector<std::pair<const char*, Words>> outputs = {{"a.ply", {}},
+                                                              {"b.ply", {"--ascii"}},
+                                                              {"c.pcd", {"--double"}},
+                                                              {"d.pcd", {"--double", "--ascii"}}};
   for (const auto& [name, options] : outputs) {
     Words words = {"convert", "source.map", name};
     words.insert(words.end(), options.begin(), options.end());
@@ -41,6 +43,17 @@ TEST_F(ConvertTest, PointCloudsKeepPositionsAndCovariances) {
   }
   EXPECT_THAT(content("b.ply"), HasSubstr("format ascii"));
   EXPECT_THAT(content("d.pcd"), HasSubstr("DATA ascii"));
+}
+
+TEST_F(ConvertTest, PcdHasPositionsInSinglePrecisionByDefault) {
+  const LandmarkMap map = write_pair().source;
+  answer({"convert", "source.map", "a.pcd"});
+  const LandmarkMap back = read_map(path("a.pcd"));
+  ASSERT_EQ(back.landmark_count(), map.landmark_count());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    EXPECT_EQ(back.landmarks().positions[i],
+              map.landmarks().positions[i].cast<float>().cast<double>());
+  }
 }
 
 TEST_F(ConvertTest, SaysWhatAPointCloudCannotHold) {

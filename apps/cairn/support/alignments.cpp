@@ -7,6 +7,7 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/interrupt.hpp"
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -53,7 +54,7 @@ std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap
                                     const std::optional<Rigid3>& truth,
                                     const CommonArguments& common) {
   options.executor = common.executor();
-  options.stop = common.stop();
+  options.stop = interrupt_requests();
   std::vector<Alignment> alignments;
   for (const Strategy& strategy : strategies) {
     const PointSet source_points = point_set(source, strategy.metric, point_options);

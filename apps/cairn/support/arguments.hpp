@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,7 +19,6 @@
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/console.hpp"
-#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 
@@ -93,8 +91,6 @@ struct CommonArguments {
   /// Answers for people go to stdout unless JSON goes there.
   Console console() const { return {quiet, json_path != "-"}; }
   Executor executor() const { return Executor(threads); }
-  /// Requested when the user asks to stop.
-  std::stop_token stop() const { return interrupt_requests(); }
 };
 
 /// "x y z roll pitch yaw": metres and degrees, R = Rz(yaw)·Ry(pitch)·Rx(roll).

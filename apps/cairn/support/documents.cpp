@@ -15,7 +15,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common) {
   const Console console = common.console();
   MapReadOptions options;
   options.progress = console.progress("reading " + path);
-  options.stop = common.stop();
+  options.stop = interrupt_requests();
   options.log = console.log();
   LoadedMap loaded{path, read_map(path, options), {}};
   // A pipe cannot be read a second time.
@@ -54,7 +54,7 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
               MapWriteOptions options) {
   const Console console = common.console();
   options.progress = [show = console.progress("writing " + path), path,
-                      stop = common.stop()](double share) {
+                      stop = interrupt_requests()](double share) {
     if (stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, path, "writing was cancelled", "");
     }

@@ -176,6 +176,7 @@ Metric product_metric(std::vector<Metric> factors) {
     throw Error(ErrorKind::kMisuse, "product_metric", "no factors", "at least one");
   }
   std::vector<std::string> names;
+  names.reserve(factors.size());
   for (const Metric& factor : factors) names.push_back(factor.name);
   return {fmt::format("{}", fmt::join(names, "*")),
           [factors = std::move(factors)](const LandmarkMap& map) {
