@@ -9,6 +9,8 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 
+#include "support/interrupt.hpp"
+
 namespace cairn::cli {
 
 LoadedMap load_map(const std::string& path, const CommonArguments& common) {
