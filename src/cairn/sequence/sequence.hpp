@@ -34,8 +34,8 @@ struct SequenceOptions {
 class RgbdSequence {
  public:
   /// @throws Error (input) naming file, line and field where the lists are unreadable
-  RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
-               const LogSink& log = {});
+  explicit RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
+                        const LogSink& log = {});
 
   /// In the order of time.
   std::span<const SequenceFrame> frames() const { return frames_; }

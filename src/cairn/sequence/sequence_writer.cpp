@@ -24,7 +24,7 @@ cv::Mat stored_depth(const cv::Mat& depth_m, double units_per_metre) {
   constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
   cv::Mat stored(depth_m.size(), CV_16UC1);
   for (int row = 0; row < depth_m.rows; ++row) {
-    const float* const from = depth_m.ptr<float>(row);
+    const auto* const from = depth_m.ptr<float>(row);
     auto* const to = stored.ptr<std::uint16_t>(row);
     for (int column = 0; column < depth_m.cols; ++column) {
       const double units = std::round(from[column] * units_per_metre);
