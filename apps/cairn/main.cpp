@@ -127,10 +127,7 @@ int main(int argc, char** argv) {
     }
     return code;
   } catch (const cairn::Error& error) {
-    if (error.kind() == cairn::ErrorKind::kCancelled) {
-      print_error("cairn: interrupted\n");
-      cairn::cli::end_by_interrupt();
-    }
+    if (error.kind() == cairn::ErrorKind::kCancelled) cairn::cli::end_by_interrupt();
     print_error(fmt::format("cairn: {}\n", error.what()));
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {

@@ -113,7 +113,9 @@ TEST_F(StreamsTest, InterruptEndsEvenAReaderThatWaitsForItsInput) {
   EndlessMap map;
   ASSERT_TRUE(command.feed(map.next_piece()));
   command.send(SIGTERM);
-  EXPECT_EQ(command.wait().exit_code, 128 + SIGTERM);
+  const CommandResult result = command.wait();
+  EXPECT_EQ(result.exit_code, 128 + SIGTERM);
+  EXPECT_EQ(result.errors, "cairn: interrupted\n");
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ struct CommandResult {
 /// A program run without a shell, with the default reaction to signals.
 class Command {
  public:
-  Command(const std::vector<std::string>& words, CommandOptions options = {})
+  explicit Command(const std::vector<std::string>& words, CommandOptions options = {})
       : options_(std::move(options)) {
     ::signal(SIGPIPE, SIG_IGN);  // feed() may find the program gone
     int input[2];
@@ -97,7 +97,7 @@ class Command {
 
   /// Writes to its standard input; waits while the program does not read.
   /// @returns false if the program reads no more
-  bool feed(std::string_view text) {
+  bool feed(std::string_view text) const {
     while (!text.empty()) {
       const ssize_t written = ::write(input_, text.data(), text.size());
       if (written < 0 && errno == EPIPE) return false;
@@ -107,7 +107,7 @@ class Command {
     return true;
   }
 
-  void send(int signal) { check(::kill(process_, signal), "kill"); }
+  void send(int signal) const { check(::kill(process_, signal), "kill"); }
 
   CommandResult wait() {
     const auto deadline = std::chrono::steady_clock::now() + options_.limit;

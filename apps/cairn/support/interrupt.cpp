@@ -7,6 +7,8 @@
 #include <ctime>
 #include <thread>
 
+#include "support/console.hpp"
+
 namespace cairn::cli {
 namespace {
 
@@ -51,6 +53,9 @@ std::stop_token interrupt_requests() {
 }
 
 void end_by_interrupt() {
+  // Both the work and the thread that lost patience with it may come here.
+  static std::atomic_flag said;
+  if (!said.test_and_set()) print_error("cairn: interrupted\n");
   const int signal = received;
   std::signal(signal, SIG_DFL);
   sigset_t signals;

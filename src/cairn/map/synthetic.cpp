@@ -111,9 +111,9 @@ struct Scene {
 };
 
 std::vector<Patch> random_patches(const Vector2d& half_lengths_m, Random& random) {
-  constexpr double kAreaEach_m2 = 0.02;
+  constexpr double kAreaEachSquareMetres = 0.02;
   const double area = 4.0 * half_lengths_m.prod();
-  const auto count = static_cast<std::size_t>(std::clamp(area / kAreaEach_m2, 1.0, 40.0));
+  const auto count = static_cast<std::size_t>(std::clamp(area / kAreaEachSquareMetres, 1.0, 40.0));
   std::vector<Patch> patches;
   for (std::size_t i = 0; i < count; ++i) {
     const Vector2d centre{random.uniform(-0.85, 0.85), random.uniform(-0.85, 0.85)};
@@ -136,8 +136,8 @@ void add_face(Scene& scene, const Box& box, const Vector3d& local_normal, double
                      box.to_world(local_normal),
                      half_lengths_m,
                      random_patches(half_lengths_m, random)};
-  constexpr double kEdgeWidth_m = 0.05;
-  const double area = 4.0 * half_lengths_m.prod() + kEdgeWidth_m * 4.0 * half_lengths_m.sum();
+  constexpr double kEdgeWidthMetres = 0.05;
+  const double area = 4.0 * half_lengths_m.prod() + kEdgeWidthMetres * 4.0 * half_lengths_m.sum();
   const double before = scene.interest_up_to.empty() ? 0.0 : scene.interest_up_to.back();
   scene.interest_up_to.push_back(before + interest * area);
   for (const double sign_a : {-1.0, 1.0}) {
@@ -278,8 +278,8 @@ Vector2d draw_on_face(const Face& face, Random& random) {
   constexpr double kAnywhere = 0.25;
   constexpr double kInTexture = 0.40;
   constexpr double kAtEdge = 0.25;
-  constexpr double kEdgeInset_m = 0.004;
-  constexpr double kCornerInset_m = 0.008;
+  constexpr double kEdgeInsetMetres = 0.004;
+  constexpr double kCornerInsetMetres = 0.008;
   const double where = random.uniform();
   if (where < kAnywhere) return Vector2d{random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)};
   if (where < kAnywhere + kInTexture) {
@@ -290,12 +290,12 @@ Vector2d draw_on_face(const Face& face, Random& random) {
   if (where < kAnywhere + kInTexture + kAtEdge) {
     const Eigen::Index across = random.chance(0.5) ? 0 : 1;
     Vector2d point;
-    point[across] = near_end(face.half_lengths_m[across], kEdgeInset_m, random);
+    point[across] = near_end(face.half_lengths_m[across], kEdgeInsetMetres, random);
     point[1 - across] = random.uniform(-1.0, 1.0);
     return point;
   }
-  return Vector2d{near_end(face.half_lengths_m.x(), kCornerInset_m, random),
-                  near_end(face.half_lengths_m.y(), kCornerInset_m, random)};
+  return Vector2d{near_end(face.half_lengths_m.x(), kCornerInsetMetres, random),
+                  near_end(face.half_lengths_m.y(), kCornerInsetMetres, random)};
 }
 
 SurfacePoint draw_surface_point(const Scene& scene, Random& random) {
@@ -308,10 +308,10 @@ SurfacePoint draw_surface_point(const Scene& scene, Random& random) {
 }
 
 Vector3d draw_outlier(const Scene& scene, Random& random) {
-  constexpr double kGrown_m = 0.5;
+  constexpr double kGrownMetres = 0.5;
   Vector3d position;
   for (Eigen::Index i = 0; i < 3; ++i) {
-    position[i] = random.uniform(scene.lowest[i] - kGrown_m, scene.highest[i] + kGrown_m);
+    position[i] = random.uniform(scene.lowest[i] - kGrownMetres, scene.highest[i] + kGrownMetres);
   }
   return position;
 }
@@ -383,8 +383,8 @@ constexpr double kCx = 318.6;
 constexpr double kCy = 255.3;
 constexpr std::uint32_t kWidth = 640;
 constexpr std::uint32_t kHeight = 480;
-constexpr double kMinDepth_m = 0.3;
-constexpr double kMaxDepth_m = 4.0;
+constexpr double kMinDepthMetres = 0.3;
+constexpr double kMaxDepthMetres = 4.0;
 
 Camera tum_fr1_camera() {
   return {CameraId{0}, "PINHOLE", kWidth, kHeight, {kFx, kFy, kCx, kCy}};
@@ -429,14 +429,14 @@ struct View {
 std::optional<Vector3d> seen(const SurfacePoint& point, const View& view,
                              std::span<const Box> occluders) {
   constexpr double kMinFacingCosine = 0.15;
-  constexpr double kOwnSurface_m = 0.001;
+  constexpr double kOwnSurfaceMetres = 0.001;
   const Vector3d ray = point.position - view.centre;
   const double distance = ray.norm();
   if (-point.normal.dot(ray) < kMinFacingCosine * distance) return std::nullopt;
   const Vector3d x_in_camera = view.world_from_camera.transpose() * ray;
-  if (x_in_camera.z() < kMinDepth_m || x_in_camera.z() > kMaxDepth_m) return std::nullopt;
+  if (x_in_camera.z() < kMinDepthMetres || x_in_camera.z() > kMaxDepthMetres) return std::nullopt;
   if (!in_image(projected(x_in_camera))) return std::nullopt;
-  const double nearly_there = 1.0 - kOwnSurface_m / distance;
+  const double nearly_there = 1.0 - kOwnSurfaceMetres / distance;
   for (const Box& box : occluders) {
     if (hides(box, view.centre, ray, nearly_there)) return std::nullopt;
   }
@@ -481,13 +481,13 @@ Vector3d back_projected(const Measurement& measurement) {
 // point, in the camera's axes: the rows of J⁻¹ are the gradients of u, v and z.
 Matrix3d information_in_camera(const Vector3d& x_in_camera, const Noise& noise) {
   // No noise in one of the two would make the covariance singular.
-  constexpr double kLeastPixel_px = 1e-3;
-  constexpr double kLeastDepth_m = 1e-6;
+  constexpr double kLeastPixelPixels = 1e-3;
+  constexpr double kLeastDepthMetres = 1e-6;
   const double z = x_in_camera.z();
   const Vector3d gradient_u(kFx / z, 0.0, -kFx * x_in_camera.x() / (z * z));
   const Vector3d gradient_v(0.0, kFy / z, -kFy * x_in_camera.y() / (z * z));
-  const double pixel = std::max(noise.pixel_px, kLeastPixel_px);
-  const double depth = std::max(depth_deviation(z, noise), kLeastDepth_m);
+  const double pixel = std::max(noise.pixel_px, kLeastPixelPixels);
+  const double depth = std::max(depth_deviation(z, noise), kLeastDepthMetres);
   Matrix3d information =
       (gradient_u * gradient_u.transpose() + gradient_v * gradient_v.transpose()) / (pixel * pixel);
   information(2, 2) += 1.0 / (depth * depth);
@@ -764,14 +764,14 @@ void SyntheticOptions::validate() const {
   constexpr std::size_t kMostLandmarks = std::numeric_limits<std::uint32_t>::max();
   constexpr std::size_t kMostFrames = 1'000'000;
   // A depth must stay positive: noise is small against it in all of the scene.
-  constexpr double kMostDepthNoise_m = 0.03;
-  constexpr double kMostPixelNoise_px = 20.0;
+  constexpr double kMostDepthNoiseMetres = 0.03;
+  constexpr double kMostPixelNoisePixels = 20.0;
   require(landmarks >= 1 && landmarks <= kMostLandmarks, "landmarks", fmt::format("{}", landmarks),
           fmt::format("1 to {}", kMostLandmarks));
   require(frames >= 1 && frames <= kMostFrames, "frames", fmt::format("{}", frames),
           fmt::format("1 to {}", kMostFrames));
-  require_between(pixel_noise_px, 0.0, kMostPixelNoise_px, "pixel_noise_px");
-  require_between(depth_noise_m, 0.0, kMostDepthNoise_m, "depth_noise_m");
+  require_between(pixel_noise_px, 0.0, kMostPixelNoisePixels, "pixel_noise_px");
+  require_between(depth_noise_m, 0.0, kMostDepthNoiseMetres, "depth_noise_m");
   require_between(overlap, 0.0, 1.0, "overlap");
   require_between(outlier_fraction, 0.0, 1.0, "outlier_fraction");
 }

@@ -323,11 +323,11 @@ TEST(Synthetic, NothingIsSeenThroughSomethingElse) {
     options.seed = seed;
     const LandmarkMap map = synthetic_map(options);
     const ObservationTable& observations = map.observations();
-    constexpr double kPiece_px = 4.0;
+    constexpr double kPiecePixels = 4.0;
     std::map<std::pair<int, int>, double> nearest;
     const auto piece = [&](const Pixel& pixel) {
-      return std::pair(static_cast<int>(pixel.u / kPiece_px),
-                       static_cast<int>(pixel.v / kPiece_px));
+      return std::pair(static_cast<int>(pixel.u / kPiecePixels),
+                       static_cast<int>(pixel.v / kPiecePixels));
     };
     for (std::size_t i = 0; i < map.observation_count(); ++i) {
       const double depth = *observations.depths[i];

@@ -39,11 +39,13 @@ class OrderedResult {
 
   // The tree drops what is not nearer than this. The margin lets ties through to addPoint, also where
   // the tree's own lower bounds are rounded up.
+  // NOLINTNEXTLINE(readability-identifier-naming): nanoflann's name
   double worstDist() const {
     if (!full()) return std::numeric_limits<double>::infinity();
     return out_[count_ - 1].squared_distance * (1.0 + 1e-12) + std::numeric_limits<double>::min();
   }
 
+  // NOLINTNEXTLINE(readability-identifier-naming): nanoflann's name
   bool addPoint(double squared_distance, std::uint32_t index) {
     const auto before = [&](const Neighbor& other) {
       return squared_distance != other.squared_distance ? squared_distance < other.squared_distance

@@ -20,7 +20,7 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
                                               const Search& search, const Executor& executor) {
   constexpr std::size_t kBlock = 256;
   const Eigen::Matrix3d rotation = search_from_points.rotation();
-  const Eigen::Vector3d translation = search_from_points.translation();
+  const Eigen::Vector3d& translation = search_from_points.translation();
   std::vector<double> distances(points.size());
   executor.for_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
