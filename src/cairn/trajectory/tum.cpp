@@ -10,13 +10,13 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::array<std::string_view, 8> kFields = {"timestamp", "tx", "ty", "tz",
                                                      "qx",        "qy", "qz", "qw"};
-constexpr std::string_view kBlanks = " \t\r";
 
 std::array<double, 8> numbers_of(std::string_view line, const std::string& place) {
   std::array<double, 8> numbers{};

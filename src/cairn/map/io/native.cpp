@@ -17,6 +17,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/geometry/covariance.hpp"
 
 namespace cairn {
@@ -24,10 +25,6 @@ namespace {
 
 constexpr std::size_t kBlockSize = std::size_t{1} << 20;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-bool is_blank(char c) {
-  return c == ' ' || c == '\t' || c == '\r';
-}
 
 // What to read at a time: a block, or all of a small source and one byte that would show its end.
 std::size_t block_size_for(const ByteSource& source) {

@@ -13,6 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/map/io/point_columns.hpp"
 
 namespace cairn {
@@ -85,7 +86,6 @@ class HeaderReader {
   };
 
   void split(std::string_view line) {
-    constexpr std::string_view kBlanks = " \t\r";
     words_.clear();
     while (!line.empty()) {
       const std::size_t size = std::min(line.find_first_of(kBlanks), line.size());

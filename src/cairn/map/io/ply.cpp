@@ -12,6 +12,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/map/io/point_columns.hpp"
 
 namespace cairn {
@@ -99,7 +100,6 @@ class HeaderReader {
 
   // The next word of the line; empty at its end.
   std::string_view word() {
-    constexpr std::string_view kBlanks = " \t\r";
     const std::size_t size = std::min(rest_.find_first_of(kBlanks), rest_.size());
     const std::string_view result = rest_.substr(0, size);
     rest_.remove_prefix(std::min(rest_.find_first_not_of(kBlanks, size), rest_.size()));

@@ -15,6 +15,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -38,16 +39,6 @@ constexpr std::array<CovarianceEntry, 6> kCovarianceEntries = {{{"cov_xx", 0, 0}
                                                                 {"cov_yy", 1, 1},
                                                                 {"cov_yz", 2, 1},
                                                                 {"cov_zz", 2, 2}}};
-
-bool is_blank(char c) {
-  return c == ' ' || c == '\t' || c == '\r';
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
-  return text;
-}
 
 // Calls `function` with the C++ type of a scalar as template argument.
 template <class Function>

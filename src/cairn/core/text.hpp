@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+namespace cairn {
+
+/// What separates words within a line: space, tab, and the CR of a CR LF line end.
+inline constexpr std::string_view kBlanks = " \t\r";
+
+/// Whether `c` is one of kBlanks.
+constexpr bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r';
+}
+
+/// `text` without the blanks at either end; a part of what it was given.
+constexpr std::string_view trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+}
+
+}  // namespace cairn
