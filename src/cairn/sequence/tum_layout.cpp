@@ -2,16 +2,15 @@
 #include "cairn/sequence/tum_layout.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <string_view>
-#include <tuple>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/core/time_association.hpp"
 
 namespace cairn {
 namespace {
@@ -83,25 +82,16 @@ std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) 
 std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
                                         const std::vector<ImageEntry>& depth,
                                         double max_difference_s) {
-  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < color.size(); ++i) {
-    const double time = color[i].timestamp_s;
-    while (first < depth.size() && depth[first].timestamp_s <= time - max_difference_s) ++first;
-    for (std::size_t j = first; j < depth.size(); ++j) {
-      const double difference = depth[j].timestamp_s - time;
-      if (difference >= max_difference_s) break;
-      candidates.emplace_back(std::abs(difference), i, j);
-    }
-  }
-  std::sort(candidates.begin(), candidates.end());
+  const auto times = [](const std::vector<ImageEntry>& entries) {
+    std::vector<double> result;
+    result.reserve(entries.size());
+    for (const ImageEntry& entry : entries) result.push_back(entry.timestamp_s);
+    return result;
+  };
   std::vector<ImagePair> pairs(color.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i].color = i;
-  std::vector<bool> taken(depth.size(), false);
-  for (const auto& [difference, i, j] : candidates) {
-    if (pairs[i].depth || taken[j]) continue;
+  for (const auto& [i, j] : associate_times(times(color), times(depth), max_difference_s)) {
     pairs[i].depth = j;
-    taken[j] = true;
   }
   return pairs;
 }

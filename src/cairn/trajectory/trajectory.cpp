@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/trajectory/trajectory.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/time_association.hpp"
 
 namespace cairn {
 
@@ -40,35 +40,13 @@ double Trajectory::length() const {
 }
 
 PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s) {
-  struct Candidate {
-    double difference_s;
-    std::size_t a;
-    std::size_t b;
+  const auto times = [](const Trajectory& trajectory) {
+    std::vector<double> result;
+    result.reserve(trajectory.size());
+    for (const TimedPose& pose : trajectory.poses()) result.push_back(pose.timestamp_s);
+    return result;
   };
-  std::vector<Candidate> candidates;
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const double time = a.poses()[i].timestamp_s;
-    while (first < b.size() && b.poses()[first].timestamp_s <= time - max_difference_s) ++first;
-    for (std::size_t j = first; j < b.size(); ++j) {
-      const double difference = b.poses()[j].timestamp_s - time;
-      if (difference >= max_difference_s) break;
-      candidates.push_back({std::abs(difference), i, j});
-    }
-  }
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& x, const Candidate& y) {
-    return std::tie(x.difference_s, x.a, x.b) < std::tie(y.difference_s, y.a, y.b);
-  });
-  std::vector<bool> a_taken(a.size(), false);
-  std::vector<bool> b_taken(b.size(), false);
-  PosePairs pairs;
-  for (const Candidate& candidate : candidates) {
-    if (a_taken[candidate.a] || b_taken[candidate.b]) continue;
-    a_taken[candidate.a] = b_taken[candidate.b] = true;
-    pairs.emplace_back(candidate.a, candidate.b);
-  }
-  std::sort(pairs.begin(), pairs.end());
-  return pairs;
+  return associate_times(times(a), times(b), max_difference_s);
 }
 
 }  // namespace cairn

@@ -3,9 +3,9 @@
 
 #include <cstddef>
 #include <span>
-#include <utility>
 #include <vector>
 
+#include "cairn/core/time_association.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 namespace cairn {
@@ -37,11 +37,10 @@ class Trajectory {
 };
 
 /// Pairs of positions in two trajectories.
-using PosePairs = std::vector<std::pair<std::size_t, std::size_t>>;
+using PosePairs = IndexPairs;
 
-/// Pairs poses of two trajectories by time, as the TUM benchmark's associate.py does: of all pairs
-/// whose times differ by less than `max_difference_s`, the closest in time first, each pose at most
-/// once. Of equal differences the earlier pair first. Ordered by time.
+/// Pairs poses of two trajectories by time, as the TUM benchmark's associate.py does; see
+/// associate_times().
 PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s = 0.02);
 
 }  // namespace cairn

@@ -2,13 +2,11 @@
 #include "cairn/trajectory/trajectory.hpp"
 
 #include <cmath>
-#include <limits>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/random.hpp"
 
 namespace cairn {
 namespace {
@@ -50,40 +48,6 @@ TEST(Associate, PairsOnlyWithinTheDifference) {
   EXPECT_THAT(associate(at({1.0}), at({1.5}), 0.5), IsEmpty()) << "less than, not equal";
   EXPECT_THAT(associate(at({1.0}), at({1.5}), 0.51), ElementsAre(Pair(0, 0)));
   EXPECT_THAT(associate(Trajectory(), at({1.0})), IsEmpty());
-}
-
-TEST(Associate, AgreesWithTheGreedyDefinition) {
-  Random random(1);
-  for (int trial = 0; trial < 50; ++trial) {
-    const auto times = [&] {
-      std::vector<double> result = {random.uniform(0, 0.05)};
-      for (int i = 0; i < 40; ++i) result.push_back(result.back() + random.uniform(0.001, 0.05));
-      return result;
-    };
-    const Trajectory a = at(times());
-    const Trajectory b = at(times());
-    PosePairs expected;
-    std::vector<bool> a_taken(a.size());
-    std::vector<bool> b_taken(b.size());
-    for (;;) {
-      double best = 0.03;
-      std::pair<std::size_t, std::size_t> pair;
-      for (std::size_t i = 0; i < a.size(); ++i) {
-        for (std::size_t j = 0; j < b.size(); ++j) {
-          const double difference = std::abs(a.poses()[i].timestamp_s - b.poses()[j].timestamp_s);
-          if (!a_taken[i] && !b_taken[j] && difference < best) {
-            best = difference;
-            pair = {i, j};
-          }
-        }
-      }
-      if (best == 0.03) break;
-      a_taken[pair.first] = b_taken[pair.second] = true;
-      expected.push_back(pair);
-    }
-    std::sort(expected.begin(), expected.end());
-    EXPECT_EQ(associate(a, b, 0.03), expected);
-  }
 }
 
 }  // namespace

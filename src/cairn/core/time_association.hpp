@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace cairn {
+
+/// Positions in two lists, (first, second).
+using IndexPairs = std::vector<std::pair<std::size_t, std::size_t>>;
+
+/// Pairs the times of two clocks, as the TUM benchmark's associate.py does: of all pairs that differ
+/// by less than `max_difference_s`, the closest first, each time at most once. Of equal differences
+/// the pair earlier in `a`, then in `b`, goes first. Takes O(n log n) whatever the difference.
+/// @param a,b seconds, finite, ascending, each time once a list
+/// @return in the order of `a`
+IndexPairs associate_times(std::span<const double> a, std::span<const double> b,
+                           double max_difference_s);
+
+}  // namespace cairn
