@@ -89,22 +89,13 @@ void AlignArguments::add_to(CLI::App& command) {
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
 
-// The library names its own fields; people know the options.
 void AlignArguments::check_options() const {
-  try {
-    options.validate();
-  } catch (const Error& error) {
-    const std::string message = error.what();
-    for (const auto& [field, option] : {std::pair{"AlignOptions.k:", "--neighbors"},
-                                        {"AlignOptions.max_iterations:", "--max-iterations"},
-                                        {"AlignOptions.max_distance:", "--max-distance"},
-                                        {"AlignOptions.trimmed_fraction:", "--trim"},
-                                        {"AlignOptions.overlap_radius:", "--overlap-radius"}}) {
-      if (!message.starts_with(field)) continue;
-      throw Error(error.kind(), option, message.substr(std::string(field).size() + 1), "");
-    }
-    throw;
-  }
+  with_option_names({{"AlignOptions.k", "--neighbors"},
+                     {"AlignOptions.max_iterations", "--max-iterations"},
+                     {"AlignOptions.max_distance", "--max-distance"},
+                     {"AlignOptions.trimmed_fraction", "--trim"},
+                     {"AlignOptions.overlap_radius", "--overlap-radius"}},
+                    [&] { options.validate(); });
 }
 
 Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const {

@@ -118,7 +118,10 @@ int ConvertArguments::run() {
     throw Error(ErrorKind::kInput, input, "does not know its observations",
                 "a map that does, for --frames");
   }
-  if (range) map = cut_frames(map, range->begin, range->end);
+  if (range) {
+    with_option_names({{"frames", "--frames"}},
+                      [&] { map = cut_frames(map, range->begin, range->end); });
+  }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   if (new_from_old) map = transformed(map, *new_from_old);
   Json metrics = Json::array();

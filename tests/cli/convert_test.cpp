@@ -77,7 +77,7 @@ TEST_F(ConvertTest, FramesCutAMiniMap) {
 TEST_F(ConvertTest, FramesThatTheMapDoesNotHaveAreRefused) {
   write_plain();
   expect_refusal({"convert", "plain.map", "out.map", "--frames", "100:200"}, kWrongUsage,
-                 {"frames", "100", "200"});
+                 {"cairn: --frames: ", "100", "200"});
   EXPECT_THAT(files(), ElementsAre("plain.map"));
 }
 

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -87,6 +86,22 @@ CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& t
 
 std::string long_name(const std::string& name) {
   return name.substr(name.find_last_of(',') + 1);
+}
+
+void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
+                       const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    const std::string_view message = error.what();
+    for (const auto& [name, option] : options) {
+      const std::string start = fmt::format("{}: ", name);
+      if (message.starts_with(start)) {
+        throw Error(error.kind(), option, message.substr(start.size()), "");
+      }
+    }
+    throw;
+  }
 }
 
 double parse_real(const std::string& word, const std::string& option) {

@@ -4,10 +4,13 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
+#include <functional>
+#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -38,6 +41,12 @@ CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& t
 
 /// "--name" of "-n,--name".
 std::string long_name(const std::string& name);
+
+/// The library names its own parameters and fields; people know the options. Calls `call`; of an
+/// Error about one of the library's names ("AlignOptions.k") the message names its option instead.
+/// @param options (name in the library, option)
+void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
+                       const std::function<void()>& call);
 
 /// Number from a word of the command line; `option` is for the message.
 /// @throws Error (misuse)
