@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <random>
 #include <string>
@@ -18,32 +16,23 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/point_clouds.hpp"
+
 namespace cairn {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using testing::expect_same_landmarks;
+using ::testing::HasSubstr;
+using testing::peak_memory_kb;
+using testing::Pipe;
+using testing::same_bits;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// Bytes that come in pieces and without a size, as from a pipe.
-class Pipe final : public ByteSource {
- public:
-  Pipe(std::string_view bytes, std::size_t piece) : bytes_(bytes), piece_(piece) {}
-  const std::string& name() const override { return name_; }
-  std::optional<std::uint64_t> size() const override { return std::nullopt; }
-  std::size_t read(char* buffer, std::size_t capacity) override {
-    const std::size_t count = bytes_.copy(buffer, std::min(capacity, piece_));
-    bytes_.remove_prefix(count);
-    return count;
-  }
-  void rewind() override { FAIL() << "a pipe cannot go back"; }
-
- private:
-  std::string name_ = "pipe.pcd";
-  std::string_view bytes_;
-  std::size_t piece_;
-};
+MapTables rich_tables() {
+  return testing::rich_tables(LandmarkId{18446744073709551615U});
+}
 
 LandmarkMap read(std::string_view bytes, const MapReadOptions& options = {}) {
   MemoryReader source(bytes, "test.pcd");
@@ -77,50 +66,6 @@ void put(std::string& bytes, T value) {
   bytes.append(raw, sizeof value);
 }
 
-bool same_bits(double a, double b) {
-  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b) ||
-         (std::isnan(a) && std::isnan(b));
-}
-
-void expect_same_landmarks(const LandmarkMap& a, const LandmarkMap& b) {
-  ASSERT_EQ(a.landmarks().ids, b.landmarks().ids);
-  EXPECT_EQ(a.landmarks().colors, b.landmarks().colors);
-  ASSERT_EQ(a.has_covariances(), b.has_covariances());
-  for (std::uint32_t i = 0; i < a.landmark_count(); ++i) {
-    for (int k = 0; k < 3; ++k) {
-      EXPECT_TRUE(same_bits(a.landmarks().positions[i][k], b.landmarks().positions[i][k]));
-    }
-    const auto covariance = a.covariance(LandmarkIndex{i});
-    const auto other = b.covariance(LandmarkIndex{i});
-    ASSERT_EQ(covariance.has_value(), other.has_value());
-    for (int k = 0; covariance && k < 9; ++k) {
-      EXPECT_TRUE(same_bits((*covariance)(k / 3, k % 3), (*other)(k / 3, k % 3)));
-    }
-  }
-  for (const NamedColumn& column : a.landmarks().columns) {
-    const NamedColumn* const other = b.column(column.name);
-    ASSERT_NE(other, nullptr) << column.name;
-    for (std::size_t i = 0; i < column.values.size(); ++i) {
-      EXPECT_TRUE(same_bits(column.values[i], other->values[i])) << column.name << i;
-    }
-  }
-}
-
-MapTables rich_tables() {
-  MapTables tables;
-  LandmarkTable& landmarks = tables.landmarks;
-  landmarks.ids = {LandmarkId{7}, LandmarkId{18446744073709551615U}, LandmarkId{0}};
-  landmarks.positions = {{0.1, -0.0, 1.0 / 3.0},
-                         {5e-324, 1.7976931348623157e308, -2.2250738585072014e-308},
-                         {std::nextafter(1.0, 2.0), 123456789.123456789, -1e-7}};
-  Eigen::Matrix3d covariance;
-  covariance << 1.0 / 3.0, 0.1, -1e-9, 0.1, 0.7, 1.0 / 7.0, -1e-9, 1.0 / 7.0, 1e5;
-  landmarks.covariances = {covariance, Eigen::Matrix3d::Constant(kNan), covariance / 3.0};
-  landmarks.colors = {Color{255, 0, 1}, Color{2, 128, 255}, Color{0, 0, 0}};
-  landmarks.columns = {{"confidence", {0.1, kNan, 2.0 / 3.0}}, {"w", {-0.0, 1e-310, 3.0}}};
-  return tables;
-}
-
 // A header as PCL writes it.
 std::string header(std::string_view fields, std::string_view sizes, std::string_view types,
                    std::string_view counts, std::string_view points, std::string_view data) {
@@ -141,15 +86,6 @@ std::string header(std::string_view fields, std::string_view sizes, std::string_
 
 std::string xyz_header(std::string_view points, std::string_view data) {
   return header("x y z", "4 4 4", "F F F", "1 1 1", points, data);
-}
-
-std::int64_t peak_memory_kb() {
-  std::ifstream status("/proc/self/status");
-  for (std::string word; status >> word;) {
-    std::int64_t size = 0;
-    if (word == "VmPeak:" && status >> size) return size;
-  }
-  return 0;
 }
 
 TEST(Pcd, RoundTripKeepsEveryColumnBitExact) {
@@ -292,7 +228,7 @@ TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
     ASSERT_EQ(map.landmarks().columns.size(), 1U);
     EXPECT_THAT(map.column("n")->values, ElementsAre(0, 10));
   }
-  EXPECT_THAT(remarks, testing::Each(HasSubstr("field 'descriptor' left out")));
+  EXPECT_THAT(remarks, ::testing::Each(HasSubstr("field 'descriptor' left out")));
   EXPECT_EQ(remarks.size(), 2U);
 }
 
