@@ -39,6 +39,16 @@ double Trajectory::length() const {
   return sum;
 }
 
+Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from_old) {
+  std::vector<TimedPose> poses(trajectory.poses().begin(), trajectory.poses().end());
+  for (TimedPose& pose : poses) {
+    const Rigid3& old = pose.world_from_camera;
+    pose.world_from_camera = Rigid3(new_from_old.rigid().quaternion() * old.quaternion(),
+                                    new_from_old * old.translation());
+  }
+  return Trajectory(std::move(poses));
+}
+
 PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s) {
   const auto times = [](const Trajectory& trajectory) {
     std::vector<double> result;

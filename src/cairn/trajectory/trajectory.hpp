@@ -7,6 +7,7 @@
 
 #include "cairn/core/time_association.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn {
 
@@ -35,6 +36,9 @@ class Trajectory {
  private:
   std::vector<TimedPose> poses_;
 };
+
+/// The trajectory in another world: positions scaled, turned and moved, orientations turned.
+Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from_old);
 
 /// Pairs of positions in two trajectories.
 using PosePairs = IndexPairs;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/trajectory/trajectory_error.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Geometry>
@@ -73,67 +72,52 @@ std::vector<double> positions_along(const Trajectory& truth, const PosePairs& pa
 
 }  // namespace
 
-std::optional<ErrorStatistics> statistics_of(std::span<const double> errors) {
-  if (errors.empty()) return std::nullopt;
-  std::vector<double> sorted(errors.begin(), errors.end());
-  std::sort(sorted.begin(), sorted.end());
-  ErrorStatistics result;
-  result.count = sorted.size();
-  const auto count = static_cast<double>(sorted.size());
-  double squares = 0.0;
-  for (const double error : sorted) {
-    result.mean += error / count;
-    squares += error * error / count;
-  }
-  result.rmse = std::sqrt(squares);
-  double deviations = 0.0;
-  for (const double error : sorted) deviations += (error - result.mean) * (error - result.mean);
-  result.standard_deviation = std::sqrt(deviations / count);
-  const std::size_t middle = sorted.size() / 2;
-  result.median =
-      sorted.size() % 2 == 1 ? sorted[middle] : 0.5 * (sorted[middle - 1] + sorted[middle]);
-  result.lowest = sorted.front();
-  result.highest = sorted.back();
-  return result;
-}
-
 std::optional<AbsoluteError> absolute_error(const Trajectory& estimate, const Trajectory& truth,
                                             const PosePairs& pairs, TrajectoryAlignment alignment) {
   const auto truth_from_estimate = align_trajectories(estimate, truth, pairs, alignment);
   if (!truth_from_estimate) return std::nullopt;
   AbsoluteError result;
   result.truth_from_estimate = *truth_from_estimate;
-  std::vector<double> angles;
   for (const auto& [a, b] : pairs) {
     const Rigid3& estimated = estimate.poses()[a].world_from_camera;
     const Rigid3& true_pose = truth.poses()[b].world_from_camera;
     result.translations.push_back(
         (*truth_from_estimate * estimated.translation() - true_pose.translation()).norm());
-    angles.push_back(((truth_from_estimate->rigid() * estimated).inverse() * true_pose).angle());
+    result.rotations_rad.push_back(
+        ((truth_from_estimate->rigid() * estimated).inverse() * true_pose).angle());
   }
   result.translation = *statistics_of(result.translations);
-  result.rotation_rad = *statistics_of(angles);
+  result.rotation_rad = *statistics_of(result.rotations_rad);
   return result;
+}
+
+void RelativeInterval::validate() const {
+  const bool whole = unit != Unit::kFrames || length == std::floor(length);
+  if (!(length > 0.0) || !std::isfinite(length) || !whole) {
+    throw Error(ErrorKind::kMisuse, "RelativeInterval.length", fmt::format("{}", length),
+                "a positive number, whole for frames");
+  }
 }
 
 std::optional<RelativeError> relative_error(const Trajectory& estimate, const Trajectory& truth,
                                             const PosePairs& pairs,
                                             const RelativeInterval& interval) {
-  if (!(interval.length > 0.0) || !std::isfinite(interval.length)) {
-    throw Error(ErrorKind::kMisuse, "RelativeInterval.length", fmt::format("{}", interval.length),
-                "a positive number");
-  }
+  interval.validate();
   const std::vector<double> along = positions_along(truth, pairs, interval.unit);
+  const auto motion = [](const Trajectory& trajectory, std::size_t from, std::size_t to) {
+    return trajectory.poses()[from].world_from_camera.inverse() *
+           trajectory.poses()[to].world_from_camera;
+  };
   std::vector<double> translations;
   std::vector<double> angles;
-  std::size_t end = 0;
+  std::size_t later = 0;  // the first pose at least an interval later
   for (std::size_t begin = 0; begin < pairs.size(); ++begin) {
-    while (end < pairs.size() && along[end] - along[begin] < interval.length) ++end;
-    if (end == pairs.size()) break;
-    const auto motion = [&](const Trajectory& trajectory, std::size_t from, std::size_t to) {
-      return trajectory.poses()[from].world_from_camera.inverse() *
-             trajectory.poses()[to].world_from_camera;
-    };
+    const double goal = along[begin] + interval.length;
+    while (later < pairs.size() && along[later] < goal) ++later;
+    if (later == pairs.size()) break;
+    const bool earlier_is_nearer =
+        later > begin + 1 && goal - along[later - 1] < along[later] - goal;
+    const std::size_t end = earlier_is_nearer ? later - 1 : later;
     const Rigid3 drift = motion(truth, pairs[begin].second, pairs[end].second).inverse() *
                          motion(estimate, pairs[begin].first, pairs[end].first);
     translations.push_back(drift.translation().norm());

@@ -3,29 +3,15 @@
 
 #include <cstddef>
 #include <optional>
-#include <span>
 #include <vector>
 
+#include "cairn/core/error_statistics.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/trajectory/trajectory.hpp"
 
 /// Errors of an estimated trajectory against the true one, as the TUM RGB-D benchmark (Sturm et
 /// al., IROS 2012) and evo define them.
 namespace cairn {
-
-/// What several errors amount to.
-struct ErrorStatistics {
-  std::size_t count = 0;
-  double rmse = 0.0;
-  double mean = 0.0;
-  double median = 0.0;
-  double standard_deviation = 0.0;
-  double lowest = 0.0;
-  double highest = 0.0;
-};
-
-/// @return nothing of no errors
-std::optional<ErrorStatistics> statistics_of(std::span<const double> errors);
 
 /// How to bring the estimate into the frame of the truth before comparing.
 enum class TrajectoryAlignment {
@@ -36,10 +22,11 @@ enum class TrajectoryAlignment {
 };
 
 struct AbsoluteError {
-  Similarity3 truth_from_estimate;   ///< the alignment
-  ErrorStatistics translation;       ///< distances between positions, in the truth's unit
-  ErrorStatistics rotation_rad;      ///< angles between orientations
-  std::vector<double> translations;  ///< one a pair
+  Similarity3 truth_from_estimate;    ///< the alignment
+  ErrorStatistics translation;        ///< distances between positions, in the truth's unit
+  ErrorStatistics rotation_rad;       ///< angles between orientations
+  std::vector<double> translations;   ///< one a pair
+  std::vector<double> rotations_rad;  ///< one a pair
 };
 
 /// Absolute trajectory error (ATE) over the pairs of poses.
@@ -57,6 +44,9 @@ struct RelativeInterval {
   };
   Unit unit = Unit::kSeconds;
   double length = 1.0;  ///< positive; whole for frames
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
 };
 
 struct RelativeError {
@@ -64,9 +54,12 @@ struct RelativeError {
   ErrorStatistics rotation_rad;  ///< angle of the drift
 };
 
-/// Relative pose error (RPE): from each associated pose to the first one at least an interval
-/// later, the motion of the estimate against that of the truth. Independent of the frames of both.
-/// @return nothing if no two poses are an interval apart
+/// Relative pose error (RPE): from each associated pose to the one nearest to an interval later, as
+/// evaluate_rpe.py --fixed_delta chooses it, the motion P of the estimate against the motion Q of the
+/// truth: the translation and the angle of Q⁻¹·P, as the paper and evo define it. (The script takes
+/// P·Q⁻¹, whose translation differs by the rotation error times the motion.) Independent of the
+/// frames of both trajectories. No interval is taken that begins less than its length before the end.
+/// @return nothing if the trajectory is shorter than the interval
 /// @throws Error (misuse) for an interval that is not positive
 std::optional<RelativeError> relative_error(const Trajectory& estimate, const Trajectory& truth,
                                             const PosePairs& pairs,

@@ -37,19 +37,6 @@ PosePairs all(const Trajectory& trajectory) {
   return pairs;
 }
 
-TEST(Statistics, AreThoseOfTheErrors) {
-  const auto statistics = statistics_of(std::vector<double>{3.0, 1.0, 2.0, 6.0});
-  ASSERT_TRUE(statistics);
-  EXPECT_EQ(statistics->count, 4U);
-  EXPECT_DOUBLE_EQ(statistics->mean, 3.0);
-  EXPECT_DOUBLE_EQ(statistics->median, 2.5);
-  EXPECT_DOUBLE_EQ(statistics->rmse, std::sqrt(12.5));
-  EXPECT_DOUBLE_EQ(statistics->standard_deviation, std::sqrt(3.5));
-  EXPECT_EQ(statistics->lowest, 1.0);
-  EXPECT_EQ(statistics->highest, 6.0);
-  EXPECT_FALSE(statistics_of({}));
-}
-
 TEST(AbsoluteError, IsBlindToWhatTheAlignmentRemoves) {
   const Trajectory truth = path();
   const auto shift = Rigid3::from_roll_pitch_yaw({5, -6, 7}, 1.0, 0.5, -2.0);
@@ -131,6 +118,21 @@ TEST(RelativeError, IsTheDriftOverTheInterval) {
   const auto frame =
       relative_error(estimate, truth, all(truth), {RelativeInterval::Unit::kFrames, 2.0});
   EXPECT_NEAR(frame->translation.mean, 0.02, 1e-12);
+}
+
+TEST(RelativeError, ReachesToThePoseNearestToTheInterval) {
+  // A second after 0 the nearest pose is that at 0.9; a second after 0.3, that at 1.25.
+  std::vector<TimedPose> poses;
+  std::vector<TimedPose> drifting;
+  for (const double t : {0.0, 0.3, 0.9, 1.25, 1.4}) {
+    poses.push_back({t, Rigid3(Eigen::Quaterniond::Identity(), {t, 0, 0})});
+    drifting.push_back({t, Rigid3(Eigen::Quaterniond::Identity(), {1.1 * t, 0, 0})});
+  }
+  const Trajectory truth{poses};
+  const auto error = relative_error(Trajectory{drifting}, truth, all(truth), {});
+  EXPECT_EQ(error->translation.count, 2U) << "0.9 + 1 is beyond the end";
+  EXPECT_NEAR(error->translation.lowest, 0.09, 1e-12);
+  EXPECT_NEAR(error->translation.highest, 0.095, 1e-12);
 }
 
 TEST(RelativeError, IsUnknownWhereNothingIsAnIntervalApart) {
