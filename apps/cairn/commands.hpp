@@ -14,6 +14,12 @@ using Run = std::function<int()>;
 Run add_align(CLI::App& program);
 Run add_convert(CLI::App& program);
 Run add_demo(CLI::App& program);
+Run add_evaluate(CLI::App& program);
 Run add_info(CLI::App& program);
+
+// The verbs below evaluate.
+Run add_evaluate_alignment(CLI::App& evaluate);
+Run add_evaluate_map(CLI::App& evaluate);
+Run add_evaluate_trajectory(CLI::App& evaluate);
 
 }  // namespace cairn::cli

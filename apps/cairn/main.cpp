@@ -49,17 +49,23 @@ void occupy_standard_streams() {
   }
 }
 
-const CLI::App* parsed_verb(const CLI::App& program) {
-  const auto verbs = program.get_subcommands();
-  return verbs.empty() ? nullptr : verbs.front();
+// What was parsed, from the program down to the innermost verb.
+std::vector<const CLI::App*> parsed_verbs(const CLI::App& program) {
+  std::vector<const CLI::App*> verbs = {&program};
+  while (!verbs.back()->get_subcommands().empty()) {
+    verbs.push_back(verbs.back()->get_subcommands().front());
+  }
+  return verbs;
 }
 
 // What is wrong with the command line, for people.
 std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = program.remaining(true);
-  if (parsed_verb(program) == nullptr) {
-    std::vector<std::string> names;
-    for (const CLI::App* verb : program.get_subcommands(nullptr)) names.push_back(verb->get_name());
+  std::vector<std::string> names;
+  for (const CLI::App* verb : parsed_verbs(program).back()->get_subcommands(nullptr)) {
+    names.push_back(verb->get_name());
+  }
+  if (!names.empty()) {
     return fmt::format("{}; expected a verb: {}",
                        unexpected.empty() ? "nothing to do" : cairn::printable(unexpected.front()),
                        fmt::join(names, ", "));
@@ -85,10 +91,9 @@ int run(int argc, char** argv) {
       "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
       "4 no trustworthy alignment; 130 interrupted.");
   const std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
-      {"demo", cairn::cli::add_demo(program)},
-      {"info", cairn::cli::add_info(program)},
-      {"convert", cairn::cli::add_convert(program)},
-      {"align", cairn::cli::add_align(program)},
+      {"demo", cairn::cli::add_demo(program)},         {"info", cairn::cli::add_info(program)},
+      {"convert", cairn::cli::add_convert(program)},   {"align", cairn::cli::add_align(program)},
+      {"evaluate", cairn::cli::add_evaluate(program)},
   };
   for (CLI::App* const verb : program.get_subcommands(nullptr)) verb->group("Verbs");
   if (argc < 2) {
@@ -101,13 +106,13 @@ int run(int argc, char** argv) {
     program.exit(asked);  // prints the help or the version
     return ExitCode::kDone;
   } catch (const CLI::ParseError& error) {
-    const CLI::App* const verb = parsed_verb(program);
-    print_error(fmt::format("cairn: {}\nRun 'cairn {}--help' for what there is.\n",
-                            complaint(program, error),
-                            verb == nullptr ? "" : verb->get_name() + " "));
+    std::string words;
+    for (const CLI::App* verb : parsed_verbs(program)) words += verb->get_name() + " ";
+    print_error(fmt::format("cairn: {}\nRun '{}--help' for what there is.\n",
+                            complaint(program, error), words));
     return ExitCode::kWrongUsage;
   }
-  const std::string name = parsed_verb(program)->get_name();
+  const std::string name = program.get_subcommands().front()->get_name();
   return std::find_if(verbs.begin(), verbs.end(),
                       [&](const auto& verb) { return verb.first == name; })
       ->second();

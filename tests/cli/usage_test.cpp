@@ -23,7 +23,7 @@ TEST_F(UsageTest, WithoutArgumentsSaysHowToStart) {
 
 TEST_F(UsageTest, HelpListsTheVerbsAndExitCodes) {
   const std::string help = answer({"--help"});
-  for (const char* const verb : {"demo", "info", "convert", "align"}) {
+  for (const char* const verb : {"demo", "info", "convert", "align", "evaluate"}) {
     EXPECT_THAT(help, HasSubstr(std::string("\n  ") + verb));
   }
   EXPECT_THAT(help, HasSubstr("Exit codes: 0 done"));
@@ -71,7 +71,8 @@ TEST_P(VerbTest, NumbersThatAreNoneAreRefused) {
 }
 
 TEST_F(UsageTest, UnknownVerbIsNamedBesideThoseThereAre) {
-  expect_refusal({"alignn", "a", "b"}, kWrongUsage, {"'alignn'", "demo, info, convert, align"});
+  expect_refusal({"alignn", "a", "b"}, kWrongUsage,
+                 {"'alignn'", "demo, info, convert, align, evaluate"});
   expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected a verb"});
 }
 

@@ -2,7 +2,6 @@
 #include "support/arguments.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -13,6 +12,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
+
+#include "support/saved_alignments.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -44,17 +45,9 @@ Matrix4d matrix_of_json(const std::string& path, const std::string& text) {
   if (!document.contains(place)) fail_pose_file(path, "holds no results of an alignment");
   const auto& rows = document.at(place);
   if (rows.is_null()) fail_pose_file(path, "the alignment failed and has no pose");
-  try {
-    const auto numbers = rows.get<std::array<std::array<double, 4>, 4>>();
-    Matrix4d matrix;
-    for (int i = 0; i < 16; ++i) {
-      matrix(i / 4, i % 4) =
-          numbers[static_cast<std::size_t>(i / 4)][static_cast<std::size_t>(i % 4)];
-    }
-    return matrix;
-  } catch (const nlohmann::json::exception&) {
-    fail_pose_file(path, "target_from_source is no 4x4 matrix");
-  }
+  const auto matrix = matrix_of_rows(rows);
+  if (!matrix) fail_pose_file(path, "target_from_source is no 4x4 matrix");
+  return *matrix;
 }
 
 Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
@@ -130,6 +123,12 @@ void CommonArguments::add_to(CLI::App& command) {
              "Threads to use at most; 0: one a core. Results do not depend on it")
       ->group(group);
   add_number(command, "--seed", seed, "Seed of all random numbers")->group(group);
+}
+
+void CommonArguments::add_csv_to(CLI::App& command, const std::string& row) {
+  add_text(command, "--csv", csv_path,
+           "Write a CSV table with a row for each " + row + " to FILE, or to stdout for -",
+           "FILE|-");
 }
 
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,

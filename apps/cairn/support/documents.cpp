@@ -12,6 +12,17 @@
 #include "support/interrupt.hpp"
 
 namespace cairn::cli {
+namespace {
+
+void write_output(const std::string& text, const std::string& path) {
+  if (path == "-") {
+    print_raw(text);
+  } else {
+    write_file(path, [&](const ByteSink& sink) { sink(text); });
+  }
+}
+
+}  // namespace
 
 LoadedMap load_map(const std::string& path, const CommonArguments& common) {
   const Console console = common.console();
@@ -20,15 +31,11 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common) {
   options.stop = interrupt_requests();
   options.log = console.log();
   LoadedMap loaded{path, read_map(path, options), {}};
-  // A pipe cannot be read a second time.
-  const bool can_hash = std::filesystem::is_regular_file(path) && !common.json_path.empty();
-  loaded.description = {
-      {"path", path},
-      {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)},
-      {"frames", loaded.map.frame_count()},
-      {"landmarks", loaded.map.landmark_count()},
-      {"observations",
-       loaded.map.has_observations() ? Json(loaded.map.observation_count()) : Json(nullptr)}};
+  loaded.description = describe_file(path, common);
+  loaded.description["frames"] = loaded.map.frame_count();
+  loaded.description["landmarks"] = loaded.map.landmark_count();
+  loaded.description["observations"] =
+      loaded.map.has_observations() ? Json(loaded.map.observation_count()) : Json(nullptr);
   return loaded;
 }
 
@@ -42,6 +49,14 @@ void require_folder_of(const std::string& path) {
     throw Error(ErrorKind::kStorage, path,
                 "cannot be written: there is no folder " + folder.string(), "");
   }
+}
+
+void require_outputs(const CommonArguments& common) {
+  if (common.json_path == "-" && common.csv_path == "-") {
+    throw Error(ErrorKind::kMisuse, "--csv", "stdout is taken by --json", "a file for one of them");
+  }
+  require_folder_of(common.json_path);
+  require_folder_of(common.csv_path);
 }
 
 void require_map_path(const std::string& path, const std::string& option) {
@@ -70,6 +85,12 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
   }
 }
 
+Json describe_file(const std::string& path, const CommonArguments& common) {
+  // A pipe cannot be read a second time.
+  const bool can_hash = std::filesystem::is_regular_file(path) && !common.json_path.empty();
+  return {{"path", path}, {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)}};
+}
+
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options) {
   return {{"schema", {{"name", "cairn." + schema}, {"version", 1}}},
           {"cairn_version", kVersion},
@@ -81,16 +102,18 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
 void write_document(const Json& json, const CommonArguments& common) {
   if (common.json_path.empty()) return;
   // Text from files may be any bytes; JSON must be UTF-8.
-  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-  if (common.json_path == "-") {
-    print_raw(text);
-  } else {
-    write_file(common.json_path, [&](const ByteSink& sink) { sink(text); });
-  }
+  write_output(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n", common.json_path);
+}
+
+void write_rows(const Csv& rows, const CommonArguments& common) {
+  if (!common.csv_path.empty()) write_output(rows.text(), common.csv_path);
 }
 
 Json to_json(const Rigid3& pose) {
-  const Matrix4d matrix = pose.matrix();
+  return to_json(pose.matrix());
+}
+
+Json to_json(const Matrix4d& matrix) {
   Json rows = Json::array();
   for (int i = 0; i < 4; ++i) {
     rows.push_back({matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3)});

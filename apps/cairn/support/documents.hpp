@@ -11,6 +11,7 @@
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/arguments.hpp"
+#include "support/csv.hpp"
 
 namespace cairn::cli {
 
@@ -30,6 +31,10 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common);
 /// @throws Error (storage) if `path` is a folder, or in none that exists
 void require_folder_of(const std::string& path);
 
+/// Checks --json and --csv as require_folder_of does, and that not both go to stdout.
+/// @throws Error (storage), (misuse)
+void require_outputs(const CommonArguments& common);
+
 /// As require_folder_of; and the extension must name a map format.
 /// @throws Error (misuse) naming `option`
 void require_map_path(const std::string& path, const std::string& option);
@@ -44,7 +49,14 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
 /// Writes a document where --json says; nothing if it was not given.
 void write_document(const Json& json, const CommonArguments& common);
 
+/// Writes a table where --csv says; nothing if it was not given.
+void write_rows(const Csv& rows, const CommonArguments& common);
+
+/// What a document says of any input file: path and, where there will be a document, hash.
+Json describe_file(const std::string& path, const CommonArguments& common);
+
 Json to_json(const Rigid3& pose);
+Json to_json(const Matrix4d& matrix);
 Json to_json(const Eigen::Vector3d& vector);
 Json to_json(const Matrix6d& matrix);
 template <class Value>

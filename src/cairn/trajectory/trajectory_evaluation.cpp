@@ -40,10 +40,10 @@ TrajectoryEvaluation evaluate_trajectory(const Trajectory& estimate, const Traje
   }
   result.absolute = absolute_error(estimate, truth, result.pairs, options.alignment);
   if (!result.absolute) {
-    result.reason = result.pairs.size() < 3
-                        ? fmt::format("{} pairs of poses are too few to align by: 3 are needed",
-                                      result.pairs.size())
-                        : "the poses determine no scale";
+    result.reason =
+        result.pairs.size() < 3
+            ? fmt::format("{} of the poses paired; 3 are needed to align by", result.pairs.size())
+            : "the poses determine no scale";
     return result;
   }
   const double scale = result.absolute->truth_from_estimate.scale();

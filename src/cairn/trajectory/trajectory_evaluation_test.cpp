@@ -146,7 +146,8 @@ TEST(EvaluateTrajectory, SaysWhyThereIsNoAnswer) {
       evaluated(path(), path(200, 500.0), Alignment::kSe3).reason,
       HasSubstr("no pose of the estimate is within 0.02 s of a true one: the estimate lasts "
                 "from 100.000 to 109.950 s, the truth lasts from 500.000"));
-  EXPECT_THAT(evaluated(path(2), path(), Alignment::kSe3).reason, HasSubstr("2 pairs of poses"));
+  EXPECT_THAT(evaluated(path(2), path(), Alignment::kSe3).reason,
+              HasSubstr("2 of the poses paired; 3 are needed"));
   const Trajectory moving = path();
   std::vector<TimedPose> poses(moving.poses().begin(), moving.poses().end());
   for (TimedPose& pose : poses) pose.world_from_camera = Rigid3();

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/evaluation/pose_error.hpp"
+#include "cairn/registration/point_set.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/saved_alignments.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+struct EvaluateAlignmentArguments {
+  CommonArguments common;
+  std::string result;
+  std::string truth;
+  std::string source;
+  double max_rotation_deg = 5.0;
+  double max_translation_m = 0.05;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  std::string source_path(const SavedAlignments& saved) const;
+};
+
+// One result beside the truth; what is not known stays nothing.
+struct JudgedAlignment {
+  SavedAlignment alignment;
+  std::optional<PoseError> error;
+  std::optional<bool> success;
+};
+
+void EvaluateAlignmentArguments::add_to(CLI::App& command) {
+  add_text(command, "result", result, "What 'cairn align --json' wrote")->required();
+  add_text(command, "--truth", truth,
+           "True target_from_source, 16 numbers or the JSON of an alignment", "FILE")
+      ->required();
+  add_text(command, "--source", source,
+           "The source map; without it, it is looked for where the result says", "MAP");
+  add_number(command, "--max-rotation-deg", max_rotation_deg,
+             "Largest rotation error of a success, degrees");
+  add_number(command, "--max-translation-m", max_translation_m,
+             "Largest displacement of the source's centroid in a success, metres");
+  common.add_csv_to(command, "result");
+  common.add_to(command);
+  command.footer(
+      "Example: align by two strategies, then hold the poses against the true one\n"
+      "  cairn align source.map target.map --confidence none,observations --json result.json\n"
+      "  cairn evaluate alignment result.json --truth truth.txt --max-translation-m 0.02");
+}
+
+// A path in a result is relative to where the alignment ran: here, or where the result lies.
+std::string EvaluateAlignmentArguments::source_path(const SavedAlignments& saved) const {
+  if (!source.empty()) return source;
+  if (!saved.source_path) {
+    throw Error(ErrorKind::kInput, result, "does not name the source map", "--source MAP");
+  }
+  const std::filesystem::path here = *saved.source_path;
+  const std::filesystem::path beside = std::filesystem::path(result).parent_path() / here;
+  for (const auto& path : {here, beside}) {
+    if (std::filesystem::exists(path)) return path.string();
+  }
+  throw Error(ErrorKind::kInput, result, "its source map is not to be found: " + here.string(),
+              "--source MAP");
+}
+
+Csv rows_of(const std::vector<JudgedAlignment>& judged) {
+  Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
+            "success"});
+  for (const auto& [alignment, error, success] : judged) {
+    rows << alignment.confidence << alignment.status;
+    rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
+    rows << (error ? std::optional(error->translation) : std::nullopt);
+    rows << alignment.length_unit;
+    rows << (success ? (*success ? "yes" : "no") : "");
+    rows.end_row();
+  }
+  return rows;
+}
+
+Json json_of(const std::vector<JudgedAlignment>& judged) {
+  Json results = Json::array();
+  for (const auto& [alignment, error, success] : judged) {
+    Json entry = {{"confidence", alignment.confidence},
+                  {"status", alignment.status},
+                  {"length_unit", alignment.length_unit}};
+    entry["error"] = nullptr;
+    if (error) {
+      entry["error"] = {{"rotation_deg", degrees(error->rotation_rad)},
+                        {"translation", error->translation}};
+    }
+    entry["success"] = to_json(success);
+    results.push_back(std::move(entry));
+  }
+  return results;
+}
+
+std::string table_of(const std::vector<JudgedAlignment>& judged) {
+  Table table({"confidence", "status", "rotation error", "translation error", "success"});
+  for (const auto& [alignment, error, success] : judged) {
+    const char* const unit = alignment.length_unit == "metres" ? "m" : "units";
+    table.add_row({alignment.confidence, alignment.status,
+                   error ? fixed(degrees(error->rotation_rad), 4) + " deg" : "-",
+                   error ? fmt::format("{} {}", fixed(error->translation, 5), unit) : "-",
+                   success ? (*success ? "yes" : "no") : "-"});
+  }
+  return table.text();
+}
+
+int EvaluateAlignmentArguments::run() {
+  for (const auto& [option, limit] : {std::pair{"--max-rotation-deg", max_rotation_deg},
+                                      {"--max-translation-m", max_translation_m}}) {
+    if (limit < 0.0) {
+      throw Error(ErrorKind::kMisuse, option, fmt::format("{}", limit), "0 or more");
+    }
+  }
+  require_outputs(common);
+  const SavedAlignments saved = read_alignments(result);
+  const Rigid3 true_pose = read_pose_file(truth);
+  const LoadedMap source_map = load_map(source_path(saved), common);
+  const Console console = common.console();
+  if (saved.source_hash && std::filesystem::is_regular_file(source_map.path) &&
+      hash_file(source_map.path) != *saved.source_hash) {
+    console.remark(source_map.path + " is not the file that was aligned: its content differs");
+  }
+  PointSetOptions point_options;
+  if (saved.min_observations) point_options.min_observations = *saved.min_observations;
+  const PointSet points = point_set(source_map.map, std::nullopt, point_options);
+  if (points.positions.empty()) {
+    throw Error(ErrorKind::kInput, source_map.path,
+                fmt::format("has no landmarks with {} or more observations",
+                            point_options.min_observations),
+                "a map with landmarks, to measure translation at");
+  }
+
+  std::vector<JudgedAlignment> judged;
+  std::size_t successes = 0;
+  for (const SavedAlignment& alignment : saved.results) {
+    JudgedAlignment entry{alignment, std::nullopt, std::nullopt};
+    const bool metric = alignment.length_unit == "metres";
+    if (alignment.target_from_source) {
+      entry.error = pose_error(*alignment.target_from_source, true_pose, points.positions);
+    }
+    if (metric) {  // metres say nothing of a map of free scale
+      entry.success = entry.error && degrees(entry.error->rotation_rad) <= max_rotation_deg &&
+                      entry.error->translation <= max_translation_m;
+      successes += *entry.success ? 1 : 0;
+    }
+    judged.push_back(std::move(entry));
+  }
+
+  Json inputs = {{"result", describe_file(result, common)},
+                 {"source", source_map.description},
+                 {"truth", {{"path", truth}, {"target_from_source", to_json(true_pose)}}}};
+  Json json = document("evaluate_alignment", common, std::move(inputs),
+                       {{"max_rotation_deg", max_rotation_deg},
+                        {"max_translation_m", max_translation_m},
+                        {"min_observations", point_options.min_observations}});
+  json["results"] = json_of(judged);
+  json["successes"] = successes;
+  write_document(json, common);
+  write_rows(rows_of(judged), common);
+  console.print(table_of(judged));
+  console.print(fmt::format(
+      "\ntranslation error  displacement of the centroid of {} source landmarks\n"
+      "success            at most {:g} deg and {:g} m: {} of {}\n",
+      points.positions.size(), max_rotation_deg, max_translation_m, successes, judged.size()));
+  return kDone;
+}
+
+}  // namespace
+
+Run add_evaluate_alignment(CLI::App& evaluate) {
+  auto arguments = std::make_shared<EvaluateAlignmentArguments>();
+  arguments->add_to(
+      *evaluate.add_subcommand("alignment", "Pose errors of the results of an alignment"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/evaluation/covariance_calibration.hpp"
+#include "cairn/evaluation/first_keyframe.hpp"
+#include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/statistics.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+// Landmarks against the truth, each in its first keyframe.
+struct Calibration {
+  std::vector<LandmarkEstimate> landmarks;
+  CovarianceCalibration result;
+};
+
+struct EvaluateMapArguments {
+  CommonArguments common;
+  std::string input;
+  std::string camera;
+  std::string truth_map;
+  std::string truth_trajectory;
+  std::size_t min_observations = 2;
+  double max_time_difference_s = 0.02;
+  MapConsistencyOptions options;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  void check_options() const;
+  Calibration calibrate(const LandmarkMap& map, const LandmarkMap& truth) const;
+  void print(const LoadedMap& loaded, const LandmarkMap& kept, const MapConsistency& consistency,
+             const std::optional<Calibration>& calibration) const;
+};
+
+void EvaluateMapArguments::add_to(CLI::App& command) {
+  add_text(command, "map", input, "Map to judge: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "--camera", camera,
+           "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
+  add_text(command, "--truth-map", truth_map,
+           "Map with the true positions, of landmarks and frames with the same ids: judges the "
+           "covariances",
+           "MAP");
+  add_text(
+      command, "--truth-trajectory", truth_trajectory,
+      "With --truth-map: the true poses of the frames, found by their timestamps (TUM format), "
+      "instead of the true map's",
+      "FILE");
+  add_number(command, "--max-time-difference", max_time_difference_s,
+             "Longest time between a frame and its true pose, seconds");
+  add_number(command, "--min-observations", min_observations,
+             "Leave out landmarks observed less often");
+  add_number(command, "--inlier-px", options.inlier_px,
+             "An observation is an inlier below that distance, pixels");
+  common.add_csv_to(command, "landmark");
+  common.add_to(command);
+  command.footer(
+      "Example: reprojection errors, and whether the covariances are right\n"
+      "  cairn evaluate map desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"\n"
+      "  cairn evaluate map desk.map --truth-map true.map --csv landmarks.csv");
+}
+
+void EvaluateMapArguments::check_options() const {
+  with_option_names({{"MapConsistencyOptions.inlier_px", "--inlier-px"}},
+                    [&] { options.validate(); });
+  if (!(max_time_difference_s > 0.0)) {
+    throw Error(ErrorKind::kMisuse, "--max-time-difference",
+                fmt::format("{}", max_time_difference_s), "a positive number");
+  }
+  if (!truth_trajectory.empty() && truth_map.empty()) {
+    throw Error(ErrorKind::kMisuse, "--truth-trajectory",
+                "tells where the frames were, but not where the landmarks are",
+                "--truth-map beside it");
+  }
+  require_outputs(common);
+}
+
+Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
+                                            const LandmarkMap& truth) const {
+  KeyframePoses poses;
+  if (truth_trajectory.empty()) {
+    poses = keyframe_poses(map, truth);
+  } else {
+    FileReader file(truth_trajectory);
+    poses = keyframe_poses(map, read_tum_trajectory(file), max_time_difference_s);
+  }
+  Calibration calibration;
+  calibration.landmarks =
+      estimates_in_first_keyframe(map, true_positions_in_first_keyframe(map, truth, poses));
+  calibration.result = calibrate_covariances(calibration.landmarks);
+  if (!calibration.result.all) {
+    throw Error(ErrorKind::kInput, truth_map,
+                fmt::format("no landmark can be judged: of {}, {} without a true position in their "
+                            "first keyframe, {} without covariance, {} with a singular one",
+                            map.landmark_count(), calibration.result.without_truth,
+                            calibration.result.without_covariance, calibration.result.singular),
+                "landmarks and frames with the ids of " + input);
+  }
+  return calibration;
+}
+
+// ---- Output
+
+Json json_of(const ReprojectionStatistics& reprojection) {
+  Json json = to_json(reprojection.px);
+  json["inlier_share"] = reprojection.inlier_share;
+  return json;
+}
+
+Json json_of(const MapConsistency& consistency) {
+  Json reprojection = {{"missing", text_or_null(consistency.missing_for_reprojection)},
+                       {"px", nullptr},
+                       {"behind_camera", consistency.observations_behind},
+                       {"by_octave", Json::array()}};
+  if (consistency.reprojection) reprojection["px"] = json_of(*consistency.reprojection);
+  for (const auto& [octave, statistics] : consistency.by_octave) {
+    reprojection["by_octave"].push_back({{"octave", octave}, {"px", json_of(statistics)}});
+  }
+  Json depth = {{"missing", text_or_null(consistency.missing_for_depth)},
+                {"error", nullptr},
+                {"bias", to_json(consistency.depth_bias)}};
+  if (consistency.depth) depth["error"] = to_json(*consistency.depth);
+  return {{"reprojection", std::move(reprojection)}, {"depth", std::move(depth)}};
+}
+
+Json json_of(const std::optional<NeesStatistics>& statistics) {
+  if (!statistics)
+    return {{"count", 0}, {"mean", nullptr}, {"median", nullptr}, {"inside_95", nullptr}};
+  return {{"count", statistics->count},
+          {"mean", statistics->mean},
+          {"median", statistics->median},
+          {"inside_95", statistics->inside_95}};
+}
+
+template <class Bound>
+Json json_of(const std::vector<NeesBin<Bound>>& bins) {
+  Json list = Json::array();
+  for (const auto& bin : bins) {
+    Json entry = {{"from", bin.from}, {"to", to_json(bin.to)}};
+    entry.update(json_of(bin.statistics));
+    list.push_back(std::move(entry));
+  }
+  return list;
+}
+
+Json json_of(const CovarianceCalibration& calibration) {
+  return {{"expected", {{"mean", kExpectedNees}, {"inside_95", 0.95}}},
+          {"all", json_of(calibration.all)},
+          {"by_depth", json_of(calibration.by_depth)},
+          {"by_observations", json_of(calibration.by_observations)},
+          {"without_truth", calibration.without_truth},
+          {"without_covariance", calibration.without_covariance},
+          {"singular", calibration.singular}};
+}
+
+// Mean of what is known of one landmark's observations.
+std::optional<double> mean_of_landmark(const std::vector<std::optional<double>>& values,
+                                       const LandmarkMap& map, std::uint32_t landmark) {
+  if (values.empty()) return std::nullopt;
+  double sum = 0.0;
+  std::size_t count = 0;
+  const auto& offsets = map.observations().offsets;
+  for (std::uint64_t i = offsets[landmark]; i < offsets[landmark + 1]; ++i) {
+    if (!values[i]) continue;
+    sum += *values[i];
+    ++count;
+  }
+  return count > 0 ? std::optional(sum / static_cast<double>(count)) : std::nullopt;
+}
+
+Csv rows_of(const LandmarkMap& map, const MapConsistency& consistency,
+            const std::optional<Calibration>& calibration) {
+  Csv rows({"landmark", "observations", "first_keyframe", "depth", "reprojection_px", "depth_error",
+            "error_x", "error_y", "error_z", "nees"});
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const LandmarkIndex landmark{i};
+    const auto keyframe = first_keyframe(map, landmark);
+    rows << map.landmarks().ids[i].value;
+    rows << (map.has_observations() ? std::optional<std::uint64_t>(map.observation_count(landmark))
+                                    : std::nullopt);
+    rows << (keyframe ? std::optional(map.frames().ids[keyframe->value].value) : std::nullopt);
+    rows << (keyframe ? std::optional((map.world_from_camera(*keyframe).inverse() *
+                                       map.landmarks().positions[i])
+                                          .z())
+                      : std::nullopt);
+    rows << mean_of_landmark(consistency.reprojection_px, map, i);
+    rows << mean_of_landmark(consistency.depth_errors, map, i);
+    std::optional<Eigen::Vector3d> error;
+    if (calibration && calibration->landmarks[i].truth) {
+      error = calibration->landmarks[i].estimate - *calibration->landmarks[i].truth;
+    }
+    for (int k = 0; k < 3; ++k) rows << (error ? std::optional((*error)[k]) : std::nullopt);
+    rows << (calibration ? calibration->result.nees[i] : std::nullopt);
+    rows.end_row();
+  }
+  return rows;
+}
+
+void add_statistics(Table& table, const std::string& name, const std::string& unit, int digits,
+                    const ErrorStatistics& statistics, std::optional<double> inlier_share) {
+  table.add_row({name, unit, std::to_string(statistics.count), fixed(statistics.median, digits),
+                 fixed(statistics.mean, digits), fixed(statistics.rmse, digits),
+                 fixed(statistics.percentile_95, digits),
+                 inlier_share ? fixed(100.0 * *inlier_share, 1) + " %" : "-"});
+}
+
+std::string bin_name(const NeesBin<double>& bin, const std::string& unit) {
+  return bin.to ? fmt::format("depth {:g}-{:g} {}", bin.from, *bin.to, unit)
+                : fmt::format("depth {:g}+ {}", bin.from, unit);
+}
+
+std::string bin_name(const NeesBin<std::size_t>& bin, const std::string& /*unit*/) {
+  if (!bin.to) return fmt::format("observed {}+ times", bin.from);
+  if (*bin.to == bin.from + 1) return fmt::format("observed {} times", bin.from);
+  return fmt::format("observed {}-{} times", bin.from, *bin.to - 1);
+}
+
+std::string calibration_text(const CovarianceCalibration& calibration, const std::string& unit) {
+  Table table({"covariances", "landmarks", "NEES mean", "median", "in 95 % ellipsoid"});
+  table.add_row({"if they are right", "", fixed(kExpectedNees, 3), "2.366", "95.0 %"});
+  const auto add = [&](const std::string& name, const std::optional<NeesStatistics>& statistics) {
+    if (statistics) {
+      table.add_row({name, std::to_string(statistics->count), fixed(statistics->mean, 3),
+                     fixed(statistics->median, 3), fixed(100.0 * statistics->inside_95, 1) + " %"});
+    } else {
+      table.add_row({name, "0", "-", "-", "-"});
+    }
+  };
+  add("all", calibration.all);
+  for (const auto& bin : calibration.by_depth) add(bin_name(bin, unit), bin.statistics);
+  for (const auto& bin : calibration.by_observations) add(bin_name(bin, unit), bin.statistics);
+  std::string text = table.text();
+  text +=
+      "\nNEES  squared error over covariance, in the first keyframe; a mean above 3 tells of "
+      "covariances\n      that are too small\n";
+  for (const auto& [count, why] :
+       {std::pair{calibration.without_truth, "no true position in their first keyframe"},
+        {calibration.without_covariance, "no covariance"},
+        {calibration.singular, "a singular covariance"}}) {
+    if (count > 0) text += fmt::format("left out: {} landmarks with {}\n", count, why);
+  }
+  return text;
+}
+
+void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kept,
+                                 const MapConsistency& consistency,
+                                 const std::optional<Calibration>& calibration) const {
+  const Console console = common.console();
+  const std::string unit = unit_symbol(kept.info().length_unit);
+  console.print(fmt::format("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
+                            kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
+                            kept.observation_count()));
+  Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
+               fmt::format("below {:g} px", options.inlier_px)});
+  if (const auto& reprojection = consistency.reprojection) {
+    add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
+    for (const auto& [octave, statistics] : consistency.by_octave) {
+      add_statistics(table, fmt::format("  octave {}", octave), "px", 3, statistics.px,
+                     statistics.inlier_share);
+    }
+  }
+  if (consistency.depth) add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
+  if (consistency.reprojection || consistency.depth) console.print(table.text());
+  if (consistency.depth_bias) {
+    console.print(fmt::format("depths are measured {} {} {} than the map has them, on average\n",
+                              fixed(std::abs(*consistency.depth_bias), 5), unit,
+                              *consistency.depth_bias < 0.0 ? "shorter" : "longer"));
+  }
+  if (consistency.observations_behind > 0) {
+    console.print(fmt::format("observations of landmarks behind their camera: {}\n",
+                              consistency.observations_behind));
+  }
+  if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
+    console.print(fmt::format("no reprojection errors: the map has no {}{}\n", missing,
+                              missing.starts_with("cameras") ? "; --camera gives it one" : ""));
+  }
+  if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
+    console.print(fmt::format("no depth errors: the map has no {}\n", missing));
+  }
+  if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
+}
+
+int EvaluateMapArguments::run() {
+  check_options();
+  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
+  const LoadedMap loaded = load_map(input, common);
+  const auto truth = truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
+
+  LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
+  if (map.landmark_count() == 0) {
+    throw Error(ErrorKind::kInput, input,
+                fmt::format("has no landmarks with {} or more observations", min_observations),
+                "landmarks, or a smaller --min-observations");
+  }
+  if (given_camera) map = with_camera(map, *given_camera);
+  const MapConsistency consistency = map_consistency(map, options);
+  if (!consistency.reprojection && !consistency.depth && !truth) {
+    const std::string& pixels = consistency.missing_for_reprojection;
+    const std::string& depths = consistency.missing_for_depth;
+    throw Error(ErrorKind::kInput, input,
+                pixels.empty()     ? "no observation is in a frame with a camera"
+                : pixels == depths ? fmt::format("the map has no {}", pixels)
+                                   : fmt::format("the map has no {} and no {}", pixels, depths),
+                "one of them, --camera for reprojection errors, or --truth-map");
+  }
+  const auto calibration = truth ? std::optional(calibrate(map, truth->map)) : std::nullopt;
+
+  Json inputs = {{"map", loaded.description}};
+  inputs["map"]["kept_landmarks"] = map.landmark_count();
+  if (truth) inputs["truth_map"] = truth->description;
+  if (!truth_trajectory.empty()) {
+    inputs["truth_trajectory"] = describe_file(truth_trajectory, common);
+  }
+  Json json = document("evaluate_map", common, std::move(inputs),
+                       {{"camera", text_or_null(camera)},
+                        {"min_observations", min_observations},
+                        {"inlier_px", options.inlier_px},
+                        {"max_time_difference_s", max_time_difference_s}});
+  json["length_unit"] = to_string(map.info().length_unit);
+  json.update(json_of(consistency));
+  json["calibration"] = calibration ? json_of(calibration->result) : Json(nullptr);
+  write_document(json, common);
+  if (!common.csv_path.empty()) write_rows(rows_of(map, consistency, calibration), common);
+  print(loaded, map, consistency, calibration);
+  return kDone;
+}
+
+}  // namespace
+
+Run add_evaluate_map(CLI::App& evaluate) {
+  auto arguments = std::make_shared<EvaluateMapArguments>();
+  arguments->add_to(*evaluate.add_subcommand(
+      "map", "Reprojection and depth errors of a map; its covariances against the truth"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/trajectory/trajectory_evaluation.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/statistics.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, TrajectoryAlignment>, 4> kAlignments = {
+    {{"none", TrajectoryAlignment::kNone},
+     {"origin", TrajectoryAlignment::kOrigin},
+     {"se3", TrajectoryAlignment::kSe3},
+     {"sim3", TrajectoryAlignment::kSim3}}};
+
+TrajectoryAlignment parse_alignment(const std::string& text) {
+  for (const auto& [name, alignment] : kAlignments) {
+    if (name == text) return alignment;
+  }
+  throw Error(ErrorKind::kMisuse, "--alignment", printable(text), "none, origin, se3 or sim3");
+}
+
+std::string_view unit_name(const RelativeInterval& interval) {
+  switch (interval.unit) {
+    case RelativeInterval::Unit::kMetres:
+      return "metre";
+    case RelativeInterval::Unit::kSeconds:
+      return "second";
+    case RelativeInterval::Unit::kFrames:
+      break;
+  }
+  return "frame";
+}
+
+struct LoadedTrajectory {
+  std::string path;
+  Trajectory trajectory;
+};
+
+LoadedTrajectory load_trajectory(const std::string& path) {
+  FileReader file(path);
+  return {path, read_tum_trajectory(file)};
+}
+
+struct EvaluateTrajectoryArguments {
+  CommonArguments common;
+  std::string estimate;
+  std::string truth;
+  std::string alignment = "se3";
+  TrajectoryEvaluationOptions options;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  Json describe(const LoadedTrajectory& loaded) const;
+  void print(const LoadedTrajectory& estimated, const LoadedTrajectory& true_one,
+             const TrajectoryEvaluation& evaluation) const;
+};
+
+void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
+  add_text(command, "estimate", estimate,
+           "Trajectory to judge, TUM format: timestamp tx ty tz qx qy qz qw a line")
+      ->required();
+  add_text(command, "truth", truth, "The true one, in the same format")->required();
+  add_text(command, "--alignment", alignment,
+           "How to bring the estimate into the frame of the truth: none, origin (the first poses "
+           "coincide), se3 (least squares of all positions) or sim3 (with scale)",
+           "KIND")
+      ->capture_default_str();
+  add_number(command, "--max-time-difference", options.max_time_difference_s,
+             "Longest time between poses that are compared, seconds");
+  common.add_csv_to(command, "compared pose");
+  common.add_to(command);
+  command.footer(
+      "Example: the absolute and relative errors that the TUM benchmark defines\n"
+      "  cairn evaluate trajectory estimate.txt groundtruth.txt --csv errors.csv");
+}
+
+Json EvaluateTrajectoryArguments::describe(const LoadedTrajectory& loaded) const {
+  Json json = describe_file(loaded.path, common);
+  json["poses"] = loaded.trajectory.size();
+  json["duration_s"] = loaded.trajectory.duration_s();
+  json["length_m"] = loaded.trajectory.length();
+  return json;
+}
+
+Json json_of(const ErrorStatistics& translation, const ErrorStatistics& rotation_rad) {
+  return {{"translation_m", to_json(translation)},
+          {"rotation_deg", to_json(in_degrees(rotation_rad))}};
+}
+
+Csv rows_of(const TrajectoryEvaluation& evaluation, const Trajectory& estimate,
+            const Trajectory& truth) {
+  Csv rows({"timestamp_s", "truth_timestamp_s", "translation_error_m", "rotation_error_deg", "x_m",
+            "y_m", "z_m", "truth_x_m", "truth_y_m", "truth_z_m"});
+  const AbsoluteError& absolute = *evaluation.absolute;
+  for (std::size_t i = 0; i < evaluation.pairs.size(); ++i) {
+    const TimedPose& estimated = estimate.poses()[evaluation.pairs[i].first];
+    const TimedPose& true_pose = truth.poses()[evaluation.pairs[i].second];
+    const Eigen::Vector3d x =
+        absolute.truth_from_estimate * estimated.world_from_camera.translation();
+    const Eigen::Vector3d& true_x = true_pose.world_from_camera.translation();
+    rows << estimated.timestamp_s << true_pose.timestamp_s << absolute.translations[i]
+         << degrees(absolute.rotations_rad[i]) << x.x() << x.y() << x.z() << true_x.x()
+         << true_x.y() << true_x.z();
+    rows.end_row();
+  }
+  return rows;
+}
+
+void EvaluateTrajectoryArguments::print(const LoadedTrajectory& estimated,
+                                        const LoadedTrajectory& true_one,
+                                        const TrajectoryEvaluation& evaluation) const {
+  const Console console = common.console();
+  for (const auto& [role, loaded] : {std::pair{"estimate", &estimated}, {"truth   ", &true_one}}) {
+    const Trajectory& trajectory = loaded->trajectory;
+    console.print(fmt::format("{}  {}: {} poses, {:.2f} s, {:.3f} m\n", role, loaded->path,
+                              trajectory.size(), trajectory.duration_s(), trajectory.length()));
+  }
+  const std::size_t pairs = evaluation.pairs.size();
+  console.print(
+      fmt::format("matched   {} poses; without a partner within {:g} s: {} of the estimate, "
+                  "{} of the truth\n",
+                  pairs, options.max_time_difference_s, estimated.trajectory.size() - pairs,
+                  true_one.trajectory.size() - pairs));
+  const AbsoluteError& absolute = *evaluation.absolute;
+  const Rigid3& pose = absolute.truth_from_estimate.rigid();
+  const Eigen::Vector3d angles = pose.roll_pitch_yaw();
+  const Eigen::Vector3d& t = pose.translation();
+  console.print(
+      fmt::format("aligned   {}: x {} y {} z {} m, roll {} pitch {} yaw {} deg, scale {}\n\n",
+                  alignment, fixed(t.x(), 4), fixed(t.y(), 4), fixed(t.z(), 4),
+                  fixed(degrees(angles.x()), 3), fixed(degrees(angles.y()), 3),
+                  fixed(degrees(angles.z()), 3), fixed(absolute.truth_from_estimate.scale(), 6)));
+
+  Table table({"error", "unit", "count", "rmse", "mean", "median", "std", "min", "max"});
+  const auto add = [&](const std::string& name, const std::optional<ErrorStatistics>& translation,
+                       const std::optional<ErrorStatistics>& rotation_rad) {
+    const auto rotation = rotation_rad ? std::optional(in_degrees(*rotation_rad)) : std::nullopt;
+    for (const auto& [unit, statistics] :
+         {std::pair{"m", &translation}, std::pair{"deg", &rotation}}) {
+      std::vector<std::string> row = {name, unit};
+      if (const auto& s = *statistics) {
+        row.push_back(std::to_string(s->count));
+        for (const double value :
+             {s->rmse, s->mean, s->median, s->standard_deviation, s->lowest, s->highest}) {
+          row.push_back(fixed(value, 6));
+        }
+      } else {
+        row.insert(row.end(), 7, "-");
+      }
+      table.add_row(std::move(row));
+    }
+  };
+  add("absolute (ATE)", absolute.translation, absolute.rotation_rad);
+  for (std::size_t i = 0; i < options.intervals.size(); ++i) {
+    const auto& relative = evaluation.relative[i];
+    add(fmt::format("relative (RPE), a {}", unit_name(options.intervals[i])),
+        relative ? std::optional(relative->translation) : std::nullopt,
+        relative ? std::optional(relative->rotation_rad) : std::nullopt);
+  }
+  console.print(table.text());
+}
+
+int EvaluateTrajectoryArguments::run() {
+  options.alignment = parse_alignment(alignment);
+  with_option_names(
+      {{"TrajectoryEvaluationOptions.max_time_difference_s", "--max-time-difference"}},
+      [&] { options.validate(); });
+  require_outputs(common);
+  const LoadedTrajectory estimated = load_trajectory(estimate);
+  const LoadedTrajectory true_one = load_trajectory(truth);
+  const TrajectoryEvaluation evaluation =
+      evaluate_trajectory(estimated.trajectory, true_one.trajectory, options);
+  if (!evaluation.absolute) {
+    throw Error(ErrorKind::kInput, estimate, evaluation.reason, "");
+  }
+
+  Json json = document(
+      "evaluate_trajectory", common,
+      {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
+      {{"alignment", alignment}, {"max_time_difference_s", options.max_time_difference_s}});
+  const std::size_t pairs = evaluation.pairs.size();
+  const AbsoluteError& absolute = *evaluation.absolute;
+  json["matched_poses"] = pairs;
+  json["unmatched_poses"] = {{"estimate", estimated.trajectory.size() - pairs},
+                             {"truth", true_one.trajectory.size() - pairs}};
+  json["truth_from_estimate"] = to_json(absolute.truth_from_estimate.matrix());
+  json["scale"] = absolute.truth_from_estimate.scale();
+  json["absolute"] = json_of(absolute.translation, absolute.rotation_rad);
+  json["relative"] = Json::object();
+  for (std::size_t i = 0; i < options.intervals.size(); ++i) {
+    const auto& relative = evaluation.relative[i];
+    json["relative"][fmt::format("per_{}", unit_name(options.intervals[i]))] =
+        relative ? json_of(relative->translation, relative->rotation_rad) : Json(nullptr);
+  }
+  write_document(json, common);
+  write_rows(rows_of(evaluation, estimated.trajectory, true_one.trajectory), common);
+  print(estimated, true_one, evaluation);
+  return kDone;
+}
+
+}  // namespace
+
+Run add_evaluate_trajectory(CLI::App& evaluate) {
+  auto arguments = std::make_shared<EvaluateTrajectoryArguments>();
+  arguments->add_to(*evaluate.add_subcommand(
+      "trajectory", "Absolute and relative errors (ATE, RPE) of a trajectory"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/saved_alignments.hpp"
+
+#include <array>
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+
+namespace cairn::cli {
+namespace {
+
+using nlohmann::json;
+
+// The value at a JSON pointer, if it is there and of that type.
+template <class Value>
+std::optional<Value> value_at(const json& document, const char* pointer) {
+  const json::json_pointer place(pointer);
+  if (!document.contains(place)) return std::nullopt;
+  try {
+    return document.at(place).get<Value>();
+  } catch (const json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+std::optional<Matrix4d> matrix_of_rows(const json& rows) {
+  try {
+    const auto numbers = rows.get<std::array<std::array<double, 4>, 4>>();
+    Matrix4d matrix;
+    for (int i = 0; i < 16; ++i) {
+      matrix(i / 4, i % 4) =
+          numbers[static_cast<std::size_t>(i / 4)][static_cast<std::size_t>(i % 4)];
+    }
+    return matrix;
+  } catch (const json::exception&) {
+    return std::nullopt;
+  }
+}
+
+SavedAlignments read_alignments(const std::string& path) {
+  constexpr std::string_view kExpected = "what 'cairn align --json' writes";
+  const auto refuse = [&](std::string_view what) {
+    throw Error(ErrorKind::kInput, path, what, kExpected);
+  };
+  FileReader file(path);
+  const json document = json::parse(read_all(file), nullptr, false);
+  if (document.is_discarded()) refuse("is no JSON");
+  const auto results = value_at<json>(document, "/results");
+  if (!results || !results->is_array() || results->empty()) {
+    refuse("holds no results of an alignment");
+  }
+  SavedAlignments saved;
+  saved.source_path = value_at<std::string>(document, "/inputs/source/path");
+  saved.source_hash = value_at<std::string>(document, "/inputs/source/hash");
+  saved.min_observations = value_at<std::size_t>(document, "/options/min_observations");
+  for (std::size_t i = 0; i < results->size(); ++i) {
+    const json& result = (*results)[i];
+    const auto rows = value_at<json>(result, "/target_from_source");
+    if (!rows) refuse(fmt::format("result {} has no target_from_source", i));
+    SavedAlignment alignment;
+    alignment.confidence = value_at<std::string>(result, "/confidence").value_or("unnamed");
+    alignment.status = value_at<std::string>(result, "/status").value_or("unknown");
+    alignment.length_unit = value_at<std::string>(result, "/length_unit").value_or("metres");
+    if (!rows->is_null()) {
+      const auto matrix = matrix_of_rows(*rows);
+      if (!matrix) refuse(fmt::format("result {}: target_from_source is no 4x4 matrix", i));
+      try {
+        alignment.target_from_source = Rigid3::from_matrix(*matrix);
+      } catch (const Error& error) {
+        throw Error(ErrorKind::kInput, fmt::format("{}: result {}", path, i), error.what(), "");
+      }
+    }
+    saved.results.push_back(std::move(alignment));
+  }
+  return saved;
+}
+
+}  // namespace cairn::cli
