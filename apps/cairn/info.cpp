@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <span>
@@ -14,6 +13,8 @@
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/error_statistics.hpp"
+#include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "commands.hpp"
@@ -50,40 +51,14 @@ struct Quantiles {
   double highest = 0.0;
 };
 
-std::optional<Quantiles> quantiles(std::vector<double> values) {
-  if (values.empty()) return std::nullopt;
-  std::sort(values.begin(), values.end());
-  double sum = 0.0;
-  for (const double value : values) sum += value;
-  const std::size_t middle = values.size() / 2;
-  const double median =
-      values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-  return Quantiles{values.front(), median, sum / static_cast<double>(values.size()), values.back()};
+std::optional<Quantiles> quantiles(const std::vector<double>& values) {
+  const auto statistics = statistics_of(values);
+  if (!statistics) return std::nullopt;
+  return Quantiles{statistics->lowest, statistics->median, statistics->mean, statistics->highest};
 }
 
 Json to_json(const Quantiles& q) {
   return {{"lowest", q.lowest}, {"median", q.median}, {"mean", q.mean}, {"highest", q.highest}};
-}
-
-// Distances in pixels between observations and projections, where a camera is known.
-std::vector<double> reprojection_errors(const LandmarkMap& map) {
-  std::vector<double> errors;
-  if (map.frames().cameras.empty()) return errors;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    const auto frames = map.observing_frames(LandmarkIndex{i});
-    const auto pixels = map.observed_pixels(LandmarkIndex{i});
-    for (std::size_t j = 0; j < frames.size(); ++j) {
-      const auto camera = map.frames().cameras[frames[j].value];
-      if (!camera) continue;
-      const auto projected =
-          project(map.cameras()[camera->value],
-                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
-      if (projected) {
-        errors.push_back(std::hypot(projected->u - pixels[j].u, projected->v - pixels[j].v));
-      }
-    }
-  }
-  return errors;
 }
 
 std::size_t observed_exactly(const LandmarkMap& map, std::size_t count) {
@@ -178,7 +153,7 @@ std::optional<Quantiles> confidence_quantiles(const LandmarkMap& map, const char
     const std::vector<double> all = metric_named(metric).evaluate(map);
     std::vector<double> values;
     for (const LandmarkIndex landmark : landmarks) values.push_back(all[landmark.value]);
-    return quantiles(std::move(values));
+    return quantiles(values);
   } catch (const Error&) {
     return std::nullopt;  // the map lacks the metric's input
   }
@@ -194,9 +169,12 @@ Findings examine(const LandmarkMap& map) {
   }
   if (map.has_observations()) {
     findings.unobserved = observed_exactly(map, 0);
-    findings.observations_each = quantiles(std::move(counts));
+    findings.observations_each = quantiles(counts);
   }
-  findings.reprojection_px = quantiles(reprojection_errors(map));
+  if (const auto reprojection = map_consistency(map).reprojection) {
+    findings.reprojection_px = Quantiles{reprojection->px.lowest, reprojection->px.median,
+                                         reprojection->px.mean, reprojection->px.highest};
+  }
   for (const char* name : {"covariance", "observations", "distance", "parallax", "reprojection"}) {
     findings.confidences.emplace_back(name, confidence_quantiles(map, name, findings.kept));
   }
