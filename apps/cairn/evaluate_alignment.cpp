@@ -150,7 +150,7 @@ int EvaluateAlignmentArguments::run() {
   }
 
   std::vector<JudgedAlignment> judged;
-  std::size_t successes = 0;
+  std::optional<std::size_t> successes;  // of those in metres
   for (const SavedAlignment& alignment : saved.results) {
     JudgedAlignment entry{alignment, std::nullopt, std::nullopt};
     const bool metric = alignment.length_unit == "metres";
@@ -160,7 +160,7 @@ int EvaluateAlignmentArguments::run() {
     if (metric) {  // metres say nothing of a map of free scale
       entry.success = entry.error && degrees(entry.error->rotation_rad) <= max_rotation_deg &&
                       entry.error->translation <= max_translation_m;
-      successes += *entry.success ? 1 : 0;
+      successes = successes.value_or(0) + (*entry.success ? 1 : 0);
     }
     judged.push_back(std::move(entry));
   }
@@ -173,14 +173,17 @@ int EvaluateAlignmentArguments::run() {
                         {"max_translation_m", max_translation_m},
                         {"min_observations", point_options.min_observations}});
   json["results"] = json_of(judged);
-  json["successes"] = successes;
+  json["successes"] = to_json(successes);
   write_document(json, common);
   write_rows(rows_of(judged), common);
   console.print(table_of(judged));
-  console.print(fmt::format(
-      "\ntranslation error  displacement of the centroid of {} source landmarks\n"
-      "success            at most {:g} deg and {:g} m: {} of {}\n",
-      points.positions.size(), max_rotation_deg, max_translation_m, successes, judged.size()));
+  console.print(
+      fmt::format("\ntranslation error  displacement of the centroid of {} source landmarks\n",
+                  points.positions.size()));
+  console.print(successes
+                    ? fmt::format("success            at most {:g} deg and {:g} m: {} of {}\n",
+                                  max_rotation_deg, max_translation_m, *successes, judged.size())
+                    : "success            unknown: metres say nothing of maps of free scale\n");
   return kDone;
 }
 

@@ -362,13 +362,23 @@ TEST_F(EvaluateAlignmentTest, FailedResultHasNoErrorAndIsNoSuccess) {
 }
 
 TEST_F(EvaluateAlignmentTest, LimitsInMetresSayNothingOfFreeScale) {
-  const SyntheticPair pair = write_result();
+  write_result();
   Json result = Json::parse(content("result.json"));
   for (Json& entry : result.at("results")) entry["length_unit"] = "free";
   write("result.json", result.dump());
   const Json json = document(evaluate_);
   EXPECT_TRUE(json.at("results").at(0).at("success").is_null());
   EXPECT_FALSE(json.at("results").at(0).at("error").is_null());
+  EXPECT_TRUE(json.at("successes").is_null());
+  EXPECT_THAT(answer(evaluate_), HasSubstr("success            unknown"));
+}
+
+TEST_F(EvaluateAlignmentTest, CsvQuotesTextWithCommasAndQuotes) {
+  write_result();
+  Json result = Json::parse(content("result.json"));
+  result.at("results").at(0)["confidence"] = "a,\"b\"";
+  write("result.json", result.dump());
+  EXPECT_THAT(answer(evaluate({"--csv", "-"})), HasSubstr("\n\"a,\"\"b\"\"\",aligned,"));
 }
 
 TEST_F(EvaluateAlignmentTest, SourceIsFoundBesideTheResultOrAsGiven) {

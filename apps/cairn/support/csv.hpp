@@ -13,7 +13,7 @@ namespace cairn::cli {
 /// the shortest decimals that parse back; what is unknown is empty.
 class Csv {
  public:
-  explicit Csv(std::initializer_list<std::string_view> header);
+  Csv(std::initializer_list<std::string_view> header);
 
   /// Appends a cell to the current row.
   Csv& operator<<(std::string_view text);
