@@ -51,7 +51,8 @@ std::optional<ErrorStatistics> statistics_of(std::span<const double> errors) {
 
 double quantile(std::span<const double> values, double share) {
   if (values.empty()) throw Error(ErrorKind::kMisuse, "quantile", "no values", "at least one");
-  if (!(share >= 0.0 && share <= 1.0)) {
+  const bool is_share = share >= 0.0 && share <= 1.0;  // false of NaN
+  if (!is_share) {
     throw Error(ErrorKind::kMisuse, "quantile", fmt::format("a share of {}", share), "0 to 1");
   }
   return quantile_of_sorted(sorted_copy(values), share);
