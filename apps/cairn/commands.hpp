@@ -16,6 +16,7 @@ Run add_convert(CLI::App& program);
 Run add_demo(CLI::App& program);
 Run add_evaluate(CLI::App& program);
 Run add_info(CLI::App& program);
+Run add_simulate(CLI::App& program);
 
 // The verbs below evaluate.
 Run add_evaluate_alignment(CLI::App& evaluate);

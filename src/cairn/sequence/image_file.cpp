@@ -71,6 +71,15 @@ cv::Mat read_image(const std::filesystem::path& path, int flags) {
   return image;
 }
 
+void write_image(const std::filesystem::path& path, const cv::Mat& image, const char* format,
+                 const std::vector<int>& parameters) {
+  std::vector<unsigned char> bytes;
+  cv::imencode(format, image, bytes, parameters);
+  write_file(path, [&](const ByteSink& sink) {
+    sink({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  });
+}
+
 }  // namespace
 
 cv::Mat read_gray_image(const std::filesystem::path& path) {
@@ -90,12 +99,12 @@ cv::Mat read_depth_image(const std::filesystem::path& path) {
 }
 
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
   // Level 1: a sequence is written once, at camera speed.
-  cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 1});
-  write_file(path, [&](const ByteSink& sink) {
-    sink({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  });
+  write_image(path, image, ".png", {cv::IMWRITE_PNG_COMPRESSION, 1});
+}
+
+void write_jpeg(const std::filesystem::path& path, const cv::Mat& image, int quality) {
+  write_image(path, image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
 }
 
 }  // namespace cairn

@@ -23,4 +23,10 @@ cv::Mat read_depth_image(const std::filesystem::path& path);
 /// @throws Error (storage) naming the file
 void write_png(const std::filesystem::path& path, const cv::Mat& image);
 
+/// Writes an image as JPEG, whole or not at all.
+/// @param image 8-bit grey or blue, green, red
+/// @param quality 0 to 100
+/// @throws Error (storage) naming the file
+void write_jpeg(const std::filesystem::path& path, const cv::Mat& image, int quality = 95);
+
 }  // namespace cairn

@@ -37,18 +37,41 @@ cv::Mat stored_depth(const cv::Mat& depth_m, double units_per_metre) {
 
 }  // namespace
 
-SequenceWriter::SequenceWriter(const std::filesystem::path& folder, double depth_units_per_metre)
-    : folder_(folder), depth_units_per_metre_(depth_units_per_metre) {
+void SequenceWriterOptions::validate() const {
+  if (!(depth_units_per_metre > 0.0 && std::isfinite(depth_units_per_metre))) {
+    throw Error(ErrorKind::kMisuse, "SequenceWriterOptions.depth_units_per_metre",
+                fmt::format("{}", depth_units_per_metre), "a positive number");
+  }
+}
+
+SequenceWriter::SequenceWriter(const std::filesystem::path& folder,
+                               const SequenceWriterOptions& options)
+    : folder_(folder), options_(options) {
+  options_.validate();
   if (std::filesystem::exists(folder / "rgb.txt")) {
     throw Error(ErrorKind::kMisuse, folder.string(), "holds a sequence already", "a new folder");
   }
-  for (const char* const part : {"rgb", "depth"}) {
+  std::error_code ignored;
+  for (const auto& part : {folder, folder / "rgb", folder / "depth"}) {
+    if (!std::filesystem::exists(part, ignored)) made_.push_back(part);
     std::error_code error;
-    std::filesystem::create_directories(folder / part, error);
+    std::filesystem::create_directories(part, error);
     if (error) {
-      throw Error(ErrorKind::kStorage, (folder / part).string(),
-                  "cannot be made: " + error.message(), "");
+      throw Error(ErrorKind::kStorage, part.string(), "cannot be made: " + error.message(), "");
     }
+  }
+}
+
+SequenceWriter::~SequenceWriter() {
+  if (finished_) return;
+  std::error_code ignored;
+  for (const Entry& entry : entries_) {
+    std::filesystem::remove(folder_ / entry.color, ignored);
+    std::filesystem::remove(folder_ / entry.depth, ignored);
+  }
+  // Goes only if it is empty: what somebody else put there stays.
+  for (auto made = made_.rbegin(); made != made_.rend(); ++made) {
+    std::filesystem::remove(*made, ignored);
   }
 }
 
@@ -58,17 +81,38 @@ void SequenceWriter::add(double timestamp_s, const cv::Mat& color, const cv::Mat
                 "one size, and depth as 32-bit float");
   }
   const std::string time = fmt::format("{:.6f}", timestamp_s);
-  const std::string color_file = "rgb/" + time + ".png";
-  const std::string depth_file = "depth/" + time + ".png";
-  write_png(folder_ / color_file, color);
-  write_png(folder_ / depth_file, stored_depth(depth_m, depth_units_per_metre_));
-  color_list_ += fmt::format("{} {}\n", time, color_file);
-  depth_list_ += fmt::format("{} {}\n", time, depth_file);
+  const bool png = options_.color_format == ColorFormat::kPng;
+  const Entry entry{timestamp_s, time, "rgb/" + time + (png ? ".png" : ".jpg"),
+                    "depth/" + time + ".png"};
+  {
+    const std::lock_guard lock(mutex_);
+    const auto same = [&](const Entry& other) { return other.time == time; };
+    if (std::any_of(entries_.begin(), entries_.end(), same)) {
+      throw Error(ErrorKind::kMisuse, "timestamp", time + " was added before", "another time");
+    }
+    entries_.push_back(entry);
+  }
+  if (png) {
+    write_png(folder_ / entry.color, color);
+  } else {
+    write_jpeg(folder_ / entry.color, color);
+  }
+  write_png(folder_ / entry.depth, stored_depth(depth_m, options_.depth_units_per_metre));
 }
 
 void SequenceWriter::finish() {
-  write_text(folder_ / "depth.txt", depth_list_);
-  write_text(folder_ / "rgb.txt", color_list_);
+  const std::lock_guard lock(mutex_);
+  std::sort(entries_.begin(), entries_.end(),
+            [](const Entry& a, const Entry& b) { return a.timestamp_s < b.timestamp_s; });
+  std::string color_list = "# timestamp filename\n";
+  std::string depth_list = "# timestamp filename\n";
+  for (const Entry& entry : entries_) {
+    color_list += fmt::format("{} {}\n", entry.time, entry.color);
+    depth_list += fmt::format("{} {}\n", entry.time, entry.depth);
+  }
+  write_text(folder_ / "depth.txt", depth_list);
+  write_text(folder_ / "rgb.txt", color_list);
+  finished_ = true;
 }
 
 }  // namespace cairn

@@ -2,31 +2,64 @@
 #pragma once
 
 #include <filesystem>
+#include <mutex>
 #include <string>
+#include <vector>
 
 #include <opencv2/core/mat.hpp>
 
 namespace cairn {
 
+/// How colour images are stored.
+enum class ColorFormat {
+  kPng,   ///< exactly
+  kJpeg,  ///< at quality 95: several times faster to write and smaller
+};
+
+struct SequenceWriterOptions {
+  double depth_units_per_metre = 5000.0;  ///< of the stored depth; positive
+  ColorFormat color_format = ColorFormat::kPng;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
 /// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written as they come; the
-/// lists by finish(), so that an unfinished folder is not taken for a sequence.
+/// lists by finish(), so that an unfinished folder is not taken for a sequence. What an unfinished
+/// writer wrote goes with it.
 class SequenceWriter {
  public:
   /// Makes the folder.
   /// @throws Error (storage) if it cannot be made, (misuse) if it holds a sequence already
   explicit SequenceWriter(const std::filesystem::path& folder,
-                          double depth_units_per_metre = 5000.0);
+                          const SequenceWriterOptions& options = {});
+  ~SequenceWriter();
+  SequenceWriter(const SequenceWriter&) = delete;
+  SequenceWriter& operator=(const SequenceWriter&) = delete;
 
+  /// Thread-safe: frames may come in any order, and several at once.
   /// @param color   8-bit grey or blue, green, red
   /// @param depth_m 32-bit float of the same size, metres; 0 or not finite where there is no reading
+  /// @throws Error (storage) naming the file; (misuse) for images that do not go together or a
+  ///         timestamp that was there before, to the microsecond
   void add(double timestamp_s, const cv::Mat& color, const cv::Mat& depth_m);
+  /// Writes the lists, in the order of time.
   void finish();
 
  private:
+  struct Entry {
+    double timestamp_s;
+    std::string time;
+    std::string color;
+    std::string depth;
+  };
+
   std::filesystem::path folder_;
-  double depth_units_per_metre_;
-  std::string color_list_ = "# timestamp filename\n";
-  std::string depth_list_ = "# timestamp filename\n";
+  SequenceWriterOptions options_;
+  std::vector<std::filesystem::path> made_;  // folders that were not there before, outermost first
+  std::mutex mutex_;
+  std::vector<Entry> entries_;
+  bool finished_ = false;
 };
 
 }  // namespace cairn

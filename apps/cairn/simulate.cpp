@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <opencv2/core/mat.hpp>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/map/io/camera_file.hpp"
+#include "cairn/sequence/sequence_writer.hpp"
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#include "cairn/simulation/simulator.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/interrupt.hpp"
+
+namespace cairn::cli {
+namespace {
+
+struct SimulateArguments {
+  CommonArguments common;
+  std::string folder;
+  std::string environment = "desk";
+  std::string path = "sweep";
+  std::optional<std::size_t> frames;
+  std::optional<double> duration_s;
+  PathOptions path_options;
+  EnvironmentOptions environment_options;
+  SimulatorOptions options;
+  std::string camera;
+  std::string color_format = "jpeg";
+  double depth_units_per_metre = 5000.0;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  bool path_is_file() const { return path != "sweep" && path != "orbit" && path != "walk"; }
+  void check();
+  void refuse_existing() const;
+  Trajectory make_trajectory(const Environment& place) const;
+  void write(const RgbdSimulator& simulator, SequenceWriter& writer) const;
+  Json options_json() const;
+};
+
+void SimulateArguments::add_to(CLI::App& command) {
+  common.seed = 1;
+  add_text(command, "folder", folder, "Folder to write the sequence to; made if it is not there",
+           "")
+      ->required();
+  add_text(command, "--environment", environment,
+           fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME")
+      ->capture_default_str();
+  add_text(command, "--path", path,
+           "How the camera moves: sweep, orbit, walk, or a trajectory file in TUM format",
+           "NAME|FILE")
+      ->capture_default_str();
+  CLI::Option* const frame_option = add_number(
+      command, "--frames", frames, "Frames to render (default: 300, or the whole trajectory)");
+  add_number(command, "--duration", duration_s, "The same in seconds")->excludes(frame_option);
+  add_number(command, "--rate", path_options.rate_hz, "Frames a second");
+  add_number(command, "--session", environment_options.session,
+             "Sessions of one seed share place and world frame; each has its own path, noise and "
+             "changes");
+  add_number(command, "--changed", environment_options.changed_fraction,
+             "Share of the movable objects that stand elsewhere than in other sessions");
+  add_text(command, "--camera", camera,
+           "Camera file (default: 640 x 480 pixels, focal length 525, no distortion)", "FILE");
+  add_number(command, "--exposure", options.sensor.exposure, "Factor on the brightness");
+  add_number(command, "--motion-blur", options.shutter_s,
+             "Seconds a frame is exposed; makes rendering six times slower if not 0");
+  add_number(command, "--noise", options.sensor.color_noise,
+             "Standard deviation of the colours' noise, grey levels");
+  add_number(command, "--depth-noise", options.sensor.depth_noise_m,
+             "Standard deviation of depth at 1 m, metres; grows with the square of the depth");
+  add_number(command, "--max-depth", options.sensor.max_depth_m,
+             "Farthest depth with a reading, metres");
+  command.add_flag("--no-depth-noise", options.sensor.ideal_depth,
+                   "Exact depth: no noise, no steps, no holes, no limits");
+  add_text(command, "--color-format", color_format, "png or jpeg (quality 95)", "FORMAT")
+      ->capture_default_str();
+  common.add_to(command);
+  command.footer(
+      "Example: two sessions over one desk, a tenth of the things on it moved in between\n"
+      "  cairn simulate first --environment desk --duration 10\n"
+      "  cairn simulate second --environment desk --duration 10 --session 1 --changed 0.1\n"
+      "Both groundtruth.txt are in one world frame.");
+}
+
+// The library names its own fields; people know the options.
+void SimulateArguments::check() {
+  if (!path_is_file()) path_options.kind = path_kind(path);
+  environment_options.kind = environment_kind(environment);
+  if (duration_s) {
+    if (!(*duration_s > 0.0)) {
+      throw Error(ErrorKind::kMisuse, "--duration", fmt::format("{}", *duration_s),
+                  "more than 0 seconds");
+    }
+    frames = static_cast<std::size_t>(
+        std::clamp(std::round(*duration_s * path_options.rate_hz), 1.0, 1e7));
+  }
+  if (frames || !path_is_file()) path_options.frames = frames.value_or(path_options.frames);
+  if (color_format != "png" && color_format != "jpeg") {
+    throw Error(ErrorKind::kMisuse, "--color-format", printable(color_format), "png or jpeg");
+  }
+  environment_options.seed = common.seed;
+  const Random random = Random(common.seed).fork(environment_options.session);
+  const auto draw = [](Random part) { return static_cast<std::uint64_t>(part.uniform() * 0x1p53); };
+  path_options.seed = draw(random.fork(1));
+  options.seed = draw(random.fork(2));
+  try {
+    path_options.validate();
+    environment_options.validate();
+    options.validate();
+  } catch (const Error& error) {
+    const std::string message = error.what();
+    for (const auto& [field, option] : {std::pair{"PathOptions.frames:", "--frames"},
+                                        {"PathOptions.rate_hz:", "--rate"},
+                                        {"EnvironmentOptions.changed_fraction:", "--changed"},
+                                        {"SensorOptions.exposure:", "--exposure"},
+                                        {"SensorOptions.color_noise:", "--noise"},
+                                        {"SensorOptions.depth_noise_m:", "--depth-noise"},
+                                        {"SensorOptions.max_depth_m:", "--max-depth"},
+                                        {"SimulatorOptions.shutter_s:", "--motion-blur"}}) {
+      if (!message.starts_with(field)) continue;
+      throw Error(error.kind(), option, message.substr(std::string(field).size() + 1), "");
+    }
+    throw;
+  }
+}
+
+void SimulateArguments::refuse_existing() const {
+  for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
+    if (std::filesystem::exists(std::filesystem::path(folder) / name)) {
+      throw Error(ErrorKind::kMisuse, folder, fmt::format("holds {} already", name),
+                  "a new folder");
+    }
+  }
+}
+
+Trajectory SimulateArguments::make_trajectory(const Environment& place) const {
+  if (!path_is_file()) return make_path(place, path_options);
+  FileReader file(path);
+  Trajectory result =
+      resampled(read_tum_trajectory(file), path_options.rate_hz, frames.value_or(0));
+  constexpr double kTouching = 0.05;
+  const auto near =
+      std::count_if(result.poses().begin(), result.poses().end(), [&](const TimedPose& pose) {
+        return place.scene.distance(pose.world_from_camera.translation()) < kTouching;
+      });
+  if (near > 0) {
+    common.console().remark(
+        fmt::format("{}: {} of {} poses lie less than {} cm from something in "
+                    "the {}",
+                    path, near, result.size(), 100.0 * kTouching, environment));
+  }
+  return result;
+}
+
+void SimulateArguments::write(const RgbdSimulator& simulator, SequenceWriter& writer) const {
+  const Progress progress = common.console().progress("rendering");
+  const auto stop = interrupt_requests();
+  const Executor executor = common.executor();
+  const std::size_t count = simulator.frame_count();
+  // A frame each thread: rendering one and compressing another go on side by side.
+  const std::size_t batch = 16;
+  for (std::size_t begin = 0; begin < count; begin += batch) {
+    executor.for_blocks(std::min(batch, count - begin), 1, [&](std::size_t i, std::size_t) {
+      if (stop.stop_requested()) return;
+      RgbdFrame frame = simulator.frame(begin + i);
+      const int rows = static_cast<int>(frame.height);
+      const int columns = static_cast<int>(frame.width);
+      writer.add(frame.timestamp_s, cv::Mat(rows, columns, CV_8UC3, frame.bgr.data()),
+                 cv::Mat(rows, columns, CV_32FC1, frame.depth_m.data()));
+    });
+    if (stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, folder, "the simulation was cancelled", "");
+    }
+    if (progress) {
+      progress(static_cast<double>(std::min(begin + batch, count)) / static_cast<double>(count));
+    }
+  }
+}
+
+Json SimulateArguments::options_json() const {
+  const Camera& model = options.camera;
+  return {{"environment", environment},
+          {"path", path},
+          {"rate_hz", path_options.rate_hz},
+          {"session", environment_options.session},
+          {"changed", environment_options.changed_fraction},
+          {"camera",
+           {{"model", model.model},
+            {"width", model.width},
+            {"height", model.height},
+            {"parameters", model.parameters}}},
+          {"exposure", options.sensor.exposure},
+          {"motion_blur_s", options.shutter_s},
+          {"color_noise", options.sensor.color_noise},
+          {"depth_noise_m", options.sensor.depth_noise_m},
+          {"depth_step_m", options.sensor.depth_step_m},
+          {"min_depth_m", options.sensor.min_depth_m},
+          {"max_depth_m", options.sensor.max_depth_m},
+          {"ideal_depth", options.sensor.ideal_depth},
+          {"color_format", color_format},
+          {"depth_units_per_metre", depth_units_per_metre}};
+}
+
+int SimulateArguments::run() {
+  check();
+  require_folder_of(common.json_path);
+  refuse_existing();
+  Json inputs = Json::object();
+  if (!camera.empty()) {
+    FileReader file(camera);
+    const CameraFile read = read_camera_file(file);
+    options.camera = read.camera;
+    depth_units_per_metre = read.depth_units_per_metre.value_or(depth_units_per_metre);
+    inputs["camera"] = {{"path", camera}, {"hash", hash_file(camera)}};
+  }
+  if (path_is_file()) {
+    const FileReader readable(path);  // fails before the work
+    inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const Executor executor = common.executor();
+  Environment place = make_environment(environment_options, executor);
+  Trajectory trajectory = make_trajectory(place);
+  const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
+  const auto ready = std::chrono::steady_clock::now();
+
+  const std::filesystem::path to = folder;
+  SequenceWriter writer(
+      to, {.depth_units_per_metre = depth_units_per_metre,
+           .color_format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg});
+  write(simulator, writer);
+  write_file(to / "groundtruth.txt",
+             [&](const ByteSink& sink) { write_tum_trajectory(simulator.trajectory(), sink); });
+  write_file(to / "camera.yaml", [&](const ByteSink& sink) {
+    sink(camera_file_text({options.camera, depth_units_per_metre}));
+  });
+  writer.finish();
+  const auto end = std::chrono::steady_clock::now();
+
+  const auto& objects = simulator.scene().objects;
+  const auto count_of = [&](bool SceneObject::*property) {
+    return std::count_if(objects.begin(), objects.end(),
+                         [&](const SceneObject& object) { return object.*property; });
+  };
+  Json json = document("simulate", common, std::move(inputs), options_json());
+  json["sequence"] = {{"path", folder},
+                      {"frames", simulator.frame_count()},
+                      {"duration_s", simulator.trajectory().duration_s()},
+                      {"path_length_m", simulator.trajectory().length()}};
+  json["objects"] = {{"all", objects.size()},
+                     {"movable", count_of(&SceneObject::movable)},
+                     {"moved", count_of(&SceneObject::moved)}};
+  write_document(json, common);
+  const auto seconds = [](auto duration) {
+    return std::chrono::duration<double>(duration).count();
+  };
+  common.console().print(fmt::format(
+      "{}: {} frames of {} x {}, {:.1f} s along {:.1f} m of path\n"
+      "  {} objects, of which {} movable and {} moved\n"
+      "  made in {:.1f} s and {:.1f} s to set up: {:.0f} frames a second\n",
+      folder, simulator.frame_count(), options.camera.width, options.camera.height,
+      simulator.trajectory().duration_s(), simulator.trajectory().length(), objects.size(),
+      count_of(&SceneObject::movable), count_of(&SceneObject::moved), seconds(end - ready),
+      seconds(ready - start),
+      static_cast<double>(simulator.frame_count()) / std::max(seconds(end - ready), 1e-9)));
+  return kDone;
+}
+
+}  // namespace
+
+Run add_simulate(CLI::App& program) {
+  auto arguments = std::make_shared<SimulateArguments>();
+  arguments->add_to(*program.add_subcommand(
+      "simulate", "Write a simulated RGB-D sequence with ground truth, in TUM's layout"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

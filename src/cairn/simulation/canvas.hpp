@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "cairn/core/random.hpp"
+#include "cairn/simulation/texture.hpp"
+
+namespace cairn {
+
+/// A colour as it appears on a screen, each channel in [0, 1].
+struct Paint {
+  float r = 0.0F;
+  float g = 0.0F;
+  float b = 0.0F;
+
+  Paint scaled(double factor) const;
+  /// (1 - share) of this and `share` of the other.
+  Paint mixed(const Paint& other, double share) const;
+};
+
+/// A colour of any hue.
+Paint random_paint(Random& random, double saturation, double value);
+
+/// A picture being painted, measured in metres: x to the right and y down from the top left corner.
+/// What lies outside is not painted.
+class Canvas {
+ public:
+  /// @param texels_per_metre lowered where a side would take more than 4096 texels
+  Canvas(double width_m, double height_m, double texels_per_metre, const Paint& background);
+
+  double width() const { return width_m_; }
+  double height() const { return height_m_; }
+  /// Side of a texel, metres.
+  double texel() const { return 1.0 / scale_; }
+
+  void rectangle(double x, double y, double width, double height, const Paint& paint);
+  /// A frame of the given thickness, inside the rectangle.
+  void frame(double x, double y, double width, double height, double thickness, const Paint& paint);
+  void disc(double x, double y, double radius, const Paint& paint);
+  void line(double x0, double y0, double x1, double y1, double thickness, const Paint& paint);
+  void triangle(double x0, double y0, double x1, double y1, double x2, double y2,
+                const Paint& paint);
+  /// A colour that changes from the top to the bottom.
+  void gradient(double x, double y, double width, double height, const Paint& top,
+                const Paint& bottom);
+  /// Lines that look like a written word of `letters` signs, each `size` high.
+  /// @return how wide it is
+  double word(double x, double y, double size, int letters, const Paint& paint, Random& random);
+  /// A block of text: lines of words, ragged on the right, as many as fit.
+  void text(double x, double y, double width, double height, double size, const Paint& paint,
+            Random& random);
+
+  /// Lightens and darkens all by smooth noise: blotches of the given size, anisotropic where the two
+  /// differ.
+  void blotches(double size_x, double size_y, double strength, Random& random);
+  /// Lightens and darkens each texel by itself.
+  void grain(double strength, Random& random);
+
+  /// @return the picture so far
+  Texture texture() const;
+
+ private:
+  struct Bounds {
+    int x0, y0, x1, y1;
+  };
+  Bounds bounds(double x, double y, double width, double height) const;
+  Paint& at(int x, int y) {
+    return pixels_[static_cast<std::size_t>(y) * columns_ + static_cast<std::size_t>(x)];
+  }
+
+  double width_m_;
+  double height_m_;
+  double scale_;
+  std::size_t columns_;
+  std::size_t rows_;
+  std::vector<Paint> pixels_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,572 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/simulation/environment.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/simulation/furniture.hpp"
+#include "cairn/simulation/paintings.hpp"
+
+namespace cairn {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPi = std::numbers::pi;
+
+constexpr std::array<std::pair<EnvironmentKind, std::string_view>, 5> kNames = {{
+    {EnvironmentKind::kDesk, "desk"},
+    {EnvironmentKind::kOffice, "office"},
+    {EnvironmentKind::kCorridor, "corridor"},
+    {EnvironmentKind::kWarehouse, "warehouse"},
+    {EnvironmentKind::kRoom, "room"},
+}};
+
+Rigid3 at(double x, double y, double yaw_deg = 0.0) {
+  return Rigid3::from_roll_pitch_yaw({x, y, 0.0}, 0.0, 0.0, yaw_deg * kPi / 180.0);
+}
+
+// A thing and where it stands on its support.
+struct Item {
+  ItemKind kind;
+  std::size_t support = 0;
+  double x = 0.0;
+  double y = 0.0;
+  double yaw = 0.0;
+  std::uint64_t seed = 0;
+  bool movable = true;
+  bool moved = false;
+  bool gone = false;
+  double width = 0.0;
+  double depth = 0.0;
+};
+
+// Whether the rectangles of two items on one support overlap, by the separating axis theorem.
+bool overlap(const Item& a, const Item& b) {
+  if (a.support != b.support || a.gone || b.gone) return false;
+  const auto reach = [](const Item& item, double axis) {
+    const double turn = item.yaw - axis;
+    return 0.5 * (item.width * std::abs(std::cos(turn)) + item.depth * std::abs(std::sin(turn)));
+  };
+  for (const double axis : {a.yaw, a.yaw + 0.5 * kPi, b.yaw, b.yaw + 0.5 * kPi}) {
+    const double apart = std::abs((b.x - a.x) * std::cos(axis) + (b.y - a.y) * std::sin(axis));
+    if (apart > reach(a, axis) + reach(b, axis)) return false;
+  }
+  return true;
+}
+
+// What will stand where, before anything is built: so that sessions can change it.
+class Plan {
+ public:
+  explicit Plan(Random random) : random_(random) {}
+
+  std::size_t add(const Support& support) {
+    supports_.push_back(support);
+    return supports_.size() - 1;
+  }
+  // A strip of the floor.
+  std::size_t floor(double x, double y, double width, double depth) {
+    return add({at(x, y), width, depth});
+  }
+
+  void place(ItemKind kind, std::size_t support, double x, double y, double yaw_deg = 0.0,
+             bool movable = false) {
+    Item item = shaped(kind, support);
+    item.x = x;
+    item.y = y;
+    item.yaw = yaw_deg * kPi / 180.0;
+    item.movable = movable;
+    items_.push_back(item);
+  }
+
+  // As many of these kinds in turn as find room.
+  void scatter(std::initializer_list<ItemKind> kinds, int each, std::size_t support,
+               double tilt_deg = 180.0) {
+    for (int i = 0; i < each; ++i) {
+      for (const ItemKind kind : kinds) {
+        Item item = shaped(kind, support);
+        if (find_spot(item, random_, tilt_deg, items_.size())) items_.push_back(item);
+      }
+    }
+  }
+
+  // Moves the share of the movable items that EnvironmentOptions ask for.
+  void change(double fraction, Random random) {
+    std::vector<std::size_t> movable;
+    for (std::size_t i = 0; i < items_.size(); ++i) {
+      if (items_[i].movable) movable.push_back(i);
+    }
+    const auto count =
+        static_cast<std::size_t>(std::round(fraction * static_cast<double>(movable.size())));
+    for (std::size_t i = 0; i < count; ++i) {
+      std::swap(movable[i], movable[i + random.index(movable.size() - i)]);
+      Item& item = items_[movable[i]];
+      const Item before = item;
+      item.moved = true;
+      item.gone = true;
+      for (int attempt = 0; attempt < 20 && item.gone; ++attempt) {
+        Item candidate = before;
+        if (!find_spot(candidate, random, 180.0, movable[i])) break;
+        // A nudge is no change that anyone would notice.
+        const double least = std::max(0.1, 0.5 * before.width);
+        if (std::hypot(candidate.x - before.x, candidate.y - before.y) < least) continue;
+        item = candidate;
+        item.moved = true;
+      }
+    }
+  }
+
+  void build(SceneBuilder& builder) const {
+    for (const Item& item : items_) {
+      if (item.gone) continue;
+      const Rigid3 pose = supports_[item.support].world_from_support *
+                          Rigid3::from_roll_pitch_yaw({item.x, item.y, 0.0005}, 0, 0, item.yaw);
+      builder.begin_object(item_name(item.kind), pose, item.movable, item.moved);
+      add_item(builder, item.kind, item_shape(item.kind, item.seed));
+    }
+  }
+
+ private:
+  Item shaped(ItemKind kind, std::size_t support) {
+    Item item;
+    item.kind = kind;
+    item.support = support;
+    item.seed = static_cast<std::uint64_t>(random_.uniform() * 0x1p53);
+    const ItemShape shape = item_shape(kind, item.seed);
+    item.width = shape.width;
+    item.depth = shape.depth;
+    return item;
+  }
+
+  bool find_spot(Item& item, Random& random, double tilt_deg, std::size_t self) const {
+    const Support& support = supports_[item.support];
+    for (int attempt = 0; attempt < 60; ++attempt) {
+      item.yaw = random.uniform(-tilt_deg, tilt_deg) * kPi / 180.0;
+      const double c = std::abs(std::cos(item.yaw));
+      const double s = std::abs(std::sin(item.yaw));
+      const double room_x = 0.5 * (support.width - item.width * c - item.depth * s) - 0.01;
+      const double room_y = 0.5 * (support.depth - item.width * s - item.depth * c) - 0.01;
+      if (room_x < 0.0 || room_y < 0.0) continue;
+      item.x = random.uniform(-room_x, room_x);
+      item.y = random.uniform(-room_y, room_y);
+      bool free = true;
+      for (std::size_t i = 0; i < items_.size() && free; ++i) {
+        free = i == self || !overlap(item, items_[i]);
+      }
+      if (free) return true;
+    }
+    return false;
+  }
+
+  Random random_;
+  std::vector<Support> supports_;
+  std::vector<Item> items_;
+};
+
+// One place under construction.
+struct Site {
+  SceneBuilder builder;
+  Plan plan;
+  Random random;
+  CameraStage stage;
+
+  void workplace(const Rigid3& pose, double width, double depth, int monitors, bool tidy) {
+    const std::size_t desk = plan.add(add_table(builder, pose, width, depth, 0.72, random));
+    const double step = width / monitors;
+    for (int i = 0; i < monitors; ++i) {
+      const double x = -0.5 * width + (i + 0.5) * step + random.uniform(-0.06, 0.06);
+      const double y = 0.5 * depth - 0.14;
+      if (random.chance(0.75)) {
+        plan.place(ItemKind::kMonitor, desk, x, y, random.uniform(-8.0, 8.0));
+        plan.place(ItemKind::kKeyboard, desk, x, y - 0.33, random.uniform(-9.0, 9.0), true);
+        plan.place(ItemKind::kMouse, desk, x + 0.3, y - 0.33, random.uniform(-20.0, 20.0), true);
+      } else {
+        plan.place(ItemKind::kLaptop, desk, x, y - 0.2, random.uniform(-15.0, 15.0), true);
+      }
+    }
+    plan.scatter({ItemKind::kBook, ItemKind::kCup, ItemKind::kPaper}, 1, desk);
+    plan.scatter({ItemKind::kBookStack, ItemKind::kSmallBox}, 1, desk);
+    plan.scatter({ItemKind::kLamp}, random.chance(0.5) ? 1 : 0, desk);
+    if (!tidy) {
+      plan.scatter({ItemKind::kUprightBooks, ItemKind::kBottle, ItemKind::kPaper,
+                    ItemKind::kPenHolder, ItemKind::kSmallBox, ItemKind::kBook, ItemKind::kCup,
+                    ItemKind::kPlant, ItemKind::kPaper, ItemKind::kBook},
+                   1, desk);
+    }
+  }
+
+  // Pictures side by side on a wall, between two distances from its left end.
+  void decorate(const RoomShape& room, Wall wall, double from, double to, double bottom) {
+    for (double x = from + 0.05; x < to - 0.4;) {
+      const double w = std::min(random.uniform(0.4, 1.1), to - x);
+      const double h = random.uniform(0.5, 0.95);
+      const double z = bottom + random.uniform(0.0, 0.25);
+      if (w > 0.8 && random.chance(0.4)) {
+        hang(builder, room, wall, "notice board", x + 0.5 * w, z, w, h, 0.02,
+             paintings::notice_board, {0.5F, 0.4F, 0.3F}, 800.0, random);
+      } else {
+        hang(builder, room, wall, "poster", x + 0.5 * w, z, w, h, 0.004, paintings::poster,
+             {0.9F, 0.9F, 0.9F}, 600.0, random);
+      }
+      x += w + random.uniform(0.1, 0.5);
+    }
+  }
+
+  void board(const RoomShape& room, Wall wall, double along, double width) {
+    hang(builder, room, wall, "whiteboard", along, 0.95, width, 1.1, 0.02, paintings::whiteboard,
+         {0.93F, 0.93F, 0.93F}, 500.0, random);
+  }
+  void window(const RoomShape& room, Wall wall, double along, double width) {
+    hang(builder, room, wall, "window", along, 0.9, width, 1.3, 0.02, paintings::window_view,
+         {0.8F, 0.8F, 0.8F}, 300.0, random);
+  }
+  void door(const RoomShape& room, Wall wall, double along) {
+    const Paint paint = random_paint(random, random.uniform(0.2, 0.6), random.uniform(0.4, 0.75));
+    hang(builder, room, wall, "door", along, 0.0, 0.95, 2.05, 0.04, paintings::door, paint, 400.0,
+         random);
+  }
+};
+
+void build_desk(Site& site) {
+  const RoomShape room{-2.7, -2.3, 3.1, 3.5, 2.7};
+  Random& random = site.random;
+  const RoomLook look{paintings::plaster,
+                      paintings::carpet_tiles,
+                      paintings::ceiling_panels,
+                      {0.82F, 0.8F, 0.75F},
+                      {0.3F, 0.33F, 0.38F}};
+  add_room(site.builder, room, look, 2, 2, 1.9, random);
+  site.workplace(at(0.15, -0.1), 1.9, 0.75, 2, false);
+  site.workplace(at(0.15, 1.42, 180.0), 1.9, 0.75, 2, false);
+  add_bookcase(site.builder, at(-2.35, 1.0, 90.0), 1.6, 0.33, 1.95, 5, random);
+  add_cabinet(site.builder, at(-2.25, -0.9, 90.0), 1.2, 0.45, 0.75, random);
+  add_bookcase(site.builder, at(-0.6, 3.15), 1.2, 0.33, 1.9, 5, random);
+  add_cabinet(site.builder, at(1.4, 3.05), 1.5, 0.45, 1.1, random);
+  add_bookcase(site.builder, at(0.9, -1.95, 180.0), 1.4, 0.33, 2.0, 5, random);
+  const Wall walls[4] = {Wall::kNorth, Wall::kEast, Wall::kSouth, Wall::kWest};
+  site.decorate(room, walls[0], 0.2, 1.4, 1.2);
+  site.window(room, walls[0], 4.2, 1.6);
+  site.door(room, walls[1], 5.0);
+  site.decorate(room, walls[1], 0.3, 4.3, 1.1);
+  site.decorate(room, walls[2], 3.2, 5.5, 1.1);
+  site.board(room, walls[3], 1.2, 1.7);
+  const auto floor_east = site.plan.floor(2.4, 0.5, 0.9, 3.0);
+  const auto floor_west = site.plan.floor(-1.6, 0.6, 0.8, 2.6);
+  const auto floor_north = site.plan.floor(0.1, 2.2, 2.8, 0.9);
+  const auto floor_south = site.plan.floor(0.1, -0.85, 2.0, 0.8);
+  site.plan.scatter({ItemKind::kChair}, 1, floor_north);
+  site.plan.scatter({ItemKind::kChair}, 1, floor_south);
+  site.plan.scatter({ItemKind::kCarton, ItemKind::kBin}, 1, floor_north);
+  site.plan.scatter({ItemKind::kCarton, ItemKind::kBookStack}, 2, floor_east);
+  site.plan.scatter({ItemKind::kBigPlant}, 1, floor_east);
+  site.plan.scatter({ItemKind::kCarton, ItemKind::kPaper, ItemKind::kBin}, 1, floor_west);
+  const auto east_cabinet = site.plan.add(
+      {at(1.4, 3.27) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 1.1)), 1.4, 0.4});
+  site.plan.scatter(
+      {ItemKind::kUprightBooks, ItemKind::kPlant, ItemKind::kSmallBox, ItemKind::kBookStack}, 1,
+      east_cabinet, 15.0);
+
+  site.stage.sweep = {
+      {{1.35, 0.15, 1.5}, {0.3, 0.4, 0.75}},   {{1.45, 0.75, 1.45}, {0.2, 0.8, 0.8}},
+      {{1.5, 0.55, 1.5}, {0.9, 2.6, 0.9}},     {{1.4, 0.1, 1.45}, {0.1, 0.5, 0.8}},
+      {{0.8, -0.35, 1.4}, {0.25, 0.45, 0.75}}, {{0.15, -0.5, 1.5}, {-0.1, 0.7, 0.8}},
+      {{-0.5, -0.4, 1.4}, {-0.2, 0.5, 0.75}},  {{-0.95, 0.15, 1.45}, {-0.1, 0.7, 0.8}},
+      {{-1.0, 0.35, 1.55}, {0.3, 2.6, 1.1}},   {{-0.9, 0.7, 1.45}, {0.1, 0.9, 0.75}}};
+  site.stage.orbit_target = {0.15, 0.66, 0.8};
+  site.stage.orbit_radius_m = 1.35;
+  site.stage.orbit_height_m = 1.5;
+  site.stage.walk = {{1.75, -0.9, 1.5}, {1.75, 2.2, 1.5}, {-1.3, 2.2, 1.5}, {-1.3, -0.9, 1.5}};
+}
+
+void build_office(Site& site) {
+  const RoomShape room{-5.2, -3.8, 4.8, 3.8, 2.8};
+  Random& random = site.random;
+  const RoomLook look{paintings::plaster,
+                      paintings::carpet_tiles,
+                      paintings::ceiling_panels,
+                      {0.78F, 0.82F, 0.84F},
+                      {0.36F, 0.3F, 0.3F}};
+  add_room(site.builder, room, look, 4, 3, 1.7, random);
+  for (const double x : {-2.9, -0.9, 1.1}) {
+    site.workplace(at(x, -0.83), 1.6, 0.8, 2, random.chance(0.3));
+    site.workplace(at(x, 0.83, 180.0), 1.6, 0.8, 2, random.chance(0.3));
+    add_partition(site.builder, at(x, 0.0), 1.7, 1.3, random);
+    const auto south = site.plan.floor(x, -1.25, 1.2, 0.7);
+    const auto north = site.plan.floor(x, 1.25, 1.2, 0.7);
+    site.plan.scatter({ItemKind::kChair}, 1, south);
+    site.plan.scatter({ItemKind::kChair}, 1, north);
+  }
+  const std::size_t meeting =
+      site.plan.add(add_table(site.builder, at(3.2, 0.0, -90.0), 1.6, 0.9, 0.74, random));
+  site.plan.scatter({ItemKind::kLaptop, ItemKind::kPaper, ItemKind::kCup, ItemKind::kBook}, 2,
+                    meeting);
+  add_bookcase(site.builder, at(-4.85, 1.5, 90.0), 1.8, 0.33, 2.0, 5, random);
+  add_cabinet(site.builder, at(-4.75, -1.4, 90.0), 1.6, 0.45, 1.2, random);
+  for (const double x : {-3.2, 0.2})
+    add_bookcase(site.builder, at(x, 3.45), 1.6, 0.33, 2.0, 5, random);
+  for (const double x : {-2.4, 1.6})
+    add_cabinet(site.builder, at(x, -3.35, 180.0), 1.5, 0.45, 1.1, random);
+  site.decorate(room, Wall::kNorth, 3.0, 4.3, 1.1);
+  site.window(room, Wall::kNorth, 7.6, 2.4);
+  site.decorate(room, Wall::kEast, 0.3, 2.6, 1.1);
+  site.board(room, Wall::kEast, 3.9, 2.2);
+  site.door(room, Wall::kEast, 6.4);
+  site.window(room, Wall::kSouth, 1.2, 1.6);
+  site.decorate(room, Wall::kSouth, 4.4, 6.3, 1.2);
+  site.decorate(room, Wall::kSouth, 8.4, 9.9, 1.1);
+  site.decorate(room, Wall::kWest, 3.5, 4.2, 1.3);
+  const auto corner_ne = site.plan.floor(4.2, 3.1, 0.9, 1.0);
+  const auto corner_sw = site.plan.floor(-4.5, -3.2, 1.0, 0.9);
+  const auto side = site.plan.floor(4.45, -2.2, 0.6, 2.0);
+  site.plan.scatter({ItemKind::kBigPlant}, 1, corner_ne);
+  site.plan.scatter({ItemKind::kBigPlant, ItemKind::kBin}, 1, corner_sw);
+  site.plan.scatter({ItemKind::kCarton, ItemKind::kBin, ItemKind::kCarton}, 1, side);
+
+  site.stage.sweep = {
+      {{-3.6, -1.9, 1.5}, {-2.9, -0.3, 0.9}}, {{-1.8, -1.8, 1.45}, {-1.5, 0.0, 0.9}},
+      {{-0.2, -1.9, 1.55}, {-0.6, 0.0, 0.9}}, {{1.3, -1.8, 1.45}, {0.9, 0.0, 0.9}},
+      {{2.3, -1.2, 1.5}, {0.8, 0.2, 0.9}},    {{2.4, 0.8, 1.5}, {1.2, 0.0, 0.9}},
+      {{1.4, 1.8, 1.45}, {0.8, 0.2, 0.9}},    {{-0.4, 1.8, 1.5}, {-0.9, 0.0, 0.9}},
+      {{-2.4, 1.8, 1.5}, {-2.8, 0.1, 0.9}}};
+  site.stage.orbit_target = {-0.9, 0.0, 0.9};
+  site.stage.orbit_radius_m = 1.95;
+  site.stage.orbit_height_m = 1.65;
+  site.stage.walk = {{-4.1, -2.4, 1.55}, {2.3, -2.4, 1.55}, {2.3, 2.4, 1.55}, {-4.1, 2.4, 1.55}};
+}
+
+void build_corridor(Site& site) {
+  const RoomShape room{-9.0, -1.5, 9.0, 1.5, 2.6};
+  Random& random = site.random;
+  const RoomLook look{paintings::plaster,
+                      paintings::vinyl_tiles,
+                      paintings::ceiling_panels,
+                      {0.85F, 0.78F, 0.62F},
+                      {0.5F, 0.5F, 0.5F}};
+  add_room(site.builder, room, look, 6, 1, 2.2, random);
+  for (const Wall wall : {Wall::kNorth, Wall::kSouth}) {
+    double x = 0.3;
+    while (x < 16.3) {
+      const double gap = random.uniform(0.9, 2.3);
+      site.decorate(room, wall, x, x + gap, 1.05);
+      x += gap + 0.6;
+      if (x > 16.9) break;
+      site.door(room, wall, x + 0.1);
+      x += 0.75;
+    }
+  }
+  site.window(room, Wall::kEast, 1.5, 1.8);
+  site.board(room, Wall::kWest, 1.5, 1.6);
+  for (const double x : {-6.0, 0.5}) {
+    add_bench(site.builder, at(x, -1.0, 180.0), 1.5, random);
+    const auto bench = site.plan.add(
+        {at(x, -1.22) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 0.46)), 1.4, 0.38});
+    site.plan.scatter({ItemKind::kBook, ItemKind::kPaper, ItemKind::kCup, ItemKind::kSmallBox}, 1,
+                      bench);
+  }
+  add_cabinet(site.builder, at(-2.6, 1.1), 1.0, 0.4, 0.9, random);
+  const auto cabinet = site.plan.add(
+      {at(-2.6, 1.3) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 0.9)), 0.95, 0.36});
+  site.plan.scatter({ItemKind::kPlant, ItemKind::kUprightBooks, ItemKind::kPaper}, 1, cabinet,
+                    20.0);
+  const std::size_t plinth =
+      site.plan.add(add_table(site.builder, at(5.5, -0.3), 0.8, 0.6, 0.8, random));
+  site.plan.scatter({ItemKind::kPlant, ItemKind::kBookStack, ItemKind::kSmallBox, ItemKind::kPaper,
+                     ItemKind::kCup, ItemKind::kBook},
+                    1, plinth);
+  for (const double x : {-7.8, -4.3, -1.0, 2.6}) {
+    const auto spot = site.plan.floor(x, 1.25, 1.4, 0.44);
+    const auto other = site.plan.floor(x, -1.25, 0.9, 0.44);
+    site.plan.scatter(
+        {random.chance(0.5) ? ItemKind::kCarton : ItemKind::kBin, ItemKind::kSmallBox}, 1, spot,
+        15.0);
+    site.plan.scatter({ItemKind::kBin}, random.chance(0.5) ? 1 : 0, other);
+  }
+
+  site.stage.sweep = {{{-7.0, 0.2, 1.5}, {-6.0, 1.5, 1.3}},  {{-5.6, 0.0, 1.5}, {-5.0, -1.5, 1.2}},
+                      {{-4.2, 0.2, 1.45}, {-3.0, 1.5, 1.3}}, {{-2.8, -0.1, 1.5}, {-1.6, -1.5, 1.3}},
+                      {{-1.4, 0.1, 1.5}, {0.4, 1.4, 1.2}},   {{0.2, 0.2, 1.5}, {1.0, -1.5, 1.1}},
+                      {{1.8, 0.0, 1.5}, {3.0, 1.5, 1.3}},    {{3.4, 0.1, 1.5}, {5.4, -0.3, 1.0}}};
+  site.stage.orbit_target = {5.5, 0.0, 0.9};
+  site.stage.orbit_radius_m = 1.05;
+  site.stage.orbit_height_m = 1.45;
+  site.stage.walk = {{-8.0, -0.5, 1.55}, {3.9, -0.5, 1.55}, {3.9, 0.5, 1.55}, {-8.0, 0.5, 1.55}};
+}
+
+void build_warehouse(Site& site) {
+  const RoomShape room{-8.0, -6.0, 8.0, 7.0, 5.5};
+  Random& random = site.random;
+  const RoomLook look{paintings::bricks,
+                      paintings::concrete,
+                      paintings::metal,
+                      {0.6F, 0.6F, 0.58F},
+                      {0.45F, 0.45F, 0.44F}};
+  add_room(site.builder, room, look, 4, 4, 5.5, random);
+  for (int column = 0; column < 4; ++column) {
+    const double x = -4.35 + 2.9 * column;
+    for (const Rigid3& pose :
+         {at(x, -1.12), at(x, 1.12, 180.0), at(x, 5.85), at(x, -4.85, 180.0)}) {
+      for (const Support& level : add_rack(site.builder, pose, 2.85, 1.1, 4.2, 3, random)) {
+        const std::size_t support = site.plan.add(level);
+        if (random.chance(0.7)) {
+          site.plan.place(ItemKind::kPallet, support, -0.65, 0.0, random.uniform(-3.0, 3.0));
+        } else {
+          site.plan.scatter({ItemKind::kCarton}, 2, support, 20.0);
+        }
+        if (random.chance(0.5)) {
+          site.plan.place(ItemKind::kPallet, support, 0.65, 0.0, random.uniform(-3.0, 3.0));
+        } else {
+          site.plan.scatter({ItemKind::kCarton}, 3, support, 20.0);
+        }
+      }
+    }
+  }
+  for (const Wall wall : {Wall::kEast, Wall::kWest}) {
+    site.decorate(room, wall, 1.5, 11.5, 1.3);
+  }
+  const auto middle = site.plan.floor(0.0, 3.6, 1.3, 1.3);
+  site.plan.place(ItemKind::kPallet, middle, 0.0, 0.0, 20.0);
+  for (const double x : {-4.0, 0.0, 4.0}) {
+    const auto strip = site.plan.floor(x, -4.1, 3.0, 1.1);
+    site.plan.scatter({ItemKind::kPallet, ItemKind::kCarton, ItemKind::kCarton}, 1, strip);
+  }
+  const auto yard = site.plan.floor(4.2, 4.6, 2.6, 1.6);
+  site.plan.scatter({ItemKind::kPallet, ItemKind::kCarton, ItemKind::kBin}, 1, yard);
+
+  site.stage.sweep = {{{-5.8, 2.6, 1.6}, {-4.5, 0.6, 1.3}}, {{-3.6, 2.3, 1.5}, {-3.0, 0.6, 1.4}},
+                      {{-1.8, 2.2, 1.7}, {-0.5, 3.6, 0.9}}, {{0.0, 2.1, 1.6}, {0.6, 0.6, 1.3}},
+                      {{2.0, 2.2, 1.6}, {3.4, 0.6, 1.6}},   {{3.8, 2.4, 1.6}, {5.0, 5.5, 1.3}},
+                      {{5.6, 2.4, 1.6}, {4.5, 0.6, 1.2}}};
+  site.stage.orbit_target = {0.0, 3.6, 0.8};
+  site.stage.orbit_radius_m = 1.5;
+  site.stage.orbit_height_m = 1.6;
+  site.stage.walk = {{-6.8, -2.2, 1.6}, {6.8, -2.2, 1.6}, {6.8, 2.0, 1.6}, {-6.8, 2.0, 1.6}};
+}
+
+void build_room(Site& site) {
+  const RoomShape room{-3.0, -2.5, 3.0, 2.5, 2.5};
+  Random& random = site.random;
+  const RoomLook look{paintings::plaster,
+                      paintings::planks,
+                      paintings::plaster,
+                      {0.74F, 0.66F, 0.58F},
+                      {0.6F, 0.42F, 0.27F}};
+  add_room(site.builder, room, look, 2, 1, 2.6, random);
+  site.builder.begin_object("rug", at(0.0, 0.2));
+  const auto carpet =
+      site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, paintings::rug, random.fork(7));
+  site.builder.box({-1.4, -1.0, 0.0}, {2.8, 2.0, 0.01}, SceneBuilder::Skin::all(carpet));
+  add_sofa(site.builder, at(0.0, 1.6), 1.9, random);
+  const std::size_t table =
+      site.plan.add(add_table(site.builder, at(0.0, -0.1), 1.2, 0.65, 0.43, random));
+  site.plan.scatter({ItemKind::kBook, ItemKind::kCup, ItemKind::kPaper, ItemKind::kBookStack,
+                     ItemKind::kPlant, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kBottle},
+                    1, table);
+  add_cabinet(site.builder, at(0.0, -2.05, 180.0), 1.8, 0.45, 0.55, random);
+  const auto board = site.plan.add(
+      {at(0.0, -2.27, 180.0) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 0.55)), 1.75,
+       0.4});
+  site.plan.place(ItemKind::kMonitor, board, 0.0, 0.05, 0.0);
+  site.plan.scatter({ItemKind::kUprightBooks, ItemKind::kPlant, ItemKind::kSmallBox,
+                     ItemKind::kLamp, ItemKind::kBook},
+                    1, board, 20.0);
+  add_bookcase(site.builder, at(-2.65, 0.9, 90.0), 1.5, 0.33, 2.05, 6, random);
+  add_bookcase(site.builder, at(-2.65, -0.9, 90.0), 1.2, 0.33, 1.6, 4, random);
+  const std::size_t dining =
+      site.plan.add(add_table(site.builder, at(2.1, -0.5, -90.0), 1.3, 0.8, 0.74, random));
+  site.plan.scatter({ItemKind::kCup, ItemKind::kBottle, ItemKind::kPlant, ItemKind::kBook,
+                     ItemKind::kPaper, ItemKind::kSmallBox},
+                    1, dining);
+  site.decorate(room, Wall::kNorth, 0.5, 5.5, 1.15);
+  site.window(room, Wall::kEast, 1.3, 1.7);
+  site.door(room, Wall::kEast, 4.3);
+  site.decorate(room, Wall::kSouth, 0.3, 2.0, 1.1);
+  site.decorate(room, Wall::kSouth, 4.1, 5.7, 1.1);
+  const auto corner_ne = site.plan.floor(2.5, 2.0, 0.9, 0.9);
+  const auto corner_sw = site.plan.floor(-2.5, -2.0, 0.9, 0.9);
+  site.plan.scatter({ItemKind::kBigPlant}, 1, corner_ne);
+  site.plan.scatter({ItemKind::kCarton, ItemKind::kBin}, 1, corner_sw);
+  const auto by_table = site.plan.floor(2.1, 0.9, 0.8, 1.0);
+  site.plan.scatter({ItemKind::kChair}, 1, by_table);
+
+  site.stage.sweep = {{{-1.5, -0.9, 1.4}, {-0.2, 0.4, 0.5}}, {{-1.6, 0.2, 1.45}, {-2.8, 0.9, 1.0}},
+                      {{-1.2, -0.6, 1.5}, {0.0, 1.8, 0.8}},  {{-0.2, -1.1, 1.4}, {0.1, 0.3, 0.45}},
+                      {{0.8, -0.9, 1.45}, {0.4, 1.5, 0.8}},  {{0.9, 0.2, 1.4}, {2.2, -0.4, 0.8}},
+                      {{0.8, 0.9, 1.4}, {0.0, -2.2, 0.8}},   {{-0.4, 1.0, 1.5}, {-0.3, -0.5, 0.5}}};
+  site.stage.orbit_target = {0.0, 0.2, 0.55};
+  site.stage.orbit_radius_m = 1.2;
+  site.stage.orbit_height_m = 1.4;
+  site.stage.walk = {{-1.7, -1.3, 1.5}, {1.2, -1.3, 1.5}, {1.2, 1.1, 1.5}, {-1.7, 1.1, 1.5}};
+}
+
+}  // namespace
+
+EnvironmentKind environment_kind(std::string_view name) {
+  for (const auto& [kind, known] : kNames) {
+    if (known == name) return kind;
+  }
+  throw Error(ErrorKind::kMisuse, "environment", printable(name) + " is none",
+              fmt::format("{}", fmt::join(environment_names(), ", ")));
+}
+
+std::string_view environment_name(EnvironmentKind kind) {
+  for (const auto& [known, name] : kNames) {
+    if (known == kind) return name;
+  }
+  return "";
+}
+
+std::vector<std::string_view> environment_names() {
+  std::vector<std::string_view> names;
+  for (const auto& [kind, name] : kNames) names.push_back(name);
+  return names;
+}
+
+void EnvironmentOptions::validate() const {
+  const auto check = [](double value, double low, double high, const char* field) {
+    if (value >= low && value <= high) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("EnvironmentOptions.{}", field),
+                fmt::format("{}", value), fmt::format("{} to {}", low, high));
+  };
+  check(changed_fraction, 0.0, 1.0, "changed_fraction");
+  check(texture_scale, 0.01, 2.0, "texture_scale");
+}
+
+Environment make_environment(const EnvironmentOptions& options, const Executor& executor) {
+  options.validate();
+  const Random random = Random(options.seed).fork(static_cast<std::uint64_t>(options.kind));
+  Site site{SceneBuilder(options.texture_scale), Plan(random.fork(1)), random.fork(2), {}};
+  switch (options.kind) {
+    case EnvironmentKind::kDesk:
+      build_desk(site);
+      break;
+    case EnvironmentKind::kOffice:
+      build_office(site);
+      break;
+    case EnvironmentKind::kCorridor:
+      build_corridor(site);
+      break;
+    case EnvironmentKind::kWarehouse:
+      build_warehouse(site);
+      break;
+    case EnvironmentKind::kRoom:
+      build_room(site);
+      break;
+  }
+  if (options.changed_fraction > 0.0) {
+    site.plan.change(options.changed_fraction, random.fork(3).fork(options.session));
+  }
+  site.plan.build(site.builder);
+  return {site.builder.build(executor), std::move(site.stage)};
+}
+
+}  // namespace cairn

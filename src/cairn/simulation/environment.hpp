@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/simulation/scene.hpp"
+
+namespace cairn {
+
+/// Which place is simulated.
+enum class EnvironmentKind {
+  kDesk,       ///< two desks back to back in a small office; fits the frame of TUM's fr1/desk2
+  kOffice,     ///< an open-plan office of six workplaces
+  kCorridor,   ///< a long corridor with doors, boards and a lobby
+  kWarehouse,  ///< a hall of pallet racks
+  kRoom,       ///< a living room
+};
+
+/// "desk", "office", "corridor", "warehouse" or "room".
+/// @throws Error (misuse) for another name
+EnvironmentKind environment_kind(std::string_view name);
+std::string_view environment_name(EnvironmentKind kind);
+/// All names.
+std::vector<std::string_view> environment_names();
+
+struct EnvironmentOptions {
+  EnvironmentKind kind = EnvironmentKind::kDesk;
+  std::uint64_t seed = 1;         ///< of the place: layout, objects and textures
+  std::uint64_t session = 0;      ///< which objects moved, and where to
+  double changed_fraction = 0.0;  ///< share of the movable objects that moved or went; 0 to 1
+  double texture_scale = 1.0;     ///< factor on the resolution of textures; 0.01 to 2
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// Where a camera stands and what it looks at; world frame, metres.
+struct Viewpoint {
+  Eigen::Vector3d position;
+  Eigen::Vector3d target;
+};
+
+/// Where a camera has room to move.
+struct CameraStage {
+  std::vector<Viewpoint> sweep;       ///< to go through in order, and back
+  Eigen::Vector3d orbit_target;       ///< to go around, looking at it
+  double orbit_radius_m = 1.0;        ///< about the vertical through the target
+  double orbit_height_m = 1.5;        ///< above the floor
+  std::vector<Eigen::Vector3d> walk;  ///< corners of a closed round, at eye level
+};
+
+struct Environment {
+  Scene scene;
+  CameraStage stage;
+};
+
+/// Builds a place. Its world frame has z up and the floor at z = 0; it is the same for all sessions
+/// with one kind and seed, and so is everything that did not move. Of the movable objects the share
+/// asked for, rounded, stands elsewhere on the same desk, shelf or floor, or is gone where there was
+/// no free spot. Same options, same scene.
+Environment make_environment(const EnvironmentOptions& options,
+                             const Executor& executor = Executor());
+
+}  // namespace cairn

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/camera.hpp"
+#include "cairn/simulation/scene.hpp"
+
+namespace cairn {
+
+/// What an ideal camera sees: no noise, no limits. Row by row from the top left.
+struct RenderedFrame {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  /// Blue, green, red of each pixel, kLightPerLevel units to a grey level of an 8-bit image. May go
+  /// beyond white (255 levels).
+  std::vector<std::uint16_t> bgr;
+  /// Along the optical axis, metres; 0 where nothing is.
+  std::vector<float> depth_m;
+  /// Cosine of the angle between the line of sight and the surface's normal, 0 where nothing is.
+  std::vector<float> facing;
+
+  static constexpr int kLightPerLevel = 64;
+};
+
+/// A line of sight for each pixel of a camera: (x, y, 1) in camera coordinates, x right, y down, z
+/// forward, such that the point x·z, y·z, z appears at the pixel's centre.
+struct RayTable {
+  std::vector<float> x;
+  std::vector<float> y;
+};
+
+/// Inverts the camera's projection, distortion included, to 1e-9 of the image plane.
+/// @throws Error (misuse) for a camera with a defect, or naming the pixel where its distortion cannot
+///         be inverted
+RayTable ray_table(const Camera& camera);
+
+struct RendererOptions {
+  /// Grid of the light that is worked out beforehand on each surface, metres; 0.01 to 1.
+  double light_grid_m = 0.08;
+  /// Averages four lines of sight in pixels where an edge runs through; else each pixel is its centre.
+  bool smooth_edges = true;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// Renders a scene by casting a ray through each pixel (Embree). Light is worked out once: of the
+/// lights, with soft shadows, and of the surroundings, darker in corners; surfaces are matt. The
+/// same picture for any number of threads.
+class Renderer {
+ public:
+  /// @throws Error (misuse) for a scene that is not valid
+  explicit Renderer(Scene scene, const RendererOptions& options = {},
+                    const Executor& executor = Executor());
+
+  const Scene& scene() const;
+
+  /// Thread-safe.
+  /// @param rays the camera's ray_table
+  RenderedFrame render(const Camera& camera, const RayTable& rays, const Rigid3& world_from_camera,
+                       const Executor& executor = Executor()) const;
+
+ private:
+  struct State;
+  std::shared_ptr<const State> state_;
+};
+
+}  // namespace cairn

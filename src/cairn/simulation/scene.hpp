@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/simulation/texture.hpp"
+
+namespace cairn {
+
+/// A flat piece of a scene with a picture on it. Its points are origin + s·edge_u + t·edge_v, s and
+/// t in [0, 1]; seen from the front, s goes to the right and t down.
+struct Surface {
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world frame, metres
+  Eigen::Vector3d edge_u = Eigen::Vector3d::UnitX();
+  Eigen::Vector3d edge_v = Eigen::Vector3d::UnitY();  ///< at a right angle to edge_u
+  /// Corners (s, t) of a convex outline, in order; empty: the whole rectangle.
+  std::vector<std::array<double, 2>> outline;
+  std::uint32_t texture = 0;  ///< of Scene::textures
+  /// The part of the texture that covers the rectangle: left, top, right, bottom, each in [0, 1].
+  std::array<double, 4> region = {0.0, 0.0, 1.0, 1.0};
+  std::uint32_t object = 0;  ///< of Scene::objects
+  bool emits_light = false;  ///< a screen or a lamp: as bright in the shade
+
+  /// Unit vector to the front.
+  Eigen::Vector3d normal() const { return edge_v.cross(edge_u).normalized(); }
+  Eigen::Vector3d point(double s, double t) const { return origin + s * edge_u + t * edge_v; }
+  /// Corners in the world frame.
+  std::vector<Eigen::Vector3d> corners() const;
+};
+
+/// A thing in a scene.
+struct SceneObject {
+  std::string name;          ///< what it is, e.g. "cup"
+  Rigid3 world_from_object;  ///< where it is
+  bool movable = false;      ///< may stand elsewhere in another session
+  bool moved = false;        ///< stands elsewhere than in the scene without changes
+};
+
+/// A light on or below the ceiling, a rectangle that shines down.
+struct AreaLight {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  double width_m = 0.6;   ///< along x
+  double length_m = 0.6;  ///< along y
+  double power = 1.0;     ///< brightness of a white surface 1 m below a small light
+};
+
+/// All that can be seen. The world's z axis points up.
+struct Scene {
+  std::vector<Texture> textures;
+  std::vector<SceneObject> objects;
+  std::vector<Surface> surfaces;
+  std::vector<AreaLight> lights;
+  double ambient = 0.45;  ///< brightness of a white surface in the open, without the lights
+
+  /// @throws Error (misuse) naming the surface and what is wrong with it: a texture or object that
+  ///         is not there, no area, edges not at a right angle, an outline of fewer than 3 corners
+  void validate() const;
+
+  /// Distance from a point to the nearest surface; infinite in an empty scene.
+  double distance(const Eigen::Vector3d& point) const;
+};
+
+}  // namespace cairn

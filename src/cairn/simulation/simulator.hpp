@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/map/camera.hpp"
+#include "cairn/simulation/renderer.hpp"
+#include "cairn/simulation/sensor.hpp"
+#include "cairn/trajectory/trajectory.hpp"
+
+namespace cairn {
+
+/// 640 x 480 pixels, 525 pixels of focal length, no distortion.
+Camera default_simulated_camera();
+
+struct SimulatorOptions {
+  Camera camera = default_simulated_camera();
+  SensorOptions sensor;
+  RendererOptions renderer;
+  double shutter_s = 0.0;        ///< how long a frame is exposed: motion blur; 0 to 1
+  std::size_t blur_samples = 5;  ///< pictures averaged for motion blur; 2 to 100
+  std::uint64_t seed = 1;        ///< of the sensor's noise
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// One frame of a simulated sequence; row by row from the top left.
+struct RgbdFrame {
+  double timestamp_s = 0.0;
+  Rigid3 world_from_camera;  ///< exact, at the middle of the exposure
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::vector<std::uint8_t> bgr;     ///< 8-bit blue, green, red
+  std::vector<float> depth_m;        ///< as measured; 0 where there is no reading
+  std::vector<float> exact_depth_m;  ///< 0 where nothing is
+};
+
+/// An RGB-D camera on its way through a scene, frame by frame.
+class RgbdSimulator {
+ public:
+  /// @throws Error (misuse) for options or a scene that are not valid
+  RgbdSimulator(Scene scene, Trajectory trajectory, const SimulatorOptions& options = {},
+                const Executor& executor = Executor());
+
+  std::size_t frame_count() const { return trajectory_.size(); }
+  const Trajectory& trajectory() const { return trajectory_; }
+  const Scene& scene() const { return renderer_.scene(); }
+
+  /// A frame depends on the options and its number only, so frames may be made in any order, and
+  /// several at once. Thread-safe.
+  /// @throws Error (misuse) if there is no such frame
+  RgbdFrame frame(std::size_t index, const Executor& executor = Executor()) const;
+
+ private:
+  SimulatorOptions options_;
+  Trajectory trajectory_;
+  RayTable rays_;
+  Renderer renderer_;
+};
+
+}  // namespace cairn

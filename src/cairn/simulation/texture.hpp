@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace cairn {
+
+/// A picture on a surface, with its mip levels: each half the size of the one before, so that a
+/// surface seen from afar is averaged and does not flicker from frame to frame.
+///
+/// A texel is 0x00RRGGBB, 8 bits a channel. Row by row from the top left.
+class Texture {
+ public:
+  /// @param texels width * height of them
+  /// @throws Error (misuse) if that is not so, or a side is 0 or more than 8192
+  Texture(std::uint32_t width, std::uint32_t height, std::vector<std::uint32_t> texels);
+
+  std::uint32_t width() const { return levels_.front().width; }
+  std::uint32_t height() const { return levels_.front().height; }
+  std::size_t levels() const { return levels_.size(); }
+  const std::vector<std::uint32_t>& texels() const { return levels_.front().texels; }
+
+  /// Colour at a point, linear between texels and between mip levels; what is outside takes the
+  /// colour of the border.
+  /// @param u,v   in texels of level 0 from the texture's corner: the first texel's centre is 0.5
+  /// @param level 0 and up, fractional; beyond the last level it is the last
+  std::uint32_t sample(float u, float v, float level) const;
+
+ private:
+  struct Level {
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    std::vector<std::uint32_t> texels;
+  };
+  static std::uint32_t bilinear(const Level& level, float u, float v);
+
+  std::vector<Level> levels_;
+};
+
+}  // namespace cairn
