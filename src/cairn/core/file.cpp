@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <mutex>
 #include <utility>
 
 #include <fcntl.h>
@@ -36,6 +37,15 @@ std::string reason_of(int error_number) {
 [[noreturn]] void fail_writing(const std::filesystem::path& path, int error_number) {
   throw Error(ErrorKind::kStorage, path.string(),
               fmt::format("cannot be written: {}", reason_of(error_number)), "");
+}
+
+// The mask can be read only by setting it: two threads at once would leave it changed.
+mode_t file_mode_mask() {
+  static std::mutex mutex;
+  const std::lock_guard lock(mutex);
+  const mode_t mask = ::umask(0);
+  ::umask(mask);
+  return mask;
 }
 
 // A file being written; removed again unless committed.
@@ -71,9 +81,7 @@ class OutputFile {
     if (::stat(destination_.c_str(), &existing) == 0) {
       ::fchmod(descriptor_, existing.st_mode & 07777);
     } else {
-      const mode_t mask = ::umask(0);
-      ::umask(mask);
-      ::fchmod(descriptor_, 0666 & ~mask);
+      ::fchmod(descriptor_, 0666 & ~file_mode_mask());
     }
   }
 
@@ -96,8 +104,10 @@ class OutputFile {
     }
   }
 
-  void commit() {
-    if (!temporary_.empty() && ::fsync(descriptor_) != 0) fail_writing(path_, errno);
+  void commit(Durability durability) {
+    if (!temporary_.empty() && durability == Durability::kAtOnce && ::fsync(descriptor_) != 0) {
+      fail_writing(path_, errno);
+    }
     if (::close(std::exchange(descriptor_, -1)) != 0) fail_writing(path_, errno);
     if (temporary_.empty()) return;
     if (::rename(temporary_.c_str(), destination_.c_str()) != 0) fail_writing(path_, errno);
@@ -206,10 +216,19 @@ bool LineReader::refill() {
 }
 
 void write_file(const std::filesystem::path& path,
-                const std::function<void(const ByteSink& sink)>& produce) {
+                const std::function<void(const ByteSink& sink)>& produce, Durability durability) {
   OutputFile file(path);
   produce([&](std::string_view bytes) { file.write(bytes); });
-  file.commit();
+  file.commit(durability);
+}
+
+void sync_files(const std::filesystem::path& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) fail_writing(folder, errno);
+  const int result = ::syncfs(descriptor);
+  const int error_number = errno;
+  ::close(descriptor);
+  if (result != 0) fail_writing(folder, error_number);
 }
 
 std::string hash_file(const std::filesystem::path& path) {

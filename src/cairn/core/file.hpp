@@ -100,13 +100,25 @@ class LineReader {
 /// Receives the bytes of a file in pieces.
 using ByteSink = std::function<void(std::string_view bytes)>;
 
+/// When the bytes of a written file are on disk.
+enum class Durability {
+  kAtOnce,  ///< before write_file returns
+  kLater,   ///< when the operating system finds time, or on sync_files: for many files in a row
+};
+
 /// Writes a whole file or nothing: bytes go to a temporary file beside `path`, which replaces it
 /// only when `produce` has returned and all is on disk. A link is followed; a device or pipe is
-/// written to directly.
+/// written to directly. Thread-safe for different paths.
+/// @param durability with kLater, a crash of the whole machine may leave the file empty
 /// @throws Error (storage) naming path and reason (no such folder, no permission, disk full); what
 ///         was at `path` before is then still there
 void write_file(const std::filesystem::path& path,
-                const std::function<void(const ByteSink& sink)>& produce);
+                const std::function<void(const ByteSink& sink)>& produce,
+                Durability durability = Durability::kAtOnce);
+
+/// Waits until all that was written in the file system of this folder is on disk.
+/// @throws Error (storage) naming the folder
+void sync_files(const std::filesystem::path& folder);
 
 /// 128-bit XXH3 hash of a file's bytes as "xxh3:" and 32 hexadecimal digits (as `xxhsum -H2`).
 std::string hash_file(const std::filesystem::path& path);

@@ -5,6 +5,8 @@
 
 #include <opencv2/core/mat.hpp>
 
+#include "cairn/core/file.hpp"
+
 namespace cairn {
 
 /// Reads a colour image (PNG or JPEG, grey or colour) as 8-bit grey, of its own size.
@@ -21,12 +23,14 @@ cv::Mat read_depth_image(const std::filesystem::path& path);
 
 /// Writes an image as PNG, whole or not at all.
 /// @throws Error (storage) naming the file
-void write_png(const std::filesystem::path& path, const cv::Mat& image);
+void write_png(const std::filesystem::path& path, const cv::Mat& image,
+               Durability durability = Durability::kAtOnce);
 
 /// Writes an image as JPEG, whole or not at all.
 /// @param image 8-bit grey or blue, green, red
 /// @param quality 0 to 100
 /// @throws Error (storage) naming the file
-void write_jpeg(const std::filesystem::path& path, const cv::Mat& image, int quality = 95);
+void write_jpeg(const std::filesystem::path& path, const cv::Mat& image, int quality = 95,
+                Durability durability = Durability::kAtOnce);
 
 }  // namespace cairn

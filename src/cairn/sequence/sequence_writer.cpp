@@ -16,6 +16,8 @@
 namespace cairn {
 namespace {
 
+constexpr int kJpegQuality = 95;
+
 void write_text(const std::filesystem::path& path, std::string_view text) {
   write_file(path, [&](const ByteSink& sink) { sink(text); });
 }
@@ -93,11 +95,12 @@ void SequenceWriter::add(double timestamp_s, const cv::Mat& color, const cv::Mat
     entries_.push_back(entry);
   }
   if (png) {
-    write_png(folder_ / entry.color, color);
+    write_png(folder_ / entry.color, color, Durability::kLater);
   } else {
-    write_jpeg(folder_ / entry.color, color);
+    write_jpeg(folder_ / entry.color, color, kJpegQuality, Durability::kLater);
   }
-  write_png(folder_ / entry.depth, stored_depth(depth_m, options_.depth_units_per_metre));
+  write_png(folder_ / entry.depth, stored_depth(depth_m, options_.depth_units_per_metre),
+            Durability::kLater);
 }
 
 void SequenceWriter::finish() {
@@ -110,6 +113,8 @@ void SequenceWriter::finish() {
     color_list += fmt::format("{} {}\n", entry.time, entry.color);
     depth_list += fmt::format("{} {}\n", entry.time, entry.depth);
   }
+  // The lists vouch for the images, so those come to the disk first.
+  sync_files(folder_);
   write_text(folder_ / "depth.txt", depth_list);
   write_text(folder_ / "rgb.txt", color_list);
   finished_ = true;

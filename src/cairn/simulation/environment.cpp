@@ -245,7 +245,7 @@ void build_desk(Site& site) {
                       paintings::ceiling_panels,
                       {0.82F, 0.8F, 0.75F},
                       {0.3F, 0.33F, 0.38F}};
-  add_room(site.builder, room, look, 2, 2, 1.9, random);
+  add_room(site.builder, room, look, 2, 2, 2.7, random);
   site.workplace(at(0.15, -0.1), 1.9, 0.75, 2, false);
   site.workplace(at(0.15, 1.42, 180.0), 1.9, 0.75, 2, false);
   add_bookcase(site.builder, at(-2.35, 1.0, 90.0), 1.6, 0.33, 1.95, 5, random);
@@ -296,7 +296,7 @@ void build_office(Site& site) {
                       paintings::ceiling_panels,
                       {0.78F, 0.82F, 0.84F},
                       {0.36F, 0.3F, 0.3F}};
-  add_room(site.builder, room, look, 4, 3, 1.7, random);
+  add_room(site.builder, room, look, 4, 3, 2.0, random);
   for (const double x : {-2.9, -0.9, 1.1}) {
     site.workplace(at(x, -0.83), 1.6, 0.8, 2, random.chance(0.3));
     site.workplace(at(x, 0.83, 180.0), 1.6, 0.8, 2, random.chance(0.3));
@@ -352,7 +352,7 @@ void build_corridor(Site& site) {
                       paintings::ceiling_panels,
                       {0.85F, 0.78F, 0.62F},
                       {0.5F, 0.5F, 0.5F}};
-  add_room(site.builder, room, look, 6, 1, 2.2, random);
+  add_room(site.builder, room, look, 6, 1, 2.7, random);
   for (const Wall wall : {Wall::kNorth, Wall::kSouth}) {
     double x = 0.3;
     while (x < 16.3) {
@@ -410,7 +410,7 @@ void build_warehouse(Site& site) {
                       paintings::metal,
                       {0.6F, 0.6F, 0.58F},
                       {0.45F, 0.45F, 0.44F}};
-  add_room(site.builder, room, look, 4, 4, 5.5, random);
+  add_room(site.builder, room, look, 4, 4, 6.5, random);
   for (int column = 0; column < 4; ++column) {
     const double x = -4.35 + 2.9 * column;
     for (const Rigid3& pose :
@@ -460,7 +460,7 @@ void build_room(Site& site) {
                       paintings::plaster,
                       {0.74F, 0.66F, 0.58F},
                       {0.6F, 0.42F, 0.27F}};
-  add_room(site.builder, room, look, 2, 1, 2.6, random);
+  add_room(site.builder, room, look, 2, 1, 4.6, random);
   site.builder.begin_object("rug", at(0.0, 0.2));
   const auto carpet =
       site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, paintings::rug, random.fork(7));

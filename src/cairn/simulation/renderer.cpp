@@ -378,6 +378,7 @@ struct Job {
   float pixel_lod;  // log2 of a pixel's angle
   RenderedFrame frame;
   std::vector<std::uint32_t> surfaces;  // of each pixel
+  std::vector<std::uint8_t> edge;       // whether an edge runs through each pixel
 
   void look(const Rigid3& world_from_camera);
   // Fires the rays along (x, y, 1); leaves the surface of each in `hit`.
@@ -388,7 +389,8 @@ struct Job {
                                      float facing) const;
   void centres(std::uint32_t first_row, std::uint32_t last_row);
   bool on_edge(std::uint32_t column, std::uint32_t row) const;
-  void edges(std::uint32_t first_row, std::uint32_t last_row);
+  void find_edges(std::uint32_t first_row, std::uint32_t last_row);
+  void smooth_edges(std::uint32_t first_row, std::uint32_t last_row);
 };
 
 void Job::look(const Rigid3& world_from_camera) {
@@ -528,15 +530,31 @@ bool Job::on_edge(std::uint32_t column, std::uint32_t row) const {
     const bool continues = shading[its].object == shading[own].object &&
                            shading[its].texture_index == shading[own].texture_index;
     constexpr float kJump = 0.02F;
-    return !continues ||
-           std::abs(frame.depth_m[other] - frame.depth_m[pixel]) > kJump * frame.depth_m[pixel];
+    if (continues &&
+        std::abs(frame.depth_m[other] - frame.depth_m[pixel]) <= kJump * frame.depth_m[pixel]) {
+      return false;
+    }
+    // An edge that nobody can see needs no smoothing.
+    constexpr int kFaint = 8 * RenderedFrame::kLightPerLevel;
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (std::abs(frame.bgr[3 * other + k] - frame.bgr[3 * pixel + k]) > kFaint) return true;
+    }
+    return false;
   };
   return (column > 0 && differs(pixel - 1)) || (column + 1 < frame.width && differs(pixel + 1)) ||
          (row > 0 && differs(pixel - frame.width)) ||
          (row + 1 < frame.height && differs(pixel + frame.width));
 }
 
-void Job::edges(std::uint32_t first_row, std::uint32_t last_row) {
+void Job::find_edges(std::uint32_t first_row, std::uint32_t last_row) {
+  for (std::uint32_t row = first_row; row < last_row; ++row) {
+    for (std::uint32_t column = 0; column < frame.width; ++column) {
+      edge[std::size_t{row} * frame.width + column] = on_edge(column, row) ? 1 : 0;
+    }
+  }
+}
+
+void Job::smooth_edges(std::uint32_t first_row, std::uint32_t last_row) {
   // A rotated grid: each row and column of a quarter pixel once.
   constexpr std::array<std::array<float, 2>, 4> kOffsets = {
       {{-0.125F, -0.375F}, {0.375F, -0.125F}, {0.125F, 0.375F}, {-0.375F, 0.125F}}};
@@ -565,8 +583,8 @@ void Job::edges(std::uint32_t first_row, std::uint32_t last_row) {
   };
   for (std::uint32_t row = first_row; row < last_row; ++row) {
     for (std::uint32_t column = 0; column < frame.width; ++column) {
-      if (!on_edge(column, row)) continue;
       const std::size_t pixel = std::size_t{row} * frame.width + column;
+      if (edge[pixel] == 0) continue;
       // The next pixel's ray, or at the border the one before, says how far apart rays are.
       const std::size_t left = column + 1 < frame.width || column == 0 ? pixel : pixel - 1;
       const std::size_t right = std::min(left + 1, std::size_t{row + 1} * frame.width - 1);
@@ -606,12 +624,13 @@ RenderedFrame Renderer::render(const Camera& camera, const RayTable& rays,
           {},
           0.0F,
           {},
+          {},
           {}};
   job.look(world_from_camera);
   // The angle of a pixel in the middle of the image.
-  const std::size_t middle = count / 2 + camera.width / 2;
-  const std::size_t next = std::min(middle + 1, count - 1);
-  const float angle = std::abs(rays.x[next] - rays.x[next - (next > 0 ? 1 : 0)]);
+  const std::size_t middle = std::size_t{camera.height / 2} * camera.width + camera.width / 2;
+  const std::size_t before = middle > 0 ? middle - 1 : middle;
+  const float angle = std::abs(rays.x[middle] - rays.x[before]);
   job.pixel_lod = rough_log2(std::max(angle, 1e-6F));
   job.frame.width = camera.width;
   job.frame.height = camera.height;
@@ -627,7 +646,10 @@ RenderedFrame Renderer::render(const Camera& camera, const RayTable& rays,
   };
   rows_of([&](std::uint32_t begin, std::uint32_t end) { job.centres(begin, end); });
   if (state_->smooth_edges) {
-    rows_of([&](std::uint32_t begin, std::uint32_t end) { job.edges(begin, end); });
+    // All edges are found before any pixel changes, or they would depend on the order of the rows.
+    job.edge.resize(count);
+    rows_of([&](std::uint32_t begin, std::uint32_t end) { job.find_edges(begin, end); });
+    rows_of([&](std::uint32_t begin, std::uint32_t end) { job.smooth_edges(begin, end); });
   }
   return std::move(job.frame);
 }

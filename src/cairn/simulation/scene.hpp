@@ -56,7 +56,7 @@ struct Scene {
   std::vector<SceneObject> objects;
   std::vector<Surface> surfaces;
   std::vector<AreaLight> lights;
-  double ambient = 0.45;  ///< brightness of a white surface in the open, without the lights
+  double ambient = 0.5;  ///< brightness of a white surface in the open, without the lights
 
   /// @throws Error (misuse) naming the surface and what is wrong with it: a texture or object that
   ///         is not there, no area, edges not at a right angle, an outline of fewer than 3 corners

@@ -41,10 +41,12 @@ Texture::Texture(std::uint32_t width, std::uint32_t height, std::vector<std::uin
                 fmt::format("{} texels for {} x {}", texels.size(), width, height),
                 "sides of 1 to 8192 and as many texels");
   }
-  levels_.push_back({width, height, std::move(texels)});
+  levels_.push_back({width, height, 1.0F, 1.0F, std::move(texels)});
   while (levels_.back().width > 1 || levels_.back().height > 1) {
     const Level& from = levels_.back();
-    Level to{std::max(1U, from.width / 2), std::max(1U, from.height / 2), {}};
+    Level to{std::max(1U, from.width / 2), std::max(1U, from.height / 2), 1.0F, 1.0F, {}};
+    to.scale_u = static_cast<float>(to.width) / static_cast<float>(width);
+    to.scale_v = static_cast<float>(to.height) / static_cast<float>(height);
     to.texels.resize(std::size_t{to.width} * to.height);
     for (std::uint32_t y = 0; y < to.height; ++y) {
       const std::size_t row0 = std::size_t{std::min(2 * y, from.height - 1)} * from.width;
@@ -64,12 +66,13 @@ Texture::Texture(std::uint32_t width, std::uint32_t height, std::vector<std::uin
 std::uint32_t Texture::bilinear(const Level& level, float u, float v) {
   // In 1/256 of a texel, clamped to the centres of the border's texels.
   const auto fixed = [](float x, std::uint32_t size) {
-    const float most = static_cast<float>(size - 1) * 256.0F;
-    return static_cast<std::uint32_t>(std::clamp((x - 0.5F) * 256.0F, 0.0F, most));
+    const auto most = static_cast<std::int32_t>((size - 1) << 8);
+    const float inside = std::clamp(x * 256.0F - 128.0F, -1e6F, 1e8F);
+    return static_cast<std::uint32_t>(std::clamp(static_cast<std::int32_t>(inside), 0, most));
   };
-  const std::uint32_t x = fixed(u, level.width);
-  const std::uint32_t y = fixed(v, level.height);
-  const std::uint32_t right = (x >> 8) + 1 < level.width ? 1 : 0;
+  const std::uint32_t x = fixed(u * level.scale_u, level.width);
+  const std::uint32_t y = fixed(v * level.scale_v, level.height);
+  const std::size_t right = (x >> 8) + 1 < level.width ? 1 : 0;
   const std::size_t below = (y >> 8) + 1 < level.height ? level.width : 0;
   const std::uint32_t* const texel =
       level.texels.data() + std::size_t{y >> 8} * level.width + (x >> 8);
@@ -81,14 +84,14 @@ std::uint32_t Texture::sample(float u, float v, float level) const {
   const float last = static_cast<float>(levels_.size() - 1);
   const float clamped = std::clamp(level, 0.0F, last);
   const auto lower = static_cast<std::size_t>(clamped);
-  const auto weight = static_cast<std::uint32_t>((clamped - static_cast<float>(lower)) * 256.0F);
-  // Level sizes are rounded down, so the scale of each is its own.
-  const auto at = [&](const Level& one) {
-    return bilinear(one, u * static_cast<float>(one.width) / static_cast<float>(width()),
-                    v * static_cast<float>(one.height) / static_cast<float>(height()));
-  };
-  const std::uint32_t fine = at(levels_[lower]);
-  return weight == 0 ? fine : blend(fine, at(levels_[lower + 1]), weight);
+  // One level alone serves for a quarter of the way on either side: half the cost for half the
+  // surfaces.
+  const auto weight =
+      static_cast<std::int32_t>((clamped - static_cast<float>(lower)) * 512.0F) - 128;
+  if (weight <= 0) return bilinear(levels_[lower], u, v);
+  if (weight >= 256) return bilinear(levels_[lower + 1], u, v);
+  return blend(bilinear(levels_[lower], u, v), bilinear(levels_[lower + 1], u, v),
+               static_cast<std::uint32_t>(weight));
 }
 
 }  // namespace cairn

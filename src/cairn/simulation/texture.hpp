@@ -22,8 +22,8 @@ class Texture {
   std::size_t levels() const { return levels_.size(); }
   const std::vector<std::uint32_t>& texels() const { return levels_.front().texels; }
 
-  /// Colour at a point, linear between texels and between mip levels; what is outside takes the
-  /// colour of the border.
+  /// Colour at a point, linear between texels; halfway between two mip levels it passes from one to
+  /// the other. What is outside takes the colour of the border.
   /// @param u,v   in texels of level 0 from the texture's corner: the first texel's centre is 0.5
   /// @param level 0 and up, fractional; beyond the last level it is the last
   std::uint32_t sample(float u, float v, float level) const;
@@ -32,6 +32,8 @@ class Texture {
   struct Level {
     std::uint32_t width = 0;
     std::uint32_t height = 0;
+    float scale_u = 1.0F;  // of coordinates in level 0: sizes are rounded down, so not quite 2^-n
+    float scale_v = 1.0F;
     std::vector<std::uint32_t> texels;
   };
   static std::uint32_t bilinear(const Level& level, float u, float v);
