@@ -35,7 +35,7 @@ set(BLIND_SUBFOLDERS registration)
 
 # Libraries that only the modules named may include: "start of the header's name" "modules".
 set(HEAVY
-  "opencv2/" "sequence odometry simulation"
+  "opencv2/" "sequence odometry"
   "ceres/" "odometry atlas"
   "embree" "simulation"
   "sqlite3" "atlas"

@@ -11,6 +11,13 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::MatchesRegex;
 
+constexpr const char* kVerbs[] = {
+    "demo",     "info", "convert", "align",
+#ifdef CAIRN_HAS_SIMULATION
+    "simulate",
+#endif
+};
+
 class UsageTest : public CliTest {};
 
 TEST_F(UsageTest, WithoutArgumentsSaysHowToStart) {
@@ -23,7 +30,7 @@ TEST_F(UsageTest, WithoutArgumentsSaysHowToStart) {
 
 TEST_F(UsageTest, HelpListsTheVerbsAndExitCodes) {
   const std::string help = answer({"--help"});
-  for (const char* const verb : {"demo", "info", "convert", "align", "evaluate"}) {
+  for (const char* const verb : kVerbs) {
     EXPECT_THAT(help, HasSubstr(std::string("\n  ") + verb));
   }
   EXPECT_THAT(help, HasSubstr("Exit codes: 0 done"));
@@ -34,7 +41,7 @@ TEST_F(UsageTest, VersionIsOneLineOnStdout) {
 }
 
 class VerbTest : public UsageTest, public ::testing::WithParamInterface<const char*> {};
-INSTANTIATE_TEST_SUITE_P(All, VerbTest, ::testing::Values("demo", "info", "convert", "align"),
+INSTANTIATE_TEST_SUITE_P(All, VerbTest, ::testing::ValuesIn(kVerbs),
                          [](const auto& verb) { return std::string(verb.param); });
 
 TEST_P(VerbTest, HelpHasAnExampleAndTheCommonOptions) {

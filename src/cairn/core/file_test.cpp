@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -117,6 +118,40 @@ TEST(WriteFile, ReportsAFullDisk) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("No space left on device"));
+  }
+}
+
+TEST(WriteFile, ThreadsWriteSideBySideAndKeepTheModeMask) {
+  const TemporaryFolder folder;
+  const mode_t mask = ::umask(027);
+  const auto write_many = [&](const std::string& name) {
+    for (int i = 0; i < 200; ++i) {
+      write_file(
+          folder / (name + std::to_string(i)), [&](const ByteSink& sink) { sink(name); },
+          Durability::kLater);
+    }
+  };
+  std::thread other([&] { write_many("a"); });
+  write_many("b");
+  other.join();
+  EXPECT_EQ(::umask(mask), 027U);
+  sync_files(folder.path());
+  for (const std::string name : {"a", "b"}) {
+    for (int i = 0; i < 200; ++i) {
+      const auto path = folder / (name + std::to_string(i));
+      EXPECT_EQ(read_text(path), name);
+      EXPECT_EQ(std::filesystem::status(path).permissions(), std::filesystem::perms(0640));
+    }
+  }
+}
+
+TEST(SyncFiles, NamesAFolderThatIsNotThere) {
+  try {
+    sync_files("/no/such/folder");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kStorage);
+    EXPECT_THAT(error.what(), HasSubstr("/no/such/folder"));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <limits>
 #include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -89,6 +90,51 @@ TEST(SequenceWriter, DoesNotOverwriteASequence) {
   writer.finish();
   EXPECT_THAT(message_of([&] { SequenceWriter(folder / "s"); }),
               HasSubstr("holds a sequence already"));
+}
+
+TEST(SequenceWriter, ListsFramesInTheOrderOfTimeHoweverTheyCame) {
+  const TemporaryFolder folder;
+  const cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
+  SequenceWriter writer(folder / "s", {.color_format = ColorFormat::kJpeg});
+  std::thread other([&] {
+    for (int i = 9; i > 0; i -= 2) writer.add(i, kGray, depth);
+  });
+  for (int i = 8; i > 0; i -= 2) writer.add(i, kGray, depth);
+  other.join();
+  writer.finish();
+  const RgbdSequence sequence(folder / "s");
+  ASSERT_EQ(sequence.frames().size(), 9U);
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_EQ(sequence.frames()[i].timestamp_s, static_cast<double>(i + 1));
+    EXPECT_EQ(sequence.frames()[i].color.extension(), ".jpg");
+    EXPECT_NEAR(cv::mean(sequence.read(i).gray)[0], 50.0, 1.0);
+  }
+}
+
+TEST(SequenceWriter, UnfinishedLeavesNothingOfItsOwn) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "s");
+  folder.write("s/notes.txt", "mine");
+  const cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
+  {
+    SequenceWriter writer(folder / "s");
+    writer.add(1.0, kGray, depth);
+    SequenceWriter another(folder / "t");
+    another.add(1.0, kGray, depth);
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / "t"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "s/rgb"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "s/notes.txt"));
+}
+
+TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {
+  const TemporaryFolder folder;
+  const cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
+  SequenceWriter writer(folder / "s");
+  writer.add(1.0, kGray, depth);
+  EXPECT_THAT(message_of([&] { writer.add(1.0, kGray, depth); }), HasSubstr("added before"));
+  EXPECT_THAT(message_of([&] { SequenceWriter(folder / "t", {.depth_units_per_metre = 0.0}); }),
+              HasSubstr("depth_units_per_metre"));
 }
 
 TEST(SequenceWriter, RefusesImagesThatDoNotGoTogether) {

@@ -411,6 +411,7 @@ void build_warehouse(Site& site) {
                       {0.6F, 0.6F, 0.58F},
                       {0.45F, 0.45F, 0.44F}};
   add_room(site.builder, room, look, 4, 4, 6.5, random);
+  site.builder.ambient(0.8);  // or it would be dark between the shelves
   for (int column = 0; column < 4; ++column) {
     const double x = -4.35 + 2.9 * column;
     for (const Rigid3& pose :
