@@ -90,11 +90,14 @@ int run(int argc, char** argv) {
       "Try 'cairn demo', then 'cairn <verb> --help'.\n\n"
       "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
       "4 no trustworthy alignment; 130 interrupted.");
-  const std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
+  std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
       {"demo", cairn::cli::add_demo(program)},         {"info", cairn::cli::add_info(program)},
       {"convert", cairn::cli::add_convert(program)},   {"align", cairn::cli::add_align(program)},
       {"evaluate", cairn::cli::add_evaluate(program)},
   };
+#ifdef CAIRN_HAS_SIMULATION
+  verbs.emplace_back("simulate", cairn::cli::add_simulate(program));
+#endif
   for (CLI::App* const verb : program.get_subcommands(nullptr)) verb->group("Verbs");
   if (argc < 2) {
     print_error(program.help());

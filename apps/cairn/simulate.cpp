@@ -76,7 +76,7 @@ void SimulateArguments::add_to(CLI::App& command) {
              "Sessions of one seed share place and world frame; each has its own path, noise and "
              "changes");
   add_number(command, "--changed", environment_options.changed_fraction,
-             "Share of the movable objects that stand elsewhere than in other sessions");
+             "Share of the movable objects that stand elsewhere in this session, or are gone");
   add_text(command, "--camera", camera,
            "Camera file (default: 640 x 480 pixels, focal length 525, no distortion)", "FILE");
   add_number(command, "--exposure", options.sensor.exposure, "Factor on the brightness");

@@ -12,7 +12,7 @@ using ::testing::IsEmpty;
 using ::testing::MatchesRegex;
 
 constexpr const char* kVerbs[] = {
-    "demo",     "info", "convert", "align",
+    "demo", "info", "convert", "align", "evaluate",
 #ifdef CAIRN_HAS_SIMULATION
     "simulate",
 #endif

@@ -29,9 +29,9 @@ cv::Mat stored_depth(const cv::Mat& depth_m, double units_per_metre) {
     const auto* const from = depth_m.ptr<float>(row);
     auto* const to = stored.ptr<std::uint16_t>(row);
     for (int column = 0; column < depth_m.cols; ++column) {
-      const double units = std::round(from[column] * units_per_metre);
+      const double units = from[column] * units_per_metre + 0.5;
       // What the format cannot hold is no reading, as with the camera itself.
-      to[column] = units > 0.0 && units <= kMost ? static_cast<std::uint16_t>(units) : 0;
+      to[column] = units > 0.0 && units < kMost + 1.0 ? static_cast<std::uint16_t>(units) : 0;
     }
   }
   return stored;
@@ -40,7 +40,8 @@ cv::Mat stored_depth(const cv::Mat& depth_m, double units_per_metre) {
 }  // namespace
 
 void SequenceWriterOptions::validate() const {
-  if (!(depth_units_per_metre > 0.0 && std::isfinite(depth_units_per_metre))) {
+  const bool possible = depth_units_per_metre > 0.0 && std::isfinite(depth_units_per_metre);
+  if (!possible) {
     throw Error(ErrorKind::kMisuse, "SequenceWriterOptions.depth_units_per_metre",
                 fmt::format("{}", depth_units_per_metre), "a positive number");
   }
@@ -54,8 +55,10 @@ SequenceWriter::SequenceWriter(const std::filesystem::path& folder,
     throw Error(ErrorKind::kMisuse, folder.string(), "holds a sequence already", "a new folder");
   }
   std::error_code ignored;
-  for (const auto& part : {folder, folder / "rgb", folder / "depth"}) {
+  for (const auto& part : {folder / "rgb", folder / "depth", folder}) {
     if (!std::filesystem::exists(part, ignored)) made_.push_back(part);
+  }
+  for (const auto& part : {folder / "rgb", folder / "depth"}) {
     std::error_code error;
     std::filesystem::create_directories(part, error);
     if (error) {
@@ -72,9 +75,7 @@ SequenceWriter::~SequenceWriter() {
     std::filesystem::remove(folder_ / entry.depth, ignored);
   }
   // Goes only if it is empty: what somebody else put there stays.
-  for (auto made = made_.rbegin(); made != made_.rend(); ++made) {
-    std::filesystem::remove(*made, ignored);
-  }
+  for (const auto& made : made_) std::filesystem::remove(made, ignored);
 }
 
 void SequenceWriter::add(double timestamp_s, const cv::Mat& color, const cv::Mat& depth_m) {

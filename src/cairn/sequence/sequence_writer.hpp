@@ -56,7 +56,7 @@ class SequenceWriter {
 
   std::filesystem::path folder_;
   SequenceWriterOptions options_;
-  std::vector<std::filesystem::path> made_;  // folders that were not there before, outermost first
+  std::vector<std::filesystem::path> made_;  // folders that were not there before, innermost first
   std::mutex mutex_;
   std::vector<Entry> entries_;
   bool finished_ = false;

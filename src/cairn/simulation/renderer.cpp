@@ -112,7 +112,8 @@ struct Renderer::State {
 };
 
 void RendererOptions::validate() const {
-  if (!(light_grid_m >= 0.01 && light_grid_m <= 1.0)) {
+  const bool inside = light_grid_m >= 0.01 && light_grid_m <= 1.0;
+  if (!inside) {
     throw Error(ErrorKind::kMisuse, "RendererOptions.light_grid_m", fmt::format("{}", light_grid_m),
                 "0.01 to 1");
   }
@@ -144,7 +145,8 @@ RayTable ray_table(const Camera& camera) {
       const double step_y = (a * (v - at.v) - c * (u - at.u)) / determinant;
       x += step_x;
       y += step_y;
-      if (!(std::abs(x) < 100.0 && std::abs(y) < 100.0)) return false;
+      const bool finite = std::abs(x) < 100.0 && std::abs(y) < 100.0;
+      if (!finite) return false;
       if (std::hypot(step_x, step_y) < 1e-9) {
         const Pixel found = projected(x, y);
         return std::hypot(found.u - u, found.v - v) < 1e-3;
@@ -204,7 +206,7 @@ void Renderer::State::build_geometry() {
   rtcSetSceneFlags(embree.get(), RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(embree.get(), RTC_BUILD_QUALITY_HIGH);
   if (!triangles.empty()) {
-    const RTCGeometry geometry = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
+    auto* const geometry = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
     auto* const vertex_buffer =
         rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                 3 * sizeof(float), vertices.size() / 3);

@@ -60,9 +60,9 @@ void Scene::validate() const {
     const double u = surface.edge_u.norm();
     const double v = surface.edge_v.norm();
     constexpr double kShortest = 1e-6;
-    if (!(u > kShortest && v > kShortest) || !std::isfinite(u + v + surface.origin.sum())) {
-      refuse("no area");
-    }
+    const bool has_area =
+        u > kShortest && v > kShortest && std::isfinite(u + v + surface.origin.sum());
+    if (!has_area) refuse("no area");
     constexpr double kSkew = 1e-6;
     if (std::abs(surface.edge_u.dot(surface.edge_v)) > kSkew * u * v) {
       refuse("edges not at a right angle");

@@ -36,7 +36,8 @@ void SimulatorOptions::validate() const {
   }
   sensor.validate();
   renderer.validate();
-  if (!(shutter_s >= 0.0 && shutter_s <= 1.0)) {
+  const bool possible = shutter_s >= 0.0 && shutter_s <= 1.0;
+  if (!possible) {
     throw Error(ErrorKind::kMisuse, "SimulatorOptions.shutter_s", fmt::format("{}", shutter_s),
                 "0 to 1");
   }

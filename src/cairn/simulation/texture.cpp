@@ -81,7 +81,7 @@ std::uint32_t Texture::bilinear(const Level& level, float u, float v) {
 }
 
 std::uint32_t Texture::sample(float u, float v, float level) const {
-  const float last = static_cast<float>(levels_.size() - 1);
+  const auto last = static_cast<float>(levels_.size() - 1);
   const float clamped = std::clamp(level, 0.0F, last);
   const auto lower = static_cast<std::size_t>(clamped);
   // One level alone serves for a quarter of the way on either side: half the cost for half the
