@@ -196,9 +196,9 @@ void Renderer::State::build_geometry() {
       surface_of_triangle.push_back(static_cast<std::uint32_t>(i));
     }
   }
-  // One thread builds, so that the tree, and with it what is seen where surfaces touch, is always
-  // the same.
-  device.reset(rtcNewDevice("threads=1"));
+  // Embree builds with as many threads as the machine has. Told otherwise, it would hold back all of
+  // the process, as it shares TBB with it.
+  device.reset(rtcNewDevice(nullptr));
   if (!device) {
     throw Error(ErrorKind::kStorage, "Renderer", "Embree cannot be started", "a usable processor");
   }

@@ -51,7 +51,8 @@ struct RendererOptions {
 
 /// Renders a scene by casting a ray through each pixel (Embree). Light is worked out once: of the
 /// lights, with soft shadows, and of the surroundings, darker in corners; surfaces are matt. The
-/// same picture for any number of threads.
+/// same picture for any number of threads. Another kind of processor may round otherwise: depth agrees
+/// to 1e-6 of itself, and a pixel on an edge may fall to the other side.
 class Renderer {
  public:
   /// @throws Error (misuse) for a scene that is not valid
