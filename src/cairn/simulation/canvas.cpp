@@ -198,9 +198,10 @@ double Canvas::word(double x, double y, double size, int letters, const Paint& p
     const double top = y + size - high + 0.5 * thickness;
     const double wide = 0.5 * size - thickness;
     for (const auto& [from, to] : sign) {
-      line(left + 0.5 * wide * (from % 3), top + 0.5 * (high - thickness) * (from / 3),
-           left + 0.5 * wide * (to % 3), top + 0.5 * (high - thickness) * (to / 3), thickness,
-           paint);
+      const int from_row = from / 3;
+      const int to_row = to / 3;
+      line(left + 0.5 * wide * (from % 3), top + 0.5 * (high - thickness) * from_row,
+           left + 0.5 * wide * (to % 3), top + 0.5 * (high - thickness) * to_row, thickness, paint);
     }
   }
   return letters * advance;
@@ -270,7 +271,7 @@ Texture Canvas::texture() const {
   std::vector<std::uint32_t> texels;
   texels.reserve(pixels_.size());
   const auto byte = [](float value) {
-    return static_cast<std::uint32_t>(std::clamp(value, 0.0F, 1.0F) * 255.0F + 0.5F);
+    return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.0F, 1.0F) * 255.0F));
   };
   for (const Paint& pixel : pixels_) {
     texels.push_back((byte(pixel.r) << 16) | (byte(pixel.g) << 8) | byte(pixel.b));

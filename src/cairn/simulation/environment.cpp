@@ -58,11 +58,12 @@ bool overlap(const Item& a, const Item& b) {
     const double turn = item.yaw - axis;
     return 0.5 * (item.width * std::abs(std::cos(turn)) + item.depth * std::abs(std::sin(turn)));
   };
-  for (const double axis : {a.yaw, a.yaw + 0.5 * kPi, b.yaw, b.yaw + 0.5 * kPi}) {
+  const auto meet_along = [&](double axis) {
     const double apart = std::abs((b.x - a.x) * std::cos(axis) + (b.y - a.y) * std::sin(axis));
-    if (apart > reach(a, axis) + reach(b, axis)) return false;
-  }
-  return true;
+    return apart <= reach(a, axis) + reach(b, axis);
+  };
+  return meet_along(a.yaw) && meet_along(a.yaw + 0.5 * kPi) && meet_along(b.yaw) &&
+         meet_along(b.yaw + 0.5 * kPi);
 }
 
 // What will stand where, before anything is built: so that sessions can change it.
@@ -528,6 +529,7 @@ std::string_view environment_name(EnvironmentKind kind) {
 
 std::vector<std::string_view> environment_names() {
   std::vector<std::string_view> names;
+  names.reserve(kNames.size());
   for (const auto& [kind, name] : kNames) names.push_back(name);
   return names;
 }

@@ -17,7 +17,7 @@ Paint gray(double value) {
 }
 
 int whole(Random& random, int low, int high) {
-  return low + static_cast<int>(random.index(static_cast<std::size_t>(high - low + 1)));
+  return low + static_cast<int>(random.index(static_cast<std::size_t>(high - low) + 1));
 }
 
 // A line that wanders, such as a crack or a scribble.
@@ -196,26 +196,26 @@ void carpet_tiles(Canvas& canvas, Random& random) {
 
 void planks(Canvas& canvas, Random& random) {
   const Paint base{0.62F, 0.44F, 0.28F};
-  const double wide = 0.14;
-  for (double y = 0.0; y < canvas.height(); y += wide) {
+  const double row = 0.14;
+  for (double y = 0.0; y < canvas.height(); y += row) {
     for (double x = -random.uniform(0.0, 1.2); x < canvas.width();) {
-      const double length = random.uniform(0.7, 1.5);
+      const double board = random.uniform(0.7, 1.5);
       const Paint tone = base.scaled(random.uniform(0.75, 1.15));
-      canvas.rectangle(x, y, length, wide, tone);
+      canvas.rectangle(x, y, board, row, tone);
       for (int i = 0; i < 9; ++i) {
-        const double at = y + random.uniform(0.0, wide);
-        const double from = x + random.uniform(0.0, 0.6) * length;
-        canvas.line(from, at, from + random.uniform(0.1, 0.4) * length, at + 0.01 * random.normal(),
+        const double at = y + random.uniform(0.0, row);
+        const double from = x + random.uniform(0.0, 0.6) * board;
+        canvas.line(from, at, from + random.uniform(0.1, 0.4) * board, at + 0.01 * random.normal(),
                     0.003, tone.scaled(random.uniform(0.6, 0.85)));
       }
       if (random.chance(0.5)) {
-        const double kx = x + random.uniform(0.1, 0.9) * length;
-        const double ky = y + random.uniform(0.3, 0.7) * wide;
+        const double kx = x + random.uniform(0.1, 0.9) * board;
+        const double ky = y + random.uniform(0.3, 0.7) * row;
         canvas.disc(kx, ky, 0.016, tone.scaled(0.55));
         canvas.disc(kx, ky, 0.008, tone.scaled(0.35));
       }
-      canvas.frame(x, y, length, wide, 0.003, base.scaled(0.35));
-      x += length;
+      canvas.frame(x, y, board, row, 0.003, base.scaled(0.35));
+      x += board;
     }
   }
   canvas.blotches(0.4, 0.02, 0.1, random);
