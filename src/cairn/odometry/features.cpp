@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/features.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string_view>
+
+#include <Eigen/LU>
+#include <fmt/format.h>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr int kPatchRadius = 15;    // of the patch that gives a corner its direction
+constexpr int kBorder = 19;         // no corner nearer to the edge: its descriptor needs the room
+constexpr int kSelectionCell = 32;  // pixels
+constexpr int kTableStep = 4;       // pixels
+
+// Half the width of a disc of radius kPatchRadius, per row.
+std::array<int, kPatchRadius + 1> disc_half_widths() {
+  std::array<int, kPatchRadius + 1> widths{};
+  for (int y = 0; y <= kPatchRadius; ++y) {
+    widths[static_cast<std::size_t>(y)] = static_cast<int>(
+        std::lround(std::sqrt(static_cast<double>(kPatchRadius * kPatchRadius - y * y))));
+  }
+  return widths;
+}
+
+// Direction from the corner to the centroid of its patch's brightness (Rosin).
+float patch_angle(const cv::Mat& image, int x, int y) {
+  static const auto half_widths = disc_half_widths();
+  int moment_x = 0;
+  int moment_y = 0;
+  for (int dy = -kPatchRadius; dy <= kPatchRadius; ++dy) {
+    const int half = half_widths[static_cast<std::size_t>(std::abs(dy))];
+    const std::uint8_t* const row = image.ptr<std::uint8_t>(y + dy) + x;
+    int sum = 0;
+    int weighted = 0;
+    for (int dx = -half; dx <= half; ++dx) {
+      sum += row[dx];
+      weighted += dx * row[dx];
+    }
+    moment_x += weighted;
+    moment_y += dy * sum;
+  }
+  return std::atan2(static_cast<float>(moment_y), static_cast<float>(moment_x));
+}
+
+// The strongest corners of each cell first, then the second strongest of each, and so on: an even
+// spread, with weak corners only where there are no others.
+std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& corners, cv::Size size,
+                                 std::size_t wanted, int threshold) {
+  const int columns = std::max(1, size.width / kSelectionCell);
+  const int rows = std::max(1, size.height / kSelectionCell);
+  std::vector<std::vector<const cv::KeyPoint*>> cells(static_cast<std::size_t>(columns * rows));
+  for (const cv::KeyPoint& corner : corners) {
+    const int column = std::min(columns - 1, static_cast<int>(corner.pt.x) * columns / size.width);
+    const int row = std::min(rows - 1, static_cast<int>(corner.pt.y) * rows / size.height);
+    cells[static_cast<std::size_t>(row * columns + column)].push_back(&corner);
+  }
+  struct Ranked {
+    std::size_t rank;
+    const cv::KeyPoint* corner;
+  };
+  std::vector<Ranked> ranked;
+  ranked.reserve(corners.size());
+  const auto stronger = [](const cv::KeyPoint* a, const cv::KeyPoint* b) {
+    if (a->response != b->response) return a->response > b->response;
+    return a < b;
+  };
+  for (auto& cell : cells) {
+    std::sort(cell.begin(), cell.end(), stronger);
+    const bool has_strong = !cell.empty() && cell.front()->response >= static_cast<float>(threshold);
+    for (std::size_t rank = 0; rank < cell.size(); ++rank) {
+      if (has_strong && cell[rank]->response < static_cast<float>(threshold)) break;
+      ranked.push_back({rank, cell[rank]});
+    }
+  }
+  const auto first = [&](const Ranked& a, const Ranked& b) {
+    return a.rank != b.rank ? a.rank < b.rank : stronger(a.corner, b.corner);
+  };
+  if (ranked.size() > wanted) {
+    std::nth_element(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(wanted),
+                     ranked.end(), first);
+    ranked.resize(wanted);
+  }
+  std::sort(ranked.begin(), ranked.end(), first);
+  std::vector<cv::KeyPoint> chosen;
+  chosen.reserve(ranked.size());
+  for (const Ranked& entry : ranked) chosen.push_back(*entry.corner);
+  return chosen;
+}
+
+// Median of the readings around a pixel; 0 if there are few, or if they belong to two surfaces.
+float depth_at(const cv::Mat& depth_m, const Pixel& raw, double max_depth_m) {
+  const int x = static_cast<int>(std::lround(raw.u));
+  const int y = static_cast<int>(std::lround(raw.v));
+  std::array<float, 9> readings{};
+  std::size_t count = 0;
+  for (int v = std::max(0, y - 1); v <= std::min(depth_m.rows - 1, y + 1); ++v) {
+    for (int u = std::max(0, x - 1); u <= std::min(depth_m.cols - 1, x + 1); ++u) {
+      const float reading = depth_m.at<float>(v, u);
+      if (!(reading > 0.0F && reading <= max_depth_m)) continue;
+      std::size_t at = count++;  // kept in order
+      for (; at > 0 && readings[at - 1] > reading; --at) readings[at] = readings[at - 1];
+      readings[at] = reading;
+    }
+  }
+  constexpr std::size_t kFewest = 5;
+  if (count < kFewest) return 0.0F;
+  const float median = readings[count / 2];
+  // A slanted surface and the sensor's steps stay within this.
+  const float spread = 0.01F * median + 0.01F * median * median;
+  return readings[count - 1] - readings.front() > spread ? 0.0F : median;
+}
+
+// The pixel without distortion of one that is distorted, by Newton's method with numerical
+// derivatives; the distorted one itself where that fails.
+Eigen::Vector2d undistort(const Camera& camera, const Pinhole& pinhole, const Pixel& raw) {
+  const auto distorted = [&](const Eigen::Vector2d& x) {
+    const auto pixel = project(camera, {x.x(), x.y(), 1.0});
+    return pixel ? Eigen::Vector2d(pixel->u, pixel->v)
+                 : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+  };
+  const Eigen::Vector2d goal(raw.u, raw.v);
+  const Eigen::Vector2d start((raw.u - pinhole.cx) / pinhole.fx, (raw.v - pinhole.cy) / pinhole.fy);
+  Eigen::Vector2d x = start;
+  constexpr double kStep = 1e-6;
+  for (int i = 0; i < 10; ++i) {
+    const Eigen::Vector2d at = distorted(x);
+    const Eigen::Vector2d error = at - goal;
+    Eigen::Matrix2d jacobian;
+    jacobian.col(0) = (distorted(x + Eigen::Vector2d(kStep, 0.0)) - at) / kStep;
+    jacobian.col(1) = (distorted(x + Eigen::Vector2d(0.0, kStep)) - at) / kStep;
+    const Eigen::Vector2d step = jacobian.inverse() * error;
+    if (!step.allFinite()) return goal;
+    x -= step;
+    if (step.squaredNorm() < 1e-18) break;
+  }
+  if ((distorted(x) - goal).squaredNorm() > 1e-4) return goal;
+  return {pinhole.fx * x.x() + pinhole.cx, pinhole.fy * x.y() + pinhole.cy};
+}
+
+// All models start with one or two focal lengths, then the principal point.
+Pinhole pinhole_of(const Camera& camera) {
+  const auto& p = camera.parameters;
+  const bool one_focal_length = camera.model == "SIMPLE_PINHOLE" ||
+                                camera.model == "SIMPLE_RADIAL" || camera.model == "RADIAL";
+  return one_focal_length ? Pinhole{p[0], p[0], p[1], p[2]} : Pinhole{p[0], p[1], p[2], p[3]};
+}
+
+}  // namespace
+
+int hamming_distance(const Descriptor& a, const Descriptor& b) {
+  int bits = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) bits += std::popcount(a[i] ^ b[i]);
+  return bits;
+}
+
+Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
+                   cv::Size size, bool has_depth)
+    : keypoints_(std::move(keypoints)),
+      descriptors_(std::move(descriptors)),
+      has_depth_(has_depth),
+      columns_(std::max(1, (size.width + kCell - 1) / kCell)),
+      rows_(std::max(1, (size.height + kCell - 1) / kCell)) {
+  cell_starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
+  const auto cell_of = [&](const Keypoint& keypoint) {
+    return static_cast<std::size_t>(row(keypoint.pixel.y()) * columns_ +
+                                    column(keypoint.pixel.x()));
+  };
+  for (const Keypoint& keypoint : keypoints_) ++cell_starts_[cell_of(keypoint) + 1];
+  for (std::size_t i = 1; i < cell_starts_.size(); ++i) cell_starts_[i] += cell_starts_[i - 1];
+  in_cells_.resize(keypoints_.size());
+  std::vector<std::uint32_t> next(cell_starts_.begin(), cell_starts_.end() - 1);
+  for (std::size_t i = 0; i < keypoints_.size(); ++i) {
+    in_cells_[next[cell_of(keypoints_[i])]++] = static_cast<std::uint32_t>(i);
+  }
+}
+
+void FeatureOptions::validate() const {
+  const auto require = [](bool holds, std::string_view field, auto value,
+                          std::string_view expected) {
+    if (holds) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("FeatureOptions.{}", field),
+                fmt::format("{}", value), expected);
+  };
+  require(count >= 50 && count <= 20000, "count", count, "50 to 20000");
+  require(levels >= 1 && levels <= 12, "levels", levels, "1 to 12");
+  require(scale >= 1.05 && scale <= 2.0, "scale", scale, "1.05 to 2");
+  require(threshold >= 1 && threshold <= 254, "threshold", threshold, "1 to 254");
+  require(least_threshold >= 1 && least_threshold <= threshold, "least_threshold", least_threshold,
+          "1 to threshold");
+  require(max_depth_m > 0.0, "max_depth_m", max_depth_m, "a positive number of metres");
+}
+
+FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& options)
+    : options_(options) {
+  options_.validate();
+  if (const std::string defect = camera_defect(camera); !defect.empty()) {
+    throw Error(ErrorKind::kMisuse, "camera", defect, "a camera without defect");
+  }
+  size_ = {static_cast<int>(camera.width), static_cast<int>(camera.height)};
+  pinhole_ = pinhole_of(camera);
+  for (int level = 0; level < options_.levels; ++level) {
+    scales_.push_back(std::pow(options_.scale, level));
+  }
+  table_columns_ = (size_.width - 1) / kTableStep + 2;
+  const int table_rows = (size_.height - 1) / kTableStep + 2;
+  table_.reserve(static_cast<std::size_t>(table_columns_ * table_rows));
+  for (int y = 0; y < table_rows; ++y) {
+    for (int x = 0; x < table_columns_; ++x) {
+      table_.push_back(undistort(camera, pinhole_,
+                                 {static_cast<double>(x * kTableStep),
+                                  static_cast<double>(y * kTableStep)})
+                           .cast<float>());
+    }
+  }
+}
+
+Eigen::Vector2f FeatureExtractor::undistorted(const Pixel& raw) const {
+  const double x = raw.u / kTableStep;
+  const double y = raw.v / kTableStep;
+  const int column = static_cast<int>(x);
+  const int row = static_cast<int>(y);
+  const auto right = static_cast<float>(x - column);
+  const auto down = static_cast<float>(y - row);
+  const Eigen::Vector2f* const top = &table_[static_cast<std::size_t>(row * table_columns_ + column)];
+  const Eigen::Vector2f* const bottom = top + table_columns_;
+  return (1.0F - down) * ((1.0F - right) * top[0] + right * top[1]) +
+         down * ((1.0F - right) * bottom[0] + right * bottom[1]);
+}
+
+Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {
+  if (gray.type() != CV_8UC1 || gray.size() != size_) {
+    throw Error(ErrorKind::kMisuse, "image", fmt::format("{} x {} pixels", gray.cols, gray.rows),
+                fmt::format("{} x {} of 8 bit, as the camera has", size_.width, size_.height));
+  }
+  if (!depth_m.empty() && (depth_m.type() != CV_32FC1 || depth_m.size() != size_)) {
+    throw Error(ErrorKind::kMisuse, "depth image",
+                fmt::format("{} x {} pixels", depth_m.cols, depth_m.rows),
+                fmt::format("{} x {} of 32-bit float", size_.width, size_.height));
+  }
+  double share = 0.0;  // corners go to the levels in proportion to their side lengths
+  for (const double scale : scales_) share += 1.0 / scale;
+
+  std::vector<Keypoint> keypoints;
+  std::vector<Descriptor> descriptors;
+  cv::Mat level_image = gray;
+  for (int level = 0; level < options_.levels; ++level) {
+    const double scale = scales_[static_cast<std::size_t>(level)];
+    if (level > 0) {
+      const cv::Size size(static_cast<int>(std::lround(size_.width / scale)),
+                          static_cast<int>(std::lround(size_.height / scale)));
+      cv::Mat smaller;
+      cv::resize(level_image, smaller, size, 0.0, 0.0, cv::INTER_LINEAR);
+      level_image = smaller;
+    }
+    const cv::Rect inner(kBorder, kBorder, level_image.cols - 2 * kBorder,
+                         level_image.rows - 2 * kBorder);
+    if (inner.width < 1 || inner.height < 1) break;
+    std::vector<cv::KeyPoint> corners;
+    // FAST leaves out three pixels at the edge of what it is given.
+    cv::FAST(level_image(inner), corners, options_.least_threshold, true);
+    const auto wanted = static_cast<std::size_t>(std::lround(options_.count / scale / share));
+    corners = spread(corners, inner.size(), wanted, options_.threshold);
+    for (cv::KeyPoint& corner : corners) {
+      corner.pt.x += static_cast<float>(kBorder);
+      corner.pt.y += static_cast<float>(kBorder);
+      corner.octave = 0;  // of the pyramid that ORB makes of this level: one level
+      corner.size = 2 * kPatchRadius + 1;
+      constexpr float kDegrees = 57.29577951F;
+      const float angle = patch_angle(level_image, static_cast<int>(corner.pt.x),
+                                      static_cast<int>(corner.pt.y)) *
+                          kDegrees;
+      corner.angle = angle < 0.0F ? angle + 360.0F : angle;
+    }
+    if (corners.empty()) continue;
+    cv::Mat rows;
+    cv::ORB::create(static_cast<int>(corners.size()), 1.2F, 1, kBorder - 1)
+        ->compute(level_image, corners, rows);
+    const double scale_x = static_cast<double>(size_.width) / level_image.cols;
+    const double scale_y = static_cast<double>(size_.height) / level_image.rows;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      Keypoint keypoint;
+      // Centres of pixels are at whole numbers on every level.
+      keypoint.raw = {(corners[i].pt.x + 0.5) * scale_x - 0.5,
+                      (corners[i].pt.y + 0.5) * scale_y - 0.5};
+      keypoint.pixel = undistorted(keypoint.raw);
+      constexpr float kRadians = 0.01745329252F;
+      keypoint.angle = corners[i].angle * kRadians;
+      keypoint.octave = static_cast<std::uint8_t>(level);
+      if (!depth_m.empty()) {
+        keypoint.depth_m = depth_at(depth_m, keypoint.raw, options_.max_depth_m);
+      }
+      keypoints.push_back(keypoint);
+      Descriptor descriptor;
+      std::memcpy(descriptor.data(), rows.ptr(static_cast<int>(i)), sizeof(descriptor));
+      descriptors.push_back(descriptor);
+    }
+  }
+  return {std::move(keypoints), std::move(descriptors), size_, !depth_m.empty()};
+}
+
+}  // namespace cairn

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+#include "cairn/map/camera.hpp"
+
+namespace cairn {
+
+/// A pinhole camera without distortion: what keypoints are undistorted to.
+struct Pinhole {
+  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
+
+  /// @param x_in_camera with positive z
+  Eigen::Vector2d project(const Eigen::Vector3d& x_in_camera) const {
+    const double inverse = 1.0 / x_in_camera.z();
+    return {fx * x_in_camera.x() * inverse + cx, fy * x_in_camera.y() * inverse + cy};
+  }
+  /// The point that appears at `pixel` at `depth_m` along the optical axis.
+  Eigen::Vector3d back_project(const Eigen::Vector2d& pixel, double depth_m) const {
+    return {(pixel.x() - cx) / fx * depth_m, (pixel.y() - cy) / fy * depth_m, depth_m};
+  }
+};
+
+/// A binary descriptor of 256 bits.
+using Descriptor = std::array<std::uint64_t, 4>;
+
+/// Number of bits that differ.
+int hamming_distance(const Descriptor& a, const Descriptor& b);
+
+/// A corner of an image.
+struct Keypoint {
+  Pixel raw;              ///< in the image as it was taken
+  Eigen::Vector2f pixel;  ///< undistorted
+  float depth_m = 0.0F;   ///< along the optical axis; 0 where unknown or ambiguous
+  float angle = 0.0F;     ///< of the patch, radians
+  std::uint8_t octave = 0;
+};
+
+/// The corners of one image, with a grid to find those near a pixel.
+class Features {
+ public:
+  Features() = default;
+  Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors, cv::Size size,
+           bool has_depth);
+
+  std::span<const Keypoint> keypoints() const { return keypoints_; }
+  std::span<const Descriptor> descriptors() const { return descriptors_; }
+  std::size_t size() const { return keypoints_.size(); }
+  /// Whether there was a depth image at all.
+  bool has_depth() const { return has_depth_; }
+
+  /// Calls `visit(index)` for each keypoint within `radius` of `pixel` (a square window).
+  template <class Visit>
+  void visit_near(const Eigen::Vector2d& pixel, double radius, const Visit& visit) const {
+    const auto radius_f = static_cast<float>(radius);
+    const Eigen::Vector2f center = pixel.cast<float>();
+    const int left = column(center.x() - radius_f);
+    const int right = column(center.x() + radius_f);
+    const int top = row(center.y() - radius_f);
+    const int bottom = row(center.y() + radius_f);
+    for (int y = top; y <= bottom; ++y) {
+      const std::size_t begin = cell_starts_[static_cast<std::size_t>(y * columns_ + left)];
+      const std::size_t end = cell_starts_[static_cast<std::size_t>(y * columns_ + right + 1)];
+      for (std::size_t i = begin; i < end; ++i) {
+        const std::uint32_t index = in_cells_[i];
+        const Eigen::Vector2f offset = keypoints_[index].pixel - center;
+        if (std::abs(offset.x()) <= radius_f && std::abs(offset.y()) <= radius_f) visit(index);
+      }
+    }
+  }
+
+ private:
+  static constexpr int kCell = 16;  // pixels
+
+  int column(float x) const {
+    return std::clamp(static_cast<int>(std::floor(x / kCell)), 0, columns_ - 1);
+  }
+  int row(float y) const {
+    return std::clamp(static_cast<int>(std::floor(y / kCell)), 0, rows_ - 1);
+  }
+
+  std::vector<Keypoint> keypoints_;
+  std::vector<Descriptor> descriptors_;
+  bool has_depth_ = false;
+  int columns_ = 1;
+  int rows_ = 1;
+  std::vector<std::uint32_t> cell_starts_ = {0, 0};
+  std::vector<std::uint32_t> in_cells_;
+};
+
+struct FeatureOptions {
+  int count = 1500;         ///< keypoints wanted in an image, 50 to 20000
+  int levels = 8;           ///< of the image pyramid, 1 to 12
+  double scale = 1.2;       ///< between its levels, 1.05 to 2
+  int threshold = 20;       ///< grey levels by which a corner stands out
+  int least_threshold = 7;  ///< the same, where nothing stands out by `threshold`
+  double max_depth_m = 10.0;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// Finds oriented FAST corners, spread evenly over the image, and describes them as ORB does
+/// (Rublee et al., ICCV 2011).
+class FeatureExtractor {
+ public:
+  /// @param camera without defect
+  FeatureExtractor(const Camera& camera, const FeatureOptions& options);
+
+  /// Thread-safe. A depth that changes abruptly around a corner is taken as unknown: there the
+  /// corner may belong to either surface.
+  /// @param gray    8 bit, of the camera's size
+  /// @param depth_m 32-bit float of the same size, 0 where unknown; or empty
+  Features extract(const cv::Mat& gray, const cv::Mat& depth_m) const;
+
+  const Pinhole& pinhole() const { return pinhole_; }
+  /// Size of a pixel of a pyramid level, in pixels of the image.
+  double scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
+  int levels() const { return options_.levels; }
+
+ private:
+  Eigen::Vector2f undistorted(const Pixel& raw) const;
+
+  FeatureOptions options_;
+  cv::Size size_;
+  Pinhole pinhole_;
+  std::vector<double> scales_;
+  // Undistorted pixels at every kTableStep-th pixel.
+  int table_columns_ = 0;
+  std::vector<Eigen::Vector2f> table_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/odometry.hpp"
+
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/odometry/tracker.hpp"
+
+namespace cairn {
+
+void OdometryOptions::validate() const {
+  features.validate();
+  noise.validate();
+  const auto require = [](bool holds, std::string_view field, auto value,
+                          std::string_view expected) {
+    if (holds) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("OdometryOptions.{}", field),
+                fmt::format("{}", value), expected);
+  };
+  require(min_tracked >= 6, "min_tracked", min_tracked, "at least 6");
+  require(adjusted_keyframes >= 1, "adjusted_keyframes", adjusted_keyframes, "at least 1");
+}
+
+Odometry::Odometry(const Camera& camera, const OdometryOptions& options)
+    : tracker_(std::make_unique<Tracker>(camera, options)) {}
+Odometry::Odometry(Odometry&&) noexcept = default;
+Odometry& Odometry::operator=(Odometry&&) noexcept = default;
+Odometry::~Odometry() = default;
+
+Features Odometry::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {
+  return tracker_->extractor().extract(gray, depth_m);
+}
+
+FrameReport Odometry::track(double timestamp_s, Features features, std::string image_name) {
+  return tracker_->track(timestamp_s, std::move(features), std::move(image_name));
+}
+
+Trajectory Odometry::trajectory() const {
+  return tracker_->trajectory();
+}
+
+LandmarkMap Odometry::map(std::size_t min_observations) const {
+  return tracker_->map(min_observations);
+}
+
+}  // namespace cairn

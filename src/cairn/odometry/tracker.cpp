@@ -1,0 +1,437 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/odometry/bundle_adjustment.hpp"
+#include "cairn/odometry/landmark_covariance.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kFewestToStart = 50;  // corners with depth
+
+std::vector<double> octave_scales(const FeatureExtractor& extractor) {
+  std::vector<double> scales;
+  for (int octave = 0; octave < extractor.levels(); ++octave) {
+    scales.push_back(extractor.scale(octave));
+  }
+  return scales;
+}
+
+}  // namespace
+
+Odometry::Tracker::Tracker(const Camera& camera, const OdometryOptions& options)
+    : options_(options),
+      camera_(camera),
+      image_(static_cast<int>(camera.width), static_cast<int>(camera.height)),
+      extractor_(camera, options.features),
+      sensor_(options.noise, extractor_.pinhole(), octave_scales(extractor_)),
+      graph_(sensor_) {
+  options_.validate();
+}
+
+FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
+                                     std::string image_name) {
+  Frame frame;
+  frame.number = frames_++;
+  frame.timestamp_s = timestamp_s;
+  frame.image_name = std::move(image_name);
+  frame.features = std::move(features);
+  frame.landmarks.assign(frame.features.size(), std::nullopt);
+
+  FrameReport report;
+  if (graph_.keyframes().empty()) {
+    if (!start(frame)) return report;
+    report.status = FrameStatus::kTracked;
+    report.keyframe = true;
+    report.landmarks = graph_.landmarks().size();
+    return report;
+  }
+
+  std::optional<PoseEstimate> located;
+  double radius = 4.0;
+  if (!lost_) {
+    for (const double window : {15.0, 35.0}) {
+      located = locate_by_previous(frame, window);
+      if (located) break;
+    }
+    if (!located) located = locate_by_keyframe(frame, reference_);
+  }
+  if (!located) {
+    located = locate_anywhere(frame);
+    radius = 8.0;
+  }
+  if (located) located = locate_in_map(frame, radius);
+  if (!located || located->inlier_count < options_.min_tracked) {
+    lost_ = true;
+    motion_.reset();
+    report.status = FrameStatus::kLost;
+    return report;
+  }
+  report.status = FrameStatus::kTracked;
+  report.landmarks = located->inlier_count;
+  report.reprojection_errors = reprojection_errors(frame);
+
+  const bool was_lost = lost_;
+  lost_ = false;
+  if (frame.features.has_depth() && wants_keyframe(frame, located->inlier_count)) {
+    make_keyframe(frame);
+    report.keyframe = true;
+  }
+  const Rigid3& reference_pose = graph_.keyframes()[reference_].world_from_camera;
+  recorded_.push_back(
+      {frame.timestamp_s, reference_, reference_pose.inverse() * frame.world_from_camera});
+  const bool consecutive = previous_ && !was_lost && previous_->number + 1 == frame.number;
+  if (consecutive) {
+    motion_ = previous_->world_from_camera.inverse() * frame.world_from_camera;
+  } else {
+    motion_.reset();
+  }
+  previous_ = std::move(frame);
+  return report;
+}
+
+bool Odometry::Tracker::start(Frame& frame) {
+  const auto keypoints = frame.features.keypoints();
+  const auto with_depth = static_cast<std::size_t>(
+      std::count_if(keypoints.begin(), keypoints.end(),
+                    [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }));
+  if (with_depth < kFewestToStart) return false;
+  frame.world_from_camera = options_.start;
+  make_keyframe(frame);
+  recorded_.push_back({frame.timestamp_s, 0, Rigid3()});
+  previous_ = std::move(frame);
+  return true;
+}
+
+PoseEstimate Odometry::Tracker::solve(const Frame& frame, std::span<const LandmarkMatch> matches,
+                                      const Rigid3& start) const {
+  std::vector<PointMatch> points;
+  points.reserve(matches.size());
+  for (const LandmarkMatch& match : matches) {
+    points.push_back({graph_.landmark(match.landmark).position,
+                      sensor_.measurement(frame.features.keypoints()[match.keypoint])});
+  }
+  return refine_pose(sensor_.pinhole(), points, start);
+}
+
+void Odometry::Tracker::assign(Frame& frame, std::span<const LandmarkMatch> matches,
+                               const std::vector<bool>& inliers) const {
+  std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (inliers[i]) frame.landmarks[matches[i].keypoint] = matches[i].landmark;
+  }
+}
+
+std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
+                                                                  double radius) const {
+  if (!previous_) return std::nullopt;
+  const Rigid3 predicted =
+      motion_ ? previous_->world_from_camera * *motion_ : previous_->world_from_camera;
+  const Rigid3 camera_from_world = predicted.inverse();
+  std::vector<LandmarkIndex> landmarks;
+  std::vector<ExpectedAppearance> appearances;
+  std::vector<float> angle_of(graph_.landmarks().size(), 0.0F);
+  for (std::size_t i = 0; i < previous_->landmarks.size(); ++i) {
+    const auto& index = previous_->landmarks[i];
+    if (!index || graph_.landmark(*index).gone()) continue;
+    const auto appearance = expected_appearance(sensor_, image_, graph_.landmark(*index),
+                                                camera_from_world, predicted.translation());
+    if (!appearance) continue;
+    landmarks.push_back(*index);
+    appearances.push_back(*appearance);
+    angle_of[index->value] = previous_->features.keypoints()[i].angle;
+  }
+  const std::vector<bool> taken(frame.features.size(), false);
+  std::vector<LandmarkMatch> matches =
+      match_near(graph_, frame.features, landmarks, appearances, taken,
+                 {.radius_pixels = radius, .max_distance = 90, .max_ratio = 0.9});
+  std::vector<float> turns;
+  for (const LandmarkMatch& match : matches) {
+    turns.push_back(frame.features.keypoints()[match.keypoint].angle -
+                    angle_of[match.landmark.value]);
+  }
+  matches = keep_common_turn(std::move(matches), turns);
+  if (matches.size() < options_.min_tracked) return std::nullopt;
+  PoseEstimate estimate = solve(frame, matches, predicted);
+  constexpr double kLeastShare = 0.3;  // of matches that agree with one motion
+  if (estimate.inlier_count < options_.min_tracked ||
+      static_cast<double>(estimate.inlier_count) <
+          kLeastShare * static_cast<double>(matches.size())) {
+    return std::nullopt;
+  }
+  frame.world_from_camera = estimate.world_from_camera;
+  assign(frame, matches, estimate.inliers);
+  return estimate;
+}
+
+std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(Frame& frame,
+                                                                  std::uint32_t keyframe) const {
+  const std::vector<LandmarkMatch> matches =
+      match_by_descriptor(graph_, keyframe, frame.features);
+  if (matches.size() < options_.min_tracked) return std::nullopt;
+  std::vector<PointMatch> points;
+  for (const LandmarkMatch& match : matches) {
+    points.push_back({graph_.landmark(match.landmark).position,
+                      sensor_.measurement(frame.features.keypoints()[match.keypoint])});
+  }
+  auto estimate = find_pose(sensor_.pinhole(), points, options_.min_tracked, frame.number);
+  if (!estimate) return std::nullopt;
+  frame.world_from_camera = estimate->world_from_camera;
+  assign(frame, matches, estimate->inliers);
+  return estimate;
+}
+
+std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(Frame& frame) const {
+  // The latest keyframes, then an even sample of the others: bounded work in any map.
+  constexpr std::uint32_t kLatest = 5;
+  constexpr std::uint32_t kSampled = 30;
+  const auto count = static_cast<std::uint32_t>(graph_.keyframes().size());
+  std::vector<std::uint32_t> candidates;
+  for (std::uint32_t i = 0; i < std::min(kLatest, count); ++i) candidates.push_back(count - 1 - i);
+  const std::uint32_t others = count - std::min(kLatest, count);
+  const std::uint32_t step = std::max(1U, others / kSampled);
+  // Shifted from frame to frame, so that in the end all are tried.
+  for (auto i = static_cast<std::uint32_t>(frame.number % step); i < others; i += step) {
+    candidates.push_back(i);
+  }
+  for (const std::uint32_t keyframe : candidates) {
+    if (auto estimate = locate_by_keyframe(frame, keyframe)) return estimate;
+  }
+  return std::nullopt;
+}
+
+PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  std::vector<LandmarkMatch> matches;
+  std::vector<bool> taken(frame.features.size(), false);
+  std::vector<bool> matched(graph_.landmarks().size(), false);
+  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (!frame.landmarks[i]) continue;
+    matches.push_back({i, *frame.landmarks[i], 0});
+    taken[i] = true;
+    matched[frame.landmarks[i]->value] = true;
+  }
+  std::vector<LandmarkIndex> candidates;
+  std::vector<ExpectedAppearance> appearances;
+  std::vector<LandmarkIndex> expected;
+  for (std::uint32_t i = 0; i < graph_.landmarks().size(); ++i) {
+    const TrackedLandmark& landmark = graph_.landmarks()[i];
+    if (landmark.gone()) continue;
+    const auto appearance = expected_appearance(sensor_, image_, landmark, camera_from_world,
+                                                frame.world_from_camera.translation());
+    if (!appearance) continue;
+    expected.push_back({i});
+    if (matched[i]) continue;
+    candidates.push_back({i});
+    appearances.push_back(*appearance);
+  }
+  const auto more = match_near(graph_, frame.features, candidates, appearances, taken,
+                               {.radius_pixels = radius});
+  matches.insert(matches.end(), more.begin(), more.end());
+  PoseEstimate estimate = solve(frame, matches, frame.world_from_camera);
+  frame.world_from_camera = estimate.world_from_camera;
+  assign(frame, matches, estimate.inliers);
+  if (estimate.inlier_count < options_.min_tracked) return estimate;
+  for (const LandmarkIndex index : expected) ++graph_.landmark(index).expected;
+  for (const auto& index : frame.landmarks) {
+    if (!index) continue;
+    TrackedLandmark& landmark = graph_.landmark(*index);
+    ++landmark.found;
+    landmark.last_seen = frame.number;
+  }
+  return estimate;
+}
+
+bool Odometry::Tracker::wants_keyframe(const Frame& frame, std::size_t found) const {
+  const Keyframe& latest = graph_.keyframes().back();
+  const std::size_t since = frame.number - latest.frame;
+  const Rigid3 moved = latest.world_from_camera.inverse() * frame.world_from_camera;
+  constexpr double kTurn = 0.17;      // rad
+  constexpr double kTranslation = 0.15;  // m
+  const bool new_view = moved.angle() > kTurn || moved.translation().norm() > kTranslation;
+  const bool thinned = static_cast<double>(found) < 0.7 * static_cast<double>(reference_found_);
+  const bool nearly_lost = found < 3 * options_.min_tracked;
+  if (nearly_lost) return true;
+  return since >= 3 && (new_view || thinned);
+}
+
+void Odometry::Tracker::make_keyframe(Frame& frame) {
+  Keyframe keyframe;
+  keyframe.frame = frame.number;
+  keyframe.timestamp_s = frame.timestamp_s;
+  keyframe.image_name = frame.image_name;
+  keyframe.world_from_camera = frame.world_from_camera;
+  keyframe.features = frame.features;
+  const std::uint32_t index = graph_.add_keyframe(std::move(keyframe));
+  std::size_t found = 0;
+  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (frame.landmarks[i] && !graph_.landmark(*frame.landmarks[i]).gone()) {
+      graph_.observe(*frame.landmarks[i], {index, i});
+      graph_.refresh(*frame.landmarks[i]);
+      ++found;
+    }
+  }
+  const auto keypoints = frame.features.keypoints();
+  for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
+    if (!graph_.keyframes()[index].landmarks[i] && keypoints[i].depth_m > 0.0F) {
+      graph_.add_landmark({index, i});
+    }
+  }
+  if (index > 0) {
+    share_new_landmarks(index);
+    std::vector<std::uint32_t> moving = {index};
+    for (const auto& [neighbour, shared] : graph_.covisible(index)) {
+      constexpr std::size_t kFewestShared = 15;
+      if (moving.size() >= options_.adjusted_keyframes || shared < kFewestShared) break;
+      if (neighbour != 0) moving.push_back(neighbour);  // the first fixes the map in the world
+    }
+    adjust(graph_, moving);
+    cull(index);
+  }
+  frame.landmarks = graph_.keyframes()[index].landmarks;
+  frame.world_from_camera = graph_.keyframes()[index].world_from_camera;
+  reference_ = index;
+  reference_found_ = static_cast<std::size_t>(
+      std::count_if(frame.landmarks.begin(), frame.landmarks.end(),
+                    [](const auto& landmark) { return landmark.has_value(); }));
+}
+
+// Landmarks that were new to a keyframe may have been seen by its neighbours too, as keypoints
+// without a landmark, or as another landmark that was not recognised.
+void Odometry::Tracker::share_new_landmarks(std::uint32_t keyframe) {
+  constexpr std::size_t kNeighbours = 8;
+  auto neighbours = graph_.covisible(keyframe);
+  if (neighbours.size() > kNeighbours) neighbours.resize(kNeighbours);
+  for (const auto& [neighbour, shared] : neighbours) {
+    const Rigid3& pose = graph_.keyframes()[neighbour].world_from_camera;
+    const Rigid3 camera_from_world = pose.inverse();
+    std::vector<LandmarkIndex> landmarks;
+    std::vector<ExpectedAppearance> appearances;
+    for (const auto& index : graph_.keyframes()[keyframe].landmarks) {
+      if (!index || graph_.observes(neighbour, *index)) continue;
+      const auto appearance = expected_appearance(sensor_, image_, graph_.landmark(*index),
+                                                  camera_from_world, pose.translation());
+      if (!appearance) continue;
+      landmarks.push_back(*index);
+      appearances.push_back(*appearance);
+    }
+    const std::vector<bool> taken(graph_.keyframes()[neighbour].features.size(), false);
+    const auto matches =
+        match_near(graph_, graph_.keyframes()[neighbour].features, landmarks, appearances, taken,
+                   {.radius_pixels = 3.0, .max_distance = 60, .max_ratio = 1.0});
+    for (const LandmarkMatch& match : matches) {
+      if (graph_.landmark(match.landmark).gone()) continue;
+      const KeypointReference reference{neighbour, match.keypoint};
+      const PointMeasurement measured = sensor_.measurement(
+          graph_.keyframes()[neighbour].features.keypoints()[match.keypoint]);
+      const PointResidual residual =
+          point_residual(sensor_.pinhole(), measured,
+                         camera_from_world * graph_.landmark(match.landmark).position);
+      constexpr double kPixelGate = 5.991;
+      constexpr double kDepthGate = 9.0;
+      if (residual.squared_pixel() > kPixelGate || residual.squared_depth() > kDepthGate) continue;
+      const auto there = graph_.keyframes()[neighbour].landmarks[match.keypoint];
+      if (!there) {
+        if (!graph_.observes(neighbour, match.landmark)) {
+          graph_.observe(match.landmark, reference);
+          graph_.refresh(match.landmark);
+        }
+      } else if (*there != match.landmark) {
+        const bool more_there = graph_.landmark(*there).observations.size() >=
+                                graph_.landmark(match.landmark).observations.size();
+        if (more_there) {
+          graph_.merge(match.landmark, *there);
+        } else {
+          graph_.merge(*there, match.landmark);
+        }
+      }
+    }
+  }
+}
+
+void Odometry::Tracker::cull(std::uint32_t newest) {
+  const std::size_t now = graph_.keyframes()[newest].frame;
+  for (std::uint32_t i = 0; i < graph_.landmarks().size(); ++i) {
+    const TrackedLandmark& landmark = graph_.landmarks()[i];
+    if (landmark.gone()) continue;
+    constexpr std::uint32_t kFewestExpected = 8;
+    constexpr double kLeastShare = 0.2;
+    if (landmark.observations.size() < 2 && landmark.expected >= kFewestExpected &&
+        landmark.found < kLeastShare * landmark.expected && landmark.last_seen < now) {
+      graph_.remove({i});
+    }
+  }
+}
+
+std::vector<float> Odometry::Tracker::reprojection_errors(const Frame& frame) const {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  std::vector<float> errors;
+  for (std::size_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (!frame.landmarks[i]) continue;
+    const Eigen::Vector2d pixel = sensor_.pinhole().project(
+        camera_from_world * graph_.landmark(*frame.landmarks[i]).position);
+    errors.push_back(
+        static_cast<float>((pixel - frame.features.keypoints()[i].pixel.cast<double>()).norm()));
+  }
+  return errors;
+}
+
+Trajectory Odometry::Tracker::trajectory() const {
+  std::vector<TimedPose> poses;
+  for (const RecordedPose& recorded : recorded_) {
+    poses.push_back({recorded.timestamp_s,
+                     graph_.keyframes()[recorded.keyframe].world_from_camera *
+                         recorded.keyframe_from_camera});
+  }
+  return Trajectory(std::move(poses));
+}
+
+LandmarkMap Odometry::Tracker::map(std::size_t min_observations) const {
+  MapTables tables;
+  tables.cameras = {camera_};
+  for (const Keyframe& keyframe : graph_.keyframes()) {
+    tables.frames.ids.push_back({keyframe.frame});
+    const Eigen::Quaterniond q = keyframe.world_from_camera.quaternion();
+    tables.frames.translations.push_back(keyframe.world_from_camera.translation());
+    tables.frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+    tables.frames.cameras.emplace_back(CameraIndex{0});
+    tables.frames.timestamps_s.emplace_back(keyframe.timestamp_s);
+    tables.frames.image_names.push_back(keyframe.image_name);
+  }
+  const std::vector<Eigen::Matrix3d> covariances =
+      recursive_covariances(graph_, keyframe_pose_covariances(graph_));
+  LandmarkTable& landmarks = tables.landmarks;
+  ObservationTable& observations = tables.observations;
+  landmarks.descriptors = DescriptorColumn{.kind = "ORB", .bytes_each = sizeof(Descriptor)};
+  observations.offsets.push_back(0);
+  for (std::size_t i = 0; i < graph_.landmarks().size(); ++i) {
+    const TrackedLandmark& landmark = graph_.landmarks()[i];
+    if (landmark.gone() || landmark.observations.size() < min_observations) continue;
+    landmarks.ids.push_back({i});
+    landmarks.positions.push_back(landmark.position);
+    landmarks.covariances.push_back(0.5 * (covariances[i] + covariances[i].transpose()));
+    landmarks.descriptors->known.push_back(1);
+    const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
+    landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
+                                        bytes + sizeof(Descriptor));
+    for (const KeypointReference& reference : landmark.observations) {
+      const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
+      const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
+      observations.frames.push_back({reference.keyframe});
+      observations.pixels.push_back(keypoint.raw);
+      observations.keypoints.emplace_back(reference.keypoint);
+      observations.octaves.emplace_back(keypoint.octave);
+      const bool has_depth =
+          keypoint.depth_m > 0.0F && !keyframe.depth_disagrees[reference.keypoint];
+      observations.depths.push_back(has_depth ? std::optional<double>(keypoint.depth_m)
+                                              : std::nullopt);
+    }
+    observations.offsets.push_back(observations.frames.size());
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+}  // namespace cairn
