@@ -5,7 +5,9 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <optional>
 
+#include <Eigen/Cholesky>
 #include <ceres/ceres.h>
 
 namespace cairn {
@@ -13,9 +15,8 @@ namespace {
 
 constexpr double kPixelGate = 9.210;  // chi² of two degrees of freedom, 99 %
 constexpr double kDepthGate = 6.635;  // of one
-
-using Row6 = Eigen::Matrix<double, 3, 7, Eigen::RowMajor>;
-using Row3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+constexpr double kPixelKernel = 5.991;  // 95 %
+constexpr double kDepthKernel = 3.841;
 
 // A pose as Ceres moves it: quaternion x y z w, then translation.
 using PoseBlock = std::array<double, 7>;
@@ -63,10 +64,17 @@ class PoseManifold final : public ceres::Manifold {
   }
 };
 
-class MeasurementCost final : public ceres::SizedCostFunction<3, 7, 3> {
+// Ceres eliminates points fast where every residual block has two rows: so pixel and depth are blocks
+// of their own, and the second row of a depth is zero.
+using Rows7 = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
+using Rows3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+
+enum class MeasuredPart { kPixel, kDepth };
+
+class MeasurementCost final : public ceres::SizedCostFunction<2, 7, 3> {
  public:
-  MeasurementCost(const Pinhole& pinhole, const PointMeasurement& measured)
-      : pinhole_(&pinhole), measured_(measured) {}
+  MeasurementCost(const Pinhole& pinhole, const PointMeasurement& measured, MeasuredPart part)
+      : pinhole_(&pinhole), measured_(measured), part_(part) {}
 
   bool Evaluate(const double* const* parameters, double* residuals,
                 double** jacobians) const override {
@@ -78,27 +86,104 @@ class MeasurementCost final : public ceres::SizedCostFunction<3, 7, 3> {
     const Eigen::Vector3d x_in_camera = camera_from_world * arm;
     if (x_in_camera.z() < kNearestDepth) return false;
     const PointResidual residual = point_residual(*pinhole_, measured_, x_in_camera);
-    Eigen::Map<Eigen::Vector3d>{residuals} = residual.value;
+    const bool pixel = part_ == MeasuredPart::kPixel;
+    residuals[0] = pixel ? residual.value[0] : residual.value[2];
+    residuals[1] = pixel ? residual.value[1] : 0.0;
     if (jacobians == nullptr) return true;
-    const Eigen::Matrix3d by_point = residual.by_x_in_camera * camera_from_world;
+    Rows3 by_point;
+    if (pixel) {
+      by_point = residual.by_x_in_camera.topRows<2>() * camera_from_world;
+    } else {
+      by_point << residual.by_x_in_camera.row(2) * camera_from_world, Eigen::RowVector3d::Zero();
+    }
     if (jacobians[0] != nullptr) {
-      Eigen::Map<Row6> by_pose(jacobians[0]);
+      Eigen::Map<Rows7> by_pose(jacobians[0]);
       by_pose.leftCols<3>() = -by_point;
       by_pose.middleCols<3>(3) = by_point * skew(arm);
       by_pose.col(6).setZero();
     }
-    if (jacobians[1] != nullptr) Eigen::Map<Row3>{jacobians[1]} = by_point;
+    if (jacobians[1] != nullptr) Eigen::Map<Rows3>{jacobians[1]} = by_point;
     return true;
   }
 
  private:
   const Pinhole* pinhole_;
   PointMeasurement measured_;
+  MeasuredPart part_;
 };
+
+// All that keyframes which stay where they are have measured of a landmark, linearised at its
+// position: |L·(x - x₀) + r|² up to a constant.
+struct FixedMeasurements {
+  Eigen::Matrix3d l = Eigen::Matrix3d::Zero();  // upper triangular
+  Eigen::Vector3d r = Eigen::Vector3d::Zero();
+};
+
+class FixedCost final : public ceres::SizedCostFunction<2, 3> {
+ public:
+  // Rows `first` and the next one of the three; a fourth is zero.
+  FixedCost(const FixedMeasurements& fixed, const Eigen::Vector3d& linearised_at, int first)
+      : linearised_at_(linearised_at) {
+    l_.setZero();
+    r_.setZero();
+    for (int row = 0; row < 2 && first + row < 3; ++row) {
+      l_.row(row) = fixed.l.row(first + row);
+      r_[row] = fixed.r[first + row];
+    }
+  }
+
+  bool Evaluate(const double* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const Eigen::Map<const Eigen::Vector3d> point(parameters[0]);
+    Eigen::Map<Eigen::Vector2d>{residuals} = l_ * (point - linearised_at_) + r_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) Eigen::Map<Rows3>{jacobians[0]} = l_;
+    return true;
+  }
+
+ private:
+  Rows3 l_;
+  Eigen::Vector2d r_;
+  Eigen::Vector3d linearised_at_;
+};
+
+// Huber's weight of a squared residual.
+double huber_weight(double squared, double gate) {
+  return squared <= gate ? 1.0 : std::sqrt(gate / squared);
+}
+
+std::optional<FixedMeasurements> fixed_measurements(const LandmarkGraph& graph,
+                                                    LandmarkIndex index,
+                                                    const std::vector<bool>& moves) {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  for (const KeypointReference& reference : graph.landmark(index).observations) {
+    if (moves[reference.keyframe]) continue;
+    const Rigid3& pose = graph.keyframes()[reference.keyframe].world_from_camera;
+    const Eigen::Matrix3d camera_from_world = pose.rotation().transpose();
+    const Eigen::Vector3d x_in_camera =
+        camera_from_world * (graph.landmark(index).position - pose.translation());
+    if (x_in_camera.z() < kNearestDepth) continue;
+    const PointResidual residual =
+        point_residual(graph.sensor().pinhole(), graph.measurement(reference), x_in_camera);
+    const double pixel_weight = huber_weight(residual.squared_pixel(), kPixelKernel);
+    const Eigen::Vector3d weights(pixel_weight, pixel_weight,
+                                  huber_weight(residual.squared_depth(), kDepthKernel));
+    const Eigen::Matrix3d by_point = residual.by_x_in_camera * camera_from_world;
+    const Eigen::Matrix3d weighted = weights.asDiagonal() * by_point;
+    information += by_point.transpose() * weighted;
+    gradient += weighted.transpose() * residual.value;
+  }
+  if (information.trace() <= 0.0) return std::nullopt;
+  // A single view without depth leaves one direction open.
+  information.diagonal().array() += 1e-9 * information.trace();
+  const Eigen::LLT<Eigen::Matrix3d> factor(information);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  return FixedMeasurements{factor.matrixU(), factor.matrixL().solve(gradient)};
+}
 
 // What an adjustment is about, in the order of indices: results depend on nothing else.
 struct Scope {
-  std::vector<std::uint32_t> keyframes;  // moving and fixed
+  std::vector<std::uint32_t> keyframes;  // that move
   std::vector<bool> moves;               // one a keyframe of the graph
   std::vector<LandmarkIndex> landmarks;
 };
@@ -116,17 +201,11 @@ Scope scope_of(const LandmarkGraph& graph, std::span<const std::uint32_t> moving
       }
     }
   }
-  std::vector<bool> keyframe_in = scope.moves;
   for (std::uint32_t i = 0; i < landmark_in.size(); ++i) {
-    if (!landmark_in[i]) continue;
-    scope.landmarks.push_back({i});
-    for (const auto& reference : graph.landmarks()[i].observations) {
-      keyframe_in[reference.keyframe] = true;
-    }
+    if (landmark_in[i]) scope.landmarks.push_back({i});
   }
-  for (std::uint32_t i = 0; i < keyframe_in.size(); ++i) {
-    if (keyframe_in[i]) scope.keyframes.push_back(i);
-  }
+  scope.keyframes.assign(moving.begin(), moving.end());
+  std::sort(scope.keyframes.begin(), scope.keyframes.end());
   return scope;
 }
 
@@ -189,40 +268,55 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
   for (const LandmarkIndex index : scope.landmarks) points.push_back(graph.landmark(index).position);
 
   PoseManifold manifold;
-  ceres::HuberLoss loss(std::sqrt(7.815));  // chi² of three degrees of freedom, 95 %
+  ceres::HuberLoss pixel_loss(std::sqrt(kPixelKernel));
+  ceres::HuberLoss depth_loss(std::sqrt(kDepthKernel));
   ceres::Problem::Options ownership;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.disable_all_safety_checks = true;
   ceres::Problem problem(ownership);
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    problem.AddParameterBlock(poses[i].data(), 7, &manifold);
-    if (!scope.moves[scope.keyframes[i]]) problem.SetParameterBlockConstant(poses[i].data());
-    ordering->AddElementToGroup(poses[i].data(), 1);
+  for (PoseBlock& pose : poses) {
+    problem.AddParameterBlock(pose.data(), 7, &manifold);
+    ordering->AddElementToGroup(pose.data(), 1);
   }
+  const Pinhole& pinhole = graph.sensor().pinhole();
   for (std::size_t i = 0; i < points.size(); ++i) {
-    problem.AddParameterBlock(points[i].data(), 3);
-    ordering->AddElementToGroup(points[i].data(), 0);
+    double* const point = points[i].data();
+    problem.AddParameterBlock(point, 3);
+    ordering->AddElementToGroup(point, 0);
     for (const KeypointReference& reference : graph.landmark(scope.landmarks[i]).observations) {
-      problem.AddResidualBlock(
-          new MeasurementCost(graph.sensor().pinhole(), graph.measurement(reference)), &loss,
-          poses[pose_of[reference.keyframe]].data(), points[i].data());
+      if (!scope.moves[reference.keyframe]) continue;
+      const PointMeasurement measured = graph.measurement(reference);
+      double* const pose = poses[pose_of[reference.keyframe]].data();
+      problem.AddResidualBlock(new MeasurementCost(pinhole, measured, MeasuredPart::kPixel),
+                               &pixel_loss, pose, point);
+      if (!measured.has_depth()) continue;
+      problem.AddResidualBlock(new MeasurementCost(pinhole, measured, MeasuredPart::kDepth),
+                               &depth_loss, pose, point);
+    }
+    if (const auto fixed = fixed_measurements(graph, scope.landmarks[i], scope.moves)) {
+      problem.AddResidualBlock(new FixedCost(*fixed, points[i], 0), nullptr, point);
+      problem.AddResidualBlock(new FixedCost(*fixed, points[i], 2), nullptr, point);
     }
   }
   ceres::Solver::Options solve;
   solve.linear_solver_type = moving.size() > 40 ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
   solve.linear_solver_ordering = ordering;
   solve.max_num_iterations = options.max_iterations;
-  solve.function_tolerance = 1e-4;
+  solve.function_tolerance = 1e-3;
   solve.num_threads = 1;  // sums in a fixed order
   solve.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solve, &problem, &summary);
+  {
+    std::size_t m = 0, f = 0;
+    for (auto l : scope.landmarks) for (auto& r : graph.landmark(l).observations) (scope.moves[r.keyframe] ? m : f)++;
+    fprintf(stderr, "BA kf %zu fixed %zu lm %zu obs moving %zu fixed %zu it %zu time %.1f ms (pre %.1f res %.1f jac %.1f lin %.1f) cost %.1f -> %.1f\n", moving.size(), 0ul, scope.landmarks.size(), m, f, summary.iterations.size(), summary.total_time_in_seconds*1e3, summary.preprocessor_time_in_seconds*1e3, summary.residual_evaluation_time_in_seconds*1e3, summary.jacobian_evaluation_time_in_seconds*1e3, summary.linear_solver_time_in_seconds*1e3, summary.initial_cost, summary.final_cost);
+  }
   if (!summary.IsSolutionUsable()) return;
 
   for (const std::uint32_t keyframe : scope.keyframes) {
-    if (!scope.moves[keyframe]) continue;
     Keyframe& moved = graph.keyframes()[keyframe];
     const Rigid3 before = moved.world_from_camera;
     moved.world_from_camera = to_pose(poses[pose_of[keyframe]]);

@@ -10,7 +10,7 @@
 namespace cairn {
 
 struct AdjustmentOptions {
-  int max_iterations = 8;
+  int max_iterations = 5;
   /// Landmarks with fewer observations move with their first keyframe only. At least 1.
   std::size_t min_observations = 2;
 };

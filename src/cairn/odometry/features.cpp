@@ -98,6 +98,63 @@ std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& corners, cv::S
   return chosen;
 }
 
+// Where between the pixels the corner is: the peak of Harris' response, by a quadratic through its
+// 3 x 3 values around the corner. At most a pixel away.
+cv::Point2f refined(const cv::Mat& image, int x, int y) {
+  constexpr int kWindow = 2;              // the response sums gradients of 5 x 5 pixels
+  constexpr int kReach = kWindow + 1;     // for responses one pixel away
+  constexpr int kSide = 2 * kReach + 1;
+  std::array<std::array<float, kSide>, kSide> xx;
+  std::array<std::array<float, kSide>, kSide> xy;
+  std::array<std::array<float, kSide>, kSide> yy;
+  for (int row = 0; row < kSide; ++row) {
+    const std::uint8_t* const at = image.ptr<std::uint8_t>(y + row - kReach) + x - kReach;
+    const std::uint8_t* const above = at - image.step;
+    const std::uint8_t* const below = at + image.step;
+    for (int column = 0; column < kSide; ++column) {
+      const auto gradient_x = static_cast<float>(at[column + 1] - at[column - 1]);
+      const auto gradient_y = static_cast<float>(below[column] - above[column]);
+      const auto i = static_cast<std::size_t>(row);
+      const auto j = static_cast<std::size_t>(column);
+      xx[i][j] = gradient_x * gradient_x;
+      xy[i][j] = gradient_x * gradient_y;
+      yy[i][j] = gradient_y * gradient_y;
+    }
+  }
+  std::array<std::array<float, 3>, 3> response{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      float sum_xx = 0.0F;
+      float sum_xy = 0.0F;
+      float sum_yy = 0.0F;
+      for (std::size_t row = i; row < i + 2 * kWindow + 1; ++row) {
+        for (std::size_t column = j; column < j + 2 * kWindow + 1; ++column) {
+          sum_xx += xx[row][column];
+          sum_xy += xy[row][column];
+          sum_yy += yy[row][column];
+        }
+      }
+      const float trace = sum_xx + sum_yy;
+      response[i][j] = sum_xx * sum_yy - sum_xy * sum_xy - 0.04F * trace * trace;
+    }
+  }
+  // Least squares of a + bx + cy + dx² + exy + fy² to the nine values.
+  const auto& r = response;
+  const float b = (r[0][2] + r[1][2] + r[2][2] - r[0][0] - r[1][0] - r[2][0]) / 6.0F;
+  const float c = (r[2][0] + r[2][1] + r[2][2] - r[0][0] - r[0][1] - r[0][2]) / 6.0F;
+  const float e = (r[0][0] + r[2][2] - r[0][2] - r[2][0]) / 4.0F;
+  const float rows = r[0][0] + r[0][1] + r[0][2] + r[2][0] + r[2][1] + r[2][2];
+  const float columns = r[0][0] + r[1][0] + r[2][0] + r[0][2] + r[1][2] + r[2][2];
+  const float d = columns / 6.0F - (r[0][1] + r[1][1] + r[2][1]) / 3.0F;
+  const float f = rows / 6.0F - (r[1][0] + r[1][1] + r[1][2]) / 3.0F;
+  const float determinant = 4.0F * d * f - e * e;
+  if (!(d < 0.0F && determinant > 0.0F)) return {0.0F, 0.0F};  // no peak
+  const float dx = (e * c - 2.0F * f * b) / determinant;
+  const float dy = (e * b - 2.0F * d * c) / determinant;
+  if (std::abs(dx) > 1.0F || std::abs(dy) > 1.0F) return {0.0F, 0.0F};
+  return {dx, dy};
+}
+
 // Median of the readings around a pixel; 0 if there are few, or if they belong to two surfaces.
 float depth_at(const cv::Mat& depth_m, const Pixel& raw, double max_depth_m) {
   const int x = static_cast<int>(std::lround(raw.u));
@@ -165,12 +222,13 @@ int hamming_distance(const Descriptor& a, const Descriptor& b) {
 }
 
 Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
-                   cv::Size size, bool has_depth)
+                   std::vector<cv::Mat> pyramid, bool has_depth)
     : keypoints_(std::move(keypoints)),
       descriptors_(std::move(descriptors)),
+      pyramid_(std::move(pyramid)),
       has_depth_(has_depth),
-      columns_(std::max(1, (size.width + kCell - 1) / kCell)),
-      rows_(std::max(1, (size.height + kCell - 1) / kCell)) {
+      columns_(std::max(1, (pyramid_.front().cols + kCell - 1) / kCell)),
+      rows_(std::max(1, (pyramid_.front().rows + kCell - 1) / kCell)) {
   cell_starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
   const auto cell_of = [&](const Keypoint& keypoint) {
     return static_cast<std::size_t>(row(keypoint.pixel.y()) * columns_ +
@@ -253,6 +311,7 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
 
   std::vector<Keypoint> keypoints;
   std::vector<Descriptor> descriptors;
+  std::vector<cv::Mat> pyramid;
   cv::Mat level_image = gray;
   for (int level = 0; level < options_.levels; ++level) {
     const double scale = scales_[static_cast<std::size_t>(level)];
@@ -263,6 +322,7 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       cv::resize(level_image, smaller, size, 0.0, 0.0, cv::INTER_LINEAR);
       level_image = smaller;
     }
+    pyramid.push_back(level_image);
     const cv::Rect inner(kBorder, kBorder, level_image.cols - 2 * kBorder,
                          level_image.rows - 2 * kBorder);
     if (inner.width < 1 || inner.height < 1) break;
@@ -290,9 +350,11 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
     const double scale_y = static_cast<double>(size_.height) / level_image.rows;
     for (std::size_t i = 0; i < corners.size(); ++i) {
       Keypoint keypoint;
+      const cv::Point2f offset = refined(level_image, static_cast<int>(corners[i].pt.x),
+                                         static_cast<int>(corners[i].pt.y));
       // Centres of pixels are at whole numbers on every level.
-      keypoint.raw = {(corners[i].pt.x + 0.5) * scale_x - 0.5,
-                      (corners[i].pt.y + 0.5) * scale_y - 0.5};
+      keypoint.raw = {(corners[i].pt.x + offset.x + 0.5) * scale_x - 0.5,
+                      (corners[i].pt.y + offset.y + 0.5) * scale_y - 0.5};
       keypoint.pixel = undistorted(keypoint.raw);
       constexpr float kRadians = 0.01745329252F;
       keypoint.angle = corners[i].angle * kRadians;
@@ -306,7 +368,8 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       descriptors.push_back(descriptor);
     }
   }
-  return {std::move(keypoints), std::move(descriptors), size_, !depth_m.empty()};
+  return {std::move(keypoints), std::move(descriptors), std::move(pyramid),
+          !depth_m.empty()};
 }
 
 }  // namespace cairn

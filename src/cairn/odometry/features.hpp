@@ -41,20 +41,32 @@ struct Keypoint {
   float depth_m = 0.0F;   ///< along the optical axis; 0 where unknown or ambiguous
   float angle = 0.0F;     ///< of the patch, radians
   std::uint8_t octave = 0;
+  bool aligned = false;  ///< found by comparing patches, not only by being a corner
 };
 
 /// The corners of one image, with a grid to find those near a pixel.
 class Features {
  public:
   Features() = default;
-  Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors, cv::Size size,
-           bool has_depth);
+  /// @param pyramid the image, from fine to coarse
+  Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
+           std::vector<cv::Mat> pyramid, bool has_depth);
 
   std::span<const Keypoint> keypoints() const { return keypoints_; }
   std::span<const Descriptor> descriptors() const { return descriptors_; }
   std::size_t size() const { return keypoints_.size(); }
   /// Whether there was a depth image at all.
   bool has_depth() const { return has_depth_; }
+
+  /// The image, from fine to coarse; empty once it was dropped.
+  std::span<const cv::Mat> pyramid() const { return pyramid_; }
+  void drop_pyramid() { pyramid_.clear(); }
+  /// Puts a keypoint where comparing patches found it.
+  void move_keypoint(std::uint32_t index, const Pixel& raw, const Eigen::Vector2f& pixel) {
+    keypoints_[index].raw = raw;
+    keypoints_[index].pixel = pixel;
+    keypoints_[index].aligned = true;
+  }
 
   /// Calls `visit(index)` for each keypoint within `radius` of `pixel` (a square window).
   template <class Visit>
@@ -88,6 +100,7 @@ class Features {
 
   std::vector<Keypoint> keypoints_;
   std::vector<Descriptor> descriptors_;
+  std::vector<cv::Mat> pyramid_;
   bool has_depth_ = false;
   int columns_ = 1;
   int rows_ = 1;
@@ -124,10 +137,10 @@ class FeatureExtractor {
   /// Size of a pixel of a pyramid level, in pixels of the image.
   double scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
   int levels() const { return options_.levels; }
-
- private:
+  /// @param raw within the image
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 
+ private:
   FeatureOptions options_;
   cv::Size size_;
   Pinhole pinhole_;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include <Eigen/LU>
+
 namespace cairn {
 
 std::uint32_t LandmarkGraph::add_keyframe(Keyframe keyframe) {
@@ -38,8 +40,38 @@ void LandmarkGraph::observe(LandmarkIndex index, KeypointReference reference) {
 void LandmarkGraph::forget(KeypointReference reference) {
   auto& entry = keyframes_[reference.keyframe].landmarks[reference.keypoint];
   if (!entry) return;
-  std::erase(landmark(*entry).observations, reference);
+  TrackedLandmark& seen = landmark(*entry);
+  std::erase(seen.observations, reference);
+  if (seen.appearance && seen.appearance->seen_at == reference) seen.appearance.reset();
   entry.reset();
+}
+
+std::optional<Eigen::Matrix2d> LandmarkGraph::patch_from_image(
+    const TrackedLandmark& landmark, const Rigid3& camera_from_world) const {
+  if (!landmark.appearance) return std::nullopt;
+  const KeypointReference& reference = landmark.appearance->seen_at;
+  const Keyframe& keyframe = keyframes_[reference.keyframe];
+  const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
+  const double depth = (keyframe.world_from_camera.inverse() * landmark.position).z();
+  if (depth < kNearestDepth) return std::nullopt;
+  const Rigid3 camera_from_reference = camera_from_world * keyframe.world_from_camera;
+  const Pinhole& pinhole = sensor_->pinhole();
+  const Eigen::Vector2d at = keypoint.pixel.cast<double>();
+  const double step = sensor_->scale(keypoint.octave);  // one pixel of the patch's level
+  const auto seen = [&](const Eigen::Vector2d& pixel) -> std::optional<Eigen::Vector2d> {
+    const Eigen::Vector3d x = camera_from_reference * pinhole.back_project(pixel, depth);
+    if (x.z() < kNearestDepth) return std::nullopt;
+    return pinhole.project(x);
+  };
+  const auto middle = seen(at);
+  const auto right = seen(at + Eigen::Vector2d(step, 0.0));
+  const auto below = seen(at + Eigen::Vector2d(0.0, step));
+  if (!middle || !right || !below) return std::nullopt;
+  Eigen::Matrix2d image_from_patch;
+  image_from_patch << *right - *middle, *below - *middle;
+  constexpr double kEdgeOn = 0.05;  // of an area: nothing to see
+  if (!(image_from_patch.determinant() > kEdgeOn)) return std::nullopt;
+  return image_from_patch.inverse();
 }
 
 void LandmarkGraph::remove(LandmarkIndex index) {

@@ -14,6 +14,7 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/odometry/features.hpp"
+#include "cairn/odometry/patch_alignment.hpp"
 #include "cairn/odometry/sensor_model.hpp"
 
 namespace cairn {
@@ -38,9 +39,16 @@ struct KeypointReference {
   friend bool operator==(const KeypointReference&, const KeypointReference&) = default;
 };
 
+/// What a landmark looked like in one keyframe; all its observations are aligned with that.
+struct LandmarkAppearance {
+  KeypointReference seen_at;
+  ReferencePatch patch;
+};
+
 struct TrackedLandmark {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   std::vector<KeypointReference> observations;  ///< oldest first; empty: the landmark is gone
+  std::optional<LandmarkAppearance> appearance;
   Descriptor descriptor{};                      ///< the one nearest to all of its observations
   Eigen::Vector3d viewing_direction = Eigen::Vector3d::UnitZ();  ///< mean, camera to landmark
   double reference_distance_m = 1.0;  ///< where it would appear on the finest pyramid level
@@ -63,6 +71,11 @@ class LandmarkGraph {
   const std::vector<TrackedLandmark>& landmarks() const { return landmarks_; }
   TrackedLandmark& landmark(LandmarkIndex index) { return landmarks_[index.value]; }
   const TrackedLandmark& landmark(LandmarkIndex index) const { return landmarks_[index.value]; }
+  /// How the image of a landmark's patch changes from where it was cut to a camera: the linear map
+  /// from pixels of the image to pixels of the patch's pyramid level, for a surface that faces the
+  /// camera it was cut from. Nothing without a patch, or if the landmark is behind either camera.
+  std::optional<Eigen::Matrix2d> patch_from_image(const TrackedLandmark& landmark,
+                                                  const Rigid3& camera_from_world) const;
   const SensorModel& sensor() const { return *sensor_; }
 
   /// Appends a keyframe without observations; its index.
@@ -71,6 +84,7 @@ class LandmarkGraph {
   LandmarkIndex add_landmark(KeypointReference keypoint);
   /// The keypoint must be free, and the landmark not observed by that keyframe.
   void observe(LandmarkIndex landmark, KeypointReference keypoint);
+  /// A landmark whose patch was cut there loses that too.
   void forget(KeypointReference keypoint);
   void remove(LandmarkIndex landmark);
   /// `from`'s observations go to `into`, except those of keyframes that `into` has already.

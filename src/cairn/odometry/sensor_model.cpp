@@ -18,6 +18,8 @@ void SensorNoise::validate() const {
                 expected);
   };
   require(pixel > 0.0 && std::isfinite(pixel), "pixel", pixel, "a positive number");
+  require(aligned_pixel > 0.0 && std::isfinite(aligned_pixel), "aligned_pixel", aligned_pixel,
+          "a positive number");
   require(depth_floor_m > 0.0 && std::isfinite(depth_floor_m), "depth_floor_m", depth_floor_m,
           "a positive number of metres");
   require(depth_quadratic >= 0.0 && std::isfinite(depth_quadratic), "depth_quadratic",
@@ -34,7 +36,7 @@ PointMeasurement SensorModel::measurement(const Keypoint& keypoint) const {
   PointMeasurement measured;
   measured.pixel = keypoint.pixel.cast<double>();
   measured.depth_m = keypoint.depth_m;
-  measured.sigma_pixel = sigma_pixel(keypoint.octave);
+  measured.sigma_pixel = sigma_pixel(keypoint);
   measured.sigma_depth_m = sigma_depth_m(keypoint.depth_m);
   return measured;
 }

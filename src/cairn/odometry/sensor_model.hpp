@@ -13,7 +13,9 @@ namespace cairn {
 /// How far an RGB-D camera's measurements are off, as standard deviations.
 struct SensorNoise {
   /// Of where a corner is found, in pixels of its pyramid level; positive.
-  double pixel = 0.7;
+  double pixel = 0.9;
+  /// The same, for corners that were aligned with the landmark's patch; positive.
+  double aligned_pixel = 0.4;
   /// Of depth z: floor + quadratic·z², metres for z in metres (structured light: Khoshelham and
   /// Elberink, Sensors 2012; Nguyen et al., 3DIMPVT 2012). Positive; not negative.
   double depth_floor_m = 0.002;
@@ -72,7 +74,9 @@ class SensorModel {
   const Pinhole& pinhole() const { return pinhole_; }
   double scale(int octave) const { return octave_scales_[static_cast<std::size_t>(octave)]; }
   int octaves() const { return static_cast<int>(octave_scales_.size()); }
-  double sigma_pixel(int octave) const { return noise_.pixel * scale(octave); }
+  double sigma_pixel(const Keypoint& keypoint) const {
+    return (keypoint.aligned ? noise_.aligned_pixel : noise_.pixel) * scale(keypoint.octave);
+  }
   double sigma_depth_m(double depth_m) const {
     return noise_.depth_floor_m + noise_.depth_quadratic * depth_m * depth_m;
   }

@@ -231,6 +231,9 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
   const auto more = match_near(graph_, frame.features, candidates, appearances, taken,
                                {.radius_pixels = radius});
   matches.insert(matches.end(), more.begin(), more.end());
+  for (const LandmarkMatch& match : matches) {
+    align_keypoint(frame.features, match.keypoint, match.landmark, camera_from_world);
+  }
   PoseEstimate estimate = solve(frame, matches, frame.world_from_camera);
   frame.world_from_camera = estimate.world_from_camera;
   assign(frame, matches, estimate.inliers);
@@ -243,6 +246,45 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
     landmark.last_seen = frame.number;
   }
   return estimate;
+}
+
+bool Odometry::Tracker::align_keypoint(Features& features, std::uint32_t keypoint,
+                                       LandmarkIndex landmark,
+                                       const Rigid3& camera_from_world) const {
+  const TrackedLandmark& seen = graph_.landmark(landmark);
+  const auto patch_from_image = graph_.patch_from_image(seen, camera_from_world);
+  if (!patch_from_image) return false;
+  // The level on which the patch has about its own resolution.
+  const double size = 1.0 / std::sqrt(patch_from_image->determinant());
+  const double octave = std::log(size) / std::log(sensor_.octaves() > 1 ? sensor_.scale(1) : 2.0);
+  const auto levels = static_cast<int>(features.pyramid().size());
+  const int level = std::clamp(static_cast<int>(std::lround(octave)), 0, levels - 1);
+  const cv::Mat& image = features.pyramid()[static_cast<std::size_t>(level)];
+  const Eigen::Vector2d level_scale(static_cast<double>(image_.width) / image.cols,
+                                    static_cast<double>(image_.height) / image.rows);
+  const Keypoint& at = features.keypoints()[keypoint];
+  const Eigen::Vector2d start((at.raw.u + 0.5) / level_scale.x() - 0.5,
+                              (at.raw.v + 0.5) / level_scale.y() - 0.5);
+  constexpr double kMostAway = 2.5;  // pixels of the level
+  const auto found = align_patch(seen.appearance->patch, image,
+                                 *patch_from_image * level_scale.asDiagonal(), start, kMostAway);
+  if (!found) return false;
+  const Pixel raw{(found->x() + 0.5) * level_scale.x() - 0.5,
+                  (found->y() + 0.5) * level_scale.y() - 0.5};
+  features.move_keypoint(keypoint, raw, extractor_.undistorted(raw));
+  return true;
+}
+
+void Odometry::Tracker::cut_patch(const KeypointReference& reference) {
+  const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
+  const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
+  const cv::Mat& image = keyframe.features.pyramid()[keypoint.octave];
+  const Eigen::Vector2d center((keypoint.raw.u + 0.5) * image.cols / image_.width - 0.5,
+                               (keypoint.raw.v + 0.5) * image.rows / image_.height - 0.5);
+  const LandmarkIndex landmark = *keyframe.landmarks[reference.keypoint];
+  if (const auto patch = ReferencePatch::cut(image, center)) {
+    graph_.landmark(landmark).appearance = LandmarkAppearance{reference, *patch};
+  }
 }
 
 bool Odometry::Tracker::wants_keyframe(const Frame& frame, std::size_t found) const {
@@ -271,6 +313,7 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
     if (frame.landmarks[i] && !graph_.landmark(*frame.landmarks[i]).gone()) {
       graph_.observe(*frame.landmarks[i], {index, i});
       graph_.refresh(*frame.landmarks[i]);
+      if (!graph_.landmark(*frame.landmarks[i]).appearance) cut_patch({index, i});
       ++found;
     }
   }
@@ -278,6 +321,7 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
   for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
     if (!graph_.keyframes()[index].landmarks[i] && keypoints[i].depth_m > 0.0F) {
       graph_.add_landmark({index, i});
+      cut_patch({index, i});
     }
   }
   if (index > 0) {
@@ -291,6 +335,8 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
     adjust(graph_, moving);
     cull(index);
   }
+  graph_.keyframes()[index].features.drop_pyramid();
+  frame.features.drop_pyramid();
   frame.landmarks = graph_.keyframes()[index].landmarks;
   frame.world_from_camera = graph_.keyframes()[index].world_from_camera;
   reference_ = index;
@@ -405,7 +451,7 @@ LandmarkMap Odometry::Tracker::map(std::size_t min_observations) const {
       recursive_covariances(graph_, keyframe_pose_covariances(graph_));
   LandmarkTable& landmarks = tables.landmarks;
   ObservationTable& observations = tables.observations;
-  landmarks.descriptors = DescriptorColumn{.kind = "ORB", .bytes_each = sizeof(Descriptor)};
+  landmarks.descriptors = DescriptorColumn{.kind = "ORB", .bytes_each = sizeof(Descriptor), .known = {}, .bytes = {}};
   observations.offsets.push_back(0);
   for (std::size_t i = 0; i < graph_.landmarks().size(); ++i) {
     const TrackedLandmark& landmark = graph_.landmarks()[i];

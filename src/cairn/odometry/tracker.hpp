@@ -50,6 +50,10 @@ class Odometry::Tracker {
                      const Rigid3& start) const;
   void assign(Frame& frame, std::span<const LandmarkMatch> matches,
               const std::vector<bool>& inliers) const;
+  // Puts keypoints where the landmarks' patches are found; true if it was.
+  bool align_keypoint(Features& features, std::uint32_t keypoint, LandmarkIndex landmark,
+                      const Rigid3& camera_from_world) const;
+  void cut_patch(const KeypointReference& reference);
   bool wants_keyframe(const Frame& frame, std::size_t found) const;
   void make_keyframe(Frame& frame);
   void share_new_landmarks(std::uint32_t keyframe);
