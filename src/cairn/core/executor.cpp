@@ -7,6 +7,7 @@
 
 #include <tbb/info.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
 #include "cairn/core/error.hpp"
@@ -46,6 +47,21 @@ struct BlockOrder {
 struct LoopOrder {};
 struct BlockOrder {};
 #endif
+
+// An item on its way through run_in_order.
+struct Numbered {
+  std::size_t number = 0;
+  std::shared_ptr<void> item;
+#ifdef CAIRN_THREAD_SANITIZER
+  // TBB hands it on; see above.
+  std::shared_ptr<std::atomic<unsigned>> handed_on = std::make_shared<std::atomic<unsigned>>();
+  void hand_on() const { handed_on->fetch_add(1, std::memory_order_release); }
+  void take() const { (void)handed_on->load(std::memory_order_acquire); }
+#else
+  void hand_on() const {}
+  void take() const {}
+#endif
+};
 
 }  // namespace
 
@@ -87,6 +103,45 @@ void Executor::for_blocks(
   [[maybe_unused]] const LoopOrder loop_order;
   arena_->arena->execute(
       [&] { tbb::parallel_for(std::size_t{0}, blocks, run_ordered, tbb::simple_partitioner{}); });
+}
+
+void Executor::run_in_order(std::size_t count, std::size_t ahead,
+                            const std::function<std::shared_ptr<void>(std::size_t)>& make,
+                            const std::function<void(std::size_t, void*)>& use) const {
+  if (!arena_->arena || count < 2) {
+    for (std::size_t i = 0; i < count; ++i) use(i, make(i).get());
+    return;
+  }
+  std::size_t next = 0;
+  const auto number = tbb::make_filter<void, std::size_t>(
+      tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+        if (next == count) {
+          control.stop();
+          return next;
+        }
+        return next++;
+      });
+  const auto making = tbb::make_filter<std::size_t, std::shared_ptr<Numbered>>(
+      tbb::filter_mode::parallel, [&](std::size_t i) {
+        [[maybe_unused]] const BlockOrder block_order;
+        auto made = std::make_shared<Numbered>();
+        made->number = i;
+        made->item = make(i);
+        made->hand_on();
+        return made;
+      });
+  const auto using_up = tbb::make_filter<std::shared_ptr<Numbered>, void>(
+      tbb::filter_mode::serial_in_order, [&](const std::shared_ptr<Numbered>& made) {
+        // Each use comes after the one before it.
+        [[maybe_unused]] const LoopOrder loop_order;
+        [[maybe_unused]] const BlockOrder block_order;
+        made->take();
+        use(made->number, made->item.get());
+        made->item.reset();
+      });
+  [[maybe_unused]] const LoopOrder loop_order;
+  arena_->arena->execute(
+      [&] { tbb::parallel_pipeline(ahead + 1, number & making & using_up); });
 }
 
 }  // namespace cairn

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <utility>
 
 namespace cairn {
 
@@ -24,7 +25,22 @@ class Executor {
   void for_blocks(std::size_t count, std::size_t block,
                   const std::function<void(std::size_t begin, std::size_t end)>& body) const;
 
+  /// Calls `use(i, make(i))` for i in [0, count), in that order and one at a time, while `make` runs
+  /// ahead on the other threads by at most `ahead` items. Rethrows an exception of either.
+  template <class Make, class Use>
+  void in_order(std::size_t count, std::size_t ahead, const Make& make, const Use& use) const {
+    using Item = decltype(make(std::size_t{}));
+    run_in_order(
+        count, ahead,
+        [&](std::size_t i) -> std::shared_ptr<void> { return std::make_shared<Item>(make(i)); },
+        [&](std::size_t i, void* item) { use(i, std::move(*static_cast<Item*>(item))); });
+  }
+
  private:
+  void run_in_order(std::size_t count, std::size_t ahead,
+                    const std::function<std::shared_ptr<void>(std::size_t)>& make,
+                    const std::function<void(std::size_t, void*)>& use) const;
+
   struct Arena;
   std::shared_ptr<Arena> arena_;
 };

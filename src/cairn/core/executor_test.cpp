@@ -54,5 +54,54 @@ TEST(Executor, TakesOneThreadPerCoreForZero) {
   EXPECT_GE(Executor(0).threads(), 1U);
 }
 
+TEST(Executor, UsesItemsInOrderWhicheverIsMadeFirst) {
+  for (const unsigned threads : {1U, 2U, 5U}) {
+    std::vector<std::size_t> used;
+    Executor(threads).in_order(
+        200, 4, [](std::size_t i) { return std::vector<std::size_t>(i % 7 * 1000 + 1, i); },
+        [&](std::size_t i, std::vector<std::size_t> item) {
+          EXPECT_EQ(item.back(), i);
+          used.push_back(i);
+        });
+    ASSERT_EQ(used.size(), 200U);
+    for (std::size_t i = 0; i < used.size(); ++i) EXPECT_EQ(used[i], i);
+  }
+}
+
+TEST(Executor, MakesNoMoreItemsAheadThanAsked) {
+  std::atomic<int> made = 0;
+  std::atomic<int> used = 0;
+  std::atomic<int> most = 0;
+  Executor(0).in_order(
+      300, 3,
+      [&](std::size_t i) {
+        const int ahead = ++made - used;
+        for (int seen = most; ahead > seen && !most.compare_exchange_weak(seen, ahead);) continue;
+        return i;
+      },
+      [&](std::size_t, std::size_t) { ++used; });
+  EXPECT_EQ(used, 300);
+  EXPECT_LE(most, 5);
+}
+
+TEST(Executor, PassesOnWhatMakingAndUsingThrow) {
+  for (const unsigned threads : {1U, 2U}) {
+    const Executor executor(threads);
+    const auto number = [](std::size_t i) { return i; };
+    const auto refuse = [](std::size_t i, std::size_t) {
+      if (i == 20) throw std::runtime_error("20");
+    };
+    EXPECT_THROW(executor.in_order(100, 4, number, refuse), std::runtime_error);
+    const auto fail = [](std::size_t i) {
+      if (i == 30) throw std::runtime_error("30");
+      return i;
+    };
+    std::size_t used = 0;
+    EXPECT_THROW(executor.in_order(100, 4, fail, [&](std::size_t, std::size_t) { ++used; }),
+                 std::runtime_error);
+    EXPECT_LE(used, 30U);
+  }
+}
+
 }  // namespace
 }  // namespace cairn

@@ -309,11 +309,6 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
   solve.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solve, &problem, &summary);
-  {
-    std::size_t m = 0, f = 0;
-    for (auto l : scope.landmarks) for (auto& r : graph.landmark(l).observations) (scope.moves[r.keyframe] ? m : f)++;
-    fprintf(stderr, "BA kf %zu fixed %zu lm %zu obs moving %zu fixed %zu it %zu time %.1f ms (pre %.1f res %.1f jac %.1f lin %.1f) cost %.1f -> %.1f\n", moving.size(), 0ul, scope.landmarks.size(), m, f, summary.iterations.size(), summary.total_time_in_seconds*1e3, summary.preprocessor_time_in_seconds*1e3, summary.residual_evaluation_time_in_seconds*1e3, summary.jacobian_evaluation_time_in_seconds*1e3, summary.linear_solver_time_in_seconds*1e3, summary.initial_cost, summary.final_cost);
-  }
   if (!summary.IsSolutionUsable()) return;
 
   for (const std::uint32_t keyframe : scope.keyframes) {

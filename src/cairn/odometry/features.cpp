@@ -155,29 +155,6 @@ cv::Point2f refined(const cv::Mat& image, int x, int y) {
   return {dx, dy};
 }
 
-// Median of the readings around a pixel; 0 if there are few, or if they belong to two surfaces.
-float depth_at(const cv::Mat& depth_m, const Pixel& raw, double max_depth_m) {
-  const int x = static_cast<int>(std::lround(raw.u));
-  const int y = static_cast<int>(std::lround(raw.v));
-  std::array<float, 9> readings{};
-  std::size_t count = 0;
-  for (int v = std::max(0, y - 1); v <= std::min(depth_m.rows - 1, y + 1); ++v) {
-    for (int u = std::max(0, x - 1); u <= std::min(depth_m.cols - 1, x + 1); ++u) {
-      const float reading = depth_m.at<float>(v, u);
-      if (!(reading > 0.0F && reading <= max_depth_m)) continue;
-      std::size_t at = count++;  // kept in order
-      for (; at > 0 && readings[at - 1] > reading; --at) readings[at] = readings[at - 1];
-      readings[at] = reading;
-    }
-  }
-  constexpr std::size_t kFewest = 5;
-  if (count < kFewest) return 0.0F;
-  const float median = readings[count / 2];
-  // A slanted surface and the sensor's steps stay within this.
-  const float spread = 0.01F * median + 0.01F * median * median;
-  return readings[count - 1] - readings.front() > spread ? 0.0F : median;
-}
-
 // The pixel without distortion of one that is distorted, by Newton's method with numerical
 // derivatives; the distorted one itself where that fails.
 Eigen::Vector2d undistort(const Camera& camera, const Pinhole& pinhole, const Pixel& raw) {
@@ -222,13 +199,24 @@ int hamming_distance(const Descriptor& a, const Descriptor& b) {
 }
 
 Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
-                   std::vector<cv::Mat> pyramid, bool has_depth)
+                   std::vector<cv::Mat> pyramid, cv::Mat depth_m)
     : keypoints_(std::move(keypoints)),
       descriptors_(std::move(descriptors)),
       pyramid_(std::move(pyramid)),
-      has_depth_(has_depth),
+      depth_m_(std::move(depth_m)),
+      has_depth_(!depth_m_.empty()),
       columns_(std::max(1, (pyramid_.front().cols + kCell - 1) / kCell)),
       rows_(std::max(1, (pyramid_.front().rows + kCell - 1) / kCell)) {
+  fill_grid();
+}
+
+void Features::add(std::span<const Keypoint> keypoints, std::span<const Descriptor> descriptors) {
+  keypoints_.insert(keypoints_.end(), keypoints.begin(), keypoints.end());
+  descriptors_.insert(descriptors_.end(), descriptors.begin(), descriptors.end());
+  fill_grid();
+}
+
+void Features::fill_grid() {
   cell_starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
   const auto cell_of = [&](const Keypoint& keypoint) {
     return static_cast<std::size_t>(row(keypoint.pixel.y()) * columns_ +
@@ -296,6 +284,30 @@ Eigen::Vector2f FeatureExtractor::undistorted(const Pixel& raw) const {
          down * ((1.0F - right) * bottom[0] + right * bottom[1]);
 }
 
+// Median of the readings around a pixel; 0 if there are few, or if they belong to two surfaces.
+float FeatureExtractor::depth_at(const cv::Mat& depth_m, const Pixel& raw) const {
+  if (depth_m.empty()) return 0.0F;
+  const int x = static_cast<int>(std::lround(raw.u));
+  const int y = static_cast<int>(std::lround(raw.v));
+  std::array<float, 9> readings{};
+  std::size_t count = 0;
+  for (int v = std::max(0, y - 1); v <= std::min(depth_m.rows - 1, y + 1); ++v) {
+    for (int u = std::max(0, x - 1); u <= std::min(depth_m.cols - 1, x + 1); ++u) {
+      const float reading = depth_m.at<float>(v, u);
+      if (!(reading > 0.0F && reading <= options_.max_depth_m)) continue;
+      std::size_t at = count++;  // kept in order
+      for (; at > 0 && readings[at - 1] > reading; --at) readings[at] = readings[at - 1];
+      readings[at] = reading;
+    }
+  }
+  constexpr std::size_t kFewest = 5;
+  if (count < kFewest) return 0.0F;
+  const float median = readings[count / 2];
+  // A slanted surface and the sensor's steps stay within this.
+  const float spread = 0.01F * median + 0.01F * median * median;
+  return readings[count - 1] - readings.front() > spread ? 0.0F : median;
+}
+
 Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {
   if (gray.type() != CV_8UC1 || gray.size() != size_) {
     throw Error(ErrorKind::kMisuse, "image", fmt::format("{} x {} pixels", gray.cols, gray.rows),
@@ -359,17 +371,14 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       constexpr float kRadians = 0.01745329252F;
       keypoint.angle = corners[i].angle * kRadians;
       keypoint.octave = static_cast<std::uint8_t>(level);
-      if (!depth_m.empty()) {
-        keypoint.depth_m = depth_at(depth_m, keypoint.raw, options_.max_depth_m);
-      }
+      keypoint.depth_m = depth_at(depth_m, keypoint.raw);
       keypoints.push_back(keypoint);
       Descriptor descriptor;
       std::memcpy(descriptor.data(), rows.ptr(static_cast<int>(i)), sizeof(descriptor));
       descriptors.push_back(descriptor);
     }
   }
-  return {std::move(keypoints), std::move(descriptors), std::move(pyramid),
-          !depth_m.empty()};
+  return {std::move(keypoints), std::move(descriptors), std::move(pyramid), depth_m};
 }
 
 }  // namespace cairn

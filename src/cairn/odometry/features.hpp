@@ -49,8 +49,9 @@ class Features {
  public:
   Features() = default;
   /// @param pyramid the image, from fine to coarse
+  /// @param depth_m as for FeatureExtractor::extract
   Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
-           std::vector<cv::Mat> pyramid, bool has_depth);
+           std::vector<cv::Mat> pyramid, cv::Mat depth_m);
 
   std::span<const Keypoint> keypoints() const { return keypoints_; }
   std::span<const Descriptor> descriptors() const { return descriptors_; }
@@ -60,7 +61,12 @@ class Features {
 
   /// The image, from fine to coarse; empty once it was dropped.
   std::span<const cv::Mat> pyramid() const { return pyramid_; }
-  void drop_pyramid() { pyramid_.clear(); }
+  const cv::Mat& depth_m() const { return depth_m_; }
+  void drop_images() {
+    pyramid_.clear();
+    depth_m_.release();
+  }
+  void add(std::span<const Keypoint> keypoints, std::span<const Descriptor> descriptors);
   /// Puts a keypoint where comparing patches found it.
   void move_keypoint(std::uint32_t index, const Pixel& raw, const Eigen::Vector2f& pixel) {
     keypoints_[index].raw = raw;
@@ -94,6 +100,7 @@ class Features {
   int column(float x) const {
     return std::clamp(static_cast<int>(std::floor(x / kCell)), 0, columns_ - 1);
   }
+  void fill_grid();
   int row(float y) const {
     return std::clamp(static_cast<int>(std::floor(y / kCell)), 0, rows_ - 1);
   }
@@ -101,6 +108,7 @@ class Features {
   std::vector<Keypoint> keypoints_;
   std::vector<Descriptor> descriptors_;
   std::vector<cv::Mat> pyramid_;
+  cv::Mat depth_m_;
   bool has_depth_ = false;
   int columns_ = 1;
   int rows_ = 1;
@@ -137,6 +145,8 @@ class FeatureExtractor {
   /// Size of a pixel of a pyramid level, in pixels of the image.
   double scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
   int levels() const { return options_.levels; }
+  /// The depth of a corner; 0 if unknown or ambiguous.
+  float depth_at(const cv::Mat& depth_m, const Pixel& raw) const;
   /// @param raw within the image
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 

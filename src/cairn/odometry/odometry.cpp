@@ -41,8 +41,16 @@ Trajectory Odometry::trajectory() const {
   return tracker_->trajectory();
 }
 
-LandmarkMap Odometry::map(std::size_t min_observations) const {
-  return tracker_->map(min_observations);
+LandmarkMap Odometry::map(const MapOptions& options) const {
+  return tracker_->map(options);
+}
+
+std::optional<Rigid3> Odometry::last_pose() const {
+  return tracker_->last_pose();
+}
+
+FinishedMap Odometry::begin_new_map(const MapOptions& options) {
+  return tracker_->begin_new_map(options);
 }
 
 }  // namespace cairn

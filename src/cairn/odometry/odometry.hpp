@@ -39,8 +39,34 @@ struct FrameReport {
   FrameStatus status = FrameStatus::kWaiting;
   bool keyframe = false;
   std::size_t landmarks = 0;  ///< found in it
-  /// Distance of each of them from where the map says it appears, pixels of its octave.
+  /// Distance of each of them from where the map says it appears, pixels.
   std::vector<float> reprojection_errors;
+};
+
+/// How landmark covariances are found; both are of the position relative to the keyframe that
+/// observed the landmark first.
+enum class LandmarkCovariance {
+  kRecursive,  ///< updated observation by observation; cost grows with the observations only
+  kMarginal,   ///< from the whole least-squares problem; at most kMostMarginalKeyframes keyframes
+};
+
+struct MapOptions {
+  std::size_t min_observations = 1;  ///< landmarks with fewer are left out; at least 1
+  LandmarkCovariance covariance = LandmarkCovariance::kRecursive;
+  bool descriptors = true;
+};
+
+/// How one mini-map lies in the one before it.
+struct MiniMapLink {
+  Rigid3 previous_from_next;
+  Matrix6d covariance = Matrix6d::Zero();  ///< of that pose
+};
+
+/// A map that is complete because another was begun.
+struct FinishedMap {
+  LandmarkMap map;
+  Trajectory trajectory;
+  MiniMapLink to_next;
 };
 
 /// Feature-based RGB-D odometry: estimates the pose of each frame against the map of landmarks seen
@@ -60,10 +86,18 @@ class Odometry {
 
   FrameReport track(double timestamp_s, Features features, std::string image_name = {});
 
-  /// The poses of all frames tracked so far, as the map has them now.
+  /// The poses of all frames tracked in this map so far, as the map has them now.
   Trajectory trajectory() const;
-  /// Landmarks with at least that many observations, and all keyframes.
-  LandmarkMap map(std::size_t min_observations = 1) const;
+  /// All keyframes, and the landmarks.
+  /// @throws Error (misuse) naming the field of the options
+  LandmarkMap map(const MapOptions& options = {}) const;
+
+  /// Where the last frame was, in the map; nothing if it was not tracked.
+  std::optional<Rigid3> last_pose() const;
+  /// Ends the map at the last frame, which becomes its last keyframe, and begins another, in the
+  /// frame of that camera, with it as the first keyframe. The two maps share no landmark.
+  /// @throws Error (misuse) if the last frame was not tracked
+  FinishedMap begin_new_map(const MapOptions& options = {});
 
  private:
   class Tracker;

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cairn/core/error.hpp"
 #include "cairn/odometry/bundle_adjustment.hpp"
 #include "cairn/odometry/landmark_covariance.hpp"
+#include "cairn/odometry/marginal_covariance.hpp"
 
 namespace cairn {
 namespace {
@@ -18,6 +20,20 @@ std::vector<double> octave_scales(const FeatureExtractor& extractor) {
     scales.push_back(extractor.scale(octave));
   }
   return scales;
+}
+
+// Whether a landmark of the keyframe is so near that another would look the same: corners are found
+// again a little aside, or on the next octave.
+bool crowded(const Keyframe& keyframe, std::uint32_t keypoint, double scale) {
+  const Keypoint& at = keyframe.features.keypoints()[keypoint];
+  constexpr double kNear = 3.0;  // pixels of the octave
+  bool found = false;
+  keyframe.features.visit_near(at.pixel.cast<double>(), kNear * scale, [&](std::uint32_t other) {
+    if (other == keypoint || !keyframe.landmarks[other]) return;
+    const int octaves = std::abs(keyframe.features.keypoints()[other].octave - at.octave);
+    found = found || octaves <= 1;
+  });
+  return found;
 }
 
 }  // namespace
@@ -231,13 +247,45 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
   const auto more = match_near(graph_, frame.features, candidates, appearances, taken,
                                {.radius_pixels = radius});
   matches.insert(matches.end(), more.begin(), more.end());
+  // A match whose patch looks different is often of the corner next to the right one: done without
+  // where enough are better.
+  std::vector<LandmarkMatch> aligned;
   for (const LandmarkMatch& match : matches) {
-    align_keypoint(frame.features, match.keypoint, match.landmark, camera_from_world);
+    const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
+    const auto found = find_patch(frame.features, match.landmark, camera_from_world, keypoint.raw);
+    if (!found) continue;
+    frame.features.move_keypoint(match.keypoint, found->raw, extractor_.undistorted(found->raw));
+    aligned.push_back(match);
   }
+  if (aligned.size() >= 6 * options_.min_tracked) matches = std::move(aligned);
   PoseEstimate estimate = solve(frame, matches, frame.world_from_camera);
   frame.world_from_camera = estimate.world_from_camera;
   assign(frame, matches, estimate.inliers);
   if (estimate.inlier_count < options_.min_tracked) return estimate;
+
+  std::fill(matched.begin(), matched.end(), false);
+  for (const LandmarkMatch& match : matches) matched[match.landmark.value] = true;
+  std::vector<LandmarkIndex> unmatched;
+  for (const LandmarkIndex index : expected) {
+    const TrackedLandmark& landmark = graph_.landmark(index);
+    if (!matched[index.value] && 4 * landmark.found >= landmark.expected) unmatched.push_back(index);
+  }
+  constexpr std::size_t kMostSought = 500;
+  if (unmatched.size() > kMostSought) {
+    // Those seen most often are the most likely to be seen again.
+    std::stable_sort(unmatched.begin(), unmatched.end(), [&](LandmarkIndex a, LandmarkIndex b) {
+      return graph_.landmark(a).found > graph_.landmark(b).found;
+    });
+    unmatched.resize(kMostSought);
+  }
+  const auto found = find_without_corners(frame, unmatched);
+  if (!found.empty()) {
+    matches.insert(matches.end(), found.begin(), found.end());
+    estimate = solve(frame, matches, frame.world_from_camera);
+    frame.world_from_camera = estimate.world_from_camera;
+    assign(frame, matches, estimate.inliers);
+    if (estimate.inlier_count < options_.min_tracked) return estimate;
+  }
   for (const LandmarkIndex index : expected) ++graph_.landmark(index).expected;
   for (const auto& index : frame.landmarks) {
     if (!index) continue;
@@ -248,12 +296,12 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
   return estimate;
 }
 
-bool Odometry::Tracker::align_keypoint(Features& features, std::uint32_t keypoint,
-                                       LandmarkIndex landmark,
-                                       const Rigid3& camera_from_world) const {
+std::optional<Odometry::Tracker::FoundPatch> Odometry::Tracker::find_patch(
+    const Features& features, LandmarkIndex landmark, const Rigid3& camera_from_world,
+    const Pixel& start) const {
   const TrackedLandmark& seen = graph_.landmark(landmark);
   const auto patch_from_image = graph_.patch_from_image(seen, camera_from_world);
-  if (!patch_from_image) return false;
+  if (!patch_from_image) return std::nullopt;
   // The level on which the patch has about its own resolution.
   const double size = 1.0 / std::sqrt(patch_from_image->determinant());
   const double octave = std::log(size) / std::log(sensor_.octaves() > 1 ? sensor_.scale(1) : 2.0);
@@ -262,17 +310,51 @@ bool Odometry::Tracker::align_keypoint(Features& features, std::uint32_t keypoin
   const cv::Mat& image = features.pyramid()[static_cast<std::size_t>(level)];
   const Eigen::Vector2d level_scale(static_cast<double>(image_.width) / image.cols,
                                     static_cast<double>(image_.height) / image.rows);
-  const Keypoint& at = features.keypoints()[keypoint];
-  const Eigen::Vector2d start((at.raw.u + 0.5) / level_scale.x() - 0.5,
-                              (at.raw.v + 0.5) / level_scale.y() - 0.5);
+  const Eigen::Vector2d at((start.u + 0.5) / level_scale.x() - 0.5,
+                           (start.v + 0.5) / level_scale.y() - 0.5);
   constexpr double kMostAway = 2.5;  // pixels of the level
   const auto found = align_patch(seen.appearance->patch, image,
-                                 *patch_from_image * level_scale.asDiagonal(), start, kMostAway);
-  if (!found) return false;
-  const Pixel raw{(found->x() + 0.5) * level_scale.x() - 0.5,
-                  (found->y() + 0.5) * level_scale.y() - 0.5};
-  features.move_keypoint(keypoint, raw, extractor_.undistorted(raw));
-  return true;
+                                 *patch_from_image * level_scale.asDiagonal(), at, kMostAway);
+  if (!found) return std::nullopt;
+  return FoundPatch{{(found->x() + 0.5) * level_scale.x() - 0.5,
+                     (found->y() + 0.5) * level_scale.y() - 0.5},
+                    level};
+}
+
+// Landmarks that should be visible but are at no corner: their patches are looked for where they
+// should be, and become keypoints of the frame.
+std::vector<LandmarkMatch> Odometry::Tracker::find_without_corners(
+    Frame& frame, std::span<const LandmarkIndex> landmarks) const {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  std::vector<Keypoint> keypoints;
+  std::vector<Descriptor> descriptors;
+  std::vector<LandmarkMatch> matches;
+  for (const LandmarkIndex index : landmarks) {
+    const TrackedLandmark& landmark = graph_.landmark(index);
+    const Eigen::Vector3d x_in_camera = camera_from_world * landmark.position;
+    const auto start = project(camera_, x_in_camera);
+    if (!start) continue;
+    const auto found = find_patch(frame.features, index, camera_from_world, *start);
+    if (!found) continue;
+    Keypoint keypoint;
+    keypoint.raw = found->raw;
+    keypoint.pixel = extractor_.undistorted(found->raw);
+    keypoint.octave = static_cast<std::uint8_t>(found->octave);
+    keypoint.aligned = true;
+    keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
+    // Something else in front of it, or behind.
+    if (keypoint.depth_m > 0.0F &&
+        std::abs(keypoint.depth_m - x_in_camera.z()) > 5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
+      continue;
+    }
+    const auto number = static_cast<std::uint32_t>(frame.features.size() + keypoints.size());
+    matches.push_back({number, index, 0});
+    keypoints.push_back(keypoint);
+    descriptors.push_back(landmark.descriptor);
+  }
+  frame.features.add(keypoints, descriptors);
+  frame.landmarks.resize(frame.features.size());
+  return matches;
 }
 
 void Odometry::Tracker::cut_patch(const KeypointReference& reference) {
@@ -295,7 +377,7 @@ bool Odometry::Tracker::wants_keyframe(const Frame& frame, std::size_t found) co
   constexpr double kTranslation = 0.15;  // m
   const bool new_view = moved.angle() > kTurn || moved.translation().norm() > kTranslation;
   const bool thinned = static_cast<double>(found) < 0.7 * static_cast<double>(reference_found_);
-  const bool nearly_lost = found < 3 * options_.min_tracked;
+  const bool nearly_lost = found < 5 * options_.min_tracked;
   if (nearly_lost) return true;
   return since >= 3 && (new_view || thinned);
 }
@@ -319,10 +401,10 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
   }
   const auto keypoints = frame.features.keypoints();
   for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
-    if (!graph_.keyframes()[index].landmarks[i] && keypoints[i].depth_m > 0.0F) {
-      graph_.add_landmark({index, i});
-      cut_patch({index, i});
-    }
+    if (graph_.keyframes()[index].landmarks[i] || keypoints[i].depth_m <= 0.0F) continue;
+    if (crowded(graph_.keyframes()[index], i, sensor_.scale(keypoints[i].octave))) continue;
+    graph_.add_landmark({index, i});
+    cut_patch({index, i});
   }
   if (index > 0) {
     share_new_landmarks(index);
@@ -335,8 +417,7 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
     adjust(graph_, moving);
     cull(index);
   }
-  graph_.keyframes()[index].features.drop_pyramid();
-  frame.features.drop_pyramid();
+  graph_.keyframes()[index].features.drop_images();
   frame.landmarks = graph_.keyframes()[index].landmarks;
   frame.world_from_camera = graph_.keyframes()[index].world_from_camera;
   reference_ = index;
@@ -435,7 +516,43 @@ Trajectory Odometry::Tracker::trajectory() const {
   return Trajectory(std::move(poses));
 }
 
-LandmarkMap Odometry::Tracker::map(std::size_t min_observations) const {
+std::optional<Rigid3> Odometry::Tracker::last_pose() const {
+  if (!previous_ || lost_) return std::nullopt;
+  return previous_->world_from_camera;
+}
+
+FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
+  if (!last_pose()) {
+    throw Error(ErrorKind::kMisuse, "begin_new_map", "the last frame was not tracked",
+                "a call after a frame that was");
+  }
+  Frame frame = std::move(*previous_);
+  if (graph_.keyframes().back().frame != frame.number) {
+    recorded_.pop_back();
+    make_keyframe(frame);
+    recorded_.push_back({frame.timestamp_s, reference_, Rigid3()});
+  }
+  const std::vector<Matrix6d> covariances = graph_.keyframes().size() <= kMostMarginalKeyframes
+                                                ? marginal_covariances(graph_).keyframes
+                                                : keyframe_pose_covariances(graph_);
+  FinishedMap finished{map(options), trajectory(), {}};
+  finished.to_next.previous_from_next = graph_.keyframes().back().world_from_camera;
+  finished.to_next.covariance = covariances.back();
+
+  graph_ = LandmarkGraph(sensor_);
+  recorded_.clear();
+  std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
+  frame.world_from_camera = Rigid3();
+  make_keyframe(frame);
+  recorded_.push_back({frame.timestamp_s, 0, Rigid3()});
+  previous_ = std::move(frame);
+  return finished;
+}
+
+LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
+  if (options.min_observations < 1) {
+    throw Error(ErrorKind::kMisuse, "MapOptions.min_observations", "0", "at least 1");
+  }
   MapTables tables;
   tables.cameras = {camera_};
   for (const Keyframe& keyframe : graph_.keyframes()) {
@@ -448,21 +565,25 @@ LandmarkMap Odometry::Tracker::map(std::size_t min_observations) const {
     tables.frames.image_names.push_back(keyframe.image_name);
   }
   const std::vector<Eigen::Matrix3d> covariances =
-      recursive_covariances(graph_, keyframe_pose_covariances(graph_));
+      options.covariance == LandmarkCovariance::kMarginal
+          ? marginal_covariances(graph_).landmarks
+          : recursive_covariances(graph_, keyframe_pose_covariances(graph_));
   LandmarkTable& landmarks = tables.landmarks;
   ObservationTable& observations = tables.observations;
-  landmarks.descriptors = DescriptorColumn{.kind = "ORB", .bytes_each = sizeof(Descriptor), .known = {}, .bytes = {}};
+  if (options.descriptors) landmarks.descriptors = {"ORB", sizeof(Descriptor), {}, {}};
   observations.offsets.push_back(0);
   for (std::size_t i = 0; i < graph_.landmarks().size(); ++i) {
     const TrackedLandmark& landmark = graph_.landmarks()[i];
-    if (landmark.gone() || landmark.observations.size() < min_observations) continue;
+    if (landmark.gone() || landmark.observations.size() < options.min_observations) continue;
     landmarks.ids.push_back({i});
     landmarks.positions.push_back(landmark.position);
-    landmarks.covariances.push_back(0.5 * (covariances[i] + covariances[i].transpose()));
-    landmarks.descriptors->known.push_back(1);
-    const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
-    landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
-                                        bytes + sizeof(Descriptor));
+    landmarks.covariances.push_back(covariances[i]);
+    if (landmarks.descriptors) {
+      landmarks.descriptors->known.push_back(1);
+      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
+      landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
+                                          bytes + sizeof(Descriptor));
+    }
     for (const KeypointReference& reference : landmark.observations) {
       const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
       const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];

@@ -22,7 +22,9 @@ class Odometry::Tracker {
   const FeatureExtractor& extractor() const { return extractor_; }
   FrameReport track(double timestamp_s, Features features, std::string image_name);
   Trajectory trajectory() const;
-  LandmarkMap map(std::size_t min_observations) const;
+  LandmarkMap map(const MapOptions& options) const;
+  std::optional<Rigid3> last_pose() const;
+  FinishedMap begin_new_map(const MapOptions& options);
 
  private:
   // A frame while it is looked at.
@@ -50,9 +52,15 @@ class Odometry::Tracker {
                      const Rigid3& start) const;
   void assign(Frame& frame, std::span<const LandmarkMatch> matches,
               const std::vector<bool>& inliers) const;
-  // Puts keypoints where the landmarks' patches are found; true if it was.
-  bool align_keypoint(Features& features, std::uint32_t keypoint, LandmarkIndex landmark,
-                      const Rigid3& camera_from_world) const;
+  // Where a landmark's patch is found in a frame, near `start`, and on which octave.
+  struct FoundPatch {
+    Pixel raw;
+    int octave = 0;
+  };
+  std::optional<FoundPatch> find_patch(const Features& features, LandmarkIndex landmark,
+                                       const Rigid3& camera_from_world, const Pixel& start) const;
+  std::vector<LandmarkMatch> find_without_corners(Frame& frame,
+                                                  std::span<const LandmarkIndex> landmarks) const;
   void cut_patch(const KeypointReference& reference);
   bool wants_keyframe(const Frame& frame, std::size_t found) const;
   void make_keyframe(Frame& frame);

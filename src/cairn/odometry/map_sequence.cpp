@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/map_sequence.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+// Enough that no thread waits for another; each holds two images.
+constexpr std::size_t kFramesAhead = 6;
+
+struct PreparedFrame {
+  std::optional<Features> features;  // nothing: unreadable, because of
+  std::string defect;
+};
+
+PreparedFrame prepare(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
+                      const Odometry& odometry, const MapSequenceOptions& options) {
+  try {
+    const RgbdSequence::Images images = sequence.read(frame);
+    if (images.gray.cols != static_cast<int>(camera.width) ||
+        images.gray.rows != static_cast<int>(camera.height)) {
+      throw Error(ErrorKind::kInput, sequence.frames()[frame].color.string(),
+                  fmt::format("{} x {} pixels", images.gray.cols, images.gray.rows),
+                  fmt::format("{} x {}, as the camera has", camera.width, camera.height));
+    }
+    return {odometry.extract(images.gray, images.depth), {}};
+  } catch (const Error& error) {
+    if (!options.skip_unreadable || error.kind() != ErrorKind::kInput) throw;
+    return {std::nullopt, error.what()};
+  }
+}
+
+// Joins what comes from the frames, one after the other.
+class Mapping {
+ public:
+  Mapping(const Camera& camera, const MapSequenceOptions& options)
+      : odometry_(camera, options.odometry), options_(&options) {}
+
+  const Odometry& odometry() const { return odometry_; }
+  void add(const SequenceFrame& frame, PreparedFrame prepared, std::size_t frames);
+  MappedSequence finish();
+
+ private:
+  void note_tracked(const FrameReport& report);
+  void note_lost(double timestamp_s);
+  bool is_long_enough() const;
+  void add_poses(const Trajectory& trajectory);
+
+  Odometry odometry_;
+  const MapSequenceOptions* options_;
+  MappedSequence result_;
+  std::vector<TimedPose> poses_;
+  Rigid3 first_from_map_;  // the map being built, in the frame of the first
+  std::vector<float> errors_;
+  double landmark_sum_ = 0.0;
+  bool was_lost_ = false;
+  std::size_t frames_in_map_ = 0;
+  double path_in_map_ = 0.0;
+  std::optional<Eigen::Vector3d> last_centre_;
+};
+
+void Mapping::add(const SequenceFrame& frame, PreparedFrame prepared, std::size_t frames) {
+  ++result_.frames;
+  if (!frame.depth) ++result_.frames_without_depth;
+  FrameReport report;
+  if (prepared.features) {
+    report = odometry_.track(frame.timestamp_s, std::move(*prepared.features),
+                             frame.color.filename().string());
+  } else {
+    ++result_.unreadable;
+    if (options_->log) options_->log("left out: " + prepared.defect);
+    report.status = result_.tracked > 0 ? FrameStatus::kLost : FrameStatus::kWaiting;
+  }
+  if (report.status == FrameStatus::kTracked) note_tracked(report);
+  if (report.status == FrameStatus::kLost) note_lost(frame.timestamp_s);
+  if (report.status == FrameStatus::kWaiting) ++result_.waiting;
+  was_lost_ = report.status == FrameStatus::kLost;
+
+  if (report.status == FrameStatus::kTracked && is_long_enough()) {
+    FinishedMap finished = odometry_.begin_new_map(options_->map);
+    add_poses(finished.trajectory);
+    first_from_map_ = first_from_map_ * finished.to_next.previous_from_next;
+    result_.maps.push_back(std::move(finished.map));
+    result_.links.push_back(finished.to_next);
+    frames_in_map_ = 1;
+    path_in_map_ = 0.0;
+    last_centre_ = odometry_.last_pose()->translation();
+  }
+  if (options_->progress) {
+    options_->progress({result_.frames, frames, report.landmarks, result_.lost_frames()});
+  }
+}
+
+void Mapping::note_tracked(const FrameReport& report) {
+  ++result_.tracked;
+  ++frames_in_map_;
+  landmark_sum_ += static_cast<double>(report.landmarks);
+  if (!report.keyframe) {
+    errors_.insert(errors_.end(), report.reprojection_errors.begin(),
+                   report.reprojection_errors.end());
+  }
+  const Eigen::Vector3d centre = odometry_.last_pose()->translation();
+  if (last_centre_) path_in_map_ += (centre - *last_centre_).norm();
+  last_centre_ = centre;
+}
+
+void Mapping::note_lost(double timestamp_s) {
+  if (!was_lost_) result_.lost.push_back({timestamp_s, timestamp_s, 0});
+  result_.lost.back().last_timestamp_s = timestamp_s;
+  ++result_.lost.back().frames;
+}
+
+bool Mapping::is_long_enough() const {
+  if (!options_->mini_maps) return false;
+  const MiniMapLength& length = *options_->mini_maps;
+  return (length.metres && path_in_map_ >= *length.metres) ||
+         (length.frames && frames_in_map_ >= *length.frames);
+}
+
+// The first pose of a mini-map is the last one of the map before.
+void Mapping::add_poses(const Trajectory& trajectory) {
+  for (const TimedPose& pose : trajectory.poses()) {
+    if (!poses_.empty() && pose.timestamp_s <= poses_.back().timestamp_s) continue;
+    poses_.push_back({pose.timestamp_s, first_from_map_ * pose.world_from_camera});
+  }
+}
+
+MappedSequence Mapping::finish() {
+  add_poses(odometry_.trajectory());
+  result_.trajectory = Trajectory(std::move(poses_));
+  // A mini-map of a single frame, begun at the very end, holds nothing that the one before lacks.
+  if (frames_in_map_ > 1 || (frames_in_map_ == 1 && result_.maps.empty())) {
+    result_.maps.push_back(odometry_.map(options_->map));
+  } else if (!result_.links.empty()) {
+    result_.links.pop_back();
+  }
+  for (const LandmarkMap& map : result_.maps) result_.keyframes += map.frame_count();
+  if (result_.tracked > 0) {
+    result_.mean_tracked_landmarks = landmark_sum_ / static_cast<double>(result_.tracked);
+  }
+  if (!errors_.empty()) {
+    const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(errors_.size() / 2);
+    std::nth_element(errors_.begin(), middle, errors_.end());
+    result_.median_reprojection_error = *middle;
+  }
+  return std::move(result_);
+}
+
+}  // namespace
+
+void MapSequenceOptions::validate() const {
+  odometry.validate();
+  if (!mini_maps) return;
+  if (mini_maps->metres && !(*mini_maps->metres > 0.0 && std::isfinite(*mini_maps->metres))) {
+    throw Error(ErrorKind::kMisuse, "MapSequenceOptions.mini_maps.metres",
+                fmt::format("{}", *mini_maps->metres), "a positive number");
+  }
+  if (mini_maps->frames && *mini_maps->frames < 2) {
+    throw Error(ErrorKind::kMisuse, "MapSequenceOptions.mini_maps.frames",
+                fmt::format("{}", *mini_maps->frames), "at least 2");
+  }
+}
+
+std::size_t MappedSequence::lost_frames() const {
+  std::size_t sum = 0;
+  for (const LostStretch& stretch : lost) sum += stretch.frames;
+  return sum;
+}
+
+MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
+                            const MapSequenceOptions& options) {
+  options.validate();
+  Mapping mapping(camera, options);
+  const std::size_t frames = sequence.frames().size();
+  options.executor.in_order(
+      frames, kFramesAhead,
+      [&](std::size_t i) {
+        if (options.stop.stop_requested()) {
+          throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
+        }
+        return prepare(sequence, i, camera, mapping.odometry(), options);
+      },
+      [&](std::size_t i, PreparedFrame prepared) {
+        mapping.add(sequence.frames()[i], std::move(prepared), frames);
+      });
+  return mapping.finish();
+}
+
+}  // namespace cairn
