@@ -15,6 +15,7 @@ Run add_align(CLI::App& program);
 Run add_convert(CLI::App& program);
 Run add_demo(CLI::App& program);
 Run add_evaluate(CLI::App& program);
+Run add_map(CLI::App& program);
 Run add_info(CLI::App& program);
 Run add_simulate(CLI::App& program);
 

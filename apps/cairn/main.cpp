@@ -98,6 +98,9 @@ int run(int argc, char** argv) {
 #ifdef CAIRN_HAS_SIMULATION
   verbs.emplace_back("simulate", cairn::cli::add_simulate(program));
 #endif
+#ifdef CAIRN_HAS_ODOMETRY
+  verbs.emplace_back("map", cairn::cli::add_map(program));
+#endif
   for (CLI::App* const verb : program.get_subcommands(nullptr)) verb->group("Verbs");
   if (argc < 2) {
     print_error(program.help());

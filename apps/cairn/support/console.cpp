@@ -31,15 +31,16 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  void update(double share) {
+  void update(double share, const std::string& detail = {}) {
     const auto now = Clock::now();
     if (now - start_ < std::chrono::seconds(1)) return;
     if (shown_ && now - last_ < std::chrono::milliseconds(100)) return;
     constexpr int kWidth = 30;
     const double clamped = std::clamp(share, 0.0, 1.0);
     const int filled = static_cast<int>(clamped * kWidth);
-    print_error(fmt::format("\r\x1b[K{} [{}{}] {:3.0f} %", label_, std::string(filled, '#'),
-                            std::string(kWidth - filled, '.'), 100.0 * clamped));
+    print_error(fmt::format("\r\x1b[K{} [{}{}] {:3.0f} %{}{}", label_,
+                            std::string(filled, '#'), std::string(kWidth - filled, '.'),
+                            100.0 * clamped, detail.empty() ? "" : "  ", detail));
     std::fflush(stderr);
     shown_ = true;
     last_ = now;
@@ -71,6 +72,14 @@ LogSink Console::log() const {
 Progress Console::progress(const std::string& label) const {
   if (quiet_ || ::isatty(STDERR_FILENO) == 0) return {};
   return [bar = std::make_shared<ProgressBar>(label)](double share) { bar->update(share); };
+}
+
+std::function<void(double, const std::string&)> Console::detailed_progress(
+    const std::string& label) const {
+  if (quiet_ || ::isatty(STDERR_FILENO) == 0) return {};
+  return [bar = std::make_shared<ProgressBar>(label)](double share, const std::string& detail) {
+    bar->update(share, detail);
+  };
 }
 
 }  // namespace cairn::cli

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -30,6 +31,9 @@ class Console {
 
   /// A bar on a terminal, once the work has taken over a second; it clears itself.
   Progress progress(const std::string& label) const;
+  /// The same, with words behind the bar.
+  std::function<void(double share, const std::string& detail)> detailed_progress(
+      const std::string& label) const;
 
  private:
   bool quiet_;

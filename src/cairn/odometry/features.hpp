@@ -117,7 +117,7 @@ class Features {
 };
 
 struct FeatureOptions {
-  int count = 1500;         ///< keypoints wanted in an image, 50 to 20000
+  int count = 1000;         ///< keypoints wanted in an image, 50 to 20000
   int levels = 8;           ///< of the image pyramid, 1 to 12
   double scale = 1.2;       ///< between its levels, 1.05 to 2
   int threshold = 20;       ///< grey levels by which a corner stands out

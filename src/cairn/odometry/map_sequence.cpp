@@ -133,6 +133,7 @@ void Mapping::add_poses(const Trajectory& trajectory) {
 }
 
 MappedSequence Mapping::finish() {
+  odometry_.adjust_all();
   add_poses(odometry_.trajectory());
   result_.trajectory = Trajectory(std::move(poses_));
   // A mini-map of a single frame, begun at the very end, holds nothing that the one before lacks.
@@ -157,6 +158,7 @@ MappedSequence Mapping::finish() {
 
 void MapSequenceOptions::validate() const {
   odometry.validate();
+  map.validate();
   if (!mini_maps) return;
   if (mini_maps->metres && !(*mini_maps->metres > 0.0 && std::isfinite(*mini_maps->metres))) {
     throw Error(ErrorKind::kMisuse, "MapSequenceOptions.mini_maps.metres",

@@ -21,6 +21,13 @@ void OdometryOptions::validate() const {
   };
   require(min_tracked >= 6, "min_tracked", min_tracked, "at least 6");
   require(adjusted_keyframes >= 1, "adjusted_keyframes", adjusted_keyframes, "at least 1");
+  require(final_iterations >= 0 && final_iterations <= 1000, "final_iterations", final_iterations,
+          "0 to 1000");
+}
+
+void MapOptions::validate() const {
+  if (min_observations >= 1) return;
+  throw Error(ErrorKind::kMisuse, "MapOptions.min_observations", "0", "at least 1");
 }
 
 Odometry::Odometry(const Camera& camera, const OdometryOptions& options)
@@ -35,6 +42,10 @@ Features Odometry::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {
 
 FrameReport Odometry::track(double timestamp_s, Features features, std::string image_name) {
   return tracker_->track(timestamp_s, std::move(features), std::move(image_name));
+}
+
+void Odometry::adjust_all() {
+  tracker_->adjust_all();
 }
 
 Trajectory Odometry::trajectory() const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,12 +18,15 @@ namespace cairn {
 struct OdometryOptions {
   FeatureOptions features;
   SensorNoise noise;
-  /// The pose of the first frame that the map is built from.
-  Rigid3 start;
+  /// The pose of the first frame that the map is built from, asked for with that frame's time;
+  /// empty: the identity.
+  std::function<Rigid3(double timestamp_s)> start = {};
   /// Fewer landmarks than this found in a frame: tracking is lost. At least 6.
   std::size_t min_tracked = 20;
   /// Keyframes that move in a local bundle adjustment. At least 1.
   std::size_t adjusted_keyframes = 8;
+  /// Iterations of the bundle adjustment over all keyframes that completes a map; 0: none.
+  int final_iterations = 10;
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -54,6 +58,9 @@ struct MapOptions {
   std::size_t min_observations = 1;  ///< landmarks with fewer are left out; at least 1
   LandmarkCovariance covariance = LandmarkCovariance::kRecursive;
   bool descriptors = true;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
 };
 
 /// How one mini-map lies in the one before it.
@@ -86,6 +93,8 @@ class Odometry {
 
   FrameReport track(double timestamp_s, Features features, std::string image_name = {});
 
+  /// Adjusts all keyframes and landmarks at once, as completes a map.
+  void adjust_all();
   /// The poses of all frames tracked in this map so far, as the map has them now.
   Trajectory trajectory() const;
   /// All keyframes, and the landmarks.

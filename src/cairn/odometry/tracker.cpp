@@ -115,7 +115,7 @@ bool Odometry::Tracker::start(Frame& frame) {
       std::count_if(keypoints.begin(), keypoints.end(),
                     [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }));
   if (with_depth < kFewestToStart) return false;
-  frame.world_from_camera = options_.start;
+  if (options_.start) frame.world_from_camera = options_.start(frame.timestamp_s);
   make_keyframe(frame);
   recorded_.push_back({frame.timestamp_s, 0, Rigid3()});
   previous_ = std::move(frame);
@@ -516,6 +516,13 @@ Trajectory Odometry::Tracker::trajectory() const {
   return Trajectory(std::move(poses));
 }
 
+void Odometry::Tracker::adjust_all() {
+  if (graph_.keyframes().size() < 2 || options_.final_iterations == 0) return;
+  std::vector<std::uint32_t> moving;
+  for (std::uint32_t i = 1; i < graph_.keyframes().size(); ++i) moving.push_back(i);
+  adjust(graph_, moving, {.max_iterations = options_.final_iterations});
+}
+
 std::optional<Rigid3> Odometry::Tracker::last_pose() const {
   if (!previous_ || lost_) return std::nullopt;
   return previous_->world_from_camera;
@@ -532,6 +539,7 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
     make_keyframe(frame);
     recorded_.push_back({frame.timestamp_s, reference_, Rigid3()});
   }
+  adjust_all();
   const std::vector<Matrix6d> covariances = graph_.keyframes().size() <= kMostMarginalKeyframes
                                                 ? marginal_covariances(graph_).keyframes
                                                 : keyframe_pose_covariances(graph_);
@@ -550,9 +558,7 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
 }
 
 LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
-  if (options.min_observations < 1) {
-    throw Error(ErrorKind::kMisuse, "MapOptions.min_observations", "0", "at least 1");
-  }
+  options.validate();
   MapTables tables;
   tables.cameras = {camera_};
   for (const Keyframe& keyframe : graph_.keyframes()) {

@@ -21,6 +21,7 @@ class Odometry::Tracker {
 
   const FeatureExtractor& extractor() const { return extractor_; }
   FrameReport track(double timestamp_s, Features features, std::string image_name);
+  void adjust_all();
   Trajectory trajectory() const;
   LandmarkMap map(const MapOptions& options) const;
   std::optional<Rigid3> last_pose() const;

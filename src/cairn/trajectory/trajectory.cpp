@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/trajectory/trajectory.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include <fmt/format.h>
@@ -47,6 +49,23 @@ Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from
                                     new_from_old * old.translation());
   }
   return Trajectory(std::move(poses));
+}
+
+std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestamp_s,
+                                   double max_gap_s) {
+  const auto poses = trajectory.poses();
+  const auto after =
+      std::lower_bound(poses.begin(), poses.end(), timestamp_s,
+                       [](const TimedPose& pose, double time) { return pose.timestamp_s < time; });
+  if (after == poses.end()) return std::nullopt;
+  if (after->timestamp_s == timestamp_s) return after->world_from_camera;
+  if (after == poses.begin()) return std::nullopt;
+  const auto before = std::prev(after);
+  const double gap = after->timestamp_s - before->timestamp_s;
+  if (gap > max_gap_s) return std::nullopt;
+  const double share = (timestamp_s - before->timestamp_s) / gap;
+  const Vector6d motion = before->world_from_camera.difference_to(after->world_from_camera);
+  return before->world_from_camera.perturbed(share * motion);
 }
 
 PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s) {

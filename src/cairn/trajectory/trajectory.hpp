@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -39,6 +40,11 @@ class Trajectory {
 
 /// The trajectory in another world: positions scaled, turned and moved, orientations turned.
 Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from_old);
+
+/// The pose at a time, between the poses before and after it (straight line; rotation at constant
+/// speed). Nothing outside the trajectory, or where these two are more than `max_gap_s` apart.
+std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestamp_s,
+                                   double max_gap_s = 0.1);
 
 /// Pairs of positions in two trajectories.
 using PosePairs = IndexPairs;

@@ -37,6 +37,25 @@ TEST(Trajectory, RefusesTimesThatDoNotAscend) {
   EXPECT_THROW(at({std::nan("")}), Error);
 }
 
+TEST(Interpolated, LiesOnTheWayBetweenTheNeighbours) {
+  const Rigid3 turned(rotation_exp({0.0, 0.0, 0.4}), {2.0, 0.0, 1.0});
+  const Trajectory trajectory({{10.0, Rigid3()}, {10.1, turned}});
+  const auto quarter = interpolated(trajectory, 10.025);
+  ASSERT_TRUE(quarter);
+  EXPECT_NEAR((quarter->translation() - Eigen::Vector3d(0.5, 0.0, 0.25)).norm(), 0.0, 1e-6);
+  EXPECT_NEAR(quarter->angle(), 0.1, 1e-6);
+  EXPECT_EQ(interpolated(trajectory, 10.1)->translation(), turned.translation());
+}
+
+TEST(Interpolated, InventsNothing) {
+  const Trajectory trajectory = at({1.0, 1.05, 3.0});
+  EXPECT_FALSE(interpolated(trajectory, 0.9)) << "before the first";
+  EXPECT_FALSE(interpolated(trajectory, 3.1)) << "after the last";
+  EXPECT_FALSE(interpolated(trajectory, 2.0)) << "in a gap";
+  EXPECT_TRUE(interpolated(trajectory, 2.0, 5.0));
+  EXPECT_FALSE(interpolated(Trajectory(), 1.0));
+}
+
 TEST(Associate, PairsTheClosestInTimeFirst) {
   // 1.01 is nearer to 1.012 than 1.0 is; 1.0 then has no partner left.
   EXPECT_THAT(associate(at({1.0, 1.01}), at({1.012}), 0.02), ElementsAre(Pair(1, 0)));

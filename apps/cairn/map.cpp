@@ -1,0 +1,418 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/map/io/camera_file.hpp"
+#include "cairn/map/io/map_file.hpp"
+#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/sequence/sequence.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/interrupt.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kTumDepthUnits = 5000.0;
+
+struct MapArguments {
+  CommonArguments common;
+  std::string sequence;
+  std::string output;
+  std::string trajectory;
+  std::string camera;
+  std::optional<double> depth_units;
+  double max_time_difference = SequenceOptions().max_time_difference_s;
+  std::string start_pose;
+  std::string start_from;
+  std::string mini_map_length;
+  std::string covariance = "recursive";
+  std::size_t min_observations = MapOptions().min_observations;
+  bool no_descriptors = false;
+  bool skip_unreadable = false;
+  int features = FeatureOptions().count;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  CameraFile load_camera() const;
+  MapSequenceOptions options() const;
+  MappedSequence map(const Camera& camera, const SequenceOptions& sequence_options) const;
+  void write(const MappedSequence& mapped) const;
+  void write_mini_maps(const MappedSequence& mapped) const;
+  Json describe(const MappedSequence& mapped, const CameraFile& camera_file) const;
+  void print(const MappedSequence& mapped, double seconds) const;
+};
+
+void MapArguments::add_to(CLI::App& command) {
+  add_text(command, "sequence", sequence,
+           "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images they name")
+      ->required();
+  add_text(command, "-o,--output", output,
+           "Map to write: .map, .txt, .ply or .pcd; with --mini-map-length a folder", "FILE")
+      ->required();
+  add_text(command, "--trajectory", trajectory,
+           "Also write where the camera was, in TUM format: timestamp tx ty tz qx qy qz qw a line",
+           "FILE");
+  add_text(command, "--camera", camera,
+           "fr1, fr2 or fr3 of the TUM benchmark; a camera file; or \"MODEL width height "
+           "parameters\" (default: camera.yaml in the sequence's folder)",
+           "CAMERA");
+  add_number(command, "--depth-units", depth_units,
+             "Depth image units a metre (default: as the camera file says, else 5000)");
+  add_number(command, "--max-time-difference", max_time_difference,
+             "A colour image has the depth image nearest in time, less than this many seconds off");
+  auto* const pose =
+      add_text(command, "--start-pose", start_pose,
+               "Pose of the first camera, world_from_camera (default: the identity)",
+               "\"tx ty tz qw qx qy qz\"");
+  add_text(command, "--start-from", start_from,
+           "The same, from a trajectory in TUM format at the time of the first frame", "FILE")
+      ->excludes(pose);
+  add_text(command, "--mini-map-length", mini_map_length,
+           "Cut into mini-maps, each in its own frame: so many metres of path, or frames",
+           "1m|50f");
+  add_text(command, "--covariance", covariance,
+           "How landmark covariances are found: recursive, observation by observation, or "
+           "marginal, from the whole least-squares problem")
+      ->capture_default_str();
+  add_number(command, "--min-observations", min_observations,
+             "Leave out landmarks that fewer keyframes observed");
+  add_number(command, "--features", features, "Corners wanted in an image");
+  command.add_flag("--no-descriptors", no_descriptors, "Leave out the landmarks' descriptors");
+  command.add_flag("--skip-unreadable", skip_unreadable,
+                   "Go on where an image is missing or damaged, instead of refusing the sequence");
+  common.add_to(command);
+  command.footer(
+      "Example: the map of a TUM sequence in the frame of its ground truth, and how good it is\n"
+      "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum \\\n"
+      "    --start-from rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
+      "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt");
+}
+
+CameraFile MapArguments::load_camera() const {
+  const auto read = [](const fs::path& path) {
+    FileReader file(path);
+    return read_camera_file(file);
+  };
+  if (camera.empty()) {
+    const fs::path beside = fs::path(sequence) / "camera.yaml";
+    std::error_code ignored;
+    if (fs::is_regular_file(beside, ignored)) return read(beside);
+    throw Error(ErrorKind::kMisuse, "--camera",
+                "not given, and there is no " + beside.string(),
+                "fr1, fr2, fr3, a camera file, or \"MODEL width height parameters\"");
+  }
+  if (camera == "fr1" || camera == "fr2" || camera == "fr3") {
+    return {tum_camera(camera), kTumDepthUnits};
+  }
+  if (camera.find(' ') != std::string::npos) return {parse_camera(camera), std::nullopt};
+  return read(camera);
+}
+
+LandmarkCovariance parse_covariance(const std::string& text) {
+  if (text == "recursive") return LandmarkCovariance::kRecursive;
+  if (text == "marginal") return LandmarkCovariance::kMarginal;
+  throw Error(ErrorKind::kMisuse, "--covariance", printable(text), "recursive or marginal");
+}
+
+MiniMapLength parse_length(const std::string& text) {
+  const std::string number = text.substr(0, text.size() - 1);
+  MiniMapLength length;
+  if (text.ends_with('m')) {
+    const auto metres = parse_number(number);
+    if (metres && *metres > 0.0) length.metres = *metres;
+  } else if (text.ends_with('f')) {
+    const auto frames = parse_unsigned(number);
+    if (frames && *frames >= 2) length.frames = *frames;
+  }
+  if (!length.metres && !length.frames) {
+    throw Error(ErrorKind::kMisuse, "--mini-map-length", printable(text),
+                "metres of path such as 1m, or at least 2 frames such as 50f");
+  }
+  return length;
+}
+
+Rigid3 parse_start_pose(const std::string& text) {
+  constexpr std::string_view kExpected = "\"tx ty tz qw qx qy qz\", the quaternion of norm 1";
+  const std::vector<double> n = parse_numbers(text, "--start-pose", kExpected);
+  if (n.size() != 7) {
+    throw Error(ErrorKind::kMisuse, "--start-pose", fmt::format("{} numbers", n.size()), kExpected);
+  }
+  const Eigen::Quaterniond rotation(n[3], n[4], n[5], n[6]);
+  constexpr double kTolerance = 1e-3;
+  if (!(std::abs(rotation.norm() - 1.0) <= kTolerance)) {
+    throw Error(ErrorKind::kMisuse, "--start-pose",
+                fmt::format("the quaternion's norm is {}", rotation.norm()), kExpected);
+  }
+  return {rotation, {n[0], n[1], n[2]}};
+}
+
+MapSequenceOptions MapArguments::options() const {
+  MapSequenceOptions options;
+  options.odometry.features.count = features;
+  if (!start_pose.empty()) {
+    options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
+  }
+  if (!start_from.empty()) {
+    FileReader file(start_from);
+    options.odometry.start = [truth = read_tum_trajectory(file), path = start_from](double time) {
+      const auto pose = interpolated(truth, time);
+      if (pose) return *pose;
+      throw Error(ErrorKind::kInput, path,
+                  fmt::format("no pose near {:.6f} s, when the map begins", time),
+                  "a trajectory that covers the sequence");
+    };
+  }
+  options.map.covariance = parse_covariance(covariance);
+  options.map.min_observations = min_observations;
+  options.map.descriptors = !no_descriptors;
+  if (!mini_map_length.empty()) options.mini_maps = parse_length(mini_map_length);
+  options.skip_unreadable = skip_unreadable;
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  const Console console = common.console();
+  options.log = console.log();
+  if (const auto show = console.detailed_progress("mapping")) {
+    options.progress = [show, start = std::chrono::steady_clock::now()](
+                           const MappingProgress& now) {
+      const double seconds =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
+           fmt::format("{:.0f} frames/s, {} landmarks tracked, {} frames lost",
+                       static_cast<double>(now.frame) / seconds, now.landmarks, now.lost));
+    };
+  }
+  return options;
+}
+
+MappedSequence MapArguments::map(const Camera& model,
+                                 const SequenceOptions& sequence_options) const {
+  const RgbdSequence images(sequence, sequence_options, common.console().log());
+  const MapSequenceOptions mapping = options();
+  with_option_names({{"FeatureOptions.count", "--features"},
+                     {"MapOptions.min_observations", "--min-observations"}},
+                    [&] { mapping.validate(); });
+  return map_sequence(images, model, mapping);
+}
+
+std::string mini_map_name(std::size_t index) {
+  return fmt::format("{:04}.map", index);
+}
+
+// The folder appears whole or not at all.
+void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
+  const fs::path unfinished = output + ".unfinished";
+  try {
+    fs::create_directory(unfinished);
+    Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
+    index["mini_maps"] = Json::array();
+    for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
+      const LandmarkMap& mini_map = mapped.maps[i];
+      write_map(mini_map, unfinished / mini_map_name(i));
+      index["mini_maps"].push_back(
+          {{"file", mini_map_name(i)},
+           {"keyframes", mini_map.frame_count()},
+           {"landmarks", mini_map.landmark_count()},
+           {"first_timestamp", mini_map.frames().timestamps_s.front().value()},
+           {"last_timestamp", mini_map.frames().timestamps_s.back().value()}});
+    }
+    index["links"] = Json::array();
+    for (std::size_t i = 0; i < mapped.links.size(); ++i) {
+      index["links"].push_back({{"source", mini_map_name(i + 1)},
+                                {"target", mini_map_name(i)},
+                                {"target_from_source", to_json(mapped.links[i].previous_from_next)},
+                                {"covariance", to_json(mapped.links[i].covariance)}});
+    }
+    write_file(unfinished / "mini_maps.json",
+               [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
+    fs::rename(unfinished, output);
+  } catch (const fs::filesystem_error& error) {
+    std::error_code ignored;
+    fs::remove_all(unfinished, ignored);
+    throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(unfinished, ignored);
+    throw;
+  }
+}
+
+void MapArguments::write(const MappedSequence& mapped) const {
+  if (mini_map_length.empty()) {
+    save_map(mapped.maps.front(), output, common);
+  } else {
+    write_mini_maps(mapped);
+  }
+  if (!trajectory.empty()) {
+    write_file(trajectory, [&](const ByteSink& sink) {
+      write_tum_trajectory(mapped.trajectory, sink);
+    });
+  }
+}
+
+struct LandmarkCounts {
+  std::size_t all = 0;
+  std::size_t observed_again = 0;  // by two keyframes or more
+  double mean_observations = 0.0;  // of those
+};
+
+LandmarkCounts count_landmarks(const std::vector<LandmarkMap>& maps) {
+  LandmarkCounts counts;
+  std::size_t observations = 0;
+  for (const LandmarkMap& map : maps) {
+    counts.all += map.landmark_count();
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      const std::size_t observed = map.observation_count(LandmarkIndex{i});
+      if (observed < 2) continue;
+      ++counts.observed_again;
+      observations += observed;
+    }
+  }
+  if (counts.observed_again > 0) {
+    counts.mean_observations =
+        static_cast<double>(observations) / static_cast<double>(counts.observed_again);
+  }
+  return counts;
+}
+
+Json MapArguments::describe(const MappedSequence& mapped, const CameraFile& camera_file) const {
+  const LandmarkCounts landmarks = count_landmarks(mapped.maps);
+  Json json = document(
+      "map", common, {{"sequence", {{"path", sequence}, {"frames", mapped.frames}}}},
+      {{"camera",
+        {{"model", camera_file.camera.model},
+         {"width", camera_file.camera.width},
+         {"height", camera_file.camera.height},
+         {"parameters", camera_file.camera.parameters}}},
+       {"depth_units_per_metre",
+        depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
+       {"max_time_difference_s", max_time_difference},
+       {"start_pose", text_or_null(start_pose)},
+       {"start_from", text_or_null(start_from)},
+       {"mini_map_length", text_or_null(mini_map_length)},
+       {"covariance", covariance},
+       {"min_observations", min_observations},
+       {"features", features},
+       {"descriptors", !no_descriptors},
+       {"skip_unreadable", skip_unreadable}});
+  json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
+  json["frames"] = {{"all", mapped.frames},
+                    {"tracked", mapped.tracked},
+                    {"waiting", mapped.waiting},
+                    {"lost", mapped.lost_frames()},
+                    {"unreadable", mapped.unreadable},
+                    {"without_depth", mapped.frames_without_depth}};
+  json["lost"] = Json::array();
+  for (const LostStretch& stretch : mapped.lost) {
+    json["lost"].push_back({{"first_timestamp", stretch.first_timestamp_s},
+                            {"last_timestamp", stretch.last_timestamp_s},
+                            {"frames", stretch.frames}});
+  }
+  json["maps"] = mapped.maps.size();
+  json["keyframes"] = mapped.keyframes;
+  json["landmarks"] = {{"all", landmarks.all},
+                       {"observed_again", landmarks.observed_again},
+                       {"mean_observations", landmarks.mean_observations}};
+  json["mean_tracked_landmarks"] = mapped.mean_tracked_landmarks;
+  json["median_reprojection_error_px"] = to_json(mapped.median_reprojection_error);
+  json["path_length_m"] = mapped.trajectory.length();
+  return json;
+}
+
+void MapArguments::print(const MappedSequence& mapped, double seconds) const {
+  const Console console = common.console();
+  const LandmarkCounts landmarks = count_landmarks(mapped.maps);
+  std::string text = fmt::format("{}: ", output);
+  if (!mini_map_length.empty()) text += fmt::format("{} mini-maps, ", mapped.maps.size());
+  text += fmt::format(
+      "{} keyframes, {} landmarks, {} of them observed by two or more keyframes ({:.1f} on "
+      "average)\n",
+      mapped.keyframes, landmarks.all, landmarks.observed_again, landmarks.mean_observations);
+  text += fmt::format("{} of {} frames tracked over {:.2f} m, {:.0f} landmarks a frame",
+                      mapped.tracked, mapped.frames, mapped.trajectory.length(),
+                      mapped.mean_tracked_landmarks);
+  if (mapped.median_reprojection_error) {
+    text += fmt::format(", median reprojection error {:.2f} px", *mapped.median_reprojection_error);
+  }
+  text += fmt::format("; {:.1f} frames a second\n", static_cast<double>(mapped.frames) / seconds);
+  if (mapped.waiting > 0) {
+    text += fmt::format("{} frames came before the first with depth and texture enough\n",
+                        mapped.waiting);
+  }
+  if (mapped.frames_without_depth > 0) {
+    text += fmt::format("{} frames have no depth image near in time\n",
+                        mapped.frames_without_depth);
+  }
+  for (const LostStretch& stretch : mapped.lost) {
+    text += fmt::format("TRACKING WAS LOST in {} frames from {:.6f} to {:.6f} s: no poses there\n",
+                        stretch.frames, stretch.first_timestamp_s, stretch.last_timestamp_s);
+  }
+  console.print(text);
+}
+
+int MapArguments::run() {
+  require_folder_of(common.json_path);
+  if (!trajectory.empty()) require_folder_of(trajectory);
+  if (mini_map_length.empty()) {
+    require_map_path(output, "--output");
+  } else {
+    parse_length(mini_map_length);
+    std::error_code ignored;
+    if (fs::exists(output, ignored)) {
+      throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
+    }
+    require_folder_of(output);
+  }
+  const CameraFile camera_file = load_camera();
+  SequenceOptions sequence_options;
+  sequence_options.depth_units_per_metre =
+      depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits));
+  sequence_options.max_time_difference_s = max_time_difference;
+  with_option_names({{"SequenceOptions.depth_units_per_metre", "--depth-units"},
+                     {"SequenceOptions.max_time_difference_s", "--max-time-difference"}},
+                    [&] { sequence_options.validate(); });
+
+  const auto start = std::chrono::steady_clock::now();
+  const MappedSequence mapped = map(camera_file.camera, sequence_options);
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (mapped.maps.empty()) {
+    throw Error(ErrorKind::kInput, sequence,
+                fmt::format("none of {} frames could be tracked", mapped.frames),
+                "a frame with depth and texture to begin with");
+  }
+  write(mapped);
+  Json json = describe(mapped, camera_file);
+  json["duration_s"] = seconds;
+  write_document(json, common);
+  print(mapped, seconds);
+  return kDone;
+}
+
+}  // namespace
+
+Run add_map(CLI::App& program) {
+  auto arguments = std::make_shared<MapArguments>();
+  arguments->add_to(*program.add_subcommand(
+      "map", "Build a landmark map and the camera's trajectory from an RGB-D sequence"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli
