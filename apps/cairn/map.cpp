@@ -78,10 +78,9 @@ void MapArguments::add_to(CLI::App& command) {
              "Depth image units a metre (default: as the camera file says, else 5000)");
   add_number(command, "--max-time-difference", max_time_difference,
              "A colour image has the depth image nearest in time, less than this many seconds off");
-  auto* const pose =
-      add_text(command, "--start-pose", start_pose,
-               "Pose of the first camera, world_from_camera (default: the identity)",
-               "\"tx ty tz qw qx qy qz\"");
+  auto* const pose = add_text(command, "--start-pose", start_pose,
+                              "Pose of the first camera, world_from_camera (default: the identity)",
+                              "\"tx ty tz qw qx qy qz\"");
   add_text(command, "--start-from", start_from,
            "The same, from a trajectory in TUM format at the time of the first frame", "FILE")
       ->excludes(pose);
@@ -115,8 +114,7 @@ CameraFile MapArguments::load_camera() const {
     const fs::path beside = fs::path(sequence) / "camera.yaml";
     std::error_code ignored;
     if (fs::is_regular_file(beside, ignored)) return read(beside);
-    throw Error(ErrorKind::kMisuse, "--camera",
-                "not given, and there is no " + beside.string(),
+    throw Error(ErrorKind::kMisuse, "--camera", "not given, and there is no " + beside.string(),
                 "fr1, fr2, fr3, a camera file, or \"MODEL width height parameters\"");
   }
   if (camera == "fr1" || camera == "fr2" || camera == "fr3") {
@@ -190,8 +188,8 @@ MapSequenceOptions MapArguments::options() const {
   const Console console = common.console();
   options.log = console.log();
   if (const auto show = console.detailed_progress("mapping")) {
-    options.progress = [show, start = std::chrono::steady_clock::now()](
-                           const MappingProgress& now) {
+    options.progress = [show,
+                        start = std::chrono::steady_clock::now()](const MappingProgress& now) {
       const double seconds =
           std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
@@ -261,9 +259,8 @@ void MapArguments::write(const MappedSequence& mapped) const {
     write_mini_maps(mapped);
   }
   if (!trajectory.empty()) {
-    write_file(trajectory, [&](const ByteSink& sink) {
-      write_tum_trajectory(mapped.trajectory, sink);
-    });
+    write_file(trajectory,
+               [&](const ByteSink& sink) { write_tum_trajectory(mapped.trajectory, sink); });
   }
 }
 
@@ -294,24 +291,24 @@ LandmarkCounts count_landmarks(const std::vector<LandmarkMap>& maps) {
 
 Json MapArguments::describe(const MappedSequence& mapped, const CameraFile& camera_file) const {
   const LandmarkCounts landmarks = count_landmarks(mapped.maps);
-  Json json = document(
-      "map", common, {{"sequence", {{"path", sequence}, {"frames", mapped.frames}}}},
-      {{"camera",
-        {{"model", camera_file.camera.model},
-         {"width", camera_file.camera.width},
-         {"height", camera_file.camera.height},
-         {"parameters", camera_file.camera.parameters}}},
-       {"depth_units_per_metre",
-        depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
-       {"max_time_difference_s", max_time_difference},
-       {"start_pose", text_or_null(start_pose)},
-       {"start_from", text_or_null(start_from)},
-       {"mini_map_length", text_or_null(mini_map_length)},
-       {"covariance", covariance},
-       {"min_observations", min_observations},
-       {"features", features},
-       {"descriptors", !no_descriptors},
-       {"skip_unreadable", skip_unreadable}});
+  Json json =
+      document("map", common, {{"sequence", {{"path", sequence}, {"frames", mapped.frames}}}},
+               {{"camera",
+                 {{"model", camera_file.camera.model},
+                  {"width", camera_file.camera.width},
+                  {"height", camera_file.camera.height},
+                  {"parameters", camera_file.camera.parameters}}},
+                {"depth_units_per_metre",
+                 depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
+                {"max_time_difference_s", max_time_difference},
+                {"start_pose", text_or_null(start_pose)},
+                {"start_from", text_or_null(start_from)},
+                {"mini_map_length", text_or_null(mini_map_length)},
+                {"covariance", covariance},
+                {"min_observations", min_observations},
+                {"features", features},
+                {"descriptors", !no_descriptors},
+                {"skip_unreadable", skip_unreadable}});
   json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
   json["frames"] = {{"all", mapped.frames},
                     {"tracked", mapped.tracked},
@@ -345,9 +342,9 @@ void MapArguments::print(const MappedSequence& mapped, double seconds) const {
       "{} keyframes, {} landmarks, {} of them observed by two or more keyframes ({:.1f} on "
       "average)\n",
       mapped.keyframes, landmarks.all, landmarks.observed_again, landmarks.mean_observations);
-  text += fmt::format("{} of {} frames tracked over {:.2f} m, {:.0f} landmarks a frame",
-                      mapped.tracked, mapped.frames, mapped.trajectory.length(),
-                      mapped.mean_tracked_landmarks);
+  text +=
+      fmt::format("{} of {} frames tracked over {:.2f} m, {:.0f} landmarks a frame", mapped.tracked,
+                  mapped.frames, mapped.trajectory.length(), mapped.mean_tracked_landmarks);
   if (mapped.median_reprojection_error) {
     text += fmt::format(", median reprojection error {:.2f} px", *mapped.median_reprojection_error);
   }
@@ -357,8 +354,8 @@ void MapArguments::print(const MappedSequence& mapped, double seconds) const {
                         mapped.waiting);
   }
   if (mapped.frames_without_depth > 0) {
-    text += fmt::format("{} frames have no depth image near in time\n",
-                        mapped.frames_without_depth);
+    text +=
+        fmt::format("{} frames have no depth image near in time\n", mapped.frames_without_depth);
   }
   for (const LostStretch& stretch : mapped.lost) {
     text += fmt::format("TRACKING WAS LOST in {} frames from {:.6f} to {:.6f} s: no poses there\n",

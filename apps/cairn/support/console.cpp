@@ -38,9 +38,9 @@ class ProgressBar {
     constexpr int kWidth = 30;
     const double clamped = std::clamp(share, 0.0, 1.0);
     const int filled = static_cast<int>(clamped * kWidth);
-    print_error(fmt::format("\r\x1b[K{} [{}{}] {:3.0f} %{}{}", label_,
-                            std::string(filled, '#'), std::string(kWidth - filled, '.'),
-                            100.0 * clamped, detail.empty() ? "" : "  ", detail));
+    print_error(fmt::format("\r\x1b[K{} [{}{}] {:3.0f} %{}{}", label_, std::string(filled, '#'),
+                            std::string(kWidth - filled, '.'), 100.0 * clamped,
+                            detail.empty() ? "" : "  ", detail));
     std::fflush(stderr);
     shown_ = true;
     last_ = now;

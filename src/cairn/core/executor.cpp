@@ -113,14 +113,14 @@ void Executor::run_in_order(std::size_t count, std::size_t ahead,
     return;
   }
   std::size_t next = 0;
-  const auto number = tbb::make_filter<void, std::size_t>(
-      tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
-        if (next == count) {
-          control.stop();
-          return next;
-        }
-        return next++;
-      });
+  const auto number = tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order,
+                                                          [&](tbb::flow_control& control) {
+                                                            if (next == count) {
+                                                              control.stop();
+                                                              return next;
+                                                            }
+                                                            return next++;
+                                                          });
   const auto making = tbb::make_filter<std::size_t, std::shared_ptr<Numbered>>(
       tbb::filter_mode::parallel, [&](std::size_t i) {
         [[maybe_unused]] const BlockOrder block_order;
@@ -140,8 +140,7 @@ void Executor::run_in_order(std::size_t count, std::size_t ahead,
         made->item.reset();
       });
   [[maybe_unused]] const LoopOrder loop_order;
-  arena_->arena->execute(
-      [&] { tbb::parallel_pipeline(ahead + 1, number & making & using_up); });
+  arena_->arena->execute([&] { tbb::parallel_pipeline(ahead + 1, number & making & using_up); });
 }
 
 }  // namespace cairn

@@ -13,8 +13,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kPixelGate = 9.210;  // chi² of two degrees of freedom, 99 %
-constexpr double kDepthGate = 6.635;  // of one
+constexpr double kPixelGate = 9.210;    // chi² of two degrees of freedom, 99 %
+constexpr double kDepthGate = 6.635;    // of one
 constexpr double kPixelKernel = 5.991;  // 95 %
 constexpr double kDepthKernel = 3.841;
 
@@ -151,8 +151,7 @@ double huber_weight(double squared, double gate) {
   return squared <= gate ? 1.0 : std::sqrt(gate / squared);
 }
 
-std::optional<FixedMeasurements> fixed_measurements(const LandmarkGraph& graph,
-                                                    LandmarkIndex index,
+std::optional<FixedMeasurements> fixed_measurements(const LandmarkGraph& graph, LandmarkIndex index,
                                                     const std::vector<bool>& moves) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
@@ -265,7 +264,8 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
     poses.push_back(to_block(graph.keyframes()[keyframe].world_from_camera));
   }
   std::vector<Eigen::Vector3d> points;
-  for (const LandmarkIndex index : scope.landmarks) points.push_back(graph.landmark(index).position);
+  for (const LandmarkIndex index : scope.landmarks)
+    points.push_back(graph.landmark(index).position);
 
   PoseManifold manifold;
   ceres::HuberLoss pixel_loss(std::sqrt(kPixelKernel));

@@ -77,7 +77,8 @@ std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& corners, cv::S
   };
   for (auto& cell : cells) {
     std::sort(cell.begin(), cell.end(), stronger);
-    const bool has_strong = !cell.empty() && cell.front()->response >= static_cast<float>(threshold);
+    const bool has_strong =
+        !cell.empty() && cell.front()->response >= static_cast<float>(threshold);
     for (std::size_t rank = 0; rank < cell.size(); ++rank) {
       if (has_strong && cell[rank]->response < static_cast<float>(threshold)) break;
       ranked.push_back({rank, cell[rank]});
@@ -101,8 +102,8 @@ std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& corners, cv::S
 // Where between the pixels the corner is: the peak of Harris' response, by a quadratic through its
 // 3 x 3 values around the corner. At most a pixel away.
 cv::Point2f refined(const cv::Mat& image, int x, int y) {
-  constexpr int kWindow = 2;              // the response sums gradients of 5 x 5 pixels
-  constexpr int kReach = kWindow + 1;     // for responses one pixel away
+  constexpr int kWindow = 2;           // the response sums gradients of 5 x 5 pixels
+  constexpr int kReach = kWindow + 1;  // for responses one pixel away
   constexpr int kSide = 2 * kReach + 1;
   std::array<std::array<float, kSide>, kSide> xx;
   std::array<std::array<float, kSide>, kSide> xy;
@@ -263,10 +264,10 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
   table_.reserve(static_cast<std::size_t>(table_columns_ * table_rows));
   for (int y = 0; y < table_rows; ++y) {
     for (int x = 0; x < table_columns_; ++x) {
-      table_.push_back(undistort(camera, pinhole_,
-                                 {static_cast<double>(x * kTableStep),
-                                  static_cast<double>(y * kTableStep)})
-                           .cast<float>());
+      table_.push_back(
+          undistort(camera, pinhole_,
+                    {static_cast<double>(x * kTableStep), static_cast<double>(y * kTableStep)})
+              .cast<float>());
     }
   }
 }
@@ -278,7 +279,8 @@ Eigen::Vector2f FeatureExtractor::undistorted(const Pixel& raw) const {
   const int row = static_cast<int>(y);
   const auto right = static_cast<float>(x - column);
   const auto down = static_cast<float>(y - row);
-  const Eigen::Vector2f* const top = &table_[static_cast<std::size_t>(row * table_columns_ + column)];
+  const Eigen::Vector2f* const top =
+      &table_[static_cast<std::size_t>(row * table_columns_ + column)];
   const Eigen::Vector2f* const bottom = top + table_columns_;
   return (1.0F - down) * ((1.0F - right) * top[0] + right * top[1]) +
          down * ((1.0F - right) * bottom[0] + right * bottom[1]);
@@ -349,9 +351,9 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       corner.octave = 0;  // of the pyramid that ORB makes of this level: one level
       corner.size = 2 * kPatchRadius + 1;
       constexpr float kDegrees = 57.29577951F;
-      const float angle = patch_angle(level_image, static_cast<int>(corner.pt.x),
-                                      static_cast<int>(corner.pt.y)) *
-                          kDegrees;
+      const float angle =
+          patch_angle(level_image, static_cast<int>(corner.pt.x), static_cast<int>(corner.pt.y)) *
+          kDegrees;
       corner.angle = angle < 0.0F ? angle + 360.0F : angle;
     }
     if (corners.empty()) continue;

@@ -40,8 +40,8 @@ std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
     }
     const KeypointReference& first = landmark.observations.front();
     const LinearisedObservation start = linearise(graph, first, landmark.position);
-    Eigen::Matrix3d information = start.by_point.transpose() * start.by_point +
-                                  unknown_depth_information(graph, landmark);
+    Eigen::Matrix3d information =
+        start.by_point.transpose() * start.by_point + unknown_depth_information(graph, landmark);
     for (std::size_t i = 1; i < landmark.observations.size(); ++i) {
       const KeypointReference& reference = landmark.observations[i];
       const LinearisedObservation at = linearise(graph, reference, landmark.position);

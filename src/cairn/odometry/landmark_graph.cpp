@@ -124,16 +124,14 @@ void LandmarkGraph::refresh(LandmarkIndex index) {
   }
   Eigen::Vector3d directions = Eigen::Vector3d::Zero();
   for (const KeypointReference& reference : seen.observations) {
-    directions += (seen.position -
-                   keyframes_[reference.keyframe].world_from_camera.translation())
+    directions += (seen.position - keyframes_[reference.keyframe].world_from_camera.translation())
                       .normalized();
   }
   if (directions.norm() > 1e-9) seen.viewing_direction = directions.normalized();
   const KeypointReference& latest = seen.observations.back();
   const Keyframe& keyframe = keyframes_[latest.keyframe];
-  seen.reference_distance_m =
-      (seen.position - keyframe.world_from_camera.translation()).norm() *
-      sensor_->scale(keyframe.features.keypoints()[latest.keypoint].octave);
+  seen.reference_distance_m = (seen.position - keyframe.world_from_camera.translation()).norm() *
+                              sensor_->scale(keyframe.features.keypoints()[latest.keypoint].octave);
 }
 
 bool LandmarkGraph::observes(std::uint32_t keyframe, LandmarkIndex index) const {

@@ -49,7 +49,7 @@ struct TrackedLandmark {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   std::vector<KeypointReference> observations;  ///< oldest first; empty: the landmark is gone
   std::optional<LandmarkAppearance> appearance;
-  Descriptor descriptor{};                      ///< the one nearest to all of its observations
+  Descriptor descriptor{};  ///< the one nearest to all of its observations
   Eigen::Vector3d viewing_direction = Eigen::Vector3d::UnitZ();  ///< mean, camera to landmark
   double reference_distance_m = 1.0;  ///< where it would appear on the finest pyramid level
   std::uint32_t expected = 0;         ///< frames that should have seen it

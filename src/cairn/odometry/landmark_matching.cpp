@@ -48,8 +48,7 @@ std::optional<ExpectedAppearance> expected_appearance(const SensorModel& sensor,
   constexpr double kMostAside = 0.5;  // cos 60°
   if (appearance.cos_view < kMostAside) return std::nullopt;
   const double octave_ratio = sensor.octaves() > 1 ? sensor.scale(1) : 2.0;
-  appearance.octave =
-      std::log(landmark.reference_distance_m / distance) / std::log(octave_ratio);
+  appearance.octave = std::log(landmark.reference_distance_m / distance) / std::log(octave_ratio);
   if (appearance.octave < -1.5 || appearance.octave > sensor.octaves() + 0.5) return std::nullopt;
   return appearance;
 }
@@ -68,8 +67,8 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
     const Descriptor& descriptor = graph.landmark(landmarks[i]).descriptor;
     // Seen from aside a patch changes, and so does where its corner is found.
     constexpr double kFrontal = 0.998;
-    const double radius = options.radius_pixels * sensor.scale(octave) *
-                          (appearance.cos_view > kFrontal ? 0.7 : 1.0);
+    const double radius =
+        options.radius_pixels * sensor.scale(octave) * (appearance.cos_view > kFrontal ? 0.7 : 1.0);
     int best = kNone;
     int second = kNone;
     std::uint32_t best_keypoint = 0;

@@ -20,7 +20,7 @@ struct LandmarkMatch {
 /// Where a landmark should appear in a frame.
 struct ExpectedAppearance {
   Eigen::Vector2d pixel;
-  double octave = 0.0;  ///< not rounded
+  double octave = 0.0;    ///< not rounded
   double cos_view = 1.0;  ///< of the angle to the direction it is usually seen from
 };
 

@@ -27,8 +27,7 @@ Eigen::Matrix3d unknown_depth_information(const LandmarkGraph& graph,
   if (graph.measurement(first).has_depth()) return Eigen::Matrix3d::Zero();
   const Rigid3& pose = graph.keyframes()[first.keyframe].world_from_camera;
   const Eigen::Vector3d axis = pose.rotation().col(2);
-  const double depth =
-      std::max(axis.dot(landmark.position - pose.translation()), kNearestDepth);
+  const double depth = std::max(axis.dot(landmark.position - pose.translation()), kNearestDepth);
   constexpr double kShare = 0.2;
   return axis * axis.transpose() / (kShare * depth * kShare * depth);
 }

@@ -8,8 +8,8 @@ namespace cairn {
 /// Derivatives of an observation's residuals, which are in standard deviations: their covariance is
 /// the identity.
 struct LinearisedObservation {
-  Eigen::Matrix3d by_point;              ///< in the world
-  Eigen::Matrix<double, 3, 6> by_pose;   ///< left perturbation (δt, δφ)
+  Eigen::Matrix3d by_point;             ///< in the world
+  Eigen::Matrix<double, 3, 6> by_pose;  ///< left perturbation (δt, δφ)
 };
 
 LinearisedObservation linearise(const LandmarkGraph& graph, const KeypointReference& reference,

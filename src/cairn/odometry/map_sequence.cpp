@@ -16,25 +16,41 @@ namespace {
 constexpr std::size_t kFramesAhead = 6;
 
 struct PreparedFrame {
-  std::optional<Features> features;  // nothing: unreadable, because of
+  double timestamp_s = 0.0;
+  std::string name;
   std::string defect;
+  bool has_depth = false;
+  std::optional<Features> features;  // nothing: unreadable
 };
 
-PreparedFrame prepare(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
-                      const Odometry& odometry, const MapSequenceOptions& options) {
+PreparedFrame prepare(const FrameImages& images, const Odometry& odometry) {
+  PreparedFrame prepared{images.timestamp_s, images.name, images.defect, !images.depth_m.empty(),
+                         std::nullopt};
+  if (!images.gray.empty()) prepared.features = odometry.extract(images.gray, images.depth_m);
+  return prepared;
+}
+
+FrameImages read_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
+                        bool skip_unreadable) {
+  const SequenceFrame& entry = sequence.frames()[frame];
+  FrameImages result;
+  result.timestamp_s = entry.timestamp_s;
+  result.name = entry.color.filename().string();
   try {
-    const RgbdSequence::Images images = sequence.read(frame);
+    RgbdSequence::Images images = sequence.read(frame);
     if (images.gray.cols != static_cast<int>(camera.width) ||
         images.gray.rows != static_cast<int>(camera.height)) {
-      throw Error(ErrorKind::kInput, sequence.frames()[frame].color.string(),
+      throw Error(ErrorKind::kInput, entry.color.string(),
                   fmt::format("{} x {} pixels", images.gray.cols, images.gray.rows),
                   fmt::format("{} x {}, as the camera has", camera.width, camera.height));
     }
-    return {odometry.extract(images.gray, images.depth), {}};
+    result.gray = std::move(images.gray);
+    result.depth_m = std::move(images.depth);
   } catch (const Error& error) {
-    if (!options.skip_unreadable || error.kind() != ErrorKind::kInput) throw;
-    return {std::nullopt, error.what()};
+    if (!skip_unreadable || error.kind() != ErrorKind::kInput) throw;
+    result.defect = error.what();
   }
+  return result;
 }
 
 // Joins what comes from the frames, one after the other.
@@ -44,7 +60,7 @@ class Mapping {
       : odometry_(camera, options.odometry), options_(&options) {}
 
   const Odometry& odometry() const { return odometry_; }
-  void add(const SequenceFrame& frame, PreparedFrame prepared, std::size_t frames);
+  void add(PreparedFrame frame, std::size_t frames);
   MappedSequence finish();
 
  private:
@@ -66,16 +82,15 @@ class Mapping {
   std::optional<Eigen::Vector3d> last_centre_;
 };
 
-void Mapping::add(const SequenceFrame& frame, PreparedFrame prepared, std::size_t frames) {
+void Mapping::add(PreparedFrame frame, std::size_t frames) {
   ++result_.frames;
-  if (!frame.depth) ++result_.frames_without_depth;
+  if (!frame.has_depth) ++result_.frames_without_depth;
   FrameReport report;
-  if (prepared.features) {
-    report = odometry_.track(frame.timestamp_s, std::move(*prepared.features),
-                             frame.color.filename().string());
+  if (frame.features) {
+    report = odometry_.track(frame.timestamp_s, std::move(*frame.features), frame.name);
   } else {
     ++result_.unreadable;
-    if (options_->log) options_->log("left out: " + prepared.defect);
+    if (options_->log) options_->log("left out: " + frame.defect);
     report.status = result_.tracked > 0 ? FrameStatus::kLost : FrameStatus::kWaiting;
   }
   if (report.status == FrameStatus::kTracked) note_tracked(report);
@@ -176,23 +191,29 @@ std::size_t MappedSequence::lost_frames() const {
   return sum;
 }
 
-MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
-                            const MapSequenceOptions& options) {
+MappedSequence map_frames(std::size_t frames,
+                          const std::function<FrameImages(std::size_t frame)>& read_frame,
+                          const Camera& camera, const MapSequenceOptions& options) {
   options.validate();
   Mapping mapping(camera, options);
-  const std::size_t frames = sequence.frames().size();
   options.executor.in_order(
       frames, kFramesAhead,
       [&](std::size_t i) {
         if (options.stop.stop_requested()) {
           throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
         }
-        return prepare(sequence, i, camera, mapping.odometry(), options);
+        return prepare(read_frame(i), mapping.odometry());
       },
-      [&](std::size_t i, PreparedFrame prepared) {
-        mapping.add(sequence.frames()[i], std::move(prepared), frames);
-      });
+      [&](std::size_t, PreparedFrame frame) { mapping.add(std::move(frame), frames); });
   return mapping.finish();
+}
+
+MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
+                            const MapSequenceOptions& options) {
+  const auto read = [&](std::size_t frame) {
+    return read_images(sequence, frame, camera, options.skip_unreadable);
+  };
+  return map_frames(sequence.frames().size(), read, camera, options);
 }
 
 }  // namespace cairn

@@ -35,7 +35,8 @@ struct MapSequenceOptions {
   OdometryOptions odometry;
   MapOptions map;
   std::optional<MiniMapLength> mini_maps;  ///< nothing: one map of all
-  /// Go on where an image cannot be read, as if the camera had taken none. Else that is an error.
+  /// Of map_sequence: go on where an image cannot be read, as if the camera had taken none. Else that
+  /// is an error.
   bool skip_unreadable = false;
   Executor executor = Executor(0);
   std::stop_token stop = {};
@@ -77,9 +78,26 @@ struct MappedSequence {
   std::size_t lost_frames() const;
 };
 
-/// Builds the map of a whole sequence; images are read and searched for features on all threads,
+/// What one moment of a sequence looks like.
+struct FrameImages {
+  double timestamp_s = 0.0;
+  std::string name;  ///< of the colour image
+  cv::Mat gray;      ///< 8 bit, of the camera's size; empty where it could not be read, because of
+  std::string defect;
+  cv::Mat depth_m;  ///< 32-bit float of the same size, 0 where unknown; empty if there is none
+};
+
+/// Builds the map of a whole sequence; images are got and searched for features on all threads,
 /// ahead of the tracking. The result is the same with any number of threads. A sequence in which
 /// tracking never began has no maps.
+/// @param read_frame gives frame 0 to frames - 1, in the order of time; called from several threads
+/// @throws Error (misuse) naming the field of the options or an image of another size than the
+///         camera's; (cancelled); what read_frame throws
+MappedSequence map_frames(std::size_t frames,
+                          const std::function<FrameImages(std::size_t frame)>& read_frame,
+                          const Camera& camera, const MapSequenceOptions& options = {});
+
+/// The same for a sequence on disk.
 /// @throws Error (input) naming an image that cannot be read or has another size than the camera;
 ///         (misuse); (cancelled)
 MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,

@@ -41,8 +41,7 @@ MarginalCovariances marginal_covariances(const LandmarkGraph& graph) {
   const std::size_t count = graph.keyframes().size();
   if (count > kMostMarginalKeyframes) {
     throw Error(ErrorKind::kMisuse, "marginal covariances", fmt::format("{} keyframes", count),
-                fmt::format("at most {}; cut the sequence into mini-maps",
-                            kMostMarginalKeyframes));
+                fmt::format("at most {}; cut the sequence into mini-maps", kMostMarginalKeyframes));
   }
   MarginalCovariances result;
   result.keyframes.assign(count, Matrix6d::Zero());
@@ -76,8 +75,7 @@ MarginalCovariances marginal_covariances(const LandmarkGraph& graph) {
   }
   // A keyframe that nothing ties to the others is as good as unknown, not a reason to fail.
   reduced.diagonal().array() += 1e-6;
-  const Eigen::MatrixXd covariance =
-      reduced.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::MatrixXd covariance = reduced.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
 
   for (std::uint32_t k = 1; k < count; ++k) {
     const Block6 block = covariance.block<6, 6>(row_of(k), row_of(k));
@@ -93,8 +91,8 @@ MarginalCovariances marginal_covariances(const LandmarkGraph& graph) {
     }
     const std::uint32_t first = landmark.observations.front().keyframe;
     by_pose.front().leftCols<3>() -= Eigen::Matrix3d::Identity();
-    by_pose.front().rightCols<3>() += skew(
-        landmark.position - graph.keyframes()[first].world_from_camera.translation());
+    by_pose.front().rightCols<3>() +=
+        skew(landmark.position - graph.keyframes()[first].world_from_camera.translation());
     Eigen::Matrix3d sum = blocks[l].inverse_information;
     if (landmark.observations.size() >= 2) {
       for (std::size_t i = 0; i < by_pose.size(); ++i) {

@@ -8,8 +8,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kHalf = 4;                   // 9 x 9 pixels are compared
-constexpr int kPadded = 2 * kHalf + 3;     // and one more on each side, for gradients
+constexpr int kHalf = 4;                // 9 x 9 pixels are compared
+constexpr int kPadded = 2 * kHalf + 3;  // and one more on each side, for gradients
 constexpr int kCompared = 2 * kHalf + 1;
 
 struct Template {
@@ -23,8 +23,8 @@ std::optional<Template> warped(const ReferencePatch& patch,
   std::array<float, kPadded * kPadded> padded;
   for (int row = 0; row < kPadded; ++row) {
     for (int column = 0; column < kPadded; ++column) {
-      const auto value = patch.sample(reference_from_image *
-                                      Eigen::Vector2d(column - kHalf - 1, row - kHalf - 1));
+      const auto value =
+          patch.sample(reference_from_image * Eigen::Vector2d(column - kHalf - 1, row - kHalf - 1));
       if (!value) return std::nullopt;
       padded[static_cast<std::size_t>(row * kPadded + column)] = *value;
     }

@@ -58,8 +58,9 @@ std::size_t classify(const Pinhole& pinhole, std::span<const PointMatch> matches
   std::size_t count = 0;
   for (std::size_t i = 0; i < matches.size(); ++i) {
     const Eigen::Vector3d x_in_camera = camera_from_world * matches[i].x_in_world;
-    inliers[i] = x_in_camera.z() >= kNearestDepth &&
-                 point_residual(pinhole, matches[i].measured, x_in_camera).squared_pixel() <= kPixelGate;
+    inliers[i] =
+        x_in_camera.z() >= kNearestDepth &&
+        point_residual(pinhole, matches[i].measured, x_in_camera).squared_pixel() <= kPixelGate;
     count += inliers[i] ? 1 : 0;
   }
   return count;

@@ -185,8 +185,7 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
 
 std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(Frame& frame,
                                                                   std::uint32_t keyframe) const {
-  const std::vector<LandmarkMatch> matches =
-      match_by_descriptor(graph_, keyframe, frame.features);
+  const std::vector<LandmarkMatch> matches = match_by_descriptor(graph_, keyframe, frame.features);
   if (matches.size() < options_.min_tracked) return std::nullopt;
   std::vector<PointMatch> points;
   for (const LandmarkMatch& match : matches) {
@@ -244,8 +243,8 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
     candidates.push_back({i});
     appearances.push_back(*appearance);
   }
-  const auto more = match_near(graph_, frame.features, candidates, appearances, taken,
-                               {.radius_pixels = radius});
+  const auto more =
+      match_near(graph_, frame.features, candidates, appearances, taken, {.radius_pixels = radius});
   matches.insert(matches.end(), more.begin(), more.end());
   // A match whose patch looks different is often of the corner next to the right one: done without
   // where enough are better.
@@ -268,7 +267,8 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
   std::vector<LandmarkIndex> unmatched;
   for (const LandmarkIndex index : expected) {
     const TrackedLandmark& landmark = graph_.landmark(index);
-    if (!matched[index.value] && 4 * landmark.found >= landmark.expected) unmatched.push_back(index);
+    if (!matched[index.value] && 4 * landmark.found >= landmark.expected)
+      unmatched.push_back(index);
   }
   constexpr std::size_t kMostSought = 500;
   if (unmatched.size() > kMostSought) {
@@ -316,9 +316,9 @@ std::optional<Odometry::Tracker::FoundPatch> Odometry::Tracker::find_patch(
   const auto found = align_patch(seen.appearance->patch, image,
                                  *patch_from_image * level_scale.asDiagonal(), at, kMostAway);
   if (!found) return std::nullopt;
-  return FoundPatch{{(found->x() + 0.5) * level_scale.x() - 0.5,
-                     (found->y() + 0.5) * level_scale.y() - 0.5},
-                    level};
+  return FoundPatch{
+      {(found->x() + 0.5) * level_scale.x() - 0.5, (found->y() + 0.5) * level_scale.y() - 0.5},
+      level};
 }
 
 // Landmarks that should be visible but are at no corner: their patches are looked for where they
@@ -343,8 +343,8 @@ std::vector<LandmarkMatch> Odometry::Tracker::find_without_corners(
     keypoint.aligned = true;
     keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
     // Something else in front of it, or behind.
-    if (keypoint.depth_m > 0.0F &&
-        std::abs(keypoint.depth_m - x_in_camera.z()) > 5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
+    if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
+                                       5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
       continue;
     }
     const auto number = static_cast<std::uint32_t>(frame.features.size() + keypoints.size());
@@ -373,7 +373,7 @@ bool Odometry::Tracker::wants_keyframe(const Frame& frame, std::size_t found) co
   const Keyframe& latest = graph_.keyframes().back();
   const std::size_t since = frame.number - latest.frame;
   const Rigid3 moved = latest.world_from_camera.inverse() * frame.world_from_camera;
-  constexpr double kTurn = 0.17;      // rad
+  constexpr double kTurn = 0.17;         // rad
   constexpr double kTranslation = 0.15;  // m
   const bool new_view = moved.angle() > kTurn || moved.translation().norm() > kTranslation;
   const bool thinned = static_cast<double>(found) < 0.7 * static_cast<double>(reference_found_);
@@ -452,8 +452,8 @@ void Odometry::Tracker::share_new_landmarks(std::uint32_t keyframe) {
     for (const LandmarkMatch& match : matches) {
       if (graph_.landmark(match.landmark).gone()) continue;
       const KeypointReference reference{neighbour, match.keypoint};
-      const PointMeasurement measured = sensor_.measurement(
-          graph_.keyframes()[neighbour].features.keypoints()[match.keypoint]);
+      const PointMeasurement measured =
+          sensor_.measurement(graph_.keyframes()[neighbour].features.keypoints()[match.keypoint]);
       const PointResidual residual =
           point_residual(sensor_.pinhole(), measured,
                          camera_from_world * graph_.landmark(match.landmark).position);
@@ -509,9 +509,8 @@ std::vector<float> Odometry::Tracker::reprojection_errors(const Frame& frame) co
 Trajectory Odometry::Tracker::trajectory() const {
   std::vector<TimedPose> poses;
   for (const RecordedPose& recorded : recorded_) {
-    poses.push_back({recorded.timestamp_s,
-                     graph_.keyframes()[recorded.keyframe].world_from_camera *
-                         recorded.keyframe_from_camera});
+    poses.push_back({recorded.timestamp_s, graph_.keyframes()[recorded.keyframe].world_from_camera *
+                                               recorded.keyframe_from_camera});
   }
   return Trajectory(std::move(poses));
 }
