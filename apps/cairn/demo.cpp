@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cstddef>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -9,9 +10,10 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/map/synthetic.hpp"
+#include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
+#include "demo_pair.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
@@ -19,23 +21,53 @@
 namespace cairn::cli {
 namespace {
 
+#ifdef CAIRN_HAS_DEMO_SIMULATION
+constexpr bool kCanSimulate = true;
+#else
+constexpr bool kCanSimulate = false;
+#endif
+
 struct DemoArguments {
   CommonArguments common;
   std::string displacement = "0.15 -0.1 0.05 3 -4 15";
   std::string save;
+  bool synthetic = false;
+  std::size_t frames = 150;
 
   void add_to(CLI::App& command);
   int run();
+
+ private:
+  void check() const;
+  DemoPair make_pair() const;
+  Json options_json() const;
+  std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const;
+  void print(const DemoPair& pair, const AlignOptions& options,
+             const std::vector<Alignment>& alignments, const std::string& saved) const;
 };
 
 void DemoArguments::add_to(CLI::App& command) {
   common.seed = 1;
+  if (kCanSimulate) {
+    auto* const flag =
+        command.add_flag("--synthetic", synthetic,
+                         "Align maps made of random landmarks, without images; takes a second");
+    add_number(command, "--frames", frames, "Frames a session, spread over one round of the desk")
+        ->excludes(flag);
+  } else {
+    command.add_flag("--synthetic", synthetic,
+                     "What this tool does anyway, being built without OpenCV, Ceres or Embree: "
+                     "align maps made of random landmarks");
+  }
   add_text(command, "--displacement", displacement,
            "How far from the true pose to start: \"x y z roll pitch yaw\", metres and degrees",
            "POSE")
       ->capture_default_str();
   add_text(command, "--save", save,
-           "Write source.map, target.map, truth.txt and initial.txt to FOLDER, to go on with",
+           kCanSimulate ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
+                          "trajectories (.tum) to FOLDER, to go on with"
+                        : "Write source.map, target.map, truth.txt and initial.txt to FOLDER, to "
+                          "go on with",
            "FOLDER");
   common.add_to(command);
   command.footer(
@@ -73,42 +105,54 @@ void make_folder(const std::string& folder) {
   }
 }
 
-int DemoArguments::run() {
-  const Rigid3 offset = parse_pose(displacement, "--displacement");
+void DemoArguments::check() const {
+  constexpr std::size_t kFewest = 10;
+  constexpr std::size_t kMost = 10000;
+  if (frames < kFewest || frames > kMost) {
+    throw Error(ErrorKind::kMisuse, "--frames", fmt::format("{}", frames),
+                fmt::format("{} to {}", kFewest, kMost));
+  }
   require_folder_of(common.json_path);
-  if (!save.empty()) make_folder(save);
-  const SyntheticPair pair = synthetic_pair({.seed = common.seed});
-  AlignOptions options;
-  options.overlap_radius = 0.05;
-  options.initial = displaced(pair.target_from_source, offset, pair.source);
-  const std::vector<Alignment> alignments = align_by_all(
-      pair.source, pair.target, parse_strategies("none,covariance,observations,distance"), options,
-      PointSetOptions(), pair.target_from_source, common);
+}
 
-  if (!save.empty()) {
-    const std::filesystem::path folder = save;
-    save_map(pair.source, folder / "source.map", common);
-    save_map(pair.target, folder / "target.map", common);
-    write_pose(folder / "truth.txt", pair.target_from_source);
-    write_pose(folder / "initial.txt", options.initial);
-  }
-  Json json = document("demo", common, Json::object(), {{"displacement", displacement}});
-  json["truth"] = to_json(pair.target_from_source);
-  json["results"] = Json::array();
-  for (const Alignment& alignment : alignments) {
-    json["results"].push_back(to_json(alignment, options, LengthUnit::kMetres));
-  }
-  write_document(json, common);
+DemoPair DemoArguments::make_pair() const {
+#ifdef CAIRN_HAS_DEMO_SIMULATION
+  if (!synthetic) return simulated_demo(frames, common);
+#endif
+  return synthetic_demo(common);
+}
 
+Json DemoArguments::options_json() const {
+  const bool simulates = kCanSimulate && !synthetic;
+  return {{"synthetic", !simulates},
+          {"frames", simulates ? Json(frames) : Json(nullptr)},
+          {"displacement", displacement}};
+}
+
+std::string DemoArguments::save_to_folder(const DemoPair& pair, const Rigid3& initial) const {
+  const std::filesystem::path folder = save;
+  std::string names = "source.map target.map truth.txt initial.txt";
+  save_map(pair.source, folder / "source.map", common);
+  save_map(pair.target, folder / "target.map", common);
+  write_pose(folder / "truth.txt", pair.target_from_source);
+  write_pose(folder / "initial.txt", initial);
+  for (const NamedTrajectory& named : pair.trajectories) {
+    write_file(folder / named.file,
+               [&](const ByteSink& sink) { write_tum_trajectory(named.trajectory, sink); });
+    names += " " + named.file;
+  }
+  return names;
+}
+
+void DemoArguments::print(const DemoPair& pair, const AlignOptions& options,
+                          const std::vector<Alignment>& alignments,
+                          const std::string& saved) const {
   const Console console = common.console();
   const PoseError start =
       pose_error(options.initial, pair.target_from_source, pair.source.landmarks().positions);
-  console.print(
-      fmt::format("Two simulated sessions over one desk: {} and {} landmarks, of which {} are the "
-                  "same points.\n"
-                  "The source starts {:.2f} m and {:.1f} degrees off its true pose.\n\n",
-                  pair.source.landmark_count(), pair.target.landmark_count(), pair.shared.size(),
-                  start.translation, degrees(start.rotation_rad)));
+  console.print(pair.story);
+  console.print(fmt::format("The source starts {:.2f} m and {:.1f} degrees off its true pose.\n\n",
+                            start.translation, degrees(start.rotation_rad)));
   console.print(alignment_table(alignments, options, LengthUnit::kMetres));
   console.print(
       "error    of the pose found against the true one; a lower score need not mean a smaller "
@@ -118,10 +162,33 @@ int DemoArguments::run() {
       "to\n"
       "the most trusted of the k nearest: smallest covariance, most observations, seen from "
       "closest.\n");
-  if (!save.empty()) {
-    console.print(
-        fmt::format("\nSaved to {}: source.map target.map truth.txt initial.txt\n", save));
+  if (!saved.empty()) console.print(fmt::format("\nSaved to {}: {}\n", save, saved));
+}
+
+int DemoArguments::run() {
+  const Rigid3 offset = parse_pose(displacement, "--displacement");
+  check();
+  if (!save.empty()) make_folder(save);
+  const DemoPair pair = make_pair();
+  AlignOptions options;
+  options.overlap_radius = 0.05;
+  options.initial = displaced(pair.target_from_source, offset, pair.source);
+  const std::vector<Alignment> alignments = align_by_all(
+      pair.source, pair.target, parse_strategies("none,covariance,observations,distance"), options,
+      PointSetOptions(), pair.target_from_source, common);
+
+  std::string saved;
+  if (!save.empty()) saved = save_to_folder(pair, options.initial);
+  Json json = document("demo", common, Json::object(), options_json());
+  json.update(pair.description);
+  json["truth"] = to_json(pair.target_from_source);
+  json["initial"] = to_json(options.initial);
+  json["results"] = Json::array();
+  for (const Alignment& alignment : alignments) {
+    json["results"].push_back(to_json(alignment, options, LengthUnit::kMetres));
   }
+  write_document(json, common);
+  print(pair, options, alignments, saved);
   return kDone;
 }
 
@@ -130,7 +197,10 @@ int DemoArguments::run() {
 Run add_demo(CLI::App& program) {
   auto arguments = std::make_shared<DemoArguments>();
   arguments->add_to(*program.add_subcommand(
-      "demo", "Simulate two sessions of one desk and align them by all strategies"));
+      "demo",
+      kCanSimulate
+          ? "Simulate two sessions of one desk, map both and align the maps by all strategies"
+          : "Align two synthetic maps of one desk by all strategies"));
   return [arguments] { return arguments->run(); };
 }
 

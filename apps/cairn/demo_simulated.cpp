@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#include "cairn/simulation/simulator.hpp"
+#include "cairn/trajectory/trajectory_evaluation.hpp"
+
+#include "demo_pair.hpp"
+#include "support/interrupt.hpp"
+#include "support/statistics.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+// How long the camera takes for its way round the desk, so that both sessions see all of it.
+constexpr double kRoundSeconds = 25.0;
+constexpr double kChangedFraction = 0.1;  // of the movable things, before the second session
+
+struct Session {
+  MappedSequence mapped;
+  Trajectory truth;
+  std::size_t movable = 0;
+  std::size_t moved = 0;
+  std::optional<AbsoluteError> error;  // nothing if too few frames were tracked
+  double seconds = 0.0;
+
+  const LandmarkMap& map() const { return mapped.maps.front(); }
+  Rigid3 world_from_map() const;
+};
+
+// The map's frame is that of its first camera, which the simulation knows.
+Rigid3 Session::world_from_map() const {
+  const TimedPose& first = mapped.trajectory.poses().front();
+  const auto true_pose =
+      std::lower_bound(truth.poses().begin(), truth.poses().end(), first.timestamp_s,
+                       [](const TimedPose& pose, double time) { return pose.timestamp_s < time; });
+  return true_pose->world_from_camera * first.world_from_camera.inverse();
+}
+
+RgbdSimulator make_simulator(std::uint64_t session, std::size_t frames,
+                             const CommonArguments& common) {
+  const Random random = Random(common.seed).fork(session);
+  const auto draw = [](Random part) { return static_cast<std::uint64_t>(part.uniform() * 0x1p53); };
+  const Executor executor = common.executor();
+  Environment desk = make_environment({.kind = EnvironmentKind::kDesk,
+                                       .seed = common.seed,
+                                       .session = session,
+                                       .changed_fraction = session == 0 ? 0.0 : kChangedFraction},
+                                      executor);
+  Trajectory path = make_path(desk, {.kind = PathKind::kOrbit,
+                                     .seed = draw(random.fork(1)),
+                                     .frames = frames,
+                                     .rate_hz = static_cast<double>(frames) / kRoundSeconds});
+  SimulatorOptions options;
+  options.seed = draw(random.fork(2));
+  return {std::move(desk.scene), std::move(path), options, executor};
+}
+
+FrameImages render(const RgbdSimulator& simulator, std::size_t index) {
+  RgbdFrame frame = simulator.frame(index);
+  const int rows = static_cast<int>(frame.height);
+  const int columns = static_cast<int>(frame.width);
+  FrameImages images;
+  images.timestamp_s = frame.timestamp_s;
+  images.name = fmt::format("{:.6f}", frame.timestamp_s);
+  cv::cvtColor(cv::Mat(rows, columns, CV_8UC3, frame.bgr.data()), images.gray, cv::COLOR_BGR2GRAY);
+  // A copy: the frame's own pixels go with it.
+  images.depth_m = cv::Mat(rows, columns, CV_32FC1, frame.depth_m.data()).clone();
+  return images;
+}
+
+MapSequenceOptions mapping_options(const std::string& name, const CommonArguments& common) {
+  MapSequenceOptions options;
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  const auto show =
+      common.console().detailed_progress(fmt::format("{} session: rendering, mapping", name));
+  if (show) {
+    options.progress = [show](const MappingProgress& now) {
+      show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
+           fmt::format("frame {} of {}, {} landmarks tracked", now.frame, now.frames,
+                       now.landmarks));
+    };
+  }
+  return options;
+}
+
+Session map_session(const std::string& name, std::uint64_t number, std::size_t frames,
+                    const CommonArguments& common) {
+  const auto start = std::chrono::steady_clock::now();
+  const RgbdSimulator simulator = make_simulator(number, frames, common);
+  Session session;
+  // Frames go from the renderer to the tracker without a file in between.
+  session.mapped = map_frames(
+      frames, [&](std::size_t index) { return render(simulator, index); },
+      default_simulated_camera(), mapping_options(name, common));
+  if (session.mapped.maps.empty()) {
+    throw Error(ErrorKind::kMisuse, "--frames",
+                fmt::format("none of {} frames of the {} session could be tracked", frames, name),
+                "more");
+  }
+  session.truth = simulator.trajectory();
+  for (const SceneObject& object : simulator.scene().objects) {
+    if (object.movable) ++session.movable;
+    if (object.moved) ++session.moved;
+  }
+  session.error = evaluate_trajectory(session.mapped.trajectory, session.truth).absolute;
+  session.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return session;
+}
+
+Json describe(const Session& session, std::uint64_t number) {
+  const MappedSequence& mapped = session.mapped;
+  return {{"session", number},
+          {"frames", mapped.frames},
+          {"tracked", mapped.tracked},
+          {"lost", mapped.lost_frames()},
+          {"path_length_m", session.truth.length()},
+          {"objects", {{"movable", session.movable}, {"moved", session.moved}}},
+          {"keyframes", mapped.keyframes},
+          {"landmarks", session.map().landmark_count()},
+          {"median_reprojection_error_px", to_json(mapped.median_reprojection_error)},
+          {"ate_m", session.error ? to_json(session.error->translation) : Json(nullptr)},
+          {"duration_s", session.seconds}};
+}
+
+std::string tell(const Session& first, const Session& second) {
+  std::string text = fmt::format(
+      "Simulated two sessions of one desk with an RGB-D camera that goes round it once: {} frames "
+      "each.\n"
+      "Before the second session {} of {} movable things were moved or taken away.\n"
+      "Mapped both, each in the frame of its own first camera:\n\n",
+      first.mapped.frames, second.moved, second.movable);
+  Table table({"session", "tracked", "path", "keyframes", "landmarks", "ATE", "time"});
+  for (const auto& [name, session] :
+       {std::pair{"first, the target", &first}, {"second, the source", &second}}) {
+    const MappedSequence& mapped = session->mapped;
+    const auto& error = session->error;
+    table.add_row({name, fmt::format("{} of {}", mapped.tracked, mapped.frames),
+                   fmt::format("{:.2f} m", session->truth.length()),
+                   std::to_string(mapped.keyframes),
+                   std::to_string(session->map().landmark_count()),
+                   error ? fmt::format("{:.2f} mm", 1e3 * error->translation.rmse) : "-",
+                   fmt::format("{:.1f} s", session->seconds)});
+  }
+  return text + table.text() +
+         "\nATE  root mean square distance of the camera's positions from the true ones\n\n";
+}
+
+}  // namespace
+
+DemoPair simulated_demo(std::size_t frames, const CommonArguments& common) {
+  Session target = map_session("first", 0, frames, common);
+  Session source = map_session("second", 1, frames, common);
+  DemoPair demo;
+  demo.story = tell(target, source);
+  demo.description = {
+      {"sessions", {{"source", describe(source, 1)}, {"target", describe(target, 0)}}}};
+  demo.target_from_source = target.world_from_map().inverse() * source.world_from_map();
+  demo.trajectories = {{"source.tum", std::move(source.mapped.trajectory)},
+                       {"target.tum", std::move(target.mapped.trajectory)},
+                       {"source_truth.tum", std::move(source.truth)},
+                       {"target_truth.tum", std::move(target.truth)}};
+  demo.source = std::move(source.mapped.maps.front());
+  demo.target = std::move(target.mapped.maps.front());
+  return demo;
+}
+
+}  // namespace cairn::cli
