@@ -166,12 +166,15 @@ std::optional<PoseEstimate> find_pose(const Pinhole& pinhole, std::span<const Po
     if (inliers[i]) agreeing.push_back(loose[i]);
   }
   const PoseEstimate coarse = refine_pose(pinhole, agreeing, *best);
+  // Then with their own noise: that is what the covariance is about.
+  for (PointMatch& match : agreeing) match.measured.sigma_pixel /= kLoose;
+  const PoseEstimate sharp = refine_pose(pinhole, agreeing, coarse.world_from_camera);
   PoseEstimate fine;
   fine.inliers.assign(matches.size(), false);
-  fine.inlier_count = classify(pinhole, matches, coarse.world_from_camera, fine.inliers);
+  fine.inlier_count = classify(pinhole, matches, sharp.world_from_camera, fine.inliers);
   if (fine.inlier_count < least_inliers) return std::nullopt;
-  fine.world_from_camera = coarse.world_from_camera;
-  fine.covariance = coarse.covariance;
+  fine.world_from_camera = sharp.world_from_camera;
+  fine.covariance = sharp.covariance;
   return fine;
 }
 
