@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/core/error.hpp"
+#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#include "cairn/simulation/simulator.hpp"
+#include "cairn/trajectory/trajectory_error.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+const Camera kCamera{{1}, "PINHOLE", 320, 240, {262.0, 262.0, 159.5, 119.5}};
+
+const MapSequenceOptions kDefaults;
+
+const Environment& desk() {
+  static const Environment kDesk =
+      make_environment({.kind = EnvironmentKind::kDesk, .texture_scale = 0.5});
+  return kDesk;
+}
+
+FrameImages images_of(const RgbdFrame& frame, std::size_t index) {
+  FrameImages images;
+  images.timestamp_s = frame.timestamp_s;
+  images.name = std::to_string(index) + ".png";
+  const auto rows = static_cast<int>(frame.height);
+  const auto columns = static_cast<int>(frame.width);
+  const cv::Mat bgr(rows, columns, CV_8UC3, const_cast<std::uint8_t*>(frame.bgr.data()));
+  cv::cvtColor(bgr, images.gray, cv::COLOR_BGR2GRAY);
+  images.depth_m =
+      cv::Mat(rows, columns, CV_32FC1, const_cast<float*>(frame.depth_m.data())).clone();
+  return images;
+}
+
+// Frames on the way of a camera through the desk environment, and where they truly were.
+struct Recording {
+  Camera camera;
+  Trajectory truth;
+  std::vector<FrameImages> frames;
+
+  FrameImages operator()(std::size_t i) const {
+    FrameImages copy = frames[i];
+    copy.gray = copy.gray.clone();
+    copy.depth_m = copy.depth_m.clone();
+    return copy;
+  }
+};
+
+Recording record(const Trajectory& path, const Camera& camera = kCamera) {
+  SimulatorOptions options;
+  options.camera = camera;
+  const RgbdSimulator simulator(desk().scene, path, options, Executor(2));
+  Recording recording{camera, path, {}};
+  for (std::size_t i = 0; i < simulator.frame_count(); ++i) {
+    recording.frames.push_back(images_of(simulator.frame(i, Executor(2)), i));
+  }
+  return recording;
+}
+
+const Recording& sweep() {
+  static const Recording kSweep = record(make_path(desk(), {.frames = 60}));
+  return kSweep;
+}
+
+template <class Read>
+MappedSequence map_with(const Recording& recording, const Read& read,
+                        const MapSequenceOptions& options = kDefaults) {
+  return map_frames(recording.frames.size(), read, recording.camera, options);
+}
+
+MappedSequence map_of(const Recording& recording, const MapSequenceOptions& options = kDefaults) {
+  return map_with(recording, recording, options);
+}
+
+AbsoluteError error_of(const MappedSequence& mapped, const Trajectory& truth,
+                       TrajectoryAlignment alignment = TrajectoryAlignment::kSe3) {
+  const PosePairs pairs = associate(mapped.trajectory, truth);
+  EXPECT_EQ(pairs.size(), mapped.trajectory.size());
+  const auto error = absolute_error(mapped.trajectory, truth, pairs, alignment);
+  return error ? *error : throw std::runtime_error("the trajectory cannot be compared");
+}
+
+MapSequenceOptions starting_from(const Trajectory& truth) {
+  MapSequenceOptions options;
+  options.odometry.start = [&truth](double time) { return interpolated(truth, time).value(); };
+  return options;
+}
+
+void expect_sound_covariances(const LandmarkMap& map) {
+  ASSERT_TRUE(map.has_covariances());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto covariance = map.covariance(LandmarkIndex{i});
+    ASSERT_TRUE(covariance && covariance->allFinite()) << i;
+    ASSERT_GT(covariance->determinant(), 0.0) << i;
+  }
+}
+
+TEST(OdometryPipeline, FollowsTheCamera) {
+  const MappedSequence mapped = map_of(sweep());
+  EXPECT_EQ(mapped.tracked, sweep().frames.size());
+  const AbsoluteError error = error_of(mapped, sweep().truth);
+  RecordProperty("ate_mm", std::to_string(1e3 * error.translation.rmse));
+  EXPECT_LT(error.translation.rmse, 0.005);
+  // Not the same alignment: so short a path fixes its own rotation by a degree only.
+  EXPECT_LT(error_of(mapped, sweep().truth, TrajectoryAlignment::kOrigin).rotation_rad.rmse, 0.004);
+  ASSERT_TRUE(mapped.median_reprojection_error);
+  EXPECT_LT(*mapped.median_reprojection_error, 0.6);
+  EXPECT_GT(mapped.trajectory.length(), 0.3) << "a path worth the name";
+}
+
+TEST(OdometryPipeline, LandmarksLieOnTheSurfacesOfTheScene) {
+  const MappedSequence mapped = map_of(sweep(), starting_from(sweep().truth));
+  const LandmarkMap& map = mapped.maps.at(0);
+  expect_sound_covariances(map);
+  std::vector<double> distances;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    if (map.observation_count(LandmarkIndex{i}) < 3) continue;
+    distances.push_back(desk().scene.distance(map.landmarks().positions[i]));
+  }
+  ASSERT_GT(distances.size(), 300U);
+  std::sort(distances.begin(), distances.end());
+  EXPECT_LT(distances[distances.size() / 2], 0.006);
+  EXPECT_LT(distances[distances.size() * 9 / 10], 0.03);
+}
+
+TEST(OdometryPipeline, FollowsACameraWithDistortion) {
+  const Camera camera{
+      {1},
+      "FULL_OPENCV",
+      320,
+      240,
+      {258.6, 258.2, 159.3, 127.6, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633, 0.0, 0.0, 0.0}};
+  const Recording recording = record(make_path(desk(), {.frames = 30}), camera);
+  const MappedSequence mapped = map_of(recording);
+  EXPECT_EQ(mapped.tracked, 30U);
+  EXPECT_LT(error_of(mapped, recording.truth).translation.rmse, 0.006);
+}
+
+TEST(OdometryPipeline, OneAndTwoThreadsMakeTheSameMap) {
+  std::vector<MappedSequence> runs;
+  for (const unsigned threads : {1U, 2U}) {
+    MapSequenceOptions options;
+    options.executor = Executor(threads);
+    runs.push_back(map_of(sweep(), options));
+  }
+  ASSERT_EQ(runs[0].trajectory.size(), runs[1].trajectory.size());
+  for (std::size_t i = 0; i < runs[0].trajectory.size(); ++i) {
+    ASSERT_EQ(runs[0].trajectory.poses()[i].world_from_camera.matrix(),
+              runs[1].trajectory.poses()[i].world_from_camera.matrix());
+  }
+  const LandmarkMap& a = runs[0].maps.at(0);
+  const LandmarkMap& b = runs[1].maps.at(0);
+  EXPECT_EQ(a.landmarks().positions, b.landmarks().positions);
+  EXPECT_EQ(a.landmarks().covariances, b.landmarks().covariances);
+  EXPECT_EQ(a.landmarks().descriptors->bytes, b.landmarks().descriptors->bytes);
+  EXPECT_EQ(a.observations().pixels, b.observations().pixels);
+  EXPECT_EQ(a.frames().translations, b.frames().translations);
+}
+
+TEST(OdometryPipeline, OneFrameIsAMap) {
+  const MappedSequence mapped = map_frames(1, sweep(), kCamera, kDefaults);
+  EXPECT_EQ(mapped.tracked, 1U);
+  EXPECT_EQ(mapped.keyframes, 1U);
+  EXPECT_EQ(mapped.trajectory.size(), 1U);
+  EXPECT_FALSE(mapped.median_reprojection_error);
+  ASSERT_EQ(mapped.maps.size(), 1U);
+  EXPECT_GT(mapped.maps[0].landmark_count(), 100U);
+  expect_sound_covariances(mapped.maps[0]);
+}
+
+TEST(OdometryPipeline, AStillCameraStaysAndMakesFewKeyframes) {
+  std::vector<TimedPose> poses;
+  for (int i = 0; i < 60; ++i) {
+    poses.push_back({i / 30.0, sweep().truth.poses()[10].world_from_camera});
+  }
+  const Recording recording = record(Trajectory(poses));
+  for (const auto covariance : {LandmarkCovariance::kRecursive, LandmarkCovariance::kMarginal}) {
+    MapSequenceOptions options;
+    options.map.covariance = covariance;
+    const MappedSequence mapped = map_of(recording, options);
+    EXPECT_EQ(mapped.tracked, 60U);
+    EXPECT_LE(mapped.keyframes, 3U);
+    expect_sound_covariances(mapped.maps.at(0));
+    EXPECT_LT(error_of(mapped, recording.truth, TrajectoryAlignment::kOrigin).translation.highest,
+              0.004);
+  }
+}
+
+TEST(OdometryPipeline, FollowsAPureRotation) {
+  const Rigid3 start = sweep().truth.poses()[0].world_from_camera;
+  std::vector<TimedPose> poses;
+  for (int i = 0; i < 40; ++i) {
+    const double angle = 1.5 * i * std::numbers::pi / 180.0;
+    poses.push_back({i / 30.0, start * Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0, angle, 0)});
+  }
+  const Recording recording = record(Trajectory(poses));
+  const MappedSequence mapped = map_of(recording);
+  EXPECT_EQ(mapped.tracked, 40U);
+  const AbsoluteError error = error_of(mapped, recording.truth, TrajectoryAlignment::kOrigin);
+  EXPECT_LT(error.translation.highest, 0.02);
+  EXPECT_LT(error.rotation_rad.highest, 0.01);
+  expect_sound_covariances(mapped.maps.at(0));
+}
+
+TEST(OdometryPipeline, AWhiteWallIsNothingToBeginWith) {
+  const auto read = [](std::size_t i) {
+    return FrameImages{static_cast<double>(i),
+                       "white.png",
+                       cv::Mat(240, 320, CV_8UC1, cv::Scalar(240)),
+                       {},
+                       cv::Mat(240, 320, CV_32FC1, cv::Scalar(1.5F))};
+  };
+  const MappedSequence mapped = map_frames(10, read, kCamera, kDefaults);
+  EXPECT_EQ(mapped.waiting, 10U);
+  EXPECT_EQ(mapped.tracked, 0U);
+  EXPECT_TRUE(mapped.maps.empty());
+  EXPECT_TRUE(mapped.trajectory.empty());
+  EXPECT_TRUE(mapped.lost.empty());
+}
+
+TEST(OdometryPipeline, FindsItselfAgainAfterADarkStretch) {
+  const auto read = [](std::size_t i) {
+    FrameImages frame = sweep()(i);
+    if (i >= 25 && i < 32) frame.gray.setTo(0);
+    return frame;
+  };
+  const MappedSequence mapped = map_with(sweep(), read);
+  ASSERT_EQ(mapped.lost.size(), 1U);
+  EXPECT_EQ(mapped.lost[0].frames, 7U);
+  EXPECT_EQ(mapped.lost[0].first_timestamp_s, sweep().truth.poses()[25].timestamp_s);
+  EXPECT_EQ(mapped.lost[0].last_timestamp_s, sweep().truth.poses()[31].timestamp_s);
+  EXPECT_EQ(mapped.tracked, sweep().frames.size() - 7);
+  EXPECT_LT(error_of(mapped, sweep().truth).translation.rmse, 0.008);
+}
+
+TEST(OdometryPipeline, WithoutAnyDepthItWaits) {
+  const auto without = [](std::size_t i) {
+    FrameImages frame = sweep()(i);
+    frame.depth_m.release();
+    return frame;
+  };
+  MappedSequence mapped = map_frames(10, without, kCamera, kDefaults);
+  EXPECT_EQ(mapped.waiting, 10U);
+  EXPECT_EQ(mapped.frames_without_depth, 10U);
+  EXPECT_TRUE(mapped.maps.empty());
+  const auto no_reading = [](std::size_t i) {
+    FrameImages frame = sweep()(i);
+    frame.depth_m.setTo(0.0F);
+    return frame;
+  };
+  mapped = map_frames(10, no_reading, kCamera, kDefaults);
+  EXPECT_EQ(mapped.waiting, 10U);
+  EXPECT_EQ(mapped.frames_without_depth, 0U);
+  EXPECT_TRUE(mapped.maps.empty());
+}
+
+TEST(OdometryPipeline, FramesWithoutDepthAreTrackedAllTheSame) {
+  const auto read = [](std::size_t i) {
+    FrameImages frame = sweep()(i);
+    if (i >= 20 && i < 30) frame.depth_m.release();
+    return frame;
+  };
+  const MappedSequence mapped = map_with(sweep(), read);
+  EXPECT_EQ(mapped.frames_without_depth, 10U);
+  EXPECT_EQ(mapped.tracked, sweep().frames.size());
+  EXPECT_LT(error_of(mapped, sweep().truth).translation.rmse, 0.008);
+}
+
+TEST(OdometryPipeline, AnImageOfAnotherSizeIsRefused) {
+  const auto read = [](std::size_t i) {
+    FrameImages frame = sweep()(i);
+    if (i == 5) cv::resize(frame.gray, frame.gray, {160, 120});
+    return frame;
+  };
+  try {
+    map_with(sweep(), read);
+    FAIL() << "it was taken";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
+    EXPECT_THAT(error.what(), HasSubstr("160 x 120"));
+    EXPECT_THAT(error.what(), HasSubstr("320 x 240"));
+  }
+}
+
+TEST(OdometryPipeline, StartedFromTheTruthItStaysNearIt) {
+  const MappedSequence mapped = map_of(sweep(), starting_from(sweep().truth));
+  const Rigid3& first = mapped.trajectory.poses().front().world_from_camera;
+  EXPECT_LT(first.difference_to(sweep().truth.poses()[0].world_from_camera).norm(), 1e-9);
+  const AbsoluteError error = error_of(mapped, sweep().truth, TrajectoryAlignment::kNone);
+  EXPECT_LT(error.translation.highest, 0.015);
+  EXPECT_LT(error.rotation_rad.highest, 0.01);
+}
+
+// A link is the true motion between the first cameras of two mini-maps, as well as it says.
+TEST(OdometryPipeline, LinksOfMiniMapsAreTheTrueRelativePoses) {
+  MapSequenceOptions options;
+  options.mini_maps.emplace().frames = 15;
+  const MappedSequence mapped = map_of(sweep(), options);
+  ASSERT_GE(mapped.maps.size(), 4U);
+  ASSERT_EQ(mapped.links.size() + 1, mapped.maps.size());
+  const auto truth_at = [](const LandmarkMap& map) {
+    return interpolated(sweep().truth, map.frames().timestamps_s.front().value()).value();
+  };
+  for (std::size_t i = 0; i < mapped.links.size(); ++i) {
+    const Rigid3 truth = truth_at(mapped.maps[i]).inverse() * truth_at(mapped.maps[i + 1]);
+    const Vector6d off = truth.difference_to(mapped.links[i].previous_from_next);
+    EXPECT_LT(off.head<3>().norm(), 0.008) << i;
+    EXPECT_LT(off.tail<3>().norm(), 0.006) << i;
+    const Matrix6d& covariance = mapped.links[i].covariance;
+    const double normalised = off.dot(covariance.inverse() * off);
+    RecordProperty("normalised_" + std::to_string(i), std::to_string(normalised));
+    EXPECT_GT(covariance.determinant(), 0.0);
+    EXPECT_LT(normalised, 300.0) << "the covariance is wrong by orders of magnitude";
+    expect_sound_covariances(mapped.maps[i]);
+  }
+  EXPECT_EQ(mapped.trajectory.size(), sweep().frames.size());
+  EXPECT_LT(error_of(mapped, sweep().truth).translation.rmse, 0.01);
+}
+
+}  // namespace
+}  // namespace cairn::testing
