@@ -112,7 +112,6 @@ void DemoArguments::check() const {
     throw Error(ErrorKind::kMisuse, "--frames", fmt::format("{}", frames),
                 fmt::format("{} to {}", kFewest, kMost));
   }
-  require_folder_of(common.json_path);
 }
 
 DemoPair DemoArguments::make_pair() const {
@@ -168,7 +167,8 @@ void DemoArguments::print(const DemoPair& pair, const AlignOptions& options,
 int DemoArguments::run() {
   const Rigid3 offset = parse_pose(displacement, "--displacement");
   check();
-  if (!save.empty()) make_folder(save);
+  if (!save.empty()) make_folder(save);  // where the document may go, too
+  require_folder_of(common.json_path);
   const DemoPair pair = make_pair();
   AlignOptions options;
   options.overlap_radius = 0.05;

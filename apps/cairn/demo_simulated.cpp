@@ -137,13 +137,23 @@ Json describe(const Session& session, std::uint64_t number) {
           {"duration_s", session.seconds}};
 }
 
+// Nothing was changed before the first session: what the second lacks was taken away.
+std::string tell_changes(const Session& first, const Session& second) {
+  std::string text = fmt::format("Before the second session {} of {} movable things were moved",
+                                 second.moved, first.movable);
+  if (first.movable > second.movable) {
+    text += fmt::format(" and {} taken away", first.movable - second.movable);
+  }
+  return text + ".\n";
+}
+
 std::string tell(const Session& first, const Session& second) {
   std::string text = fmt::format(
       "Simulated two sessions of one desk with an RGB-D camera that goes round it once: {} frames "
       "each.\n"
-      "Before the second session {} of {} movable things were moved or taken away.\n"
+      "{}"
       "Mapped both, each in the frame of its own first camera:\n\n",
-      first.mapped.frames, second.moved, second.movable);
+      first.mapped.frames, tell_changes(first, second));
   Table table({"session", "tracked", "path", "keyframes", "landmarks", "ATE", "time"});
   for (const auto& [name, session] :
        {std::pair{"first, the target", &first}, {"second, the source", &second}}) {
