@@ -65,8 +65,8 @@ void MapArguments::add_to(CLI::App& command) {
            "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images they name")
       ->required();
   add_text(command, "-o,--output", output,
-           "Map to write: .map, .txt, .ply or .pcd; with --mini-map-length a folder", "FILE")
-      ->required();
+           "Map to write: .map, .txt, .ply or .pcd; with --mini-map-length a folder. Required",
+           "FILE");
   add_text(command, "--trajectory", trajectory,
            "Also write where the camera was, in TUM format: timestamp tx ty tz qx qy qz qw a line",
            "FILE");
@@ -365,6 +365,10 @@ void MapArguments::print(const MappedSequence& mapped, double seconds) const {
 }
 
 int MapArguments::run() {
+  // Not CLI11's own check, which would come before that of options it does not know.
+  if (output.empty()) {
+    throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
+  }
   require_folder_of(common.json_path);
   if (!trajectory.empty()) require_folder_of(trajectory);
   if (mini_map_length.empty()) {

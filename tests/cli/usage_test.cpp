@@ -16,6 +16,9 @@ constexpr const char* kVerbs[] = {
 #ifdef CAIRN_HAS_SIMULATION
     "simulate",
 #endif
+#ifdef CAIRN_HAS_ODOMETRY
+    "map",
+#endif
 };
 
 class UsageTest : public CliTest {};
