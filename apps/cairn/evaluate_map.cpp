@@ -15,10 +15,16 @@
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/map/operations.hpp"
+#ifdef CAIRN_HAS_ODOMETRY
+#include "cairn/sequence/sequence.hpp"
+#endif
 #include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#ifdef CAIRN_HAS_ODOMETRY
+#include "support/depth_truth.hpp"
+#endif
 #include "support/documents.hpp"
 #include "support/statistics.hpp"
 #include "support/table.hpp"
@@ -38,6 +44,7 @@ struct EvaluateMapArguments {
   std::string camera;
   std::string truth_map;
   std::string truth_trajectory;
+  std::string truth_depth;
   std::size_t min_observations = 2;
   double max_time_difference_s = 0.02;
   MapConsistencyOptions options;
@@ -47,7 +54,9 @@ struct EvaluateMapArguments {
 
  private:
   void check_options() const;
-  Calibration calibrate(const LandmarkMap& map, const LandmarkMap& truth) const;
+  std::vector<std::optional<Eigen::Vector3d>> true_positions(
+      const LandmarkMap& map, const std::optional<LoadedMap>& truth) const;
+  Calibration calibrate(const LandmarkMap& map, const std::optional<LoadedMap>& truth) const;
   void print(const LoadedMap& loaded, const LandmarkMap& kept, const MapConsistency& consistency,
              const std::optional<Calibration>& calibration) const;
 };
@@ -65,6 +74,12 @@ void EvaluateMapArguments::add_to(CLI::App& command) {
       "With --truth-map: the true poses of the frames, found by their timestamps (TUM format), "
       "instead of the true map's",
       "FILE");
+#ifdef CAIRN_HAS_ODOMETRY
+  add_text(command, "--truth-depth", truth_depth,
+           "Instead of --truth-map: a sequence in TUM layout with the exact depth of the map's "
+           "images, as cairn simulate --no-depth-noise makes it",
+           "FOLDER");
+#endif
   add_number(command, "--max-time-difference", max_time_difference_s,
              "Longest time between a frame and its true pose, seconds");
   add_number(command, "--min-observations", min_observations,
@@ -91,24 +106,36 @@ void EvaluateMapArguments::check_options() const {
                 "tells where the frames were, but not where the landmarks are",
                 "--truth-map beside it");
   }
+  if (!truth_depth.empty() && !truth_map.empty()) {
+    throw Error(ErrorKind::kMisuse, "--truth-depth", "given beside --truth-map", "one of them");
+  }
   require_outputs(common);
 }
 
-Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
-                                            const LandmarkMap& truth) const {
+std::vector<std::optional<Eigen::Vector3d>> EvaluateMapArguments::true_positions(
+    const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
+#ifdef CAIRN_HAS_ODOMETRY
+  if (!truth) {
+    return true_positions_from_depth(map, truth_depth, SequenceOptions().depth_units_per_metre);
+  }
+#endif
   KeyframePoses poses;
   if (truth_trajectory.empty()) {
-    poses = keyframe_poses(map, truth);
+    poses = keyframe_poses(map, truth->map);
   } else {
     FileReader file(truth_trajectory);
     poses = keyframe_poses(map, read_tum_trajectory(file), max_time_difference_s);
   }
+  return true_positions_in_first_keyframe(map, truth->map, poses);
+}
+
+Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
+                                            const std::optional<LoadedMap>& truth) const {
   Calibration calibration;
-  calibration.landmarks =
-      estimates_in_first_keyframe(map, true_positions_in_first_keyframe(map, truth, poses));
+  calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
   calibration.result = calibrate_covariances(calibration.landmarks);
   if (!calibration.result.all) {
-    throw Error(ErrorKind::kInput, truth_map,
+    throw Error(ErrorKind::kInput, truth_map.empty() ? truth_depth : truth_map,
                 fmt::format("no landmark can be judged: of {}, {} without a true position in their "
                             "first keyframe, {} without covariance, {} with a singular one",
                             map.landmark_count(), calibration.result.without_truth,
@@ -313,7 +340,7 @@ int EvaluateMapArguments::run() {
   }
   if (given_camera) map = with_camera(map, *given_camera);
   const MapConsistency consistency = map_consistency(map, options);
-  if (!consistency.reprojection && !consistency.depth && !truth) {
+  if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
     const std::string& pixels = consistency.missing_for_reprojection;
     const std::string& depths = consistency.missing_for_depth;
     throw Error(ErrorKind::kInput, input,
@@ -322,7 +349,8 @@ int EvaluateMapArguments::run() {
                                    : fmt::format("the map has no {} and no {}", pixels, depths),
                 "one of them, --camera for reprojection errors, or --truth-map");
   }
-  const auto calibration = truth ? std::optional(calibrate(map, truth->map)) : std::nullopt;
+  const auto calibration =
+      truth || !truth_depth.empty() ? std::optional(calibrate(map, truth)) : std::nullopt;
 
   Json inputs = {{"map", loaded.description}};
   inputs["map"]["kept_landmarks"] = map.landmark_count();
@@ -332,6 +360,7 @@ int EvaluateMapArguments::run() {
   }
   Json json = document("evaluate_map", common, std::move(inputs),
                        {{"camera", text_or_null(camera)},
+                        {"truth_depth", text_or_null(truth_depth)},
                         {"min_observations", min_observations},
                         {"inlier_px", options.inlier_px},
                         {"max_time_difference_s", max_time_difference_s}});

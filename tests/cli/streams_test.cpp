@@ -33,7 +33,7 @@ TEST_F(StreamsTest, BrokenMapFromAPipeIsRefused) {
 TEST_F(StreamsTest, FullDiskUnderStdoutIsAnError) {
   write_pair();
   for (const Words& words :
-       {Words{"info", "source.map"}, Words{"demo", "--json", "-"},
+       {Words{"info", "source.map"}, Words{"demo", "--synthetic", "--json", "-"},
         Words{"align", "source.map", "target.map", "--trace", "--json", "-"}}) {
     const CommandResult result = cairn(words, {.output_to = "/dev/full"});
     EXPECT_EQ(result.exit_code, kSystemError);
@@ -75,7 +75,7 @@ TEST_F(StreamsTest, QuietSilencesRemarksButNotErrors) {
 }
 
 TEST_F(StreamsTest, NoProgressWhereStderrIsNoTerminal) {
-  EXPECT_EQ(cairn({"demo"}).errors, "");
+  EXPECT_EQ(cairn({"demo", "--synthetic"}).errors, "");
 }
 
 // Landmarks without end; a piece is more than a pipe holds, so that once it is fed the tool is known

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/LU>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -132,6 +133,36 @@ std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_c
       model->distort(x_in_camera.head<2>() / x_in_camera.z(), p + focal_lengths + 2);
   return Pixel{p[0] * distorted.x() + p[focal_lengths],
                p[focal_lengths - 1] * distorted.y() + p[focal_lengths + 1]};
+}
+
+std::optional<Eigen::Vector2d> unproject(const Camera& camera, const Pixel& pixel,
+                                         const Eigen::Vector2d& near) {
+  const Eigen::Vector2d goal(pixel.u, pixel.v);
+  const auto projected = [&](double x, double y) {
+    const Pixel at = *project(camera, {x, y, 1.0});
+    return Eigen::Vector2d(at.u, at.v);
+  };
+  // Newton's method with numerical derivatives, from `near` or, if that fails, from the axis.
+  const auto solve = [&](Eigen::Vector2d x) -> std::optional<Eigen::Vector2d> {
+    constexpr int kMostSteps = 50;
+    constexpr double kStep = 1e-6;
+    for (int i = 0; i < kMostSteps; ++i) {
+      const Eigen::Vector2d at = projected(x.x(), x.y());
+      Eigen::Matrix2d jacobian;
+      jacobian << (projected(x.x() + kStep, x.y()) - at) / kStep,
+          (projected(x.x(), x.y() + kStep) - at) / kStep;
+      if (!(jacobian.determinant() > 0.0)) return std::nullopt;  // folded over
+      const Eigen::Vector2d step = jacobian.inverse() * (goal - at);
+      x += step;
+      constexpr double kFarthest = 100.0;  // 89.4 degrees off the axis
+      if (!(x.cwiseAbs().maxCoeff() < kFarthest)) return std::nullopt;
+      if (step.norm() < 1e-9) break;
+    }
+    if (!((projected(x.x(), x.y()) - goal).norm() < 1e-3)) return std::nullopt;
+    return x;
+  };
+  const auto found = solve(near);
+  return found || near.isZero() ? found : solve(Eigen::Vector2d::Zero());
 }
 
 }  // namespace cairn

@@ -53,4 +53,11 @@ std::string camera_defect(const Camera& camera);
 /// in front of the camera. Bounds of the image are not looked at. `camera` must have no defect.
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);
 
+/// The inverse of project: the (x, y) for which the point (x, y, 1) in camera coordinates appears at
+/// `pixel`, to 1e-3 pixels. Nothing where distortion folds the image over, so that no line of sight
+/// belongs to the pixel. `camera` must have no defect.
+/// @param near a solution nearby, e.g. of the neighbouring pixel: saves steps
+std::optional<Eigen::Vector2d> unproject(const Camera& camera, const Pixel& pixel,
+                                         const Eigen::Vector2d& near = Eigen::Vector2d::Zero());
+
 }  // namespace cairn

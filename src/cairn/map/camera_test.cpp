@@ -202,5 +202,27 @@ TEST(CameraDefect, SaysWhatIsWrong) {
   EXPECT_EQ(camera_defect(camera("PINHOLE", {500, 500, -20, 900})), "");
 }
 
+TEST(Unproject, InvertsEveryModel) {
+  for (const double strength : {0.0, 0.05}) {
+    for (const Camera& camera : cameras_of_all_models(strength)) {
+      SCOPED_TRACE(camera.model);
+      for (const Eigen::Vector2d& x :
+           {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(0.3, -0.2), Eigen::Vector2d(-0.45, 0.35)}) {
+        const auto pixel = project(camera, {x.x(), x.y(), 1.0});
+        ASSERT_TRUE(pixel);
+        const auto found = unproject(camera, *pixel);
+        ASSERT_TRUE(found);
+        EXPECT_LT((*found - x).norm(), 1e-6);
+      }
+    }
+  }
+}
+
+TEST(Unproject, FindsNothingWhereTheImageIsFoldedOver) {
+  const Camera folded{CameraId{1}, "SIMPLE_RADIAL", 640, 480, {500.0, 320.0, 240.0, -0.5}};
+  EXPECT_TRUE(unproject(folded, {320.0, 240.0}));
+  EXPECT_FALSE(unproject(folded, {1200.0, 240.0})) << "no x is distorted that far";
+}
+
 }  // namespace
 }  // namespace cairn

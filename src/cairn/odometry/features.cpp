@@ -5,10 +5,9 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <string_view>
 
-#include <Eigen/LU>
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -156,33 +155,6 @@ cv::Point2f refined(const cv::Mat& image, int x, int y) {
   return {dx, dy};
 }
 
-// The pixel without distortion of one that is distorted, by Newton's method with numerical
-// derivatives; the distorted one itself where that fails.
-Eigen::Vector2d undistort(const Camera& camera, const Pinhole& pinhole, const Pixel& raw) {
-  const auto distorted = [&](const Eigen::Vector2d& x) {
-    const auto pixel = project(camera, {x.x(), x.y(), 1.0});
-    return pixel ? Eigen::Vector2d(pixel->u, pixel->v)
-                 : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
-  };
-  const Eigen::Vector2d goal(raw.u, raw.v);
-  const Eigen::Vector2d start((raw.u - pinhole.cx) / pinhole.fx, (raw.v - pinhole.cy) / pinhole.fy);
-  Eigen::Vector2d x = start;
-  constexpr double kStep = 1e-6;
-  for (int i = 0; i < 10; ++i) {
-    const Eigen::Vector2d at = distorted(x);
-    const Eigen::Vector2d error = at - goal;
-    Eigen::Matrix2d jacobian;
-    jacobian.col(0) = (distorted(x + Eigen::Vector2d(kStep, 0.0)) - at) / kStep;
-    jacobian.col(1) = (distorted(x + Eigen::Vector2d(0.0, kStep)) - at) / kStep;
-    const Eigen::Vector2d step = jacobian.inverse() * error;
-    if (!step.allFinite()) return goal;
-    x -= step;
-    if (step.squaredNorm() < 1e-18) break;
-  }
-  if ((distorted(x) - goal).squaredNorm() > 1e-4) return goal;
-  return {pinhole.fx * x.x() + pinhole.cx, pinhole.fy * x.y() + pinhole.cy};
-}
-
 // All models start with one or two focal lengths, then the principal point.
 Pinhole pinhole_of(const Camera& camera) {
   const auto& p = camera.parameters;
@@ -264,10 +236,14 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
   table_.reserve(static_cast<std::size_t>(table_columns_ * table_rows));
   for (int y = 0; y < table_rows; ++y) {
     for (int x = 0; x < table_columns_; ++x) {
-      table_.push_back(
-          undistort(camera, pinhole_,
-                    {static_cast<double>(x * kTableStep), static_cast<double>(y * kTableStep)})
-              .cast<float>());
+      const Pixel raw{static_cast<double>(x * kTableStep), static_cast<double>(y * kTableStep)};
+      const auto normalised = unproject(
+          camera, raw, {(raw.u - pinhole_.cx) / pinhole_.fx, (raw.v - pinhole_.cy) / pinhole_.fy});
+      // A pixel without a line of sight stays where it is; no map point will project there.
+      const Eigen::Vector2d pixel = normalised
+                                        ? pinhole_.project({normalised->x(), normalised->y(), 1.0})
+                                        : Eigen::Vector2d(raw.u, raw.v);
+      table_.push_back(pixel.cast<float>());
     }
   }
 }
@@ -286,28 +262,77 @@ Eigen::Vector2f FeatureExtractor::undistorted(const Pixel& raw) const {
          down * ((1.0F - right) * bottom[0] + right * bottom[1]);
 }
 
-// Median of the readings around a pixel; 0 if there are few, or if they belong to two surfaces.
 float FeatureExtractor::depth_at(const cv::Mat& depth_m, const Pixel& raw) const {
   if (depth_m.empty()) return 0.0F;
   const int x = static_cast<int>(std::lround(raw.u));
   const int y = static_cast<int>(std::lround(raw.v));
-  std::array<float, 9> readings{};
-  std::size_t count = 0;
-  for (int v = std::max(0, y - 1); v <= std::min(depth_m.rows - 1, y + 1); ++v) {
-    for (int u = std::max(0, x - 1); u <= std::min(depth_m.cols - 1, x + 1); ++u) {
-      const float reading = depth_m.at<float>(v, u);
-      if (!(reading > 0.0F && reading <= options_.max_depth_m)) continue;
-      std::size_t at = count++;  // kept in order
-      for (; at > 0 && readings[at - 1] > reading; --at) readings[at] = readings[at - 1];
-      readings[at] = reading;
+  if (x < 1 || y < 1 || x + 1 >= depth_m.cols || y + 1 >= depth_m.rows) return 0.0F;
+  const float center = depth_m.at<float>(y, x);
+  if (!(center > 0.0F && center <= static_cast<float>(options_.max_depth_m))) return 0.0F;
+  float nearest = center;
+  float farthest = center;
+  float slope_x = 0.0F;
+  float slope_y = 0.0F;
+  int readings = 0;
+  for (int v = -1; v <= 1; ++v) {
+    for (int u = -1; u <= 1; ++u) {
+      const float reading = depth_m.at<float>(y + v, x + u);
+      if (!(reading > 0.0F)) continue;
+      ++readings;
+      nearest = std::min(nearest, reading);
+      farthest = std::max(farthest, reading);
+      slope_x += static_cast<float>(u) * reading;
+      slope_y += static_cast<float>(v) * reading;
     }
   }
-  constexpr std::size_t kFewest = 5;
-  if (count < kFewest) return 0.0F;
-  const float median = readings[count / 2];
-  // A slanted surface and the sensor's steps stay within this.
-  const float spread = 0.01F * median + 0.01F * median * median;
-  return readings[count - 1] - readings.front() > spread ? 0.0F : median;
+  // A slanted surface and the sensor's noise stay within this.
+  const float spread = 0.01F * center + 0.01F * center * center;
+  constexpr int kFewest = 5;
+  if (readings < kFewest || farthest - nearest > spread) return 0.0F;
+  if (readings < 9) return center;
+  // The one reading, for the errors of its neighbours are its own; their slope leads to the corner.
+  return center + slope_x / 6.0F * static_cast<float>(raw.u - x) +
+         slope_y / 6.0F * static_cast<float>(raw.v - y);
+}
+
+Eigen::Vector2d FeatureExtractor::depth_slope(const cv::Mat& depth_m, const Pixel& raw,
+                                              double reach) const {
+  if (depth_m.empty()) return Eigen::Vector2d::Zero();
+  const int x = static_cast<int>(std::lround(raw.u));
+  const int y = static_cast<int>(std::lround(raw.v));
+  const int step = std::max(1, static_cast<int>(std::lround(reach / 3.0)));
+  if (x < 3 * step || y < 3 * step || x + 3 * step >= depth_m.cols ||
+      y + 3 * step >= depth_m.rows) {
+    return Eigen::Vector2d::Zero();
+  }
+  // Least squares over a grid of 7 x 7; differences across the middle, so that a reading that is
+  // missing on one side takes its partner with it.
+  const double center = depth_m.at<float>(y, x);
+  double sum_x = 0.0;
+  double sum_y = 0.0;
+  double weight_x = 0.0;
+  double weight_y = 0.0;
+  int pairs = 0;
+  for (int v = -3; v <= 3; ++v) {
+    for (int u = -3; u <= 3; ++u) {
+      const bool second_half = v > 0 || (v == 0 && u > 0);
+      if (!second_half) continue;
+      const double there = depth_m.at<float>(y + v * step, x + u * step);
+      const double opposite = depth_m.at<float>(y - v * step, x - u * step);
+      if (!(there > 0.0 && opposite > 0.0)) continue;
+      // One surface: as far behind on one side as before on the other.
+      const double bend = std::abs(there + opposite - 2.0 * center);
+      if (bend > 0.02 * center + 0.01 * center * center) return Eigen::Vector2d::Zero();
+      ++pairs;
+      sum_x += u * (there - opposite);
+      sum_y += v * (there - opposite);
+      weight_x += 2.0 * u * u;
+      weight_y += 2.0 * v * v;
+    }
+  }
+  constexpr int kFewest = 14;
+  if (pairs < kFewest || !(center > 0.0)) return Eigen::Vector2d::Zero();
+  return Eigen::Vector2d(sum_x / weight_x, sum_y / weight_y) / (step * center);
 }
 
 Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {

@@ -34,6 +34,13 @@ using Descriptor = std::array<std::uint64_t, 4>;
 /// Number of bits that differ.
 int hamming_distance(const Descriptor& a, const Descriptor& b);
 
+/// How it is known where a landmark appears in an image.
+enum class PixelSource : std::uint8_t {
+  kCorner,     ///< a corner was found there
+  kAligned,    ///< the landmark's patch fits best there
+  kReference,  ///< the patch was cut there: that pixel is what the landmark is
+};
+
 /// A corner of an image.
 struct Keypoint {
   Pixel raw;              ///< in the image as it was taken
@@ -41,7 +48,7 @@ struct Keypoint {
   float depth_m = 0.0F;   ///< along the optical axis; 0 where unknown or ambiguous
   float angle = 0.0F;     ///< of the patch, radians
   std::uint8_t octave = 0;
-  bool aligned = false;  ///< found by comparing patches, not only by being a corner
+  PixelSource source = PixelSource::kCorner;
 };
 
 /// The corners of one image, with a grid to find those near a pixel.
@@ -71,8 +78,9 @@ class Features {
   void move_keypoint(std::uint32_t index, const Pixel& raw, const Eigen::Vector2f& pixel) {
     keypoints_[index].raw = raw;
     keypoints_[index].pixel = pixel;
-    keypoints_[index].aligned = true;
+    keypoints_[index].source = PixelSource::kAligned;
   }
+  void set_source(std::uint32_t index, PixelSource source) { keypoints_[index].source = source; }
 
   /// Calls `visit(index)` for each keypoint within `radius` of `pixel` (a square window).
   template <class Visit>
@@ -147,6 +155,10 @@ class FeatureExtractor {
   int levels() const { return options_.levels; }
   /// The depth of a corner; 0 if unknown or ambiguous.
   float depth_at(const cv::Mat& depth_m, const Pixel& raw) const;
+  /// How depth grows to the right and downwards around a corner, a pixel, as a share of its depth;
+  /// zero where the surface is not known well enough.
+  /// @param reach in pixels: half the side of the window that is looked at
+  Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach) const;
   /// @param raw within the image
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 

@@ -50,9 +50,10 @@ std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
           pose_covariances[reference.keyframe] + pose_covariances[first.keyframe];
       const Eigen::Matrix3d noise =
           Eigen::Matrix3d::Identity() + at.by_pose * motion * at.by_pose.transpose();
-      information += at.by_point.transpose() * noise.inverse() * at.by_point;
+      information +=
+          information_share(i + 1) * at.by_point.transpose() * noise.inverse() * at.by_point;
     }
-    const Eigen::Matrix3d covariance = information.inverse();
+    const Eigen::Matrix3d covariance = excess_of_residuals(graph, landmark) * information.inverse();
     covariances.push_back(0.5 * (covariance + covariance.transpose()));
   }
   return covariances;

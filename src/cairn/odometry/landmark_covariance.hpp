@@ -14,8 +14,9 @@ namespace cairn {
 ///
 /// Recursive: it starts with the covariance of the first observation's back-projection (pixel and
 /// depth noise) and is updated by each further observation as an extended Kalman filter does,
-/// P ← (P⁻¹ + JᵀR⁻¹J)⁻¹. R holds the measurement's own noise and what the uncertain motion between
-/// the two keyframes (`pose_covariances`, one a keyframe) adds to it.
+/// P ← (P⁻¹ + s·JᵀR⁻¹J)⁻¹. R holds the measurement's own noise and what the uncertain motion between
+/// the two keyframes (`pose_covariances`, one a keyframe) adds to it; s is information_share(), for
+/// the errors of several views are not independent.
 std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
                                                    const std::vector<Matrix6d>& pose_covariances);
 

@@ -42,7 +42,10 @@ void LandmarkGraph::forget(KeypointReference reference) {
   if (!entry) return;
   TrackedLandmark& seen = landmark(*entry);
   std::erase(seen.observations, reference);
-  if (seen.appearance && seen.appearance->seen_at == reference) seen.appearance.reset();
+  if (seen.appearance && seen.appearance->seen_at == reference) {
+    seen.appearance.reset();
+    keyframes_[reference.keyframe].features.set_source(reference.keypoint, PixelSource::kCorner);
+  }
   entry.reset();
 }
 
@@ -59,7 +62,8 @@ std::optional<Eigen::Matrix2d> LandmarkGraph::patch_from_image(
   const Eigen::Vector2d at = keypoint.pixel.cast<double>();
   const double step = sensor_->scale(keypoint.octave);  // one pixel of the patch's level
   const auto seen = [&](const Eigen::Vector2d& pixel) -> std::optional<Eigen::Vector2d> {
-    const Eigen::Vector3d x = camera_from_reference * pinhole.back_project(pixel, depth);
+    const double there = depth * (1.0 + landmark.appearance->slope.dot(pixel - at));
+    const Eigen::Vector3d x = camera_from_reference * pinhole.back_project(pixel, there);
     if (x.z() < kNearestDepth) return std::nullopt;
     return pinhole.project(x);
   };
@@ -79,6 +83,7 @@ void LandmarkGraph::remove(LandmarkIndex index) {
     keyframes_[reference.keyframe].landmarks[reference.keypoint].reset();
   }
   landmark(index).observations.clear();
+  landmark(index).appearance.reset();
 }
 
 void LandmarkGraph::merge(LandmarkIndex from, LandmarkIndex into) {
@@ -88,7 +93,10 @@ void LandmarkGraph::merge(LandmarkIndex from, LandmarkIndex into) {
   const std::size_t last_seen = landmark(from).last_seen;
   remove(from);
   for (const KeypointReference& reference : moving) {
-    if (!observes(reference.keyframe, into)) observe(into, reference);
+    if (observes(reference.keyframe, into)) continue;
+    // It was aligned with another patch, if at all.
+    keyframes_[reference.keyframe].features.set_source(reference.keypoint, PixelSource::kCorner);
+    observe(into, reference);
   }
   TrackedLandmark& kept = landmark(into);
   std::sort(kept.observations.begin(), kept.observations.end(),

@@ -43,6 +43,8 @@ struct KeypointReference {
 struct LandmarkAppearance {
   KeypointReference seen_at;
   ReferencePatch patch;
+  /// By how much the surface is farther away a pixel to the right, and below, as a share of its depth.
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero();
 };
 
 struct TrackedLandmark {
@@ -72,8 +74,7 @@ class LandmarkGraph {
   TrackedLandmark& landmark(LandmarkIndex index) { return landmarks_[index.value]; }
   const TrackedLandmark& landmark(LandmarkIndex index) const { return landmarks_[index.value]; }
   /// How the image of a landmark's patch changes from where it was cut to a camera: the linear map
-  /// from pixels of the image to pixels of the patch's pyramid level, for a surface that faces the
-  /// camera it was cut from. Nothing without a patch, or if the landmark is behind either camera.
+  /// from pixels of the image to pixels of the patch's pyramid level. Nothing without a patch, or if the landmark is behind either camera.
   std::optional<Eigen::Matrix2d> patch_from_image(const TrackedLandmark& landmark,
                                                   const Rigid3& camera_from_world) const;
   const SensorModel& sensor() const { return *sensor_; }

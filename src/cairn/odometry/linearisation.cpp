@@ -21,6 +21,30 @@ LinearisedObservation linearise(const LandmarkGraph& graph, const KeypointRefere
   return at;
 }
 
+double information_share(std::size_t n) {
+  constexpr double kCorrelation = 0.2;
+  const auto worth = [](double count) { return count / (1.0 + (count - 1.0) * kCorrelation); };
+  const auto count = static_cast<double>(n);
+  return n <= 1 ? 1.0 : worth(count) - worth(count - 1.0);
+}
+
+double excess_of_residuals(const LandmarkGraph& graph, const TrackedLandmark& landmark) {
+  double sum = 0.0;
+  int rows = 0;
+  for (const KeypointReference& reference : landmark.observations) {
+    const Keyframe& keyframe = graph.keyframes()[reference.keyframe];
+    const Eigen::Vector3d x_in_camera = keyframe.world_from_camera.inverse() * landmark.position;
+    if (x_in_camera.z() < kNearestDepth) continue;
+    // With readings that were set aside: they tell of a landmark that does not fit, too.
+    const PointMeasurement measured =
+        graph.sensor().measurement(keyframe.features.keypoints()[reference.keypoint]);
+    sum += point_residual(graph.sensor().pinhole(), measured, x_in_camera).value.squaredNorm();
+    rows += measured.has_depth() ? 3 : 2;
+  }
+  constexpr int kUnknowns = 3;
+  return rows > kUnknowns ? std::max(1.0, sum / (rows - kUnknowns)) : 1.0;
+}
+
 Eigen::Matrix3d unknown_depth_information(const LandmarkGraph& graph,
                                           const TrackedLandmark& landmark) {
   const KeypointReference& first = landmark.observations.front();

@@ -24,11 +24,12 @@ struct LandmarkBlocks {
 LandmarkBlocks blocks_of(const LandmarkGraph& graph, const TrackedLandmark& landmark) {
   LandmarkBlocks blocks;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  for (const KeypointReference& reference : landmark.observations) {
-    const LinearisedObservation at = linearise(graph, reference, landmark.position);
-    information += at.by_point.transpose() * at.by_point;
-    blocks.coupling.push_back(at.by_point.transpose() * at.by_pose);
-    blocks.poses.push_back(at.by_pose.transpose() * at.by_pose);
+  for (std::size_t i = 0; i < landmark.observations.size(); ++i) {
+    const LinearisedObservation at = linearise(graph, landmark.observations[i], landmark.position);
+    const double share = information_share(i + 1);
+    information += share * at.by_point.transpose() * at.by_point;
+    blocks.coupling.emplace_back(share * at.by_point.transpose() * at.by_pose);
+    blocks.poses.emplace_back(share * at.by_pose.transpose() * at.by_pose);
   }
   information += unknown_depth_information(graph, landmark);
   blocks.inverse_information = information.inverse();
@@ -106,7 +107,7 @@ MarginalCovariances marginal_covariances(const LandmarkGraph& graph) {
         }
       }
     }
-    result.landmarks[l] = 0.5 * (sum + sum.transpose());
+    result.landmarks[l] = excess_of_residuals(graph, landmark) * 0.5 * (sum + sum.transpose());
   }
   return result;
 }

@@ -14,11 +14,11 @@ namespace cairn {
 struct SensorNoise {
   /// Of where a corner is found, in pixels of its pyramid level; positive.
   double pixel = 0.9;
-  /// The same, for corners that were aligned with the landmark's patch; positive.
+  /// The same, for where the landmark's patch was found, relative to where it was cut; positive.
   double aligned_pixel = 0.4;
   /// Of depth z: floor + quadratic·z², metres for z in metres (structured light: Khoshelham and
-  /// Elberink, Sensors 2012; Nguyen et al., 3DIMPVT 2012). Positive; not negative.
-  double depth_floor_m = 0.002;
+  /// Elberink, Sensors 2012). Positive; not negative.
+  double depth_floor_m = 0.001;
   double depth_quadratic = 0.002;
 
   /// @throws Error (misuse) naming the field
@@ -71,11 +71,17 @@ class SensorModel {
  public:
   SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales);
 
+  const SensorNoise& noise() const { return noise_; }
   const Pinhole& pinhole() const { return pinhole_; }
   double scale(int octave) const { return octave_scales_[static_cast<std::size_t>(octave)]; }
   int octaves() const { return static_cast<int>(octave_scales_.size()); }
   double sigma_pixel(const Keypoint& keypoint) const {
-    return (keypoint.aligned ? noise_.aligned_pixel : noise_.pixel) * scale(keypoint.octave);
+    // Where the patch was cut is exact by definition, but for what interpolation makes of it.
+    constexpr double kReference = 0.1;
+    const double of_octave = keypoint.source == PixelSource::kAligned  ? noise_.aligned_pixel
+                             : keypoint.source == PixelSource::kCorner ? noise_.pixel
+                                                                       : kReference;
+    return of_octave * scale(keypoint.octave);
   }
   double sigma_depth_m(double depth_m) const {
     return noise_.depth_floor_m + noise_.depth_quadratic * depth_m * depth_m;

@@ -8,6 +8,7 @@
 #include "cairn/odometry/bundle_adjustment.hpp"
 #include "cairn/odometry/landmark_covariance.hpp"
 #include "cairn/odometry/marginal_covariance.hpp"
+#include "cairn/odometry/noise_estimation.hpp"
 
 namespace cairn {
 namespace {
@@ -340,7 +341,7 @@ std::vector<LandmarkMatch> Odometry::Tracker::find_without_corners(
     keypoint.raw = found->raw;
     keypoint.pixel = extractor_.undistorted(found->raw);
     keypoint.octave = static_cast<std::uint8_t>(found->octave);
-    keypoint.aligned = true;
+    keypoint.source = PixelSource::kAligned;
     keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
     // Something else in front of it, or behind.
     if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
@@ -358,14 +359,18 @@ std::vector<LandmarkMatch> Odometry::Tracker::find_without_corners(
 }
 
 void Odometry::Tracker::cut_patch(const KeypointReference& reference) {
-  const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
+  Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
   const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
   const cv::Mat& image = keyframe.features.pyramid()[keypoint.octave];
   const Eigen::Vector2d center((keypoint.raw.u + 0.5) * image.cols / image_.width - 0.5,
                                (keypoint.raw.v + 0.5) * image.rows / image_.height - 0.5);
   const LandmarkIndex landmark = *keyframe.landmarks[reference.keypoint];
   if (const auto patch = ReferencePatch::cut(image, center)) {
-    graph_.landmark(landmark).appearance = LandmarkAppearance{reference, *patch};
+    graph_.landmark(landmark).appearance =
+        LandmarkAppearance{reference, *patch,
+                           extractor_.depth_slope(keyframe.features.depth_m(), keypoint.raw,
+                                                  4.0 * sensor_.scale(keypoint.octave))};
+    keyframe.features.set_source(reference.keypoint, PixelSource::kReference);
   }
 }
 
@@ -407,7 +412,7 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
     cut_patch({index, i});
   }
   if (index > 0) {
-    share_new_landmarks(index);
+    merge_known_landmarks(index);
     std::vector<std::uint32_t> moving = {index};
     for (const auto& [neighbour, shared] : graph_.covisible(index)) {
       constexpr std::size_t kFewestShared = 15;
@@ -426,9 +431,8 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
                     [](const auto& landmark) { return landmark.has_value(); }));
 }
 
-// Landmarks that were new to a keyframe may have been seen by its neighbours too, as keypoints
-// without a landmark, or as another landmark that was not recognised.
-void Odometry::Tracker::share_new_landmarks(std::uint32_t keyframe) {
+// Landmarks that are new to a keyframe may be known already, but were not recognised.
+void Odometry::Tracker::merge_known_landmarks(std::uint32_t keyframe) {
   constexpr std::size_t kNeighbours = 8;
   auto neighbours = graph_.covisible(keyframe);
   if (neighbours.size() > kNeighbours) neighbours.resize(kNeighbours);
@@ -451,7 +455,6 @@ void Odometry::Tracker::share_new_landmarks(std::uint32_t keyframe) {
                    {.radius_pixels = 3.0, .max_distance = 60, .max_ratio = 1.0});
     for (const LandmarkMatch& match : matches) {
       if (graph_.landmark(match.landmark).gone()) continue;
-      const KeypointReference reference{neighbour, match.keypoint};
       const PointMeasurement measured =
           sensor_.measurement(graph_.keyframes()[neighbour].features.keypoints()[match.keypoint]);
       const PointResidual residual =
@@ -461,20 +464,11 @@ void Odometry::Tracker::share_new_landmarks(std::uint32_t keyframe) {
       constexpr double kDepthGate = 9.0;
       if (residual.squared_pixel() > kPixelGate || residual.squared_depth() > kDepthGate) continue;
       const auto there = graph_.keyframes()[neighbour].landmarks[match.keypoint];
-      if (!there) {
-        if (!graph_.observes(neighbour, match.landmark)) {
-          graph_.observe(match.landmark, reference);
-          graph_.refresh(match.landmark);
-        }
-      } else if (*there != match.landmark) {
-        const bool more_there = graph_.landmark(*there).observations.size() >=
-                                graph_.landmark(match.landmark).observations.size();
-        if (more_there) {
-          graph_.merge(match.landmark, *there);
-        } else {
-          graph_.merge(*there, match.landmark);
-        }
-      }
+      if (!there || *there == match.landmark) continue;
+      // The older one stays: its patch is what its observations were aligned with.
+      const LandmarkIndex older = std::min(*there, match.landmark);
+      const LandmarkIndex newer = std::max(*there, match.landmark);
+      graph_.merge(newer, older);
     }
   }
 }
@@ -517,6 +511,7 @@ Trajectory Odometry::Tracker::trajectory() const {
 
 void Odometry::Tracker::adjust_all() {
   if (graph_.keyframes().size() < 2 || options_.final_iterations == 0) return;
+  sensor_ = SensorModel(estimated_noise(graph_), extractor_.pinhole(), octave_scales(extractor_));
   std::vector<std::uint32_t> moving;
   for (std::uint32_t i = 1; i < graph_.keyframes().size(); ++i) moving.push_back(i);
   adjust(graph_, moving, {.max_iterations = options_.final_iterations});

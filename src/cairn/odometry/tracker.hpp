@@ -65,7 +65,7 @@ class Odometry::Tracker {
   void cut_patch(const KeypointReference& reference);
   bool wants_keyframe(const Frame& frame, std::size_t found) const;
   void make_keyframe(Frame& frame);
-  void share_new_landmarks(std::uint32_t keyframe);
+  void merge_known_landmarks(std::uint32_t keyframe);
   void cull(std::uint32_t newest);
   std::vector<float> reprojection_errors(const Frame& frame) const;
 

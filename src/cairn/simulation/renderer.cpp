@@ -126,57 +126,21 @@ RayTable ray_table(const Camera& camera) {
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
   table.x.reserve(pixels);
   table.y.reserve(pixels);
-  const auto projected = [&](double x, double y) { return *project(camera, {x, y, 1.0}); };
-  // Newton's method, from the neighbour's solution or, if that fails, from the axis.
-  const auto solve = [&](double u, double v, double& x, double& y) {
-    constexpr double kStep = 1e-6;
-    for (int i = 0; i < 50; ++i) {
-      const Pixel at = projected(x, y);
-      const Pixel right = projected(x + kStep, y);
-      const Pixel below = projected(x, y + kStep);
-      const double a = (right.u - at.u) / kStep;
-      const double b = (below.u - at.u) / kStep;
-      const double c = (right.v - at.v) / kStep;
-      const double d = (below.v - at.v) / kStep;
-      const double determinant = a * d - b * c;
-      // Where the distortion folds the image over, no line of sight belongs to the pixel.
-      if (!(determinant > 0.0)) return false;
-      const double step_x = (d * (u - at.u) - b * (v - at.v)) / determinant;
-      const double step_y = (a * (v - at.v) - c * (u - at.u)) / determinant;
-      x += step_x;
-      y += step_y;
-      const bool finite = std::abs(x) < 100.0 && std::abs(y) < 100.0;
-      if (!finite) return false;
-      if (std::hypot(step_x, step_y) < 1e-9) {
-        const Pixel found = projected(x, y);
-        return std::hypot(found.u - u, found.v - v) < 1e-3;
-      }
-    }
-    return false;
-  };
-  double row_x = 0.0;
-  double row_y = 0.0;
+  Eigen::Vector2d row_start = Eigen::Vector2d::Zero();
   for (std::uint32_t row = 0; row < camera.height; ++row) {
-    double x = row_x;
-    double y = row_y;
+    Eigen::Vector2d x = row_start;
     for (std::uint32_t column = 0; column < camera.width; ++column) {
-      bool solved = solve(column, row, x, y);
-      if (!solved) {
-        x = 0.0;
-        y = 0.0;
-        solved = solve(column, row, x, y);
-      }
+      const auto solved =
+          unproject(camera, {static_cast<double>(column), static_cast<double>(row)}, x);
       if (!solved) {
         throw Error(ErrorKind::kMisuse, "ray_table",
                     fmt::format("no line of sight for pixel ({}, {})", column, row),
                     "a distortion that can be inverted over the whole image");
       }
-      if (column == 0) {
-        row_x = x;
-        row_y = y;
-      }
-      table.x.push_back(static_cast<float>(x));
-      table.y.push_back(static_cast<float>(y));
+      x = *solved;
+      if (column == 0) row_start = x;
+      table.x.push_back(static_cast<float>(x.x()));
+      table.y.push_back(static_cast<float>(x.y()));
     }
   }
   return table;
