@@ -43,9 +43,34 @@ struct BlockOrder {
   BlockOrder& operator=(const BlockOrder&) = delete;
   ~BlockOrder() { block_ended.fetch_add(1, std::memory_order_release); }
 };
+
+// One stage of a pipeline that runs its items one after the other.
+class SerialOrder {
+ public:
+  class Turn {
+   public:
+    explicit Turn(SerialOrder& order) : order_(&order) {
+      (void)order_->ended_.load(std::memory_order_acquire);
+    }
+    Turn(const Turn&) = delete;
+    Turn& operator=(const Turn&) = delete;
+    ~Turn() { order_->ended_.fetch_add(1, std::memory_order_release); }
+
+   private:
+    SerialOrder* order_;
+  };
+
+ private:
+  std::atomic<unsigned> ended_ = 0;
+};
 #else
 struct LoopOrder {};
 struct BlockOrder {};
+struct SerialOrder {
+  struct Turn {
+    explicit Turn(SerialOrder& /*order*/) {}
+  };
+};
 #endif
 
 // An item on its way through run_in_order.
@@ -113,14 +138,18 @@ void Executor::run_in_order(std::size_t count, std::size_t ahead,
     return;
   }
   std::size_t next = 0;
-  const auto number = tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order,
-                                                          [&](tbb::flow_control& control) {
-                                                            if (next == count) {
-                                                              control.stop();
-                                                              return next;
-                                                            }
-                                                            return next++;
-                                                          });
+  SerialOrder numbering;
+  SerialOrder order_of_use;
+  const auto number = tbb::make_filter<void, std::size_t>(
+      tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+        [[maybe_unused]] const BlockOrder block_order;
+        [[maybe_unused]] const SerialOrder::Turn turn(numbering);
+        if (next == count) {
+          control.stop();
+          return next;
+        }
+        return next++;
+      });
   const auto making = tbb::make_filter<std::size_t, std::shared_ptr<Numbered>>(
       tbb::filter_mode::parallel, [&](std::size_t i) {
         [[maybe_unused]] const BlockOrder block_order;
@@ -132,9 +161,8 @@ void Executor::run_in_order(std::size_t count, std::size_t ahead,
       });
   const auto using_up = tbb::make_filter<std::shared_ptr<Numbered>, void>(
       tbb::filter_mode::serial_in_order, [&](const std::shared_ptr<Numbered>& made) {
-        // Each use comes after the one before it.
-        [[maybe_unused]] const LoopOrder loop_order;
         [[maybe_unused]] const BlockOrder block_order;
+        [[maybe_unused]] const SerialOrder::Turn turn(order_of_use);
         made->take();
         use(made->number, made->item.get());
         made->item.reset();

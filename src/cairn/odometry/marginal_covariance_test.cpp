@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/odometry/linearisation.hpp"
 
 #include "support/landmark_graphs.hpp"
 
@@ -24,14 +25,16 @@ class BruteForce {
         size_(poses_ + 3 * static_cast<Eigen::Index>(graph.landmarks().size())) {
     Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size_, size_);
     for (std::size_t l = 0; l < graph.landmarks().size(); ++l) {
-      for (const KeypointReference& at : graph.landmarks()[l].observations) {
+      const auto& observations = graph.landmarks()[l].observations;
+      for (std::size_t i = 0; i < observations.size(); ++i) {
+        const KeypointReference& at = observations[i];
         const Eigen::MatrixXd jacobian =
             derivative(at.keyframe, l, [&](const Rigid3& pose, const Eigen::Vector3d& x) {
               return point_residual(testing::kTestPinhole, graph.measurement(at),
                                     pose.inverse() * x)
                   .value;
             });
-        information += jacobian.transpose() * jacobian;
+        information += information_share(i + 1) * jacobian.transpose() * jacobian;
       }
     }
     covariance_ = information.inverse();
@@ -50,7 +53,8 @@ class BruteForce {
         derivative(first, l, [&](const Rigid3& pose, const Eigen::Vector3d& x) -> Eigen::Vector3d {
           return axes * (pose.inverse() * x);
         });
-    return jacobian * covariance_ * jacobian.transpose();
+    return excess_of_residuals(graph_, graph_.landmarks()[l]) * jacobian * covariance_ *
+           jacobian.transpose();
   }
 
  private:
@@ -101,6 +105,29 @@ TEST(MarginalCovariances, AreTheInverseOfTheFullNormalEquations) {
               1e-4 * expected.landmark(l).norm())
         << l << ", observed " << made.graph.landmarks()[l].observations.size() << " times";
   }
+}
+
+TEST(InformationShare, FallsWithEveryObservationAndIsBounded) {
+  EXPECT_EQ(information_share(1), 1.0);
+  double sum = 1.0;
+  for (std::size_t n = 2; n < 10000; ++n) {
+    EXPECT_GT(information_share(n), 0.0);
+    EXPECT_LT(information_share(n), information_share(n - 1));
+    sum += information_share(n);
+  }
+  EXPECT_NEAR(sum, 5.0, 0.01) << "as many views as one likes are worth 1/0.2 independent ones";
+}
+
+TEST(ExcessOfResiduals, IsOneForWhatFitsAndGrowsWithWhatDoesNot) {
+  TrueGraph made = make_true_graph({.seed = 5, .keyframes = 4, .points = 20, .noise = 0.0});
+  TrackedLandmark landmark = made.graph.landmarks()[0];
+  ASSERT_GE(landmark.observations.size(), 2U);
+  EXPECT_EQ(excess_of_residuals(made.graph, landmark), 1.0) << "no noise was added";
+  landmark.position += Eigen::Vector3d(0.05, 0.0, 0.0);
+  const double off = excess_of_residuals(made.graph, landmark);
+  landmark.position += Eigen::Vector3d(0.05, 0.0, 0.0);
+  EXPECT_GT(off, 10.0);
+  EXPECT_GT(excess_of_residuals(made.graph, landmark), 2.0 * off);
 }
 
 TEST(MarginalCovariances, AreZeroForLandmarksThatAreGone) {
