@@ -148,7 +148,7 @@ void Mapping::add_poses(const Trajectory& trajectory) {
 }
 
 MappedSequence Mapping::finish() {
-  odometry_.adjust_all();
+  odometry_.complete();
   add_poses(odometry_.trajectory());
   result_.trajectory = Trajectory(std::move(poses_));
   // A mini-map of a single frame, begun at the very end, holds nothing that the one before lacks.

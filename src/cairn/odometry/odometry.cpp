@@ -44,8 +44,8 @@ FrameReport Odometry::track(double timestamp_s, Features features, std::string i
   return tracker_->track(timestamp_s, std::move(features), std::move(image_name));
 }
 
-void Odometry::adjust_all() {
-  tracker_->adjust_all();
+void Odometry::complete() {
+  tracker_->complete();
 }
 
 Trajectory Odometry::trajectory() const {

@@ -93,8 +93,9 @@ class Odometry {
 
   FrameReport track(double timestamp_s, Features features, std::string image_name = {});
 
-  /// Adjusts all keyframes and landmarks at once, as completes a map.
-  void adjust_all();
+  /// Completes the map: the last frame becomes a keyframe, and all keyframes and landmarks are
+  /// adjusted at once.
+  void complete();
   /// The poses of all frames tracked in this map so far, as the map has them now.
   Trajectory trajectory() const;
   /// All keyframes, and the landmarks.

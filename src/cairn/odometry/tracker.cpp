@@ -509,7 +509,16 @@ Trajectory Odometry::Tracker::trajectory() const {
   return Trajectory(std::move(poses));
 }
 
-void Odometry::Tracker::adjust_all() {
+// What the last frames saw would else be observed once at most.
+void Odometry::Tracker::end_at_last_frame() {
+  if (!last_pose() || graph_.keyframes().back().frame == previous_->number) return;
+  recorded_.pop_back();
+  make_keyframe(*previous_);
+  recorded_.push_back({previous_->timestamp_s, reference_, Rigid3()});
+}
+
+void Odometry::Tracker::complete() {
+  end_at_last_frame();
   if (graph_.keyframes().size() < 2 || options_.final_iterations == 0) return;
   sensor_ = SensorModel(estimated_noise(graph_), extractor_.pinhole(), octave_scales(extractor_));
   std::vector<std::uint32_t> moving;
@@ -527,13 +536,7 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
     throw Error(ErrorKind::kMisuse, "begin_new_map", "the last frame was not tracked",
                 "a call after a frame that was");
   }
-  Frame frame = std::move(*previous_);
-  if (graph_.keyframes().back().frame != frame.number) {
-    recorded_.pop_back();
-    make_keyframe(frame);
-    recorded_.push_back({frame.timestamp_s, reference_, Rigid3()});
-  }
-  adjust_all();
+  complete();
   const std::vector<Matrix6d> covariances = graph_.keyframes().size() <= kMostMarginalKeyframes
                                                 ? marginal_covariances(graph_).keyframes
                                                 : keyframe_pose_covariances(graph_);
@@ -541,9 +544,13 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   finished.to_next.previous_from_next = graph_.keyframes().back().world_from_camera;
   finished.to_next.covariance = covariances.back();
 
+  Frame frame = std::move(*previous_);
   graph_ = LandmarkGraph(sensor_);
   recorded_.clear();
   std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
+  for (std::uint32_t i = 0; i < frame.features.size(); ++i) {
+    frame.features.set_source(i, PixelSource::kCorner);  // patches were the old map's
+  }
   frame.world_from_camera = Rigid3();
   make_keyframe(frame);
   recorded_.push_back({frame.timestamp_s, 0, Rigid3()});

@@ -21,7 +21,7 @@ class Odometry::Tracker {
 
   const FeatureExtractor& extractor() const { return extractor_; }
   FrameReport track(double timestamp_s, Features features, std::string image_name);
-  void adjust_all();
+  void complete();
   Trajectory trajectory() const;
   LandmarkMap map(const MapOptions& options) const;
   std::optional<Rigid3> last_pose() const;
@@ -67,6 +67,7 @@ class Odometry::Tracker {
   void make_keyframe(Frame& frame);
   void merge_known_landmarks(std::uint32_t keyframe);
   void cull(std::uint32_t newest);
+  void end_at_last_frame();
   std::vector<float> reprojection_errors(const Frame& frame) const;
 
   OdometryOptions options_;
