@@ -115,7 +115,7 @@ TEST(InformationShare, FallsWithEveryObservationAndIsBounded) {
     EXPECT_LT(information_share(n), information_share(n - 1));
     sum += information_share(n);
   }
-  EXPECT_NEAR(sum, 5.0, 0.01) << "as many views as one likes are worth 1/0.2 independent ones";
+  EXPECT_NEAR(sum, 2.0, 0.01) << "as many views as one likes are worth two independent ones";
 }
 
 TEST(ExcessOfResiduals, IsOneForWhatFitsAndGrowsWithWhatDoesNot) {

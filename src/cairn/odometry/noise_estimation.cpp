@@ -53,7 +53,7 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
   SensorNoise noise = sensor.noise();
   // Not much smaller than the sensor's: what all views of a landmark have wrong alike, its residuals
   // do not show.
-  constexpr double kLeast = 0.6;
+  constexpr double kLeast = 0.35;
   noise.pixel *= std::max(kLeast, factor(corner, kMedianOfTwo));
   noise.aligned_pixel *= std::max(kLeast, factor(aligned, kMedianOfTwo));
   const double depth_factor = factor(depth, kMedianOfOne);

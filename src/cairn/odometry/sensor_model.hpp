@@ -77,7 +77,7 @@ class SensorModel {
   int octaves() const { return static_cast<int>(octave_scales_.size()); }
   double sigma_pixel(const Keypoint& keypoint) const {
     // Where the patch was cut is exact by definition, but for what interpolation makes of it.
-    constexpr double kReference = 0.1;
+    constexpr double kReference = 0.05;
     const double of_octave = keypoint.source == PixelSource::kAligned  ? noise_.aligned_pixel
                              : keypoint.source == PixelSource::kCorner ? noise_.pixel
                                                                        : kReference;
