@@ -22,7 +22,7 @@ LinearisedObservation linearise(const LandmarkGraph& graph, const KeypointRefere
 }
 
 double information_share(std::size_t n) {
-  constexpr double kCorrelation = 0.5;
+  constexpr double kCorrelation = 0.3;
   const auto worth = [](double count) { return count / (1.0 + (count - 1.0) * kCorrelation); };
   const auto count = static_cast<double>(n);
   return n <= 1 ? 1.0 : worth(count) - worth(count - 1.0);
