@@ -168,6 +168,34 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
                  {"minis", "exists already"});
 }
 
+TEST_F(MapCliTest, CovariancesHoldAgainstExactDepth) {
+  write("small.yaml",
+        "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n");
+  const Words made = {"simulate", "noisy", "--camera", "small.yaml",
+                      "--frames", "90",    "--seed",   "7"};
+  Words exact = made;
+  exact[1] = "exact";
+  exact.emplace_back("--no-depth-noise");
+  answer(made);
+  answer(exact);
+  for (const char* const covariance : {"recursive", "marginal"}) {
+    answer({"map", "noisy", "-o", "noisy.map", "--covariance", covariance});
+    const Json all = document({"evaluate", "map", "noisy.map", "--truth-depth", "exact"})
+                         .at("calibration")
+                         .at("all");
+    EXPECT_GT(all.at("count"), 200);
+    EXPECT_GT(all.at("inside_95"), 0.88) << covariance;
+    // Nor are they merely large: half of the errors are not far below what they say.
+    EXPECT_GT(all.at("median"), 0.3) << covariance;
+    EXPECT_LT(all.at("median"), 3.0) << covariance;
+  }
+  expect_refusal({"evaluate", "map", "noisy.map", "--truth-depth", "missing"}, kBadInput,
+                 {"missing"});
+  expect_refusal(
+      {"evaluate", "map", "noisy.map", "--truth-depth", "exact", "--truth-map", "noisy.map"},
+      kWrongUsage, {"--truth-depth", "--truth-map"});
+}
+
 TEST_F(MapCliTest, TheCameraMustBeKnown) {
   fs::remove(path("s/camera.yaml"));
   expect_refusal({"map", "s", "-o", "out.map"}, kWrongUsage,
