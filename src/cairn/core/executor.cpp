@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <optional>
+#include <vector>
 
 #include <tbb/info.h>
 #include <tbb/parallel_for.h>
@@ -79,12 +80,12 @@ struct Numbered {
   std::shared_ptr<void> item;
 #ifdef CAIRN_THREAD_SANITIZER
   // TBB hands it on; see above.
-  std::shared_ptr<std::atomic<unsigned>> handed_on = std::make_shared<std::atomic<unsigned>>();
-  void hand_on() const { handed_on->fetch_add(1, std::memory_order_release); }
-  void take() const { (void)handed_on->load(std::memory_order_acquire); }
+  std::atomic<unsigned> handed_on = 0;
+  void hand_on() { handed_on.fetch_add(1, std::memory_order_release); }
+  void take() { (void)handed_on.load(std::memory_order_acquire); }
 #else
-  void hand_on() const {}
-  void take() const {}
+  void hand_on() {}
+  void take() {}
 #endif
 };
 
@@ -150,25 +151,31 @@ void Executor::run_in_order(std::size_t count, std::size_t ahead,
         }
         return next++;
       });
-  const auto making = tbb::make_filter<std::size_t, std::shared_ptr<Numbered>>(
-      tbb::filter_mode::parallel, [&](std::size_t i) {
+  // Items stay here, for TBB forgets what is on its way when an exception ends the pipeline. As many
+  // as can be on their way, which leave in order: the place of item i is free when i begins.
+  std::vector<Numbered> places(ahead + 1);
+  const auto making =
+      tbb::make_filter<std::size_t, Numbered*>(tbb::filter_mode::parallel, [&](std::size_t i) {
         [[maybe_unused]] const BlockOrder block_order;
-        auto made = std::make_shared<Numbered>();
-        made->number = i;
-        made->item = make(i);
-        made->hand_on();
-        return made;
+        Numbered& made = places[i % places.size()];
+        made.take();
+        made.number = i;
+        made.item = make(i);
+        made.hand_on();
+        return &made;
       });
-  const auto using_up = tbb::make_filter<std::shared_ptr<Numbered>, void>(
-      tbb::filter_mode::serial_in_order, [&](const std::shared_ptr<Numbered>& made) {
+  const auto using_up =
+      tbb::make_filter<Numbered*, void>(tbb::filter_mode::serial_in_order, [&](Numbered* made) {
         [[maybe_unused]] const BlockOrder block_order;
         [[maybe_unused]] const SerialOrder::Turn turn(order_of_use);
         made->take();
         use(made->number, made->item.get());
         made->item.reset();
+        made->hand_on();
       });
   [[maybe_unused]] const LoopOrder loop_order;
-  arena_->arena->execute([&] { tbb::parallel_pipeline(ahead + 1, number & making & using_up); });
+  arena_->arena->execute(
+      [&] { tbb::parallel_pipeline(places.size(), number & making & using_up); });
 }
 
 }  // namespace cairn
