@@ -25,7 +25,6 @@ const Camera kPlain{{1}, "PINHOLE", 320, 240, {260.0, 260.0, 159.5, 119.5}};
 cv::Mat textured(cv::Size size, std::uint64_t seed, double contrast = 255.0) {
   Random random(seed);
   cv::Mat image(size.height / 6 + 1, size.width / 6 + 1, CV_8UC1);
-  image.forEach<std::uint8_t>([](std::uint8_t& value, const int*) { value = 0; });
   for (int y = 0; y < image.rows; ++y) {
     for (int x = 0; x < image.cols; ++x) {
       image.at<std::uint8_t>(y, x) =
