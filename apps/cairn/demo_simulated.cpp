@@ -53,7 +53,6 @@ Rigid3 Session::world_from_map() const {
 RgbdSimulator make_simulator(std::uint64_t session, std::size_t frames,
                              const CommonArguments& common) {
   const Random random = Random(common.seed).fork(session);
-  const auto draw = [](Random part) { return static_cast<std::uint64_t>(part.uniform() * 0x1p53); };
   const Executor executor = common.executor();
   Environment desk = make_environment({.kind = EnvironmentKind::kDesk,
                                        .seed = common.seed,
@@ -61,11 +60,11 @@ RgbdSimulator make_simulator(std::uint64_t session, std::size_t frames,
                                        .changed_fraction = session == 0 ? 0.0 : kChangedFraction},
                                       executor);
   Trajectory path = make_path(desk, {.kind = PathKind::kOrbit,
-                                     .seed = draw(random.fork(1)),
+                                     .seed = random.fork(1).draw_seed(),
                                      .frames = frames,
                                      .rate_hz = static_cast<double>(frames) / kRoundSeconds});
   SimulatorOptions options;
-  options.seed = draw(random.fork(2));
+  options.seed = random.fork(2).draw_seed();
   return {std::move(desk.scene), std::move(path), options, executor};
 }
 

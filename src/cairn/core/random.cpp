@@ -26,8 +26,12 @@ Random Random::fork(std::uint64_t stream) const {
   return Random(mix(seed_) ^ mix(~stream));
 }
 
+std::uint64_t Random::draw_seed() {
+  return engine_() >> 11;
+}
+
 double Random::uniform() {
-  return static_cast<double>(engine_() >> 11) * 0x1p-53;
+  return static_cast<double>(draw_seed()) * 0x1p-53;
 }
 
 double Random::uniform(double low, double high) {

@@ -25,6 +25,8 @@ class Random {
   std::size_t index(std::size_t count);
   /// Standard normal.
   double normal();
+  /// A seed for another generator, 53 bits.
+  std::uint64_t draw_seed();
   /// True with the given probability.
   bool chance(double probability) { return uniform() < probability; }
 

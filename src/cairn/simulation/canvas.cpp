@@ -23,10 +23,6 @@ float lattice(std::uint64_t key, int x, int y) {
   return static_cast<float>(hashed(key ^ (cell * 0x9e3779b97f4a7c15ULL)) >> 40) * 0x1p-23F - 1.0F;
 }
 
-std::uint64_t key_from(Random& random) {
-  return static_cast<std::uint64_t>(random.uniform() * 0x1p53);
-}
-
 float smooth(float t) {
   return t * t * (3.0F - 2.0F * t);
 }
@@ -223,7 +219,7 @@ void Canvas::text(double x, double y, double width, double height, double size, 
 }
 
 void Canvas::blotches(double size_x, double size_y, double strength, Random& random) {
-  const std::uint64_t key = key_from(random);
+  const std::uint64_t key = random.draw_seed();
   const auto step_x = static_cast<float>(1.0 / (scale_ * size_x));
   const auto step_y = static_cast<float>(1.0 / (scale_ * size_y));
   std::vector<float> upper;
@@ -256,7 +252,7 @@ void Canvas::blotches(double size_x, double size_y, double strength, Random& ran
 }
 
 void Canvas::grain(double strength, Random& random) {
-  const std::uint64_t key = key_from(random);
+  const std::uint64_t key = random.draw_seed();
   for (std::size_t row = 0; row < rows_; ++row) {
     for (std::size_t column = 0; column < columns_; ++column) {
       Paint& pixel = pixels_[row * columns_ + column];

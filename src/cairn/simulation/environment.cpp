@@ -142,7 +142,7 @@ class Plan {
     Item item;
     item.kind = kind;
     item.support = support;
-    item.seed = static_cast<std::uint64_t>(random_.uniform() * 0x1p53);
+    item.seed = random_.draw_seed();
     const ItemShape shape = item_shape(kind, item.seed);
     item.width = shape.width;
     item.depth = shape.depth;

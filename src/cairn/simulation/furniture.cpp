@@ -31,7 +31,7 @@ std::uint32_t plain(SceneBuilder& builder, const Paint& paint, Random& random) {
 }
 
 Random next(Random& random) {
-  return Random(static_cast<std::uint64_t>(random.uniform() * 0x1p53));
+  return Random(random.draw_seed());
 }
 
 Paint wood_paint(Random& random) {
