@@ -86,6 +86,14 @@ const Model* find_model(std::string_view name) {
   return found == models().end() ? nullptr : &*found;
 }
 
+const Model& usable_model(const Camera& camera, std::string_view caller) {
+  const Model* const model = find_model(camera.model);
+  if (model == nullptr || camera.parameters.size() != model->description.parameters.size()) {
+    throw Error(ErrorKind::kMisuse, caller, camera_defect(camera), "a camera without defect");
+  }
+  return *model;
+}
+
 }  // namespace
 
 std::span<const CameraModel> camera_models() {
@@ -121,16 +129,19 @@ std::string camera_defect(const Camera& camera) {
   return {};
 }
 
+Intrinsics intrinsics(const Camera& camera) {
+  const int focal_lengths = usable_model(camera, "intrinsics").focal_lengths;
+  const double* const p = camera.parameters.data();
+  return {p[0], p[focal_lengths - 1], p[focal_lengths], p[focal_lengths + 1]};
+}
+
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera) {
   if (!(x_in_camera.z() > 0.0)) return std::nullopt;
-  const Model* const model = find_model(camera.model);
-  if (model == nullptr || camera.parameters.size() != model->description.parameters.size()) {
-    throw Error(ErrorKind::kMisuse, "project", camera_defect(camera), "a camera without defect");
-  }
+  const Model& model = usable_model(camera, "project");
   const double* const p = camera.parameters.data();
-  const int focal_lengths = model->focal_lengths;
+  const int focal_lengths = model.focal_lengths;
   const Eigen::Vector2d distorted =
-      model->distort(x_in_camera.head<2>() / x_in_camera.z(), p + focal_lengths + 2);
+      model.distort(x_in_camera.head<2>() / x_in_camera.z(), p + focal_lengths + 2);
   return Pixel{p[0] * distorted.x() + p[focal_lengths],
                p[focal_lengths - 1] * distorted.y() + p[focal_lengths + 1]};
 }

@@ -49,6 +49,14 @@ std::span<const CameraModel> camera_models();
 /// not positive, a parameter that is not finite, no size); empty if it can.
 std::string camera_defect(const Camera& camera);
 
+/// What every model has: focal lengths and the pixel of the optical axis.
+struct Intrinsics {
+  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
+};
+
+/// `camera` must have no defect.
+Intrinsics intrinsics(const Camera& camera);
+
 /// Where a point in camera coordinates (x right, y down, z forward) appears; nothing if it is not
 /// in front of the camera. Bounds of the image are not looked at. `camera` must have no defect.
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);

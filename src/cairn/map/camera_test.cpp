@@ -202,6 +202,20 @@ TEST(CameraDefect, SaysWhatIsWrong) {
   EXPECT_EQ(camera_defect(camera("PINHOLE", {500, 500, -20, 900})), "");
 }
 
+TEST(Intrinsics, AreTheProjectionOfTheAxisAndItsDerivativesThere) {
+  for (const Camera& camera : cameras_of_all_models(0.0)) {
+    SCOPED_TRACE(camera.model);
+    const Intrinsics found = intrinsics(camera);
+    constexpr double kStep = 1e-4;
+    const auto axis = project(camera, {0.0, 0.0, 1.0});
+    const auto beside = project(camera, {kStep, kStep, 1.0});
+    EXPECT_NEAR(axis->u, found.cx, 1e-9);
+    EXPECT_NEAR(axis->v, found.cy, 1e-9);
+    EXPECT_NEAR((beside->u - axis->u) / kStep, found.fx, 1e-4);
+    EXPECT_NEAR((beside->v - axis->v) / kStep, found.fy, 1e-4);
+  }
+}
+
 TEST(Unproject, InvertsEveryModel) {
   for (const double strength : {0.0, 0.05}) {
     for (const Camera& camera : cameras_of_all_models(strength)) {

@@ -155,14 +155,6 @@ cv::Point2f refined(const cv::Mat& image, int x, int y) {
   return {dx, dy};
 }
 
-// All models start with one or two focal lengths, then the principal point.
-Pinhole pinhole_of(const Camera& camera) {
-  const auto& p = camera.parameters;
-  const bool one_focal_length = camera.model == "SIMPLE_PINHOLE" ||
-                                camera.model == "SIMPLE_RADIAL" || camera.model == "RADIAL";
-  return one_focal_length ? Pinhole{p[0], p[0], p[1], p[2]} : Pinhole{p[0], p[1], p[2], p[3]};
-}
-
 }  // namespace
 
 int hamming_distance(const Descriptor& a, const Descriptor& b) {
@@ -227,7 +219,7 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
     throw Error(ErrorKind::kMisuse, "camera", defect, "a camera without defect");
   }
   size_ = {static_cast<int>(camera.width), static_cast<int>(camera.height)};
-  pinhole_ = pinhole_of(camera);
+  pinhole_ = Pinhole{intrinsics(camera)};
   for (int level = 0; level < options_.levels; ++level) {
     scales_.push_back(std::pow(options_.scale, level));
   }

@@ -14,9 +14,7 @@
 namespace cairn {
 
 /// A pinhole camera without distortion: what keypoints are undistorted to.
-struct Pinhole {
-  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
-
+struct Pinhole : Intrinsics {
   /// @param x_in_camera with positive z
   Eigen::Vector2d project(const Eigen::Vector3d& x_in_camera) const {
     const double inverse = 1.0 / x_in_camera.z();

@@ -47,8 +47,7 @@ std::optional<ExpectedAppearance> expected_appearance(const SensorModel& sensor,
   appearance.cos_view = ray.dot(landmark.viewing_direction) / distance;
   constexpr double kMostAside = 0.5;  // cos 60°
   if (appearance.cos_view < kMostAside) return std::nullopt;
-  const double octave_ratio = sensor.octaves() > 1 ? sensor.scale(1) : 2.0;
-  appearance.octave = std::log(landmark.reference_distance_m / distance) / std::log(octave_ratio);
+  appearance.octave = sensor.octave_of(landmark.reference_distance_m / distance);
   if (appearance.octave < -1.5 || appearance.octave > sensor.octaves() + 0.5) return std::nullopt;
   return appearance;
 }

@@ -77,15 +77,14 @@ RgbdFrame RgbdSimulator::frame(std::size_t index, const Executor& executor) cons
   }
   // Two numbers from the seed and the frame, for the two sensors.
   Random random = Random(options_.seed).fork(index);
-  const auto draw = [&] { return static_cast<std::uint64_t>(random.uniform() * 0x1p53); };
   RgbdFrame frame;
   frame.timestamp_s = pose.timestamp_s;
   frame.world_from_camera = pose.world_from_camera;
   frame.width = picture.width;
   frame.height = picture.height;
-  frame.bgr = expose(picture, options_.sensor, draw(), executor);
-  frame.depth_m =
-      measure_depth(picture, options_.camera.parameters.front(), options_.sensor, draw(), executor);
+  frame.bgr = expose(picture, options_.sensor, random.draw_seed(), executor);
+  frame.depth_m = measure_depth(picture, intrinsics(options_.camera).fx, options_.sensor,
+                                random.draw_seed(), executor);
   frame.exact_depth_m = std::move(picture.depth_m);
   return frame;
 }
