@@ -10,13 +10,10 @@
 #include <Eigen/Cholesky>
 #include <ceres/ceres.h>
 
+#include "cairn/odometry/residual_limits.hpp"
+
 namespace cairn {
 namespace {
-
-constexpr double kPixelGate = 9.210;    // chi² of two degrees of freedom, 99 %
-constexpr double kDepthGate = 6.635;    // of one
-constexpr double kPixelKernel = 5.991;  // 95 %
-constexpr double kDepthKernel = 3.841;
 
 // A pose as Ceres moves it: quaternion x y z w, then translation.
 using PoseBlock = std::array<double, 7>;
@@ -98,8 +95,7 @@ class MeasurementCost final : public ceres::SizedCostFunction<2, 7, 3> {
     }
     if (jacobians[0] != nullptr) {
       Eigen::Map<Rows7> by_pose(jacobians[0]);
-      by_pose.leftCols<3>() = -by_point;
-      by_pose.middleCols<3>(3) = by_point * skew(arm);
+      by_pose.leftCols<6>() = derivative_by_pose(by_point, arm);
       by_pose.col(6).setZero();
     }
     if (jacobians[1] != nullptr) Eigen::Map<Rows3>{jacobians[1]} = by_point;
@@ -146,11 +142,6 @@ class FixedCost final : public ceres::SizedCostFunction<2, 3> {
   Eigen::Vector3d linearised_at_;
 };
 
-// Huber's weight of a squared residual.
-double huber_weight(double squared, double gate) {
-  return squared <= gate ? 1.0 : std::sqrt(gate / squared);
-}
-
 std::optional<FixedMeasurements> fixed_measurements(const LandmarkGraph& graph, LandmarkIndex index,
                                                     const std::vector<bool>& moves) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -164,9 +155,9 @@ std::optional<FixedMeasurements> fixed_measurements(const LandmarkGraph& graph, 
     if (x_in_camera.z() < kNearestDepth) continue;
     const PointResidual residual =
         point_residual(graph.sensor().pinhole(), graph.measurement(reference), x_in_camera);
-    const double pixel_weight = huber_weight(residual.squared_pixel(), kPixelKernel);
+    const double pixel_weight = huber_weight(residual.squared_pixel(), kPixel95);
     const Eigen::Vector3d weights(pixel_weight, pixel_weight,
-                                  huber_weight(residual.squared_depth(), kDepthKernel));
+                                  huber_weight(residual.squared_depth(), kDepth95));
     const Eigen::Matrix3d by_point = residual.by_x_in_camera * camera_from_world;
     const Eigen::Matrix3d weighted = weights.asDiagonal() * by_point;
     information += by_point.transpose() * weighted;
@@ -235,8 +226,8 @@ void drop_outliers(LandmarkGraph& graph, const Scope& scope) {
         const PointMeasurement measured =
             sensor.measurement(keyframe.features.keypoints()[reference.keypoint]);
         const PointResidual residual = point_residual(sensor.pinhole(), measured, x_in_camera);
-        explained = residual.squared_pixel() <= kPixelGate;
-        keyframe.depth_disagrees[reference.keypoint] = residual.squared_depth() > kDepthGate;
+        explained = residual.squared_pixel() <= kPixel99;
+        keyframe.depth_disagrees[reference.keypoint] = residual.squared_depth() > kDepth99;
       }
       if (!explained) graph.forget(reference);
     }
@@ -268,8 +259,8 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
     points.push_back(graph.landmark(index).position);
 
   PoseManifold manifold;
-  ceres::HuberLoss pixel_loss(std::sqrt(kPixelKernel));
-  ceres::HuberLoss depth_loss(std::sqrt(kDepthKernel));
+  ceres::HuberLoss pixel_loss(std::sqrt(kPixel95));
+  ceres::HuberLoss depth_loss(std::sqrt(kDepth95));
   ceres::Problem::Options ownership;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;

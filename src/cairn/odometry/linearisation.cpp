@@ -16,8 +16,7 @@ LinearisedObservation linearise(const LandmarkGraph& graph, const KeypointRefere
       point_residual(graph.sensor().pinhole(), graph.measurement(reference), x_in_camera);
   LinearisedObservation at;
   at.by_point = residual.by_x_in_camera * camera_from_world;
-  at.by_pose.leftCols<3>() = -at.by_point;
-  at.by_pose.rightCols<3>() = at.by_point * skew(arm);
+  at.by_pose = derivative_by_pose(at.by_point, arm);
   return at;
 }
 

@@ -2,7 +2,6 @@
 #include "cairn/odometry/noise_estimation.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 

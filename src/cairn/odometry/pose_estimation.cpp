@@ -9,17 +9,10 @@
 #include <Eigen/Geometry>
 
 #include "cairn/core/random.hpp"
+#include "cairn/odometry/residual_limits.hpp"
 
 namespace cairn {
 namespace {
-
-constexpr double kPixelGate = 9.210;  // chi² of two degrees of freedom, 99 %
-constexpr double kDepthGate = 6.635;  // of one
-
-// Weight of a squared residual in iteratively reweighted least squares with Huber's kernel.
-double huber_weight(double squared, double gate) {
-  return squared <= gate ? 1.0 : std::sqrt(gate / squared);
-}
 
 struct NormalEquations {
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
@@ -37,13 +30,11 @@ NormalEquations accumulate(const Pinhole& pinhole, std::span<const PointMatch> m
     const Eigen::Vector3d x_in_camera = camera_from_world * arm;
     if (x_in_camera.z() < kNearestDepth) continue;
     const PointResidual residual = point_residual(pinhole, matches[i].measured, x_in_camera);
-    const double pixel_weight = robust ? huber_weight(residual.squared_pixel(), 5.991) : 1.0;
+    const double pixel_weight = robust ? huber_weight(residual.squared_pixel(), kPixel95) : 1.0;
     // Depth is wrong by far more often than a match: cut it off.
-    const double depth_weight = residual.squared_depth() > kDepthGate ? 0.0 : 1.0;
+    const double depth_weight = residual.squared_depth() > kDepth99 ? 0.0 : 1.0;
     const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_world;
-    Eigen::Matrix<double, 3, 6> by_pose;
-    by_pose.leftCols<3>() = -by_x;
-    by_pose.rightCols<3>() = by_x * skew(arm);
+    const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
     const Eigen::Vector3d weights(pixel_weight, pixel_weight, depth_weight);
     const Eigen::Matrix<double, 3, 6> weighted = weights.asDiagonal() * by_pose;
     sum.information += by_pose.transpose() * weighted;
@@ -60,7 +51,7 @@ std::size_t classify(const Pinhole& pinhole, std::span<const PointMatch> matches
     const Eigen::Vector3d x_in_camera = camera_from_world * matches[i].x_in_world;
     inliers[i] =
         x_in_camera.z() >= kNearestDepth &&
-        point_residual(pinhole, matches[i].measured, x_in_camera).squared_pixel() <= kPixelGate;
+        point_residual(pinhole, matches[i].measured, x_in_camera).squared_pixel() <= kPixel99;
     count += inliers[i] ? 1 : 0;
   }
   return count;

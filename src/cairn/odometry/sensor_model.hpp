@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "cairn/geometry/rigid3.hpp"
 #include "cairn/odometry/features.hpp"
 
 namespace cairn {
@@ -66,6 +68,18 @@ inline PointResidual point_residual(const Pinhole& pinhole, const PointMeasureme
   return residual;
 }
 
+/// Derivative of a residual by the camera's pose (left perturbation δt, δφ of world_from_camera), from
+/// its derivative by the point in the world.
+/// @param arm from the camera's centre to the point, in the world
+template <class Rows>
+Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> derivative_by_pose(
+    const Eigen::MatrixBase<Rows>& by_point, const Eigen::Vector3d& arm) {
+  Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> by_pose;
+  by_pose.template leftCols<3>() = -by_point;
+  by_pose.template rightCols<3>() = by_point * skew(arm);
+  return by_pose;
+}
+
 /// The measurement that a keypoint is.
 class SensorModel {
  public:
@@ -75,6 +89,10 @@ class SensorModel {
   const Pinhole& pinhole() const { return pinhole_; }
   double scale(int octave) const { return octave_scales_[static_cast<std::size_t>(octave)]; }
   int octaves() const { return static_cast<int>(octave_scales_.size()); }
+  /// The octave, not rounded, whose pixels are so many times the size of the image's.
+  double octave_of(double size) const {
+    return std::log(size) / std::log(octaves() > 1 ? scale(1) : 2.0);
+  }
   double sigma_pixel(const Keypoint& keypoint) const {
     // Where the patch was cut is exact by definition, but for what interpolation makes of it.
     constexpr double kReference = 0.05;

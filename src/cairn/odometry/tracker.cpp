@@ -9,6 +9,7 @@
 #include "cairn/odometry/landmark_covariance.hpp"
 #include "cairn/odometry/marginal_covariance.hpp"
 #include "cairn/odometry/noise_estimation.hpp"
+#include "cairn/odometry/residual_limits.hpp"
 
 namespace cairn {
 namespace {
@@ -123,22 +124,30 @@ bool Odometry::Tracker::start(Frame& frame) {
   return true;
 }
 
-PoseEstimate Odometry::Tracker::solve(const Frame& frame, std::span<const LandmarkMatch> matches,
-                                      const Rigid3& start) const {
+std::vector<PointMatch> Odometry::Tracker::points_of(const Frame& frame,
+                                                     std::span<const LandmarkMatch> matches) const {
   std::vector<PointMatch> points;
   points.reserve(matches.size());
   for (const LandmarkMatch& match : matches) {
     points.push_back({graph_.landmark(match.landmark).position,
                       sensor_.measurement(frame.features.keypoints()[match.keypoint])});
   }
-  return refine_pose(sensor_.pinhole(), points, start);
+  return points;
 }
 
-void Odometry::Tracker::assign(Frame& frame, std::span<const LandmarkMatch> matches,
-                               const std::vector<bool>& inliers) const {
+PoseEstimate Odometry::Tracker::solve(Frame& frame, std::span<const LandmarkMatch> matches) const {
+  PoseEstimate estimate =
+      refine_pose(sensor_.pinhole(), points_of(frame, matches), frame.world_from_camera);
+  take(frame, matches, estimate);
+  return estimate;
+}
+
+void Odometry::Tracker::take(Frame& frame, std::span<const LandmarkMatch> matches,
+                             const PoseEstimate& estimate) {
+  frame.world_from_camera = estimate.world_from_camera;
   std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
   for (std::size_t i = 0; i < matches.size(); ++i) {
-    if (inliers[i]) frame.landmarks[matches[i].keypoint] = matches[i].landmark;
+    if (estimate.inliers[i]) frame.landmarks[matches[i].keypoint] = matches[i].landmark;
   }
 }
 
@@ -172,15 +181,14 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
   }
   matches = keep_common_turn(std::move(matches), turns);
   if (matches.size() < options_.min_tracked) return std::nullopt;
-  PoseEstimate estimate = solve(frame, matches, predicted);
+  PoseEstimate estimate = refine_pose(sensor_.pinhole(), points_of(frame, matches), predicted);
   constexpr double kLeastShare = 0.3;  // of matches that agree with one motion
   if (estimate.inlier_count < options_.min_tracked ||
       static_cast<double>(estimate.inlier_count) <
           kLeastShare * static_cast<double>(matches.size())) {
     return std::nullopt;
   }
-  frame.world_from_camera = estimate.world_from_camera;
-  assign(frame, matches, estimate.inliers);
+  take(frame, matches, estimate);
   return estimate;
 }
 
@@ -188,15 +196,9 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(Frame& frame,
                                                                   std::uint32_t keyframe) const {
   const std::vector<LandmarkMatch> matches = match_by_descriptor(graph_, keyframe, frame.features);
   if (matches.size() < options_.min_tracked) return std::nullopt;
-  std::vector<PointMatch> points;
-  for (const LandmarkMatch& match : matches) {
-    points.push_back({graph_.landmark(match.landmark).position,
-                      sensor_.measurement(frame.features.keypoints()[match.keypoint])});
-  }
-  auto estimate = find_pose(sensor_.pinhole(), points, options_.min_tracked, frame.number);
-  if (!estimate) return std::nullopt;
-  frame.world_from_camera = estimate->world_from_camera;
-  assign(frame, matches, estimate->inliers);
+  auto estimate =
+      find_pose(sensor_.pinhole(), points_of(frame, matches), options_.min_tracked, frame.number);
+  if (estimate) take(frame, matches, *estimate);
   return estimate;
 }
 
@@ -258,9 +260,7 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
     aligned.push_back(match);
   }
   if (aligned.size() >= 6 * options_.min_tracked) matches = std::move(aligned);
-  PoseEstimate estimate = solve(frame, matches, frame.world_from_camera);
-  frame.world_from_camera = estimate.world_from_camera;
-  assign(frame, matches, estimate.inliers);
+  PoseEstimate estimate = solve(frame, matches);
   if (estimate.inlier_count < options_.min_tracked) return estimate;
 
   std::fill(matched.begin(), matched.end(), false);
@@ -282,9 +282,7 @@ PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
   const auto found = find_without_corners(frame, unmatched);
   if (!found.empty()) {
     matches.insert(matches.end(), found.begin(), found.end());
-    estimate = solve(frame, matches, frame.world_from_camera);
-    frame.world_from_camera = estimate.world_from_camera;
-    assign(frame, matches, estimate.inliers);
+    estimate = solve(frame, matches);
     if (estimate.inlier_count < options_.min_tracked) return estimate;
   }
   for (const LandmarkIndex index : expected) ++graph_.landmark(index).expected;
@@ -304,8 +302,7 @@ std::optional<Odometry::Tracker::FoundPatch> Odometry::Tracker::find_patch(
   const auto patch_from_image = graph_.patch_from_image(seen, camera_from_world);
   if (!patch_from_image) return std::nullopt;
   // The level on which the patch has about its own resolution.
-  const double size = 1.0 / std::sqrt(patch_from_image->determinant());
-  const double octave = std::log(size) / std::log(sensor_.octaves() > 1 ? sensor_.scale(1) : 2.0);
+  const double octave = sensor_.octave_of(1.0 / std::sqrt(patch_from_image->determinant()));
   const auto levels = static_cast<int>(features.pyramid().size());
   const int level = std::clamp(static_cast<int>(std::lround(octave)), 0, levels - 1);
   const cv::Mat& image = features.pyramid()[static_cast<std::size_t>(level)];
@@ -460,9 +457,8 @@ void Odometry::Tracker::merge_known_landmarks(std::uint32_t keyframe) {
       const PointResidual residual =
           point_residual(sensor_.pinhole(), measured,
                          camera_from_world * graph_.landmark(match.landmark).position);
-      constexpr double kPixelGate = 5.991;
-      constexpr double kDepthGate = 9.0;
-      if (residual.squared_pixel() > kPixelGate || residual.squared_depth() > kDepthGate) continue;
+      constexpr double kMostDepth = 9.0;  // three standard deviations
+      if (residual.squared_pixel() > kPixel95 || residual.squared_depth() > kMostDepth) continue;
       const auto there = graph_.keyframes()[neighbour].landmarks[match.keypoint];
       if (!there || *there == match.landmark) continue;
       // The older one stays: its patch is what its observations were aligned with.
@@ -537,12 +533,21 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
                 "a call after a frame that was");
   }
   complete();
-  const std::vector<Matrix6d> covariances = graph_.keyframes().size() <= kMostMarginalKeyframes
-                                                ? marginal_covariances(graph_).keyframes
-                                                : keyframe_pose_covariances(graph_);
-  FinishedMap finished{map(options), trajectory(), {}};
-  finished.to_next.previous_from_next = graph_.keyframes().back().world_from_camera;
-  finished.to_next.covariance = covariances.back();
+  options.validate();
+  MiniMapLink link;
+  link.previous_from_next = graph_.keyframes().back().world_from_camera;
+  std::vector<Eigen::Matrix3d> covariances;
+  if (graph_.keyframes().size() <= kMostMarginalKeyframes) {
+    MarginalCovariances marginal = marginal_covariances(graph_);
+    link.covariance = marginal.keyframes.back();
+    if (options.covariance == LandmarkCovariance::kMarginal) {
+      covariances = std::move(marginal.landmarks);
+    }
+  } else {
+    link.covariance = keyframe_pose_covariances(graph_).back();
+  }
+  if (covariances.empty()) covariances = landmark_covariances(options.covariance);
+  FinishedMap finished{map(options, covariances), trajectory(), link};
 
   Frame frame = std::move(*previous_);
   graph_ = LandmarkGraph(sensor_);
@@ -558,8 +563,20 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   return finished;
 }
 
+std::vector<Eigen::Matrix3d> Odometry::Tracker::landmark_covariances(
+    LandmarkCovariance kind) const {
+  return kind == LandmarkCovariance::kMarginal
+             ? marginal_covariances(graph_).landmarks
+             : recursive_covariances(graph_, keyframe_pose_covariances(graph_));
+}
+
 LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
   options.validate();
+  return map(options, landmark_covariances(options.covariance));
+}
+
+LandmarkMap Odometry::Tracker::map(const MapOptions& options,
+                                   const std::vector<Eigen::Matrix3d>& covariances) const {
   MapTables tables;
   tables.cameras = {camera_};
   for (const Keyframe& keyframe : graph_.keyframes()) {
@@ -571,10 +588,6 @@ LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
     tables.frames.timestamps_s.emplace_back(keyframe.timestamp_s);
     tables.frames.image_names.push_back(keyframe.image_name);
   }
-  const std::vector<Eigen::Matrix3d> covariances =
-      options.covariance == LandmarkCovariance::kMarginal
-          ? marginal_covariances(graph_).landmarks
-          : recursive_covariances(graph_, keyframe_pose_covariances(graph_));
   LandmarkTable& landmarks = tables.landmarks;
   ObservationTable& observations = tables.observations;
   if (options.descriptors) landmarks.descriptors = {"ORB", sizeof(Descriptor), {}, {}};

@@ -49,10 +49,12 @@ class Odometry::Tracker {
   std::optional<PoseEstimate> locate_by_keyframe(Frame& frame, std::uint32_t keyframe) const;
   std::optional<PoseEstimate> locate_anywhere(Frame& frame) const;
   PoseEstimate locate_in_map(Frame& frame, double radius);
-  PoseEstimate solve(const Frame& frame, std::span<const LandmarkMatch> matches,
-                     const Rigid3& start) const;
-  void assign(Frame& frame, std::span<const LandmarkMatch> matches,
-              const std::vector<bool>& inliers) const;
+  std::vector<PointMatch> points_of(const Frame& frame,
+                                    std::span<const LandmarkMatch> matches) const;
+  // Refines the frame's pose and keeps the matches that fit.
+  PoseEstimate solve(Frame& frame, std::span<const LandmarkMatch> matches) const;
+  static void take(Frame& frame, std::span<const LandmarkMatch> matches,
+                   const PoseEstimate& estimate);
   // Where a landmark's patch is found in a frame, near `start`, and on which octave.
   struct FoundPatch {
     Pixel raw;
@@ -68,6 +70,8 @@ class Odometry::Tracker {
   void merge_known_landmarks(std::uint32_t keyframe);
   void cull(std::uint32_t newest);
   void end_at_last_frame();
+  std::vector<Eigen::Matrix3d> landmark_covariances(LandmarkCovariance kind) const;
+  LandmarkMap map(const MapOptions& options, const std::vector<Eigen::Matrix3d>& covariances) const;
   std::vector<float> reprojection_errors(const Frame& frame) const;
 
   OdometryOptions options_;
