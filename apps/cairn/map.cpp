@@ -30,6 +30,12 @@ namespace fs = std::filesystem;
 
 constexpr double kTumDepthUnits = 5000.0;
 
+struct LandmarkCounts {
+  std::size_t all = 0;
+  std::size_t observed_again = 0;  // by two keyframes or more
+  double mean_observations = 0.0;  // of those
+};
+
 struct MapArguments {
   CommonArguments common;
   std::string sequence;
@@ -56,8 +62,9 @@ struct MapArguments {
   MappedSequence map(const Camera& camera, const SequenceOptions& sequence_options) const;
   void write(const MappedSequence& mapped) const;
   void write_mini_maps(const MappedSequence& mapped) const;
-  Json describe(const MappedSequence& mapped, const CameraFile& camera_file) const;
-  void print(const MappedSequence& mapped, double seconds) const;
+  Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
+                const CameraFile& camera_file) const;
+  void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
 };
 
 void MapArguments::add_to(CLI::App& command) {
@@ -264,12 +271,6 @@ void MapArguments::write(const MappedSequence& mapped) const {
   }
 }
 
-struct LandmarkCounts {
-  std::size_t all = 0;
-  std::size_t observed_again = 0;  // by two keyframes or more
-  double mean_observations = 0.0;  // of those
-};
-
 LandmarkCounts count_landmarks(const std::vector<LandmarkMap>& maps) {
   LandmarkCounts counts;
   std::size_t observations = 0;
@@ -289,8 +290,8 @@ LandmarkCounts count_landmarks(const std::vector<LandmarkMap>& maps) {
   return counts;
 }
 
-Json MapArguments::describe(const MappedSequence& mapped, const CameraFile& camera_file) const {
-  const LandmarkCounts landmarks = count_landmarks(mapped.maps);
+Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
+                            const CameraFile& camera_file) const {
   Json json =
       document("map", common, {{"sequence", {{"path", sequence}, {"frames", mapped.frames}}}},
                {{"camera",
@@ -333,9 +334,9 @@ Json MapArguments::describe(const MappedSequence& mapped, const CameraFile& came
   return json;
 }
 
-void MapArguments::print(const MappedSequence& mapped, double seconds) const {
+void MapArguments::print(const MappedSequence& mapped, const LandmarkCounts& landmarks,
+                         double seconds) const {
   const Console console = common.console();
-  const LandmarkCounts landmarks = count_landmarks(mapped.maps);
   std::string text = fmt::format("{}: ", output);
   if (!mini_map_length.empty()) text += fmt::format("{} mini-maps, ", mapped.maps.size());
   text += fmt::format(
@@ -400,10 +401,11 @@ int MapArguments::run() {
                 "a frame with depth and texture to begin with");
   }
   write(mapped);
-  Json json = describe(mapped, camera_file);
+  const LandmarkCounts landmarks = count_landmarks(mapped.maps);
+  Json json = describe(mapped, landmarks, camera_file);
   json["duration_s"] = seconds;
   write_document(json, common);
-  print(mapped, seconds);
+  print(mapped, landmarks, seconds);
   return kDone;
 }
 

@@ -118,28 +118,21 @@ void SimulateArguments::check() {
   }
   environment_options.seed = common.seed;
   const Random random = Random(common.seed).fork(environment_options.session);
-  const auto draw = [](Random part) { return static_cast<std::uint64_t>(part.uniform() * 0x1p53); };
-  path_options.seed = draw(random.fork(1));
-  options.seed = draw(random.fork(2));
-  try {
-    path_options.validate();
-    environment_options.validate();
-    options.validate();
-  } catch (const Error& error) {
-    const std::string message = error.what();
-    for (const auto& [field, option] : {std::pair{"PathOptions.frames:", "--frames"},
-                                        {"PathOptions.rate_hz:", "--rate"},
-                                        {"EnvironmentOptions.changed_fraction:", "--changed"},
-                                        {"SensorOptions.exposure:", "--exposure"},
-                                        {"SensorOptions.color_noise:", "--noise"},
-                                        {"SensorOptions.depth_noise_m:", "--depth-noise"},
-                                        {"SensorOptions.max_depth_m:", "--max-depth"},
-                                        {"SimulatorOptions.shutter_s:", "--motion-blur"}}) {
-      if (!message.starts_with(field)) continue;
-      throw Error(error.kind(), option, message.substr(std::string(field).size() + 1), "");
-    }
-    throw;
-  }
+  path_options.seed = random.fork(1).draw_seed();
+  options.seed = random.fork(2).draw_seed();
+  with_option_names({{"PathOptions.frames", "--frames"},
+                     {"PathOptions.rate_hz", "--rate"},
+                     {"EnvironmentOptions.changed_fraction", "--changed"},
+                     {"SensorOptions.exposure", "--exposure"},
+                     {"SensorOptions.color_noise", "--noise"},
+                     {"SensorOptions.depth_noise_m", "--depth-noise"},
+                     {"SensorOptions.max_depth_m", "--max-depth"},
+                     {"SimulatorOptions.shutter_s", "--motion-blur"}},
+                    [&] {
+                      path_options.validate();
+                      environment_options.validate();
+                      options.validate();
+                    });
 }
 
 void SimulateArguments::refuse_existing() const {

@@ -31,7 +31,7 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  void update(double share, const std::string& detail = {}) {
+  void update(double share, const std::string& detail) {
     const auto now = Clock::now();
     if (now - start_ < std::chrono::seconds(1)) return;
     if (shown_ && now - last_ < std::chrono::milliseconds(100)) return;
@@ -70,8 +70,9 @@ LogSink Console::log() const {
 }
 
 Progress Console::progress(const std::string& label) const {
-  if (quiet_ || ::isatty(STDERR_FILENO) == 0) return {};
-  return [bar = std::make_shared<ProgressBar>(label)](double share) { bar->update(share); };
+  auto show = detailed_progress(label);
+  if (!show) return {};
+  return [show = std::move(show)](double share) { show(share, {}); };
 }
 
 std::function<void(double, const std::string&)> Console::detailed_progress(

@@ -13,7 +13,8 @@ void catch_interrupts();
 /// Stop is requested when the user interrupts.
 std::stop_token interrupt_requests();
 
-/// Says so and ends the program by the signal that interrupted it, as shells expect: exit code 130 for Ctrl-C.
+/// Says so and ends the program by the signal that interrupted it, as shells expect: exit code 130
+/// for Ctrl-C.
 [[noreturn]] void end_by_interrupt();
 
 }  // namespace cairn::cli
