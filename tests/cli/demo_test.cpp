@@ -36,7 +36,8 @@ class DemoTest : public CliTest {
 class SimulatedDemoTest : public DemoTest {
  protected:
   void SetUp() override {
-    if (!can_simulate()) GTEST_SKIP() << "built without OpenCV, Ceres or Embree";
+    if (!can_simulate())
+      GTEST_SKIP() << "built without OpenCV, Ceres or Embree: the simulated demo was not tested";
   }
 };
 

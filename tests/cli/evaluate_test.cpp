@@ -17,6 +17,7 @@
 #include "cairn/trajectory/tum.hpp"
 
 #include "cli.hpp"
+#include "support/real_data.hpp"
 
 namespace cairn::testing {
 namespace {
@@ -587,11 +588,9 @@ TEST_F(EvaluateMapTest, CsvHasARowForEachLandmark) {
 class EvaluateRealDataTest : public EvaluateTest {
  protected:
   void SetUp() override {
-    const char* const folder = std::getenv("CAIRN_DATA");
-    if (folder == nullptr) {
-      GTEST_SKIP() << "CAIRN_DATA does not name the folder of real data: nothing was tested";
-    }
-    folder_ = folder;
+    const auto folder = real_data();
+    if (!folder) GTEST_SKIP() << kNoRealData;
+    folder_ = folder->string();
   }
   std::string folder_;
 };

@@ -12,6 +12,7 @@
 #include "cairn/trajectory/tum.hpp"
 
 #include "cli.hpp"
+#include "support/real_data.hpp"
 
 namespace cairn::testing {
 namespace {
@@ -350,11 +351,9 @@ TEST_F(MapCliTest, InterruptedItLeavesNoFile) {
 class RealMapTest : public CliTest {
  protected:
   void SetUp() override {
-    const char* const folder = std::getenv("CAIRN_DATA");
-    if (folder == nullptr) {
-      GTEST_SKIP() << "CAIRN_DATA does not name the folder of real data: nothing was tested";
-    }
-    data_ = folder;
+    const auto folder = real_data();
+    if (!folder) GTEST_SKIP() << kNoRealData;
+    data_ = folder->string();
   }
 
   Json map_sequence(const std::string& name, Words more = {}) const {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The map of the fr1/desk sequence that the paper's authors published.
+#include "support/real_data.hpp"
+
 #include <cstdlib>
 #include <string>
 
@@ -18,11 +20,9 @@ using ::testing::Le;
 class RealDataTest : public CliTest {
  protected:
   void SetUp() override {
-    const char* const folder = std::getenv("CAIRN_DATA");
-    if (folder == nullptr) {
-      GTEST_SKIP() << "CAIRN_DATA does not name the folder of real data: nothing was tested";
-    }
-    map_ = std::string(folder) + "/map_fr1_desk.txt";
+    const auto folder = real_data();
+    if (!folder) GTEST_SKIP() << kNoRealData;
+    map_ = (*folder / "map_fr1_desk.txt").string();
     ASSERT_TRUE(std::filesystem::exists(map_)) << map_;
   }
 

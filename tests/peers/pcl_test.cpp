@@ -25,6 +25,7 @@
 #include "cairn/registration/align.hpp"
 
 #include "adapters/pcl/confidence_correspondence_estimation.hpp"
+#include "support/real_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -90,9 +91,9 @@ struct MapPair {
 
 // The two halves of the authors' own map, later half as source.
 std::optional<MapPair> real_pair() {
-  const char* const data = std::getenv("CAIRN_DATA");
-  if (data == nullptr) return std::nullopt;
-  const LandmarkMap map = read_map(std::string(data) + "/map_fr1_desk.txt");
+  const auto data = testing::real_data();
+  if (!data) return std::nullopt;
+  const LandmarkMap map = read_map(*data / "map_fr1_desk.txt");
   return MapPair{cut_frames(map, FrameId{120}, FrameId{240}),
                  cut_frames(map, FrameId{0}, FrameId{120})};
 }
@@ -147,13 +148,13 @@ TEST(PclPeer, TakesTheSameReciprocalStepOnSyntheticMaps) {
 
 TEST(PclPeer, TakesTheSameStepOnTheRealMap) {
   const auto pair = real_pair();
-  if (!pair) GTEST_SKIP() << "CAIRN_DATA is not set: no real map to test on";
+  if (!pair) GTEST_SKIP() << testing::kNoRealData;
   expect_one_step_agrees(*pair, {});
 }
 
 TEST(PclPeer, ReachesTheSamePoseOnTheRealMap) {
   const auto pair = real_pair();
-  if (!pair) GTEST_SKIP() << "CAIRN_DATA is not set: no real map to test on";
+  if (!pair) GTEST_SKIP() << testing::kNoRealData;
   int compared = 0;
   int runs = 0;
   for (const auto& metric : strategies()) {

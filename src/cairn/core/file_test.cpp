@@ -112,7 +112,8 @@ TEST(WriteFile, NamesWhyItCannotWrite) {
 }
 
 TEST(WriteFile, ReportsAFullDisk) {
-  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
+  if (!std::filesystem::exists("/dev/full"))
+    GTEST_SKIP() << "no /dev/full: a full disk was not tested";
   try {
     write_file("/dev/full", [](const ByteSink& sink) { sink("x"); });
     FAIL();

@@ -15,6 +15,7 @@
 #include "cairn/sequence/image_file.hpp"
 #include "cairn/sequence/sequence_writer.hpp"
 
+#include "support/real_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -145,9 +146,9 @@ TEST(SequenceWriter, RefusesImagesThatDoNotGoTogether) {
 }
 
 TEST(RgbdSequence, ReadsTheBenchmark) {
-  const char* const data = std::getenv("CAIRN_DATA");
-  if (data == nullptr) GTEST_SKIP() << "CAIRN_DATA is not set: no real sequence to test on";
-  const RgbdSequence sequence(std::string(data) + "/tum_fr1_desk");
+  const auto data = testing::real_data();
+  if (!data) GTEST_SKIP() << testing::kNoRealData;
+  const RgbdSequence sequence(*data / "tum_fr1_desk");
   EXPECT_EQ(sequence.frames().size(), 613U);
   EXPECT_GT(sequence.frames_without_depth(), 17U) << "the first colour frames precede the depth";
   EXPECT_EQ(

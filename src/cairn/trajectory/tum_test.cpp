@@ -9,6 +9,8 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/real_data.hpp"
+
 namespace cairn {
 namespace {
 
@@ -65,9 +67,9 @@ TEST(TumTrajectory, NamesLineAndFieldOfWhatItRefuses) {
 }
 
 TEST(TumTrajectory, ReadsTheBenchmarksGroundTruth) {
-  const char* const data = std::getenv("CAIRN_DATA");
-  if (data == nullptr) GTEST_SKIP() << "CAIRN_DATA is not set: no real trajectory to test on";
-  FileReader file(std::string(data) + "/tum_fr1_desk/groundtruth.txt");
+  const auto data = testing::real_data();
+  if (!data) GTEST_SKIP() << testing::kNoRealData;
+  FileReader file(*data / "tum_fr1_desk/groundtruth.txt");
   const Trajectory trajectory = read_tum_trajectory(file);
   EXPECT_GT(trajectory.size(), 2000U) << "recorded at 100 Hz";
   EXPECT_NEAR(trajectory.duration_s(), 23.4, 0.2);

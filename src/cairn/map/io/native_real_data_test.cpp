@@ -17,6 +17,7 @@
 #include "cairn/map/operations.hpp"
 
 #include "support/maps.hpp"
+#include "support/real_data.hpp"
 
 namespace cairn {
 namespace {
@@ -26,12 +27,9 @@ using testing::EqualsMap;
 class RealMap : public ::testing::Test {
  protected:
   void SetUp() override {
-    // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
-    const char* const folder = std::getenv("CAIRN_DATA");
-    if (folder == nullptr) {
-      GTEST_SKIP() << "CAIRN_DATA does not name the folder of real data: nothing was tested";
-    }
-    const std::filesystem::path path = std::filesystem::path(folder) / "map_fr1_desk.txt";
+    const auto folder = testing::real_data();
+    if (!folder) GTEST_SKIP() << testing::kNoRealData;
+    const std::filesystem::path path = *folder / "map_fr1_desk.txt";
     if (!std::filesystem::exists(path)) {
       GTEST_SKIP() << path << " is not there: nothing was tested";
     }
