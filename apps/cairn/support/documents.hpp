@@ -6,12 +6,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cairn/core/csv.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/arguments.hpp"
-#include "support/csv.hpp"
 
 namespace cairn::cli {
 

@@ -1,19 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
-namespace cairn::cli {
+namespace cairn {
 
 /// A table as comma-separated values (RFC 4180, lines end with LF): a header and rows. Numbers are
 /// the shortest decimals that parse back; what is unknown is empty.
 class Csv {
  public:
+  /// Rows of a table whose header stands elsewhere.
+  Csv() = default;
   Csv(std::initializer_list<std::string_view> header);
+  explicit Csv(std::span<const std::string_view> header);
 
   /// Appends a cell to the current row.
   Csv& operator<<(std::string_view text);
@@ -34,4 +40,18 @@ class Csv {
   bool row_begins_ = true;
 };
 
-}  // namespace cairn::cli
+/// One row of a table that was read.
+struct CsvRow {
+  std::vector<std::string> cells;
+  std::uint64_t line = 0;  ///< on which it begins, from 1
+  std::size_t end = 0;     ///< bytes of the text up to and with the row's line end
+};
+
+/// The rows of a text, its header among them; a last row without line end is left out, for it may have
+/// been cut.
+/// @param name for messages
+/// @throws Error (input) naming the line of a quote that is out of place or never closed, though not if
+///         the text ends within it
+std::vector<CsvRow> parse_csv(std::string_view text, std::string_view name);
+
+}  // namespace cairn

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/paper.hpp"
+
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kStrategyCount = kPaperStrategies.size();
+
+// The paper's maps, and so its axes, are aligned but for the displacement: it acts on the source as read.
+class PaperRunner {
+ public:
+  PaperRunner(const MapPair& pair, const PaperOptions& options) : pair_(pair), options_(options) {
+    options_.align.executor = Executor();  // runs are spread over threads, not the work of one
+    options_.align.stop = options.stop;
+    options_.align.progress = {};
+    points_.reserve(kStrategyCount);
+    for (const std::string_view name : kPaperStrategies) {
+      points_.push_back(pair_points(pair, strategy_named(name), options.points));
+    }
+  }
+
+  TrialResult run(std::string experiment, std::size_t number, std::size_t k,
+                  const Displacement& initial, std::size_t strategy) const {
+    Trial trial{.pair = pair_.name,
+                .experiment = std::move(experiment),
+                .number = number,
+                .strategy = std::string(kPaperStrategies[strategy]),
+                .k = k,
+                .initial = initial};
+    return run_trial(std::move(trial), points_[strategy], initial.pose(), pair_.truth,
+                     options_.align);
+  }
+
+  std::span<const Eigen::Vector3d> source() const { return points_.front().source.positions; }
+
+  QuadrantSearch search(int sign_x, int sign_y, const PaperResults& results) const {
+    QuadrantSearch search{.sign_x = sign_x, .sign_y = sign_y};
+    constexpr double kStep = 0.25;
+    double good = 0.0;
+    double bad = 0.0;
+    for (double displacement = kStep; displacement <= options_.search_limit_m;
+         displacement += kStep) {
+      if (!try_at(displacement, results, search)) {
+        bad = displacement;
+        break;
+      }
+      good = displacement;
+    }
+    while (bad > 0.0 && bad - good > options_.search_resolution_m) {
+      const double middle = 0.5 * (good + bad);
+      (try_at(middle, results, search) ? good : bad) = middle;
+    }
+    if (good > 0.0) search.last_success_m = good;
+    if (bad > 0.0) search.first_failure_m = bad;
+    return search;
+  }
+
+ private:
+  // Whether all strategies succeed; where not, the search keeps which failed.
+  bool try_at(double displacement, const PaperResults& results, QuadrantSearch& search) const {
+    const Displacement initial{.x_m = search.sign_x * displacement,
+                               .y_m = search.sign_y * displacement};
+    std::vector<std::string> failed;
+    const std::size_t number = search.runs.size() / kStrategyCount + 1;
+    const std::string name = fmt::format("xy_search_{}x{}y", search.sign_x > 0 ? '+' : '-',
+                                         search.sign_y > 0 ? '+' : '-');
+    constexpr std::size_t kCandidates = 5;  // as in the paper's experiment
+    for (std::size_t strategy = 0; strategy < kStrategyCount; ++strategy) {
+      search.runs.push_back(run(name, number, kCandidates, initial, strategy));
+      if (!results.score_success(search.runs.back())) {
+        failed.push_back(search.runs.back().trial.strategy);
+      }
+    }
+    if (failed.empty()) return true;
+    search.failed = std::move(failed);
+    return false;
+  }
+
+  const MapPair& pair_;
+  PaperOptions options_;
+  std::vector<PairPoints> points_;
+};
+
+std::vector<TrialResult> run_all(const PaperRunner& runner, const PaperOptions& options) {
+  const auto published = published_experiments();
+  std::vector<TrialResult> runs(published.size() * kStrategyCount);
+  std::mutex mutex;
+  std::size_t done = 0;
+  options.executor.for_blocks(runs.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t configuration = i / kStrategyCount;
+      const PublishedExperiment& experiment = published[configuration];
+      runs[i] = runner.run(std::string(experiment_name(experiment.experiment)), configuration + 1,
+                           experiment.k, experiment.initial, i % kStrategyCount);
+      const std::lock_guard lock(mutex);
+      ++done;
+      if (options.progress) {
+        options.progress(static_cast<double>(done) / static_cast<double>(runs.size()));
+      }
+    }
+  });
+  return runs;
+}
+
+double relative_success_score(const PaperResults& results) {
+  const auto published = published_experiments();
+  const auto identity =
+      std::find_if(published.begin(), published.end(),
+                   [](const auto& experiment) { return experiment.initial == Displacement{}; });
+  const auto& reference =
+      run_of(results, static_cast<std::size_t>(identity - published.begin()), 0).score;
+  if (!reference) {
+    throw Error(ErrorKind::kMisuse, "PaperOptions.success_score",
+                "base ICP from the identity found no pose that could give it", "a score");
+  }
+  return *reference * (kPublishedSuccessScore / published_reference_score());
+}
+
+std::vector<QuadrantSearch> search_quadrants(const PaperRunner& runner, const PaperResults& results,
+                                             const PaperOptions& options) {
+  constexpr std::array<std::pair<int, int>, 4> kQuadrants = {{{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
+  std::vector<QuadrantSearch> searches(kQuadrants.size());
+  options.executor.for_blocks(kQuadrants.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      searches[i] = runner.search(kQuadrants[i].first, kQuadrants[i].second, results);
+    }
+  });
+  return searches;
+}
+
+}  // namespace
+
+void PaperOptions::validate() const {
+  align.validate();
+  const auto require_positive = [](double value, std::string_view field) {
+    if (value > 0.0) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("PaperOptions.{}", field), fmt::format("{}", value),
+                "a positive number");
+  };
+  if (success_score) require_positive(*success_score, "success_score");
+  require_positive(tolerance.rotation_deg, "tolerance.rotation_deg");
+  require_positive(tolerance.translation_m, "tolerance.translation_m");
+  require_positive(search_limit_m, "search_limit_m");
+  require_positive(search_resolution_m, "search_resolution_m");
+}
+
+PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options) {
+  options.validate();
+  const PaperRunner runner(pair, options);
+  PaperResults results;
+  results.runs = run_all(runner, options);
+  results.success_score =
+      options.success_score ? *options.success_score : relative_success_score(results);
+  std::vector<std::optional<Rigid3>> poses;
+  poses.reserve(results.runs.size());
+  for (const TrialResult& run : results.runs) poses.push_back(run.target_from_source);
+  results.agreement = find_agreement(poses, runner.source(), options.tolerance);
+  if (options.search_xy) results.searches = search_quadrants(runner, results, options);
+  return results;
+}
+
+const TrialResult& run_of(const PaperResults& results, std::size_t configuration,
+                          std::size_t strategy) {
+  return results.runs[configuration * kStrategyCount + strategy];
+}
+
+}  // namespace cairn

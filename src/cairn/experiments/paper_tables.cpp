@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/paper_tables.hpp"
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <numbers>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace cairn {
+namespace {
+
+using Cell = ResultTable::Cell;
+
+constexpr std::size_t kStrategyCount = kPaperStrategies.size();
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+
+Cell cell(const std::optional<double>& value) {
+  return value ? Cell(*value) : Cell();
+}
+
+void add_strategies(ResultTable& table, const std::string& whose, const std::string& unit,
+                    int digits) {
+  for (const std::string_view strategy : kPaperStrategies) {
+    table.columns.push_back({fmt::format("{} {}", whose, strategy), unit, digits});
+  }
+}
+
+// A row for each configuration that `chosen` takes, with what was published and what came now.
+ResultTable side_by_side(const PaperResults& results, std::string name, std::string title,
+                         const std::string& unit, int digits,
+                         const std::function<bool(const PublishedExperiment&)>& chosen,
+                         const std::function<Cell(const PublishedOutcome&)>& published_cell,
+                         const std::function<Cell(const TrialResult&)>& cell_of) {
+  ResultTable table{std::move(name), std::move(title), {{"experiment"}, {"k"}, {"initial"}}, {}};
+  if (published_cell) add_strategies(table, "published", unit, digits);
+  add_strategies(table, "here", unit, digits);
+  const auto published = published_experiments();
+  for (std::size_t i = 0; i < published.size(); ++i) {
+    if (!chosen(published[i])) continue;
+    std::vector<Cell> row = {std::string(experiment_name(published[i].experiment)),
+                             static_cast<double>(published[i].k), describe(published[i].initial)};
+    if (published_cell) {
+      for (const PublishedOutcome& outcome : published[i].outcomes) {
+        row.push_back(published_cell(outcome));
+      }
+    }
+    for (std::size_t s = 0; s < kStrategyCount; ++s) {
+      row.push_back(cell_of(run_of(results, i, s)));
+    }
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
+bool all(const PublishedExperiment&) {
+  return true;
+}
+
+ResultTable scores(const PaperResults& results, Experiment experiment, std::string name,
+                   std::string title) {
+  constexpr double kMilli = 1e3;
+  return side_by_side(
+      results, std::move(name), std::move(title), "10^-3 m^2", 6,
+      [&](const PublishedExperiment& published) { return published.experiment == experiment; },
+      [](const PublishedOutcome& outcome) { return Cell(kMilli * outcome.score); },
+      [](const TrialResult& run) { return run.score ? Cell(kMilli * *run.score) : Cell(); });
+}
+
+ResultTable pose_errors(const PaperResults& results, bool rotation) {
+  return side_by_side(
+      results, rotation ? "rotation_errors" : "translation_errors",
+      rotation ? "Angle between the pose found and the true one."
+               : "Displacement of the source's centroid from where the true pose puts it.",
+      rotation ? "deg" : "m", 4, all, nullptr, [&](const TrialResult& run) -> Cell {
+        if (!run.error) return {};
+        return rotation ? run.error->rotation_rad * kDegrees : run.error->translation;
+      });
+}
+
+// How many of an experiment's runs by one strategy pass a test.
+std::string count(Experiment experiment, std::size_t strategy,
+                  const std::function<bool(std::size_t run)>& passes) {
+  const auto published = published_experiments();
+  std::size_t passed = 0;
+  std::size_t total = 0;
+  for (std::size_t i = 0; i < published.size(); ++i) {
+    if (published[i].experiment != experiment) continue;
+    ++total;
+    if (passes(i * kStrategyCount + strategy)) ++passed;
+  }
+  return fmt::format("{} of {}", passed, total);
+}
+
+ResultTable successes(const PaperResults& results, const PoseTolerance& tolerance) {
+  const bool with_truth = std::any_of(results.runs.begin(), results.runs.end(),
+                                      [](const TrialResult& run) { return run.error.has_value(); });
+  ResultTable table{
+      "successes",
+      "Runs that succeeded: by the paper's score, by the score here, by agreement with "
+      "the pose that most runs agree on, and by the true pose where it is known.",
+      {{"experiment"}, {"strategy"}, {"published, score"}, {"here, score"}, {"here, agreement"}},
+      {}};
+  if (with_truth) table.columns.push_back({"here, true pose"});
+  const auto published = published_experiments();
+  for (const Experiment experiment : kExperiments) {
+    for (std::size_t s = 0; s < kStrategyCount; ++s) {
+      std::vector<Cell> row = {
+          std::string(experiment_name(experiment)), std::string(kPaperStrategies[s]),
+          count(experiment, s,
+                [&](std::size_t i) {
+                  return published[i / kStrategyCount].outcomes[s].score < kPublishedSuccessScore;
+                }),
+          count(experiment, s,
+                [&](std::size_t i) { return results.score_success(results.runs[i]); }),
+          count(experiment, s,
+                [&](std::size_t i) { return results.agreement && results.agreement->agrees[i]; })};
+      if (with_truth) {
+        row.emplace_back(count(experiment, s, [&](std::size_t i) {
+          return results.runs[i].error && tolerance.holds(*results.runs[i].error);
+        }));
+      }
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
+}
+
+}  // namespace
+
+std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTolerance& tolerance) {
+  std::vector<ResultTable> tables;
+  tables.push_back(successes(results, tolerance));
+  tables.push_back(scores(results, Experiment::kNeighbors, "table1_k",
+                          "The paper's Table 1: score by the number of candidates k."));
+  tables.push_back(
+      scores(results, Experiment::kYaw, "yaw", "Score by yaw, as in the paper's Figure 3."));
+  tables.push_back(scores(results, Experiment::kXy, "xy",
+                          "Score by displacement in the XY plane, as in the paper's Figure 4."));
+  tables.push_back(scores(results, Experiment::kXyYaw, "xy_yaw",
+                          "Score by displacement and yaw, as in the paper's Figure 5."));
+  tables.push_back(side_by_side(
+      results, "iterations", "Iterations, at most 150 in what is published.", "", 4, all,
+      [](const PublishedOutcome& outcome) { return Cell(double(outcome.iterations)); },
+      [](const TrialResult& run) { return Cell(double(run.iterations)); }));
+  if (std::any_of(results.runs.begin(), results.runs.end(),
+                  [](const TrialResult& run) { return run.error.has_value(); })) {
+    tables.push_back(pose_errors(results, true));
+    tables.push_back(pose_errors(results, false));
+  }
+  if (!results.searches.empty()) tables.push_back(search_table(results));
+  return tables;
+}
+
+ResultTable paper_durations(const PaperResults& results) {
+  return side_by_side(
+      results, "durations",
+      "Wall time of each run. The published ones are of unoptimised code that scored each "
+      "iteration.",
+      "s", 3, all, [](const PublishedOutcome& outcome) { return Cell(outcome.duration_s); },
+      [](const TrialResult& run) { return Cell(run.duration_s); });
+}
+
+ResultTable search_table(const PaperResults& results) {
+  ResultTable table{
+      "xy_search",
+      "Displacement |x| = |y| of each quadrant up to which every strategy succeeded by "
+      "its score, and at which the first failed.",
+      {{"quadrant"}, {"all succeed", "m"}, {"first failure", "m"}, {"failed there"}},
+      {}};
+  for (const QuadrantSearch& search : results.searches) {
+    table.rows.push_back(
+        {fmt::format("({}, {})", search.sign_x > 0 ? '+' : '-', search.sign_y > 0 ? '+' : '-'),
+         cell(search.last_success_m), cell(search.first_failure_m),
+         fmt::format("{}", fmt::join(search.failed, ", "))});
+  }
+  return table;
+}
+
+std::string describe(const Displacement& displacement) {
+  const std::array<std::pair<std::string_view, double>, 6> parts = {
+      {{"x", displacement.x_m},
+       {"y", displacement.y_m},
+       {"z", displacement.z_m},
+       {"roll", displacement.roll_deg},
+       {"pitch", displacement.pitch_deg},
+       {"yaw", displacement.yaw_deg}}};
+  std::string text;
+  for (const auto& [name, value] : parts) {
+    if (value != 0.0) text += fmt::format("{}{} {:g}", text.empty() ? "" : " ", name, value);
+  }
+  return text.empty() ? "none" : text;
+}
+
+}  // namespace cairn

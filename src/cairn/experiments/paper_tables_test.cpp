@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/paper_tables.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/csv.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+// As if every run had ended with the published outcome.
+PaperResults published_as_results() {
+  PaperResults results;
+  results.success_score = kPublishedSuccessScore;
+  for (const PublishedExperiment& experiment : published_experiments()) {
+    for (std::size_t s = 0; s < 4; ++s) {
+      TrialResult run;
+      run.trial.k = experiment.k;
+      run.trial.initial = experiment.initial;
+      run.score = experiment.outcomes[s].score;
+      run.iterations = experiment.outcomes[s].iterations;
+      run.duration_s = experiment.outcomes[s].duration_s;
+      results.runs.push_back(run);
+    }
+  }
+  return results;
+}
+
+TEST(PaperTables, PutPublishedBesideOurs) {
+  for (const ResultTable& table : paper_tables(published_as_results(), {})) {
+    SCOPED_TRACE(table.name);
+    for (const auto& row : table.rows) {
+      ASSERT_EQ(row.size(), table.columns.size());
+      if (table.name == "successes") {
+        EXPECT_EQ(row[2], row[3]);
+        continue;
+      }
+      for (std::size_t s = 0; s < 4; ++s) EXPECT_EQ(row[3 + s], row[7 + s]);
+    }
+  }
+}
+
+TEST(PaperTables, CountThePublishedSuccesses) {
+  const auto tables = paper_tables(published_as_results(), {});
+  const std::string csv = tables.front().csv();
+  // Table 1: base never, "with k = 5 seems to yield the best results" for all three others.
+  EXPECT_THAT(csv, HasSubstr("k,base,0 of 7"));
+  EXPECT_THAT(csv, HasSubstr("yaw,distance,8 of 8"));
+  EXPECT_THAT(csv, HasSubstr("yaw,covariance,7 of 8"));
+  EXPECT_THAT(csv, HasSubstr("xy_yaw,covariance,15 of 16"));
+  EXPECT_THAT(csv, HasSubstr("xy_yaw,observations,16 of 16"));
+}
+
+TEST(PaperTables, WriteMarkdownAndCsv) {
+  const ResultTable table{
+      "t", "Title.", {{"name"}, {"value", "m"}}, {{"a|b", 1.0 / 3.0}, {"c", {}}}};
+  EXPECT_EQ(table.markdown(), "| name | value (m) |\n|---|--:|\n| a\\|b | 0.3333 |\n| c | - |\n");
+  const auto rows = parse_csv(table.csv(), "t.csv");
+  ASSERT_EQ(rows.size(), 3U);
+  EXPECT_THAT(rows[1].cells, ::testing::ElementsAre("a|b", "0.3333333333333333"));
+  EXPECT_THAT(rows[2].cells, ::testing::ElementsAre("c", ""));
+}
+
+TEST(PaperTables, DescribeADisplacementByWhatIsNotZero) {
+  EXPECT_EQ(describe(Displacement{}), "none");
+  EXPECT_EQ(describe(Displacement{.y_m = -0.5, .yaw_deg = 22.5}), "y -0.5 yaw 22.5");
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/run.hpp"
+
+#include <numbers>
+#include <utility>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+
+Strategy strategy_named(std::string_view name) {
+  if (name == "base") return {"base", {}};
+  return {std::string(name), metric_named(name)};
+}
+
+PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
+                       const PointSetOptions& options) {
+  return {point_set(pair.source, strategy.metric, options),
+          point_set(pair.target, strategy.metric, options)};
+}
+
+TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
+                      const std::optional<Rigid3>& truth, AlignOptions options) {
+  options.initial = initial;
+  options.k = trial.k;
+  const AlignResult result = align(points.source, points.target, options);
+  if (result.status == AlignStatus::kCancelled) {
+    throw Error(ErrorKind::kCancelled, "experiment", "cancelled", "");
+  }
+  TrialResult run;
+  run.trial = std::move(trial);
+  run.status = result.status;
+  run.stop_reason = result.stop_reason;
+  run.iterations = result.iterations;
+  run.initial_score = result.initial_score;
+  run.score = result.score;
+  run.duration_s = result.duration_s;
+  if (result.status == AlignStatus::kAligned) {
+    run.target_from_source = result.target_from_source;
+    if (truth) run.error = pose_error(result.target_from_source, *truth, points.source.positions);
+  }
+  return run;
+}
+
+bool PoseTolerance::holds(const PoseError& error) const {
+  return error.rotation_rad <= rotation_deg * std::numbers::pi / 180.0 &&
+         error.translation <= translation_m;
+}
+
+std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> poses,
+                                        std::span<const Eigen::Vector3d> source,
+                                        const PoseTolerance& tolerance) {
+  // Displacement at the centroid is all that a translation is judged by.
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : source) centroid += point;
+  if (!source.empty()) centroid /= static_cast<double>(source.size());
+
+  std::optional<Agreement> best;
+  std::size_t most = 0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (!poses[i]) continue;
+    Agreement agreement{i, std::vector<bool>(poses.size())};
+    std::size_t count = 0;
+    for (std::size_t j = 0; j < poses.size(); ++j) {
+      agreement.agrees[j] =
+          poses[j] && tolerance.holds(pose_error(*poses[j], *poses[i], {&centroid, 1}));
+      if (agreement.agrees[j]) ++count;
+    }
+    if (count <= most) continue;
+    most = count;
+    best = std::move(agreement);
+  }
+  return best;
+}
+
+}  // namespace cairn

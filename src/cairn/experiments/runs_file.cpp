@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/runs_file.hpp"
+
+#include <array>
+#include <cstdint>
+#include <numbers>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/csv.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+
+constexpr std::array<std::string_view, 12> kKeys = {
+    "pair", "experiment", "number", "method",   "strategy",  "k",
+    "x_m",  "y_m",        "z_m",    "roll_deg", "pitch_deg", "yaw_deg"};
+
+constexpr std::array<std::string_view, 14> kResults = {"status",
+                                                       "stop_reason",
+                                                       "iterations",
+                                                       "initial_score_m2",
+                                                       "score_m2",
+                                                       "tx",
+                                                       "ty",
+                                                       "tz",
+                                                       "qw",
+                                                       "qx",
+                                                       "qy",
+                                                       "qz",
+                                                       "rotation_error_deg",
+                                                       "translation_error_m"};
+
+constexpr std::array kStatuses = {AlignStatus::kAligned, AlignStatus::kFailed,
+                                  AlignStatus::kCancelled};
+constexpr std::array kStopReasons = {StopReason::kMseChange, StopReason::kNoMotion,
+                                     StopReason::kIterationLimit, StopReason::kTooFewMatches,
+                                     StopReason::kCancelled};
+
+void add_key(Csv& row, const Trial& trial) {
+  const Displacement& d = trial.initial;
+  row << trial.pair << trial.experiment << std::uint64_t{trial.number} << trial.method
+      << trial.strategy << std::uint64_t{trial.k} << d.x_m << d.y_m << d.z_m << d.roll_deg
+      << d.pitch_deg << d.yaw_deg;
+}
+
+std::vector<std::string_view> runs_columns() {
+  std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
+  columns.insert(columns.end(), kResults.begin(), kResults.end());
+  return columns;
+}
+
+// The cells of one row, one after another.
+class RowReader {
+ public:
+  RowReader(const CsvRow& row, std::span<const std::string_view> columns, std::string_view name)
+      : row_(row), columns_(columns), name_(name) {}
+
+  const std::string& text() { return row_.cells[next_++]; }
+
+  bool blank() const { return row_.cells[next_].empty(); }
+  void skip(std::size_t cells) { next_ += cells; }
+
+  double number() {
+    const auto value = parse_number(text());
+    if (!value) refuse("a number");
+    return *value;
+  }
+
+  std::optional<double> number_or_nothing() {
+    if (!blank()) return number();
+    skip(1);
+    return {};
+  }
+
+  std::uint64_t whole(std::uint64_t largest) {
+    const auto value = parse_unsigned(text());
+    if (!value || *value > largest) refuse(fmt::format("a whole number of at most {}", largest));
+    return *value;
+  }
+
+  template <class Value, std::size_t size>
+  Value named(const std::array<Value, size>& values) {
+    const std::string& name = text();
+    std::vector<std::string_view> names;
+    for (const Value value : values) {
+      if (to_string(value) == name) return value;
+      names.push_back(to_string(value));
+    }
+    refuse(fmt::format("{}", fmt::join(names, ", ")));
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& expected) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", name_, row_.line, columns_[next_ - 1]),
+                printable(row_.cells[next_ - 1]), expected);
+  }
+
+  const CsvRow& row_;
+  std::span<const std::string_view> columns_;
+  std::string_view name_;
+  std::size_t next_ = 0;
+};
+
+TrialResult parse_run(RowReader row) {
+  constexpr std::uint64_t kMost = 1'000'000'000;
+  TrialResult run;
+  Trial& trial = run.trial;
+  trial.pair = row.text();
+  trial.experiment = row.text();
+  trial.number = row.whole(kMost);
+  trial.method = row.text();
+  trial.strategy = row.text();
+  trial.k = row.whole(kMost);
+  for (double Displacement::*const part :
+       {&Displacement::x_m, &Displacement::y_m, &Displacement::z_m, &Displacement::roll_deg,
+        &Displacement::pitch_deg, &Displacement::yaw_deg}) {
+    trial.initial.*part = row.number();
+  }
+  run.status = row.named(kStatuses);
+  run.stop_reason = row.named(kStopReasons);
+  run.iterations = static_cast<int>(row.whole(kMost));
+  run.initial_score = row.number_or_nothing();
+  run.score = row.number_or_nothing();
+  if (row.blank()) {
+    row.skip(7);
+  } else {
+    std::array<double, 7> pose;
+    for (double& number : pose) number = row.number();
+    run.target_from_source = Rigid3(Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]),
+                                    Eigen::Vector3d(pose[0], pose[1], pose[2]));
+  }
+  if (!row.blank()) {
+    const double rotation = row.number() / kDegrees;
+    run.error = PoseError{rotation, row.number()};
+  }
+  return run;
+}
+
+}  // namespace
+
+std::string runs_header() {
+  return Csv(runs_columns()).text();
+}
+
+std::string runs_row(const TrialResult& run) {
+  Csv row;
+  add_key(row, run.trial);
+  row << to_string(run.status) << to_string(run.stop_reason)
+      << static_cast<std::uint64_t>(run.iterations) << run.initial_score << run.score;
+  if (run.target_from_source) {
+    const Eigen::Vector3d& t = run.target_from_source->translation();
+    const Eigen::Quaterniond q = run.target_from_source->quaternion();
+    row << t.x() << t.y() << t.z() << q.w() << q.x() << q.y() << q.z();
+  } else {
+    for (int i = 0; i < 7; ++i) row << "";
+  }
+  if (run.error) {
+    row << run.error->rotation_rad * kDegrees << run.error->translation;
+  } else {
+    row << ""
+        << "";
+  }
+  row.end_row();
+  return row.text();
+}
+
+std::string timings_header() {
+  std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
+  columns.emplace_back("duration_s");
+  return Csv(columns).text();
+}
+
+std::string timings_row(const TrialResult& run) {
+  Csv row;
+  add_key(row, run.trial);
+  row << run.duration_s;
+  row.end_row();
+  return row.text();
+}
+
+std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name) {
+  const std::vector<std::string_view> columns = runs_columns();
+  const std::vector<CsvRow> rows = parse_csv(text, name);
+  if (rows.empty() ||
+      !std::equal(rows[0].cells.begin(), rows[0].cells.end(), columns.begin(), columns.end())) {
+    throw Error(ErrorKind::kInput, fmt::format("{}:1", name), "no header of a table of runs",
+                fmt::format("{}", fmt::join(columns, ",")));
+  }
+  std::vector<TrialResult> runs;
+  runs.reserve(rows.size() - 1);
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    if (rows[i].cells.size() != columns.size()) {
+      throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, rows[i].line),
+                  fmt::format("{} cells", rows[i].cells.size()), fmt::format("{}", columns.size()));
+    }
+    runs.push_back(parse_run(RowReader(rows[i], columns, name)));
+  }
+  return runs;
+}
+
+}  // namespace cairn

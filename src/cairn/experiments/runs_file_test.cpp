@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/runs_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/csv.hpp"
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+TrialResult full_run() {
+  TrialResult run;
+  run.trial = {.pair = "a, \"b\"",
+               .experiment = "xy",
+               .number = 12,
+               .method = "icp",
+               .strategy = "covariance",
+               .k = 7,
+               .initial = {0.1, -0.2, 1e-9, 10, -20, 22.5}};
+  run.status = AlignStatus::kAligned;
+  run.stop_reason = StopReason::kMseChange;
+  run.iterations = 87;
+  run.initial_score = 1.0 / 3.0;
+  run.score = 0.0034319;
+  run.target_from_source = Rigid3(Eigen::Quaterniond(0.9, 0.1, -0.2, 0.3), {1, 2, 1.0 / 7.0});
+  run.error = PoseError{0.5, 0.25};
+  run.duration_s = 0.125;
+  return run;
+}
+
+TrialResult failed_run() {
+  TrialResult run;
+  run.trial = {.pair = "p", .experiment = "k", .number = 1, .strategy = "base"};
+  return run;
+}
+
+TEST(RunsFile, ReadsBackWhatItWrote) {
+  const std::string text = runs_header() + runs_row(full_run()) + runs_row(failed_run());
+  const std::vector<TrialResult> runs = parse_runs(text, "runs.csv");
+  ASSERT_EQ(runs.size(), 2U);
+  EXPECT_EQ(runs[0].trial, full_run().trial);
+  EXPECT_EQ(runs[0].status, AlignStatus::kAligned);
+  EXPECT_EQ(runs[0].stop_reason, StopReason::kMseChange);
+  EXPECT_EQ(runs[0].iterations, 87);
+  EXPECT_EQ(runs[0].score, full_run().score);
+  EXPECT_EQ(runs[0].initial_score, full_run().initial_score);
+  EXPECT_TRUE(runs[0].target_from_source->matrix().isApprox(full_run().target_from_source->matrix(),
+                                                            1e-15));
+  EXPECT_NEAR(runs[0].error->rotation_rad, 0.5, 1e-15);
+  EXPECT_EQ(runs[0].error->translation, 0.25);
+  EXPECT_EQ(runs[1].trial, failed_run().trial);
+  EXPECT_FALSE(runs[1].score);
+  EXPECT_FALSE(runs[1].target_from_source);
+  EXPECT_FALSE(runs[1].error);
+}
+
+TEST(RunsFile, HoldsNoTimesButTheTimingsFileDoes) {
+  TrialResult other = full_run();
+  other.duration_s = 99.0;
+  EXPECT_EQ(runs_row(full_run()), runs_row(other));
+  EXPECT_NE(timings_row(full_run()), timings_row(other));
+  EXPECT_EQ(parse_csv(timings_header(), "t")[0].cells.size(),
+            parse_csv(timings_row(other), "t")[0].cells.size());
+}
+
+TEST(RunsFile, NamesLineAndColumnOfADefect) {
+  const auto message = [](const std::string& text) -> std::string {
+    try {
+      parse_runs(text, "runs.csv");
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(message(""), HasSubstr("runs.csv:1: no header of a table of runs"));
+  EXPECT_THAT(message("a,b\n1,2\n"), HasSubstr("expected pair,experiment,number"));
+  EXPECT_THAT(message(runs_header() + "a,b\n"), HasSubstr("runs.csv:2: 2 cells"));
+  std::string row = runs_row(failed_run());
+  row.replace(row.find("failed"), 6, "fallen");
+  EXPECT_THAT(message(runs_header() + row),
+              HasSubstr("runs.csv:2: status: 'fallen'; expected aligned, failed, cancelled"));
+  row = runs_row(full_run());
+  row.replace(row.find("22.5"), 4, "nan");
+  EXPECT_THAT(message(runs_header() + row), HasSubstr("yaw_deg: 'nan'; expected a number"));
+}
+
+}  // namespace
+}  // namespace cairn
