@@ -15,6 +15,7 @@ Run add_align(CLI::App& program);
 Run add_convert(CLI::App& program);
 Run add_demo(CLI::App& program);
 Run add_evaluate(CLI::App& program);
+Run add_experiment(CLI::App& program);
 Run add_map(CLI::App& program);
 Run add_info(CLI::App& program);
 Run add_simulate(CLI::App& program);
@@ -23,5 +24,8 @@ Run add_simulate(CLI::App& program);
 Run add_evaluate_alignment(CLI::App& evaluate);
 Run add_evaluate_map(CLI::App& evaluate);
 Run add_evaluate_trajectory(CLI::App& evaluate);
+
+// The verbs below experiment.
+Run add_experiment_paper(CLI::App& experiment);
 
 }  // namespace cairn::cli

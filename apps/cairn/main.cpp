@@ -91,9 +91,12 @@ int run(int argc, char** argv) {
       "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
       "4 no trustworthy alignment; 130 interrupted.");
   std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
-      {"demo", cairn::cli::add_demo(program)},         {"info", cairn::cli::add_info(program)},
-      {"convert", cairn::cli::add_convert(program)},   {"align", cairn::cli::add_align(program)},
+      {"demo", cairn::cli::add_demo(program)},
+      {"info", cairn::cli::add_info(program)},
+      {"convert", cairn::cli::add_convert(program)},
+      {"align", cairn::cli::add_align(program)},
       {"evaluate", cairn::cli::add_evaluate(program)},
+      {"experiment", cairn::cli::add_experiment(program)},
   };
 #ifdef CAIRN_HAS_SIMULATION
   verbs.emplace_back("simulate", cairn::cli::add_simulate(program));

@@ -99,10 +99,13 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
           {"seed", common.seed}};
 }
 
-void write_document(const Json& json, const CommonArguments& common) {
-  if (common.json_path.empty()) return;
+std::string to_text(const Json& json) {
   // Text from files may be any bytes; JSON must be UTF-8.
-  write_output(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n", common.json_path);
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void write_document(const Json& json, const CommonArguments& common) {
+  if (!common.json_path.empty()) write_output(to_text(json), common.json_path);
 }
 
 void write_rows(const Csv& rows, const CommonArguments& common) {

@@ -46,6 +46,9 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 /// The head that every document has; `schema` is e.g. "align".
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options);
 
+/// A document as files hold it; what is no UTF-8 in it is replaced.
+std::string to_text(const Json& json);
+
 /// Writes a document where --json says; nothing if it was not given.
 void write_document(const Json& json, const CommonArguments& common);
 

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/experiments/paper.hpp"
+#include "cairn/experiments/paper_tables.hpp"
+#include "cairn/map/operations.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/interrupt.hpp"
+#include "support/table.hpp"
+#include "support/trial_results.hpp"
+
+namespace cairn::cli {
+namespace {
+
+struct PaperArguments {
+  CommonArguments common;
+  std::string source;
+  std::string target;
+  std::string output;
+  std::string truth;
+  PaperOptions options;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  void check_options() const;
+  Json options_json() const;
+  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const;
+  void print(const PaperResults& results, const ResultTable& successes, double seconds) const;
+};
+
+void PaperArguments::add_to(CLI::App& command) {
+  add_text(command, "source", source, "Map to move: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "target", target, "Map to align it to")->required();
+  add_text(command, "-o,--output", output, "New folder for the results", "FOLDER")->required();
+  add_text(command, "--truth", truth,
+           "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors",
+           "FILE");
+  add_number(command, "--success-score", options.success_score,
+             "Score below which a run succeeds, m^2 (default: as far above that of base ICP from "
+             "the identity as the paper's 0.0037 is above its own)");
+  add_number(command, "--max-rotation-deg", options.tolerance.rotation_deg,
+             "Largest rotation error of a success, degrees; also of an agreement");
+  add_number(command, "--max-translation-m", options.tolerance.translation_m,
+             "Largest displacement of the source's centroid in a success, metres");
+  command.add_flag("--search-xy", options.search_xy,
+                   "Also search where each XY quadrant begins to fail, as the paper did");
+  add_number(command, "--max-iterations", options.align.max_iterations, "Limit of the iterations");
+  add_number(command, "--max-distance", options.align.max_distance,
+             "Longest distance of a match, metres (default: unlimited, as in the paper)");
+  add_number(command, "--min-observations", options.points.min_observations,
+             "Leave out landmarks observed less often");
+  common.add_to(command);
+  command.footer(
+      "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/ into the folder.\n\n"
+      "Example: how two maps of one desk behave where the truth is known\n"
+      "  cairn experiment paper second.map first.map --truth truth.txt -o results");
+}
+
+void PaperArguments::check_options() const {
+  with_option_names({{"PaperOptions.success_score", "--success-score"},
+                     {"PaperOptions.tolerance.rotation_deg", "--max-rotation-deg"},
+                     {"PaperOptions.tolerance.translation_m", "--max-translation-m"},
+                     {"AlignOptions.max_iterations", "--max-iterations"},
+                     {"AlignOptions.max_distance", "--max-distance"}},
+                    [&] { options.validate(); });
+}
+
+Json PaperArguments::options_json() const {
+  const double distance = options.align.max_distance;
+  return {{"success_score", to_json(options.success_score)},
+          {"max_rotation_deg", options.tolerance.rotation_deg},
+          {"max_translation_m", options.tolerance.translation_m},
+          {"search_xy", options.search_xy},
+          {"max_iterations", options.align.max_iterations},
+          {"max_distance", std::isfinite(distance) ? Json(distance) : Json(nullptr)},
+          {"min_observations", options.points.min_observations}};
+}
+
+std::string PaperArguments::summary(const PaperResults& results,
+                                    const std::vector<ResultTable>& tables) const {
+  std::string text = fmt::format(
+      "# The paper's experiments on {} and {}\n\n"
+      "A run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by its "
+      "pose within {:g} degrees and {:g} m.\n",
+      source, target, results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
+      options.tolerance.translation_m);
+  for (const ResultTable& table : tables) {
+    text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
+  }
+  return text;
+}
+
+void PaperArguments::print(const PaperResults& results, const ResultTable& successes,
+                           double seconds) const {
+  const Console console = common.console();
+  std::vector<std::string> header;
+  for (const auto& column : successes.columns) header.push_back(column.name);
+  Table table(header);
+  for (const auto& row : successes.rows) {
+    std::vector<std::string> cells;
+    for (const auto& cell : row) cells.push_back(std::get<std::string>(cell));
+    table.add_row(std::move(cells));
+  }
+  console.print(
+      fmt::format("{}: {} runs in {:.1f} s\n\n{}\nscore      below {:.6g} m^2 (the paper's, on its "
+                  "own pair: {:g})\n",
+                  output, results.runs.size(), seconds, table.text(), results.success_score,
+                  kPublishedSuccessScore));
+  console.print(
+      fmt::format("agreement  within {:g} degrees and {:g} m of the pose that most runs agree on\n",
+                  options.tolerance.rotation_deg, options.tolerance.translation_m));
+  if (successes.columns.size() > 5) {
+    console.print("true pose  within the same of the truth\n");
+  }
+}
+
+int PaperArguments::run() {
+  check_options();
+  require_outputs(common);
+  MapPair pair;
+  if (!truth.empty()) pair.truth = read_pose_file(truth);
+  LoadedMap source_map = load_map(source, common);
+  LoadedMap target_map = load_map(target, common);
+  for (LoadedMap* const loaded : {&source_map, &target_map}) {
+    if (loaded->map.info().length_unit != LengthUnit::kMetres) {
+      throw Error(ErrorKind::kInput, loaded->path, "is of free scale",
+                  "a map in metres: the displacements are");
+    }
+    loaded->description["hash"] = hash_file(loaded->path);
+    loaded->description["kept_landmarks"] =
+        landmarks_observed(loaded->map, options.points.min_observations).size();
+  }
+  make_result_folder(output);
+  pair.name = std::filesystem::path(source).stem().string() + "_to_" +
+              std::filesystem::path(target).stem().string();
+  pair.source = std::move(source_map.map);
+  pair.target = std::move(target_map.map);
+
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  options.progress = common.console().progress("180 alignments");
+  const auto start = std::chrono::steady_clock::now();
+  const PaperResults results = run_paper_experiments(pair, options);
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+
+  const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
+  write_runs(output, results.runs);
+  write_tables(output, tables);
+  write_tables(output, {paper_durations(results)});
+  if (!results.searches.empty()) {
+    std::vector<TrialResult> runs;
+    for (const QuadrantSearch& search : results.searches) {
+      runs.insert(runs.end(), search.runs.begin(), search.runs.end());
+    }
+    write_runs(output, runs, "xy_search_");
+  }
+  write_text(output, "summary.md", summary(results, tables));
+
+  Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
+  if (pair.truth) inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*pair.truth)}};
+  Json json = document("experiment", common, std::move(inputs), options_json());
+  json["experiment"] = "paper";
+  json["success_score_m2"] = results.success_score;
+  json["agreement"] =
+      results.agreement ? Json{{"target_from_source",
+                                to_json(*results.runs[results.agreement->pose].target_from_source)},
+                               {"runs", std::count(results.agreement->agrees.begin(),
+                                                   results.agreement->agrees.end(), true)}}
+                        : Json(nullptr);
+  json["tables"] = Json::array();
+  for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
+  json["runs"] = Json::array();
+  for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
+  write_text(output, "experiment.json", to_text(json));
+  write_document(json, common);
+  print(results, tables.front(), seconds);
+  return kDone;
+}
+
+}  // namespace
+
+Run add_experiment_paper(CLI::App& experiment) {
+  auto arguments = std::make_shared<PaperArguments>();
+  arguments->add_to(*experiment.add_subcommand(
+      "paper", "The paper's 45 configurations by base ICP and its three confidences"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

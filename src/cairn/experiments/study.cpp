@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/study.hpp"
+
+#include <array>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/random.hpp"
+
+namespace cairn {
+namespace {
+
+using Part = double Displacement::*;
+
+struct NamedPart {
+  std::string_view name;
+  Part part;
+};
+
+constexpr std::array<NamedPart, 6> kParts = {{{"x_m", &Displacement::x_m},
+                                              {"y_m", &Displacement::y_m},
+                                              {"z_m", &Displacement::z_m},
+                                              {"roll_deg", &Displacement::roll_deg},
+                                              {"pitch_deg", &Displacement::pitch_deg},
+                                              {"yaw_deg", &Displacement::yaw_deg}}};
+
+Displacement draw(Random random, const DisplacementRange& range) {
+  Displacement displacement;
+  for (const NamedPart& named : kParts) {
+    displacement.*named.part = random.uniform(range.low.*named.part, range.high.*named.part);
+  }
+  return displacement;
+}
+
+std::string text_of(const StudyPair& pair) {
+  if (const auto* files = std::get_if<PairFiles>(&pair.maps)) {
+    return fmt::format("pair {} source {} target {} truth {}\n", pair.name, files->source,
+                       files->target, files->truth.value_or("-"));
+  }
+  const auto& simulation = std::get<PairSimulation>(pair.maps);
+  return fmt::format("pair {} simulate {} seed {} path {} frames {} changed {}\n", pair.name,
+                     simulation.environment, simulation.seed, simulation.path, simulation.frames,
+                     simulation.changed);
+}
+
+}  // namespace
+
+std::string canonical_text(const Study& study) {
+  std::string text = fmt::format("study {}\nseed {}\n", study.name, study.seed);
+  for (const StudyPair& pair : study.pairs) text += text_of(pair);
+  text += fmt::format("initial_poses {}\n", study.initial_count);
+  for (const NamedPart& named : kParts) {
+    text += fmt::format("{} {} {}\n", named.name, study.initial.low.*named.part,
+                        study.initial.high.*named.part);
+  }
+  text += fmt::format("strategies {}\nk {}\n", fmt::join(study.strategies, " "),
+                      fmt::join(study.k, " "));
+  return text + fmt::format("max_iterations {}\nmax_distance_m {}\nmin_observations {}\n",
+                            study.align.max_iterations, study.align.max_distance,
+                            study.points.min_observations);
+}
+
+StudyPlan::StudyPlan(const Study& study) : study_(study) {
+  for (std::size_t i = 0; i < study.k.size(); ++i) {
+    for (const std::string& strategy : study.strategies) {
+      if (i > 0 && !strategy_named(strategy).metric) continue;
+      combinations_.push_back({strategy, study.k[i]});
+    }
+  }
+}
+
+Trial StudyPlan::trial(std::size_t run) const {
+  const std::size_t pair = pair_of(run);
+  const std::size_t within = run % runs_per_pair();
+  const std::size_t pose = within / combinations_.size();
+  const Combination& combination = combinations_[within % combinations_.size()];
+  return {.pair = study_.pairs[pair].name,
+          .experiment = study_.name,
+          .number = pose + 1,
+          .strategy = combination.strategy,
+          .k = combination.k,
+          .initial = draw(Random(study_.seed).fork(pair).fork(pose), study_.initial)};
+}
+
+Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,
+                 const Eigen::Vector3d& centroid) {
+  const Rigid3 base = truth.value_or(Rigid3());
+  const Eigen::Vector3d centre = base * centroid;
+  const Rigid3 change = displacement.pose();
+  const Rigid3 about_centre(change.quaternion(),
+                            centre - change.quaternion() * centre + change.translation());
+  return about_centre * base;
+}
+
+}  // namespace cairn

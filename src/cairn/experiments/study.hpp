@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "cairn/experiments/run.hpp"
+
+namespace cairn {
+
+/// Maps on disk.
+struct PairFiles {
+  std::string source;  ///< path of a map
+  std::string target;
+  std::optional<std::string> truth;  ///< path of 16 numbers, target_from_source
+};
+
+/// Two sessions of one simulated place, each mapped from its own images.
+struct PairSimulation {
+  std::string environment;  ///< desk, office, corridor, warehouse or room
+  std::uint64_t seed = 1;   ///< of the place
+  std::string path = "sweep";
+  std::size_t frames = 150;  ///< of each session
+  double changed = 0.1;      ///< share of the movable objects that moved between the sessions
+};
+
+struct StudyPair {
+  std::string name;  ///< letters, digits, '-', '_' and '.'; unique
+  std::variant<PairFiles, PairSimulation> maps;
+};
+
+/// Uniform between the two, each of the six numbers by itself.
+struct DisplacementRange {
+  Displacement low;
+  Displacement high;
+};
+
+/// A study: every pair from every initial pose by every strategy and k.
+struct Study {
+  std::string name;
+  std::uint64_t seed = 0;
+  std::vector<StudyPair> pairs;
+  std::size_t initial_count = 100;  ///< initial poses a pair
+  /// Of what displaces the source from its true pose, at its centroid and along the target's axes; from
+  /// the pose as read, where the truth is not known.
+  DisplacementRange initial;
+  std::vector<std::string> strategies = {"base", "covariance", "observations", "distance"};
+  std::vector<std::size_t> k = {5};
+  AlignOptions align;  ///< of it, what can be set in a study: max_iterations and max_distance
+  PointSetOptions points;
+  PoseTolerance success;
+  /// Score below which a run counts as a success by the paper's measure, m²; nothing: within each pair,
+  /// as far above the lowest score as the paper's threshold is above its good example.
+  std::optional<double> success_score;
+  double confidence_level = 0.95;    ///< of intervals
+  double equivalence_margin = 0.05;  ///< difference of success rates that counts as none
+};
+
+/// Reads a study from YAML (docs/formats.md).
+/// @param name of the file, for messages
+/// @throws Error (input) naming file, line, key, value and what was expected; unknown keys are errors
+Study parse_study(const std::string& yaml, std::string_view name);
+
+/// All that decides what a study's runs are, in a fixed form: equal text, equal runs from equal maps.
+std::string canonical_text(const Study& study);
+
+/// The runs of a study in their order: pair by pair, initial pose by initial pose, k by k (base ICP,
+/// which has no use for k, only with the first), strategy by strategy.
+class StudyPlan {
+ public:
+  explicit StudyPlan(const Study& study);
+
+  std::size_t size() const { return study_.pairs.size() * runs_per_pair(); }
+  std::size_t runs_per_pair() const { return study_.initial_count * combinations_.size(); }
+  std::size_t pair_of(std::size_t run) const { return run / runs_per_pair(); }
+  /// Depends on the study and the number only. The strategies share the initial poses.
+  Trial trial(std::size_t run) const;
+  const Study& study() const { return study_; }
+
+ private:
+  struct Combination {
+    std::string strategy;
+    std::size_t k;
+  };
+
+  Study study_;
+  std::vector<Combination> combinations_;
+};
+
+/// target_from_source from which a displaced pair starts.
+/// @param truth    nothing: the displacement is from the pose as read
+/// @param centroid of the source's landmarks, in the source frame
+Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,
+                 const Eigen::Vector3d& centroid);
+
+}  // namespace cairn

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/experiments/study.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kMost = 1'000'000;  // of whatever a study counts
+
+// One value of the file, with what its messages have to name.
+class Entry {
+ public:
+  Entry(YAML::Node node, std::string file, std::string key)
+      : node_(std::move(node)), file_(std::move(file)), key_(std::move(key)) {}
+
+  [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
+    const YAML::Mark mark = node_.Mark();
+    throw Error(ErrorKind::kInput,
+                mark.is_null() ? fmt::format("{}: {}", file_, key_)
+                               : fmt::format("{}:{}: {}", file_, mark.line + 1, key_),
+                what, expected);
+  }
+
+  std::string text() const {
+    if (!node_.IsScalar() || node_.Scalar().empty()) refuse("no text", "text");
+    return node_.Scalar();
+  }
+
+  double number(double low, double high) const {
+    const auto value = node_.IsScalar() ? parse_number(node_.Scalar()) : std::nullopt;
+    if (!value || *value < low || *value > high) {
+      refuse(node_.IsScalar() ? printable(node_.Scalar()) : "no number",
+             fmt::format("a number from {:g} to {:g}", low, high));
+    }
+    return *value;
+  }
+
+  std::uint64_t whole(std::uint64_t low, std::uint64_t high) const {
+    const auto value = node_.IsScalar() ? parse_unsigned(node_.Scalar()) : std::nullopt;
+    if (!value || *value < low || *value > high) {
+      refuse(node_.IsScalar() ? printable(node_.Scalar()) : "no number",
+             fmt::format("a whole number from {} to {}", low, high));
+    }
+    return *value;
+  }
+
+  std::vector<Entry> list() const {
+    if (!node_.IsSequence() || node_.size() == 0) refuse("no list", "[one, or, more]");
+    if (node_.size() > kMost) refuse("too long a list", fmt::format("at most {}", kMost));
+    std::vector<Entry> entries;
+    for (std::size_t i = 0; i < node_.size(); ++i) {
+      entries.emplace_back(node_[i], file_, fmt::format("{}[{}]", key_, i));
+    }
+    return entries;
+  }
+
+  // Calls the handler of each key that is there.
+  using Handlers = std::vector<std::pair<std::string_view, std::function<void(const Entry&)>>>;
+  void read(const Handlers& handlers, std::initializer_list<std::string_view> required = {}) const {
+    std::vector<std::string_view> names;
+    for (const auto& [name, handler] : handlers) names.push_back(name);
+    if (!node_.IsMap()) refuse("no keys", fmt::format("{}", fmt::join(names, ", ")));
+    std::set<std::string> seen;
+    for (const auto& item : node_) {
+      if (!item.first.IsScalar()) refuse("a key that is no text", "text");
+      const std::string name = item.first.Scalar();
+      const Entry entry(item.second, file_, key_.empty() ? name : key_ + "." + name);
+      const auto handler =
+          std::find_if(handlers.begin(), handlers.end(),
+                       [&](const auto& candidate) { return candidate.first == name; });
+      if (handler == handlers.end()) {
+        Entry(item.first, file_, key_.empty() ? "study" : key_)
+            .refuse(printable(name) + " is no key", fmt::format("{}", fmt::join(names, ", ")));
+      }
+      if (!seen.insert(name).second) entry.refuse("given twice", "once");
+      handler->second(entry);
+    }
+    for (const std::string_view name : required) {
+      if (!seen.contains(std::string(name))) {
+        refuse(fmt::format("{} is missing", name), fmt::format("{}: ...", name));
+      }
+    }
+  }
+
+ private:
+  YAML::Node node_;
+  std::string file_;
+  std::string key_;
+};
+
+std::string parse_name(const Entry& entry) {
+  const std::string name = entry.text();
+  const bool plain = std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_' || c == '.';
+  });
+  if (!plain || name.front() == '.' || name.size() > 100) {
+    entry.refuse(printable(name), "at most 100 letters, digits, '-', '_' and '.', not first a '.'");
+  }
+  return name;
+}
+
+// A place with several seeds is as many pairs, "desk_1", "desk_2" and so on.
+void parse_simulation(const Entry& entry, const std::string& name, std::vector<StudyPair>& pairs) {
+  PairSimulation simulation;
+  std::vector<std::uint64_t> seeds = {1};
+  entry.read({{"environment", [&](const Entry& e) { simulation.environment = e.text(); }},
+              {"seeds",
+               [&](const Entry& e) {
+                 seeds.clear();
+                 for (const Entry& seed : e.list()) {
+                   seeds.push_back(seed.whole(0, std::numeric_limits<std::uint64_t>::max()));
+                 }
+               }},
+              {"path", [&](const Entry& e) { simulation.path = e.text(); }},
+              {"frames", [&](const Entry& e) { simulation.frames = e.whole(10, kMost); }},
+              {"changed", [&](const Entry& e) { simulation.changed = e.number(0.0, 1.0); }}},
+             {"environment"});
+  for (const std::uint64_t seed : seeds) {
+    simulation.seed = seed;
+    pairs.push_back({seeds.size() == 1 ? name : fmt::format("{}_{}", name, seed), simulation});
+  }
+}
+
+void parse_pair(const Entry& entry, std::vector<StudyPair>& pairs) {
+  std::string name;
+  PairFiles files;
+  std::optional<Entry> simulation;
+  entry.read({{"name", [&](const Entry& e) { name = parse_name(e); }},
+              {"source", [&](const Entry& e) { files.source = e.text(); }},
+              {"target", [&](const Entry& e) { files.target = e.text(); }},
+              {"truth", [&](const Entry& e) { files.truth = e.text(); }},
+              {"simulate", [&](const Entry& e) { simulation = e; }}},
+             {"name"});
+  const bool any_file = !files.source.empty() || !files.target.empty() || files.truth;
+  if (simulation) {
+    if (any_file) entry.refuse("both files and a simulation", "one of them");
+    parse_simulation(*simulation, name, pairs);
+    return;
+  }
+  if (files.source.empty() || files.target.empty()) {
+    entry.refuse("no maps", "source and target, or simulate");
+  }
+  pairs.push_back({name, std::move(files)});
+}
+
+void parse_range(const Entry& entry, double Displacement::*part, double most,
+                 DisplacementRange& range) {
+  const std::vector<Entry> bounds = entry.list();
+  if (bounds.size() != 2) entry.refuse(fmt::format("{} numbers", bounds.size()), "[low, high]");
+  range.low.*part = bounds[0].number(-most, most);
+  range.high.*part = bounds[1].number(-most, most);
+  if (range.low.*part > range.high.*part)
+    entry.refuse("the low end is above the high one", "[low, high]");
+}
+
+void parse_initial(const Entry& entry, Study& study) {
+  const auto range = [&](double Displacement::*part, double most) {
+    return [&study, part, most](const Entry& e) { parse_range(e, part, most, study.initial); };
+  };
+  constexpr double kFarthest = 1e6;
+  entry.read({{"count", [&](const Entry& e) { study.initial_count = e.whole(1, kMost); }},
+              {"x_m", range(&Displacement::x_m, kFarthest)},
+              {"y_m", range(&Displacement::y_m, kFarthest)},
+              {"z_m", range(&Displacement::z_m, kFarthest)},
+              {"roll_deg", range(&Displacement::roll_deg, 180.0)},
+              {"pitch_deg", range(&Displacement::pitch_deg, 180.0)},
+              {"yaw_deg", range(&Displacement::yaw_deg, 180.0)}});
+}
+
+void parse_strategies(const Entry& entry, Study& study) {
+  study.strategies.clear();
+  for (const Entry& e : entry.list()) {
+    const std::string name = e.text();
+    try {
+      strategy_named(name);
+    } catch (const Error&) {
+      e.refuse(printable(name), fmt::format("base, {}", fmt::join(metric_names(), ", ")));
+    }
+    if (std::count(study.strategies.begin(), study.strategies.end(), name) > 0) {
+      e.refuse(printable(name) + " is given twice", "each strategy once");
+    }
+    study.strategies.push_back(name);
+  }
+}
+
+void parse_k(const Entry& entry, Study& study) {
+  study.k.clear();
+  for (const Entry& e : entry.list()) {
+    study.k.push_back(e.whole(1, 1000));
+    if (std::count(study.k.begin(), study.k.end(), study.k.back()) > 1) {
+      e.refuse(fmt::format("{} is given twice", study.k.back()), "each k once");
+    }
+  }
+}
+
+void parse_align(const Entry& entry, Study& study) {
+  entry.read(
+      {{"max_iterations",
+        [&](const Entry& e) { study.align.max_iterations = static_cast<int>(e.whole(1, kMost)); }},
+       {"max_distance_m", [&](const Entry& e) { study.align.max_distance = e.number(1e-9, 1e9); }},
+       {"min_observations",
+        [&](const Entry& e) { study.points.min_observations = e.whole(0, kMost); }}});
+}
+
+void parse_success(const Entry& entry, Study& study) {
+  entry.read({{"rotation_deg",
+               [&](const Entry& e) { study.success.rotation_deg = e.number(1e-9, 180.0); }},
+              {"translation_m",
+               [&](const Entry& e) { study.success.translation_m = e.number(1e-9, 1e9); }},
+              {"score_m2", [&](const Entry& e) { study.success_score = e.number(1e-12, 1e12); }}});
+}
+
+void parse_statistics(const Entry& entry, Study& study) {
+  entry.read({{"confidence_level",
+               [&](const Entry& e) { study.confidence_level = e.number(0.5, 0.9999); }},
+              {"equivalence_margin",
+               [&](const Entry& e) { study.equivalence_margin = e.number(1e-6, 1.0); }}});
+}
+
+}  // namespace
+
+Study parse_study(const std::string& yaml, std::string_view name) {
+  YAML::Node root;
+  try {
+    root = YAML::Load(yaml);
+  } catch (const YAML::Exception& error) {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, error.mark.line + 1), error.msg,
+                "YAML");
+  }
+  Study study;
+  const Entry entry(root, std::string(name), "");
+  const Entry top(root, std::string(name), "study");
+  if (!root.IsMap()) top.refuse("no keys", "name, pairs, initial_poses, ...");
+  entry.read({{"name", [&](const Entry& e) { study.name = parse_name(e); }},
+              {"seed",
+               [&](const Entry& e) {
+                 study.seed = e.whole(0, std::numeric_limits<std::uint64_t>::max());
+               }},
+              {"pairs",
+               [&](const Entry& e) {
+                 for (const Entry& pair : e.list()) parse_pair(pair, study.pairs);
+                 std::set<std::string> names;
+                 for (const StudyPair& pair : study.pairs) {
+                   if (!names.insert(pair.name).second) {
+                     e.refuse(printable(pair.name) + " names two pairs", "a name each");
+                   }
+                 }
+               }},
+              {"initial_poses", [&](const Entry& e) { parse_initial(e, study); }},
+              {"strategies", [&](const Entry& e) { parse_strategies(e, study); }},
+              {"k", [&](const Entry& e) { parse_k(e, study); }},
+              {"align", [&](const Entry& e) { parse_align(e, study); }},
+              {"success", [&](const Entry& e) { parse_success(e, study); }},
+              {"statistics", [&](const Entry& e) { parse_statistics(e, study); }}},
+             {"name", "pairs", "initial_poses"});
+  return study;
+}
+
+}  // namespace cairn

@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/study_runs.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "cairn/core/csv.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/experiments/runs_file.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kIdentity = "study.txt";
+constexpr std::string_view kRuns = "runs.csv";
+constexpr std::string_view kTimings = "timings.csv";
+
+std::string read_text(const fs::path& path) {
+  FileReader file(path);
+  return read_all(file);
+}
+
+[[noreturn]] void fail(const fs::path& path, std::string_view what) {
+  throw Error(ErrorKind::kStorage, path.string(),
+              fmt::format("{}: {}", what, std::generic_category().message(errno)), "");
+}
+
+// What makes a folder's runs the ones they are. The first lines differ between shards.
+struct Identity {
+  Shard shard;
+  std::size_t runs = 0;  // of the shard
+  std::string study;     // the same for all shards
+
+  std::string text() const {
+    return fmt::format("cairn study 1\nshard {} of {}\nruns {}\n{}", shard.index, shard.count, runs,
+                       study);
+  }
+};
+
+Identity identity_of(const StudyPlan& plan, const Shard& shard,
+                     const std::vector<std::string>& inputs) {
+  Identity identity{shard, shard.end(plan.size()) - shard.begin(plan.size()),
+                    canonical_text(plan.study())};
+  for (const std::string& input : inputs) identity.study += input + "\n";
+  return identity;
+}
+
+Identity read_identity(const fs::path& folder) {
+  const fs::path path = folder / kIdentity;
+  const std::string text = read_text(path);
+  std::vector<std::string> lines;
+  std::size_t begin = 0;
+  for (int i = 0; i < 3; ++i) {
+    const std::size_t end = text.find('\n', begin);
+    if (end == std::string::npos) break;
+    lines.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  Identity identity;
+  const auto number = [](std::string_view word) { return parse_unsigned(word).value_or(0); };
+  if (lines.size() == 3 && lines[0] == "cairn study 1" && lines[1].starts_with("shard ") &&
+      lines[2].starts_with("runs ")) {
+    const std::size_t of = lines[1].find(" of ");
+    if (of != std::string::npos) {
+      identity.shard.index = number(std::string_view(lines[1]).substr(6, of - 6));
+      identity.shard.count = number(std::string_view(lines[1]).substr(of + 4));
+      identity.runs = number(std::string_view(lines[2]).substr(5));
+      identity.study = text.substr(begin);
+      if (identity.text() == text) return identity;
+    }
+  }
+  throw Error(ErrorKind::kInput, path.string(), "is not what a study writes",
+              "the folder of a study");
+}
+
+// The first line in which two texts differ, of each.
+std::pair<std::string, std::string> first_difference(std::string_view a, std::string_view b) {
+  for (;;) {
+    const std::string_view line_a = a.substr(0, a.find('\n'));
+    const std::string_view line_b = b.substr(0, b.find('\n'));
+    if (line_a != line_b || a.empty() || b.empty())
+      return {std::string(line_a), std::string(line_b)};
+    a.remove_prefix(std::min(line_a.size() + 1, a.size()));
+    b.remove_prefix(std::min(line_b.size() + 1, b.size()));
+  }
+}
+
+void require_same(const fs::path& folder, const std::string& found, const std::string& expected) {
+  if (found == expected) return;
+  const auto [there, here] = first_difference(found, expected);
+  throw Error(ErrorKind::kInput, (folder / kIdentity).string(),
+              fmt::format("holds the runs of another study: {}", printable(there)),
+              fmt::format("{}, or a new folder", printable(here)));
+}
+
+// A table that is only ever appended to.
+class RowFile {
+ public:
+  RowFile(fs::path path, const std::string& header)
+      : path_(std::move(path)),
+        descriptor_(::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
+    if (descriptor_ < 0) fail(path_, "cannot be written");
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
+      const bool taken = errno == EWOULDBLOCK;
+      ::close(descriptor_);
+      if (!taken) fail(path_, "cannot be locked");
+      throw Error(ErrorKind::kStorage, path_.string(), "another process is writing it",
+                  "one process a folder");
+    }
+    try {
+      text_ = read_text(path_);
+      rows_ = parse_csv(text_, path_.string());
+      if (rows_.empty()) {
+        truncate(0);
+        append(header);
+        rows_.push_back({.cells = {}, .line = 1, .end = header.size()});
+        text_ = header;
+      }
+    } catch (...) {
+      ::close(descriptor_);
+      throw;
+    }
+  }
+  ~RowFile() { ::close(descriptor_); }
+  RowFile(const RowFile&) = delete;
+  RowFile& operator=(const RowFile&) = delete;
+
+  std::size_t rows() const { return rows_.size() - 1; }
+  const std::string& text() const { return text_; }
+  std::string name() const { return path_.string(); }
+
+  // Keeps the header and so many rows.
+  void keep(std::size_t rows) { truncate(rows_[rows].end); }
+
+  void append(std::string_view bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written < 0) fail(path_, "cannot be written");
+      bytes.remove_prefix(static_cast<std::size_t>(written));
+    }
+  }
+
+  void sync() const {
+    if (::fdatasync(descriptor_) != 0) fail(path_, "cannot be written");
+  }
+
+  void forget_text() {
+    text_ = {};
+    rows_ = {};
+  }
+
+ private:
+  void truncate(std::size_t size) const {
+    if (::ftruncate(descriptor_, static_cast<off_t>(size)) != 0) fail(path_, "cannot be cut");
+  }
+
+  fs::path path_;
+  int descriptor_;
+  std::string text_;
+  std::vector<CsvRow> rows_;
+};
+
+}  // namespace
+
+void Shard::validate() const {
+  if (index >= 1 && index <= count) return;
+  throw Error(ErrorKind::kMisuse, "Shard", fmt::format("{}/{}", index, count),
+              "i/n with i from 1 to n");
+}
+
+struct StudyFolder::Files {
+  Files(const fs::path& folder, const StudyPlan& the_plan, const Shard& the_shard)
+      : plan(the_plan),
+        shard(the_shard),
+        runs(folder / kRuns, runs_header()),
+        timings(folder / kTimings, timings_header()) {}
+
+  StudyPlan plan;
+  Shard shard;
+  RowFile runs;
+  RowFile timings;
+  std::size_t done = 0;
+};
+
+StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Shard& shard,
+                         const std::vector<std::string>& inputs) {
+  shard.validate();
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(ErrorKind::kStorage, folder.string(), error.message(), "");
+  const Identity identity = identity_of(plan, shard, inputs);
+  const fs::path path = folder / kIdentity;
+  if (fs::exists(path)) {
+    require_same(folder, read_identity(folder).text(), identity.text());
+  } else {
+    for (const std::string_view name : {kRuns, kTimings}) {
+      if (!fs::exists(folder / name)) continue;
+      throw Error(ErrorKind::kInput, (folder / name).string(), "is there, but no study.txt",
+                  "a new folder");
+    }
+    write_file(path, [&](const ByteSink& sink) { sink(identity.text()); });
+  }
+  files_ = std::make_unique<Files>(folder, plan, shard);
+
+  const std::vector<TrialResult> runs = parse_runs(files_->runs.text(), files_->runs.name());
+  files_->done = std::min(runs.size(), files_->timings.rows());
+  if (files_->done > identity.runs) {
+    throw Error(ErrorKind::kInput, files_->runs.name(), fmt::format("{} rows", files_->done),
+                fmt::format("at most {}", identity.runs));
+  }
+  const std::size_t begin = shard.begin(plan.size());
+  for (std::size_t i = 0; i < files_->done; ++i) {
+    if (runs[i].trial == plan.trial(begin + i)) continue;
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", files_->runs.name(), i + 2),
+                "is not the study's run of this place", "the rows as they were written");
+  }
+  files_->runs.keep(files_->done);
+  files_->timings.keep(files_->done);
+  files_->runs.forget_text();
+  files_->timings.forget_text();
+}
+
+StudyFolder::~StudyFolder() = default;
+
+std::size_t StudyFolder::done() const {
+  return files_->done;
+}
+
+void StudyFolder::append(const TrialResult& run) {
+  const std::size_t next = files_->shard.begin(files_->plan.size()) + files_->done;
+  if (next >= files_->shard.end(files_->plan.size()) || run.trial != files_->plan.trial(next)) {
+    throw Error(ErrorKind::kMisuse, "StudyFolder.append", "not the next run",
+                "runs in their order");
+  }
+  files_->runs.append(runs_row(run));
+  files_->timings.append(timings_row(run));
+  ++files_->done;
+}
+
+void StudyFolder::sync() {
+  files_->runs.sync();
+  files_->timings.sync();
+}
+
+void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
+               const std::function<MapPair(const StudyPair&)>& load_pair,
+               const StudyOptions& options) {
+  shard.validate();
+  const Study& study = plan.study();
+  const std::size_t first = shard.begin(plan.size());
+  const std::size_t end = shard.end(plan.size());
+  AlignOptions align = study.align;
+  align.executor = Executor();  // runs are spread over threads, not the work of one
+  align.stop = options.stop;
+
+  for (std::size_t next = first + folder.done(); next < end;) {
+    const std::size_t pair_number = plan.pair_of(next);
+    const std::size_t pair_end = std::min(end, (pair_number + 1) * plan.runs_per_pair());
+    const MapPair pair = load_pair(study.pairs[pair_number]);
+    std::map<std::string, PairPoints> points;
+    for (const std::string& name : study.strategies) {
+      points.emplace(name, pair_points(pair, strategy_named(name), study.points));
+    }
+    const auto& source = points.at(study.strategies.front()).source.positions;
+    Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& point : source) centroid += point;
+    if (!source.empty()) centroid /= static_cast<double>(source.size());
+
+    constexpr std::size_t kAhead = 64;
+    options.executor.in_order(
+        pair_end - next, kAhead,
+        [&](std::size_t i) {
+          Trial trial = plan.trial(next + i);
+          const Rigid3 initial = displaced(trial.initial, pair.truth, centroid);
+          const PairPoints& strategy_points = points.at(trial.strategy);
+          return run_trial(std::move(trial), strategy_points, initial, pair.truth, align);
+        },
+        [&](std::size_t, TrialResult run) {
+          folder.append(run);
+          if (options.progress) options.progress(folder.done(), end - first);
+        });
+    next = pair_end;
+    folder.sync();
+  }
+}
+
+void merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
+  if (shards.empty()) throw Error(ErrorKind::kMisuse, "merge", "no folder", "the shards' folders");
+  std::map<std::size_t, std::pair<fs::path, Identity>> parts;
+  std::optional<Identity> first;
+  for (const fs::path& folder : shards) {
+    Identity identity = read_identity(folder);
+    if (!first) first = identity;
+    require_same(folder, identity.study, first->study);
+    if (identity.shard.count != first->shard.count) {
+      throw Error(ErrorKind::kInput, folder.string(),
+                  fmt::format("is one of {} shards", identity.shard.count),
+                  fmt::format("one of {}", first->shard.count));
+    }
+    const auto [place, added] =
+        parts.emplace(identity.shard.index, std::pair(folder, std::move(identity)));
+    if (!added) {
+      throw Error(ErrorKind::kInput, folder.string(),
+                  fmt::format("is shard {} as {} is", place->first, place->second.first.string()),
+                  "each shard once");
+    }
+  }
+  std::size_t total = 0;
+  for (std::size_t i = 1; i <= first->shard.count; ++i) {
+    if (!parts.contains(i)) {
+      throw Error(ErrorKind::kInput, shards.front().parent_path().string(),
+                  fmt::format("shard {} of {} is missing", i, first->shard.count), "all shards");
+    }
+    total += parts.at(i).second.runs;
+  }
+
+  std::map<std::string_view, std::string> tables = {{kRuns, runs_header()},
+                                                    {kTimings, timings_header()}};
+  for (auto& [name, text] : tables) {
+    for (const auto& [index, part] : parts) {
+      const fs::path path = part.first / name;
+      const std::string content = read_text(path);
+      const std::vector<CsvRow> rows = parse_csv(content, path.string());
+      const std::size_t count = rows.empty() ? 0 : rows.size() - 1;
+      if (count != part.second.runs || rows.back().end != content.size()) {
+        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} complete rows", count),
+                    fmt::format("{}; run the shard again to complete it", part.second.runs));
+      }
+      text += content.substr(rows.front().end);
+    }
+  }
+  std::error_code error;
+  if (fs::exists(merged, error) && !fs::is_empty(merged, error)) {
+    throw Error(ErrorKind::kStorage, merged.string(), "holds something already",
+                "a new or empty folder");
+  }
+  fs::create_directories(merged, error);
+  if (error) throw Error(ErrorKind::kStorage, merged.string(), error.message(), "");
+  for (const auto& [name, text] : tables) {
+    write_file(merged / name, [&](const ByteSink& sink) { sink(text); });
+  }
+  const Identity whole{Shard{}, total, first->study};
+  write_file(merged / kIdentity, [&](const ByteSink& sink) { sink(whole.text()); });
+}
+
+}  // namespace cairn

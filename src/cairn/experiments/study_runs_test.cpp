@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/study_runs.hpp"
+
+#include <filesystem>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/experiments/runs_file.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/temporary_folder.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+namespace fs = std::filesystem;
+
+std::string content(const fs::path& path) {
+  FileReader file(path);
+  return read_all(file);
+}
+
+MapPair load(const StudyPair& pair) {
+  SyntheticPair synthetic = synthetic_pair(
+      {.seed = std::get<PairSimulation>(pair.maps).seed, .landmarks = 150, .frames = 8});
+  return {pair.name, std::move(synthetic.source), std::move(synthetic.target),
+          synthetic.target_from_source};
+}
+
+Study small_study() {
+  Study study;
+  study.name = "s";
+  study.seed = 3;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    study.pairs.push_back(
+        {"p" + std::to_string(seed), PairSimulation{.environment = "-", .seed = seed}});
+  }
+  study.initial_count = 4;
+  study.initial = {{.x_m = -0.2, .yaw_deg = -20}, {.x_m = 0.2, .yaw_deg = 20}};
+  study.strategies = {"base", "observations"};
+  study.align.max_iterations = 10;
+  return study;
+}
+
+class StudyRunsTest : public ::testing::Test {
+ protected:
+  void run(const fs::path& folder, const Shard& shard = {}, unsigned threads = 1) const {
+    StudyFolder rows(folder, plan_, shard);
+    StudyOptions options;
+    options.executor = Executor(threads);
+    run_study(plan_, shard, rows, load, options);
+  }
+
+  // The message of a refusal; the folder must be what it was.
+  std::string refusal(const fs::path& folder, const StudyPlan& plan,
+                      const Shard& shard = {}) const {
+    const std::string before = content(folder / "runs.csv");
+    std::string message;
+    try {
+      StudyFolder rows(folder, plan, shard);
+    } catch (const Error& error) {
+      message = error.what();
+    }
+    EXPECT_EQ(content(folder / "runs.csv"), before);
+    return message;
+  }
+
+  testing::TemporaryFolder folder_;
+  StudyPlan plan_ = StudyPlan(small_study());
+};
+
+TEST_F(StudyRunsTest, WriteOneRowARunInTheirOrder) {
+  run(folder_ / "a");
+  const auto runs = parse_runs(content(folder_ / "a/runs.csv"), "runs.csv");
+  ASSERT_EQ(runs.size(), plan_.size());
+  for (std::size_t i = 0; i < runs.size(); ++i) EXPECT_EQ(runs[i].trial, plan_.trial(i));
+}
+
+TEST_F(StudyRunsTest, AreTheSameBytesWithAnyNumberOfThreads) {
+  run(folder_ / "a", {}, 1);
+  run(folder_ / "b", {}, 2);
+  EXPECT_EQ(content(folder_ / "a/runs.csv"), content(folder_ / "b/runs.csv"));
+}
+
+TEST_F(StudyRunsTest, LoseAndDoubleNothingWhereverTheyWereCut) {
+  run(folder_ / "whole");
+  const std::string runs = content(folder_ / "whole/runs.csv");
+  const std::string timings = content(folder_ / "whole/timings.csv");
+  const std::string identity = content(folder_ / "whole/study.txt");
+  for (const std::size_t size : {std::size_t{0}, std::size_t{7}, runs_header().size(),
+                                 runs.size() / 3, runs.size() - 1, runs.size()}) {
+    for (const std::size_t other : {std::size_t{0}, timings.size() / 2, timings.size()}) {
+      const fs::path folder =
+          folder_ / ("cut" + std::to_string(size) + "_" + std::to_string(other));
+      fs::create_directories(folder);
+      write_file(folder / "study.txt", [&](const ByteSink& sink) { sink(identity); });
+      write_file(folder / "runs.csv", [&](const ByteSink& sink) { sink(runs.substr(0, size)); });
+      write_file(folder / "timings.csv",
+                 [&](const ByteSink& sink) { sink(timings.substr(0, other)); });
+      run(folder);
+      EXPECT_EQ(content(folder / "runs.csv"), runs) << size << " " << other;
+      EXPECT_EQ(std::ranges::count(content(folder / "timings.csv"), '\n'), plan_.size() + 1);
+    }
+  }
+}
+
+TEST_F(StudyRunsTest, GoOnAfterTheyWereStopped) {
+  run(folder_ / "whole");
+  std::stop_source stop;
+  {
+    StudyFolder rows(folder_ / "a", plan_, {});
+    StudyOptions options;
+    options.stop = stop.get_token();
+    options.progress = [&](std::size_t done, std::size_t) {
+      if (done == 5) stop.request_stop();
+    };
+    EXPECT_THROW(run_study(plan_, {}, rows, load, options), Error);
+    EXPECT_LT(rows.done(), plan_.size());
+  }
+  run(folder_ / "a");
+  EXPECT_EQ(content(folder_ / "a/runs.csv"), content(folder_ / "whole/runs.csv"));
+}
+
+TEST_F(StudyRunsTest, AskForNoMapsOfWhatIsDone) {
+  run(folder_ / "a");
+  StudyFolder rows(folder_ / "a", plan_, {});
+  run_study(plan_, {}, rows,
+            [](const StudyPair&) -> MapPair { throw std::runtime_error("asked"); });
+}
+
+TEST_F(StudyRunsTest, MergeToWhatOneProcessWrites) {
+  run(folder_ / "whole");
+  for (const std::size_t count : {std::size_t{1}, std::size_t{5}, std::size_t{30}}) {
+    const std::string name = std::to_string(count);
+    std::vector<fs::path> shards;
+    for (std::size_t i = count; i >= 1; --i) {
+      shards.push_back(folder_ / (name + "_" + std::to_string(i)));
+      run(shards.back(), {i, count});
+    }
+    merge_study(shards, folder_ / name);
+    EXPECT_EQ(content(folder_ / name / "runs.csv"), content(folder_ / "whole/runs.csv"));
+    EXPECT_EQ(content(folder_ / name / "study.txt"), content(folder_ / "whole/study.txt"));
+    // It is a folder as any other.
+    StudyFolder rows(folder_ / name, plan_, {});
+    EXPECT_EQ(rows.done(), plan_.size());
+  }
+}
+
+TEST_F(StudyRunsTest, MergeRefusesWhatIsNotTheWholeOfOneStudy) {
+  const auto message = [&](const std::vector<fs::path>& shards) -> std::string {
+    try {
+      merge_study(shards, folder_ / "merged");
+    } catch (const Error& error) {
+      EXPECT_FALSE(fs::exists(folder_ / "merged"));
+      return error.what();
+    }
+    return "";
+  };
+  const fs::path one = folder_ / "1";
+  const fs::path two = folder_ / "2";
+  run(one, {1, 2});
+  run(two, {2, 2});
+  EXPECT_THAT(message({one}), HasSubstr("shard 2 of 2 is missing"));
+  EXPECT_THAT(message({one, two, one}), HasSubstr("is shard 1 as "));
+  run(folder_ / "third", {2, 3});
+  EXPECT_THAT(message({one, folder_ / "third"}), HasSubstr("one of 3 shards"));
+  Study other = small_study();
+  other.seed = 4;
+  {
+    const StudyPlan plan(other);
+    StudyFolder rows(folder_ / "other", plan, {2, 2});
+  }
+  EXPECT_THAT(message({one, folder_ / "other"}), HasSubstr("'seed 4'; expected 'seed 3'"));
+  fs::resize_file(two / "runs.csv", fs::file_size(two / "runs.csv") - 3);
+  EXPECT_THAT(message({one, two}), HasSubstr("run the shard again to complete it"));
+  EXPECT_THAT(message({folder_ / "none"}), HasSubstr("study.txt"));
+}
+
+TEST_F(StudyRunsTest, KeepTheRowsOfAnotherStudy) {
+  run(folder_ / "a");
+  Study other = small_study();
+  other.initial_count = 5;
+  EXPECT_THAT(refusal(folder_ / "a", StudyPlan(other)),
+              HasSubstr("holds the runs of another study"));
+  EXPECT_THAT(refusal(folder_ / "a", plan_, {1, 2}), HasSubstr("'shard 1 of 1'"));
+  try {
+    StudyFolder rows(folder_ / "a", plan_, {}, {"input x 1"});
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("input x 1"));
+  }
+  // Rows that somebody changed.
+  std::string text = content(folder_ / "a/runs.csv");
+  text.replace(text.find("observations"), 12, "covariance");
+  write_file(folder_ / "a/runs.csv", [&](const ByteSink& sink) { sink(text); });
+  EXPECT_THAT(refusal(folder_ / "a", plan_), HasSubstr("runs.csv:3: is not the study's run"));
+}
+
+TEST_F(StudyRunsTest, AreWrittenByOneProcessAtATime) {
+  run(folder_ / "a");
+  const StudyFolder rows(folder_ / "a", plan_, {});
+  EXPECT_THAT(refusal(folder_ / "a", plan_), HasSubstr("another process is writing it"));
+}
+
+TEST(Shard, CoversEachRunOnce) {
+  for (const std::size_t runs : {0U, 1U, 7U, 24U, 100U}) {
+    for (const std::size_t count : {1U, 2U, 5U, 24U, 30U}) {
+      std::size_t next = 0;
+      for (std::size_t i = 1; i <= count; ++i) {
+        const Shard shard{i, count};
+        EXPECT_EQ(shard.begin(runs), next);
+        EXPECT_LE(shard.end(runs) - shard.begin(runs), runs / count + 1);
+        next = shard.end(runs);
+      }
+      EXPECT_EQ(next, runs);
+    }
+  }
+  EXPECT_THROW((Shard{0, 2}.validate()), Error);
+  EXPECT_THROW((Shard{3, 2}.validate()), Error);
+}
+
+}  // namespace
+}  // namespace cairn

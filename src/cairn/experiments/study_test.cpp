@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/study.hpp"
+
+#include <numbers>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr const char* kFull = R"(name: desks
+seed: 7
+pairs:
+  - name: real
+    source: a.map
+    target: b.map
+    truth: truth.txt
+  - name: desk
+    simulate: {environment: desk, seeds: [1, 5], path: orbit, frames: 90, changed: 0.25}
+initial_poses:
+  count: 3
+  x_m: [-1, 1]
+  yaw_deg: [-60, 60]
+strategies: [base, observations]
+k: [5, 7]
+align: {max_iterations: 50, max_distance_m: 0.5, min_observations: 3}
+success: {rotation_deg: 3, translation_m: 0.1, score_m2: 0.01}
+statistics: {confidence_level: 0.9, equivalence_margin: 0.1}
+)";
+
+std::string message_of(const std::string& yaml) {
+  try {
+    parse_study(yaml, "study.yaml");
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  text.replace(text.find(what), what.size(), by);
+  return text;
+}
+
+TEST(StudyFile, SaysAllOfAStudy) {
+  const Study study = parse_study(kFull, "study.yaml");
+  EXPECT_EQ(study.name, "desks");
+  EXPECT_EQ(study.seed, 7U);
+  ASSERT_EQ(study.pairs.size(), 3U);
+  EXPECT_EQ(std::get<PairFiles>(study.pairs[0].maps).truth, "truth.txt");
+  EXPECT_EQ(study.pairs[1].name, "desk_1");
+  EXPECT_EQ(study.pairs[2].name, "desk_5");
+  const auto& simulation = std::get<PairSimulation>(study.pairs[2].maps);
+  EXPECT_EQ(simulation.environment, "desk");
+  EXPECT_EQ(simulation.seed, 5U);
+  EXPECT_EQ(simulation.path, "orbit");
+  EXPECT_EQ(simulation.frames, 90U);
+  EXPECT_EQ(simulation.changed, 0.25);
+  EXPECT_EQ(study.initial_count, 3U);
+  EXPECT_EQ(study.initial.low, (Displacement{.x_m = -1.0, .yaw_deg = -60.0}));
+  EXPECT_EQ(study.initial.high, (Displacement{.x_m = 1.0, .yaw_deg = 60.0}));
+  EXPECT_THAT(study.strategies, ::testing::ElementsAre("base", "observations"));
+  EXPECT_THAT(study.k, ::testing::ElementsAre(5U, 7U));
+  EXPECT_EQ(study.align.max_iterations, 50);
+  EXPECT_EQ(study.align.max_distance, 0.5);
+  EXPECT_EQ(study.points.min_observations, 3U);
+  EXPECT_EQ(study.success.rotation_deg, 3.0);
+  EXPECT_EQ(study.success_score, 0.01);
+  EXPECT_EQ(study.confidence_level, 0.9);
+  EXPECT_EQ(study.equivalence_margin, 0.1);
+}
+
+TEST(StudyFile, HasThePapersDefaults) {
+  const Study study = parse_study(
+      "{name: s, pairs: [{name: p, source: a, target: b}], initial_poses: {}}", "study.yaml");
+  EXPECT_THAT(study.strategies,
+              ::testing::ElementsAre("base", "covariance", "observations", "distance"));
+  EXPECT_THAT(study.k, ::testing::ElementsAre(5U));
+  EXPECT_EQ(study.align.max_iterations, 150);
+}
+
+TEST(StudyFile, NamesLineAndKeyOfADefect) {
+  EXPECT_THAT(message_of("name: [\n"), HasSubstr("study.yaml:"));
+  EXPECT_THAT(message_of(""), HasSubstr("no keys"));
+  EXPECT_THAT(message_of("name: s\n"), HasSubstr("pairs is missing"));
+  EXPECT_THAT(
+      message_of(replaced(kFull, "seed: 7", "sead: 7")),
+      AllOf(HasSubstr("study.yaml:2: study: 'sead' is no key"), HasSubstr("initial_poses")));
+  EXPECT_THAT(message_of(replaced(kFull, "count: 3", "count: 0")),
+              HasSubstr("study.yaml:11: initial_poses.count: '0'; expected a whole number from 1"));
+  EXPECT_THAT(message_of(replaced(kFull, "[-1, 1]", "[1, -1]")),
+              HasSubstr("initial_poses.x_m: the low end is above the high one"));
+  EXPECT_THAT(message_of(replaced(kFull, "[-60, 60]", "[-60, 60, 1]")), HasSubstr("3 numbers"));
+  EXPECT_THAT(message_of(replaced(kFull, "yaw_deg: [-60", "yaw_deg: [nan")), HasSubstr("'nan'"));
+  EXPECT_THAT(message_of(replaced(kFull, "observations]", "magic]")),
+              AllOf(HasSubstr("strategies[1]: 'magic'"), HasSubstr("base, covariance")));
+  EXPECT_THAT(message_of(replaced(kFull, "[base, observations]", "[base, base]")),
+              HasSubstr("given twice"));
+  EXPECT_THAT(message_of(replaced(kFull, "k: [5, 7]", "k: 5")), HasSubstr("k: no list"));
+  EXPECT_THAT(message_of(replaced(kFull, "source: a.map", "simulate: {environment: desk}")),
+              HasSubstr("both files and a simulation"));
+  EXPECT_THAT(message_of(replaced(kFull, "source: a.map\n", "\n")), HasSubstr("no maps"));
+  EXPECT_THAT(message_of(replaced(kFull, "name: real", "name: desk_5")),
+              HasSubstr("'desk_5' names two pairs"));
+  EXPECT_THAT(message_of(replaced(kFull, "name: real", "name: ../x")),
+              HasSubstr("letters, digits"));
+  EXPECT_THAT(message_of(replaced(kFull, "seed: 7", "seed: 7\nseed: 8")), HasSubstr("twice"));
+}
+
+TEST(StudyPlan, CrossesPairsPosesAndStrategies) {
+  const StudyPlan plan(parse_study(kFull, "study.yaml"));
+  // Base ICP has no use for a second k.
+  EXPECT_EQ(plan.runs_per_pair(), 3U * 3U);
+  EXPECT_EQ(plan.size(), 27U);
+  std::set<std::string> keys;
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    const Trial trial = plan.trial(i);
+    EXPECT_EQ(trial.pair, plan.study().pairs[i / 9].name);
+    EXPECT_EQ(trial.number, i % 9 / 3 + 1);
+    EXPECT_EQ(trial.initial, plan.trial(i - i % 3).initial) << "strategies share the poses";
+    EXPECT_LE(std::abs(trial.initial.x_m), 1.0);
+    EXPECT_LE(std::abs(trial.initial.yaw_deg), 60.0);
+    EXPECT_EQ(trial.initial.roll_deg, 0.0);
+    keys.insert(trial.pair + "/" + std::to_string(trial.number) + "/" + trial.strategy + "/" +
+                std::to_string(trial.k));
+  }
+  EXPECT_EQ(keys.size(), plan.size());
+  EXPECT_NE(plan.trial(0).initial, plan.trial(3).initial);
+  EXPECT_NE(plan.trial(0).initial, plan.trial(9).initial);
+}
+
+TEST(StudyPlan, KeepsItsPosesWhenThereAreMoreOfThem) {
+  Study study = parse_study(kFull, "study.yaml");
+  const StudyPlan few(study);
+  study.initial_count = 50;
+  const StudyPlan many(study);
+  EXPECT_EQ(few.trial(3).initial, many.trial(3).initial);
+  EXPECT_EQ(few.trial(9).initial, many.trial(many.runs_per_pair()).initial);
+}
+
+TEST(StudyPlan, HasATextThatDiffersWithWhateverChangesTheRuns) {
+  std::set<std::string> texts = {canonical_text(parse_study(kFull, "study.yaml"))};
+  const std::vector<std::pair<std::string, std::string>> changes = {
+      {"seed: 7", "seed: 8"},
+      {"a.map", "c.map"},
+      {"[1, 5]", "[1, 6]"},
+      {"count: 3", "count: 4"},
+      {"[-1, 1]", "[-1, 2]"},
+      {"k: [5, 7]", "k: [5]"},
+      {"frames: 90", "frames: 91"},
+      {"truth.txt", "other.txt"},
+      {"orbit", "sweep"},
+      {"_distance_m: 0.5", "_distance_m: 0.6"},
+      {"observations: 3", "observations: 2"}};
+  for (const auto& [what, by] : changes) {
+    EXPECT_TRUE(texts.insert(canonical_text(parse_study(replaced(kFull, what, by), "s"))).second)
+        << what;
+  }
+  // How runs are judged is no part of them.
+  EXPECT_FALSE(texts
+                   .insert(canonical_text(
+                       parse_study(replaced(kFull, "rotation_deg: 3", "rotation_deg: 4"), "s")))
+                   .second);
+}
+
+TEST(Displaced, MovesTheCentroidFromWhereTheTruthPutsIt) {
+  const Rigid3 truth = Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.3, -0.2, 1.0);
+  const Eigen::Vector3d centroid(10.0, -4.0, 2.0);
+  const Displacement displacement{.x_m = 0.5, .z_m = -0.25, .pitch_deg = 20.0, .yaw_deg = 30.0};
+  const Rigid3 initial = displaced(displacement, truth, centroid);
+  EXPECT_TRUE((initial * centroid - truth * centroid).isApprox(Eigen::Vector3d(0.5, 0.0, -0.25)));
+  EXPECT_NEAR((initial * truth.inverse()).angle(), displacement.pose().angle(), 1e-12);
+  EXPECT_TRUE(displaced({}, truth, centroid).matrix().isApprox(truth.matrix(), 1e-12));
+  EXPECT_TRUE((displaced(displacement, std::nullopt, centroid) * centroid - centroid)
+                  .isApprox(Eigen::Vector3d(0.5, 0.0, -0.25)));
+}
+
+}  // namespace
+}  // namespace cairn
