@@ -7,8 +7,10 @@ install(TARGETS ${modules} cairn_cairn cairn_pcl EXPORT cairn-targets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(EXPORT cairn-targets NAMESPACE cairn:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/cairn)
 foreach(module IN LISTS modules)
-  string(REGEX REPLACE "^cairn_" "" folder "${module}")
-  install(DIRECTORY src/cairn/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn FILES_MATCHING PATTERN "*.hpp")
+  get_target_property(folder ${module} SOURCE_DIR)
+  file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}/src" "${folder}")
+  install(DIRECTORY "src/${folder}/" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/${folder}"
+          FILES_MATCHING PATTERN "*.hpp")
 endforeach()
 install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/adapters/pcl
         FILES_MATCHING PATTERN "*.hpp")

@@ -21,7 +21,7 @@
 namespace cairn::cli {
 namespace {
 
-#ifdef CAIRN_HAS_DEMO_SIMULATION
+#ifdef CAIRN_HAS_SIMULATED_SESSIONS
 constexpr bool kCanSimulate = true;
 #else
 constexpr bool kCanSimulate = false;
@@ -115,7 +115,7 @@ void DemoArguments::check() const {
 }
 
 DemoPair DemoArguments::make_pair() const {
-#ifdef CAIRN_HAS_DEMO_SIMULATION
+#ifdef CAIRN_HAS_SIMULATED_SESSIONS
   if (!synthetic) return simulated_demo(frames, common);
 #endif
   return synthetic_demo(common);

@@ -34,7 +34,7 @@ struct DemoPair {
 DemoPair synthetic_demo(const CommonArguments& common);
 
 /// Renders two sessions with an RGB-D camera that goes round a desk once, some things moved in
-/// between, and maps them. Only where the tool was built with CAIRN_HAS_DEMO_SIMULATION.
+/// between, and maps them. Only where the tool was built with CAIRN_HAS_SIMULATED_SESSIONS.
 /// @param frames a session
 /// @throws Error (misuse) if a session cannot be mapped with so few; (cancelled)
 DemoPair simulated_demo(std::size_t frames, const CommonArguments& common);

@@ -7,14 +7,8 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <opencv2/imgproc.hpp>
 
-#include "cairn/core/error.hpp"
-#include "cairn/core/random.hpp"
-#include "cairn/odometry/map_sequence.hpp"
-#include "cairn/simulation/environment.hpp"
-#include "cairn/simulation/path.hpp"
-#include "cairn/simulation/simulator.hpp"
+#include "cairn/experiments/simulated_session/simulated_session.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
 
 #include "demo_pair.hpp"
@@ -29,57 +23,10 @@ namespace {
 constexpr double kRoundSeconds = 25.0;
 constexpr double kChangedFraction = 0.1;  // of the movable things, before the second session
 
-struct Session {
-  MappedSequence mapped;
-  Trajectory truth;
-  std::size_t movable = 0;
-  std::size_t moved = 0;
+struct Session : SimulatedSession {
   std::optional<AbsoluteError> error;  // nothing if too few frames were tracked
   double seconds = 0.0;
-
-  const LandmarkMap& map() const { return mapped.maps.front(); }
-  Rigid3 world_from_map() const;
 };
-
-// The map's frame is that of its first camera, which the simulation knows.
-Rigid3 Session::world_from_map() const {
-  const TimedPose& first = mapped.trajectory.poses().front();
-  const auto true_pose =
-      std::lower_bound(truth.poses().begin(), truth.poses().end(), first.timestamp_s,
-                       [](const TimedPose& pose, double time) { return pose.timestamp_s < time; });
-  return true_pose->world_from_camera * first.world_from_camera.inverse();
-}
-
-RgbdSimulator make_simulator(std::uint64_t session, std::size_t frames,
-                             const CommonArguments& common) {
-  const Random random = Random(common.seed).fork(session);
-  const Executor executor = common.executor();
-  Environment desk = make_environment({.kind = EnvironmentKind::kDesk,
-                                       .seed = common.seed,
-                                       .session = session,
-                                       .changed_fraction = session == 0 ? 0.0 : kChangedFraction},
-                                      executor);
-  Trajectory path = make_path(desk, {.kind = PathKind::kOrbit,
-                                     .seed = random.fork(1).draw_seed(),
-                                     .frames = frames,
-                                     .rate_hz = static_cast<double>(frames) / kRoundSeconds});
-  SimulatorOptions options;
-  options.seed = random.fork(2).draw_seed();
-  return {std::move(desk.scene), std::move(path), options, executor};
-}
-
-FrameImages render(const RgbdSimulator& simulator, std::size_t index) {
-  RgbdFrame frame = simulator.frame(index);
-  const int rows = static_cast<int>(frame.height);
-  const int columns = static_cast<int>(frame.width);
-  FrameImages images;
-  images.timestamp_s = frame.timestamp_s;
-  images.name = fmt::format("{:.6f}", frame.timestamp_s);
-  cv::cvtColor(cv::Mat(rows, columns, CV_8UC3, frame.bgr.data()), images.gray, cv::COLOR_BGR2GRAY);
-  // A copy: the frame's own pixels go with it.
-  images.depth_m = cv::Mat(rows, columns, CV_32FC1, frame.depth_m.data()).clone();
-  return images;
-}
 
 MapSequenceOptions mapping_options(const std::string& name, const CommonArguments& common) {
   MapSequenceOptions options;
@@ -100,22 +47,19 @@ MapSequenceOptions mapping_options(const std::string& name, const CommonArgument
 Session map_session(const std::string& name, std::uint64_t number, std::size_t frames,
                     const CommonArguments& common) {
   const auto start = std::chrono::steady_clock::now();
-  const RgbdSimulator simulator = make_simulator(number, frames, common);
+  SimulatedSessionOptions options;
+  options.environment = {.kind = EnvironmentKind::kDesk,
+                         .seed = common.seed,
+                         .session = number,
+                         .changed_fraction = number == 0 ? 0.0 : kChangedFraction};
+  options.path = PathKind::kOrbit;
+  options.frames = frames;
+  options.rate_hz = static_cast<double>(frames) / kRoundSeconds;
   Session session;
-  // Frames go from the renderer to the tracker without a file in between.
-  session.mapped = map_frames(
-      frames, [&](std::size_t index) { return render(simulator, index); },
-      default_simulated_camera(), mapping_options(name, common));
-  if (session.mapped.maps.empty()) {
-    throw Error(ErrorKind::kMisuse, "--frames",
-                fmt::format("none of {} frames of the {} session could be tracked", frames, name),
-                "more");
-  }
-  session.truth = simulator.trajectory();
-  for (const SceneObject& object : simulator.scene().objects) {
-    if (object.movable) ++session.movable;
-    if (object.moved) ++session.moved;
-  }
+  with_option_names({{"SimulatedSessionOptions.frames", "--frames"}}, [&] {
+    static_cast<SimulatedSession&>(session) =
+        map_simulated_session(options, mapping_options(name, common));
+  });
   session.error = evaluate_trajectory(session.mapped.trajectory, session.truth).absolute;
   session.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return session;

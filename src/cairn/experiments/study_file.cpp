@@ -127,6 +127,7 @@ void parse_simulation(const Entry& entry, const std::string& name, std::vector<S
                }},
               {"path", [&](const Entry& e) { simulation.path = e.text(); }},
               {"frames", [&](const Entry& e) { simulation.frames = e.whole(10, kMost); }},
+              {"rate_hz", [&](const Entry& e) { simulation.rate_hz = e.number(0.1, 1000.0); }},
               {"changed", [&](const Entry& e) { simulation.changed = e.number(0.0, 1.0); }}},
              {"environment"});
   for (const std::uint64_t seed : seeds) {

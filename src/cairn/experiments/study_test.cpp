@@ -23,7 +23,7 @@ pairs:
     target: b.map
     truth: truth.txt
   - name: desk
-    simulate: {environment: desk, seeds: [1, 5], path: orbit, frames: 90, changed: 0.25}
+    simulate: {environment: desk, seeds: [1, 5], path: orbit, frames: 90, rate_hz: 15, changed: 0.25}
 initial_poses:
   count: 3
   x_m: [-1, 1]
@@ -62,6 +62,7 @@ TEST(StudyFile, SaysAllOfAStudy) {
   EXPECT_EQ(simulation.seed, 5U);
   EXPECT_EQ(simulation.path, "orbit");
   EXPECT_EQ(simulation.frames, 90U);
+  EXPECT_EQ(simulation.rate_hz, 15.0);
   EXPECT_EQ(simulation.changed, 0.25);
   EXPECT_EQ(study.initial_count, 3U);
   EXPECT_EQ(study.initial.low, (Displacement{.x_m = -1.0, .yaw_deg = -60.0}));

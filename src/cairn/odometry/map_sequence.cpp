@@ -6,6 +6,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <opencv2/imgproc.hpp>
 
 #include "cairn/core/error.hpp"
 
@@ -189,6 +190,29 @@ std::size_t MappedSequence::lost_frames() const {
   std::size_t sum = 0;
   for (const LostStretch& stretch : lost) sum += stretch.frames;
   return sum;
+}
+
+FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t height,
+                         std::span<const std::uint8_t> bgr, std::span<const float> depth_m) {
+  const std::size_t pixels = std::size_t{width} * height;
+  if (bgr.size() != 3 * pixels || (!depth_m.empty() && depth_m.size() != pixels)) {
+    throw Error(ErrorKind::kMisuse, "frame_images",
+                fmt::format("{} bytes of colour and {} depths", bgr.size(), depth_m.size()),
+                fmt::format("those of {} x {} pixels", width, height));
+  }
+  const int rows = static_cast<int>(height);
+  const int columns = static_cast<int>(width);
+  FrameImages images;
+  images.timestamp_s = timestamp_s;
+  images.name = fmt::format("{:.6f}", timestamp_s);
+  // OpenCV's header takes no const; what it wraps is read only.
+  auto* const color = const_cast<std::uint8_t*>(bgr.data());
+  cv::cvtColor(cv::Mat(rows, columns, CV_8UC3, color), images.gray, cv::COLOR_BGR2GRAY);
+  if (!depth_m.empty()) {
+    auto* const depth = const_cast<float*>(depth_m.data());
+    images.depth_m = cv::Mat(rows, columns, CV_32FC1, depth).clone();
+  }
+  return images;
 }
 
 MappedSequence map_frames(std::size_t frames,

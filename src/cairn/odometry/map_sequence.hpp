@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -86,6 +88,13 @@ struct FrameImages {
   std::string defect;
   cv::Mat depth_m;  ///< 32-bit float of the same size, 0 where unknown; empty if there is none
 };
+
+/// Images that are in memory, row by row from the top left.
+/// @param bgr     8-bit blue, green, red of each pixel
+/// @param depth_m of each pixel, 0 where unknown; empty if there is none
+/// @throws Error (misuse) if their sizes are not those of such an image
+FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t height,
+                         std::span<const std::uint8_t> bgr, std::span<const float> depth_m);
 
 /// Builds the map of a whole sequence; images are got and searched for features on all threads,
 /// ahead of the tracking. The result is the same with any number of threads. A sequence in which

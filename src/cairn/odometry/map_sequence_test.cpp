@@ -267,6 +267,20 @@ TEST(MapFrames, ACutAtTheEndLeavesNoEmptyMiniMap) {
   expect_chain(mapped);
 }
 
+TEST(FrameImages, AreGreyWithTheirDepth) {
+  const std::vector<std::uint8_t> bgr = {0, 0, 0, 255, 255, 255, 255, 0, 0, 0, 0, 255};
+  const std::vector<float> depth = {1.0F, 2.0F, 0.0F, 3.0F};
+  const FrameImages images = frame_images(1.5, 2, 2, bgr, depth);
+  EXPECT_EQ(images.timestamp_s, 1.5);
+  EXPECT_EQ(images.name, "1.500000");
+  EXPECT_EQ(images.gray.at<std::uint8_t>(0, 0), 0);
+  EXPECT_EQ(images.gray.at<std::uint8_t>(0, 1), 255);
+  EXPECT_LT(images.gray.at<std::uint8_t>(1, 0), images.gray.at<std::uint8_t>(1, 1));  // blue, red
+  EXPECT_EQ(images.depth_m.at<float>(1, 1), 3.0F);
+  EXPECT_TRUE(frame_images(1.5, 2, 2, bgr, {}).depth_m.empty());
+  EXPECT_THROW(frame_images(1.5, 2, 3, bgr, depth), Error);
+}
+
 TEST(MapFrames, NoFramesNoMap) {
   const MappedSequence mapped = map_frames(0, frame_at, kCamera, kDefaults);
   EXPECT_EQ(mapped.frames, 0U);

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/experiments/study_runs.hpp"
+#ifdef CAIRN_HAS_SIMULATED_SESSIONS
+#include "cairn/experiments/simulated_session/simulated_session.hpp"
+#endif
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/interrupt.hpp"
+#include "support/study_results.hpp"
+#include "support/trial_results.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SweepArguments {
+  CommonArguments common;
+  std::string study_path;
+  std::string output;
+  std::string shard_text;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  Shard shard() const;
+  MapPair load_pair(const StudyPair& pair) const;
+  MapPair simulated(const StudyPair& pair) const;
+};
+
+void SweepArguments::add_to(CLI::App& command) {
+  add_text(command, "study", study_path, "What to run, in YAML")->required();
+  add_text(command, "-o,--output", output,
+           "Folder for the results; one that a stopped run of the same study left is gone on with",
+           "FOLDER")
+      ->required();
+  add_text(command, "--shard", shard_text,
+           "Run part i of n only; 'cairn experiment merge' joins the parts", "i/n");
+  common.add_to(command);
+  command.footer(
+      "Paths in the study are relative to its file. Simulated maps are kept in maps/ in the folder.\n\n"
+      "A study, with all there is to set in docs/formats.md:\n"
+      "  name: desks\n"
+      "  seed: 1\n"
+      "  pairs:\n"
+      "    - {name: desk, simulate: {environment: desk, seeds: [1, 2, 3]}}\n"
+      "    - {name: real, source: later.map, target: earlier.map, truth: truth.txt}\n"
+      "  initial_poses: {count: 200, x_m: [-1, 1], y_m: [-1, 1], yaw_deg: [-60, 60]}\n\n"
+      "Example: run it, on two cores as on one\n"
+      "  cairn experiment sweep study.yaml -o results");
+}
+
+Shard SweepArguments::shard() const {
+  if (shard_text.empty()) return {};
+  const std::size_t slash = shard_text.find('/');
+  const auto index = parse_unsigned(std::string_view(shard_text).substr(0, slash));
+  const auto count = slash == std::string::npos
+                         ? std::nullopt
+                         : parse_unsigned(std::string_view(shard_text).substr(slash + 1));
+  if (!index || !count || *index < 1 || *index > *count) {
+    throw Error(ErrorKind::kMisuse, "--shard", printable(shard_text), "i/n with i from 1 to n");
+  }
+  return {*index, *count};
+}
+
+MapPair SweepArguments::simulated(const StudyPair& pair) const {
+#ifdef CAIRN_HAS_SIMULATED_SESSIONS
+  MapSequenceOptions options;
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  const auto show = common.console().detailed_progress("simulating and mapping " + pair.name);
+  if (show) {
+    options.progress = [show](const MappingProgress& now) {
+      show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
+           fmt::format("frame {} of {}", now.frame, now.frames));
+    };
+  }
+  return simulated_pair(pair, options);
+#else
+  throw Error(ErrorKind::kMisuse, pair.name, "this build cannot simulate",
+              "a build with OpenCV, Ceres and Embree");
+#endif
+}
+
+// A simulated pair is made once, and then read like any other: its maps can be looked at.
+MapPair SweepArguments::load_pair(const StudyPair& pair) const {
+  PairFiles files;
+  if (const auto* given = std::get_if<PairFiles>(&pair.maps)) {
+    files = study_paths(*given, study_path);
+  } else {
+    const fs::path folder = fs::path(output) / "maps";
+    files = {(folder / (pair.name + "_source.map")).string(),
+             (folder / (pair.name + "_target.map")).string(),
+             (folder / (pair.name + "_truth.txt")).string()};
+    if (!fs::exists(*files.truth)) {  // written last
+      const MapPair made = simulated(pair);
+      fs::create_directories(folder);
+      write_map(made.source, files.source, {.native_version = 2});
+      write_map(made.target, files.target, {.native_version = 2});
+      write_text(folder.string(), pair.name + "_truth.txt", matrix_text(*made.truth));
+    }
+  }
+  MapPair loaded{pair.name, read_study_map(files.source), read_study_map(files.target), {}};
+  if (files.truth) loaded.truth = read_pose_file(*files.truth);
+  return loaded;
+}
+
+int SweepArguments::run() {
+  const Shard part = shard();
+  require_outputs(common);
+  FileReader file(study_path);
+  const std::string yaml = read_all(file);
+  const Study study = parse_study(yaml, study_path);
+  check_pairs(study, study_path);
+  const StudyPlan plan(study);
+  StudyFolder folder(output, plan, part, input_lines(study, study_path));
+  write_text(output, "study.yaml", yaml);
+
+  const std::size_t all = part.end(plan.size()) - part.begin(plan.size());
+  const Console console = common.console();
+  if (folder.done() > 0) {
+    console.remark(fmt::format("{}: {} of {} runs are there already", output, folder.done(), all));
+  }
+  StudyOptions options;
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  if (const auto show = console.detailed_progress("aligning")) {
+    options.progress = [show](std::size_t done, std::size_t of) {
+      show(static_cast<double>(done) / static_cast<double>(of), fmt::format("{} of {} runs", done, of));
+    };
+  }
+  run_study(plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair); }, options);
+  if (part.count > 1) {
+    console.print(fmt::format("{}: {} runs, shard {} of {}; 'cairn experiment merge' joins them\n", output, all,
+                              part.index, part.count));
+    return kDone;
+  }
+  conclude_study(study, output, common);
+  return kDone;
+}
+
+struct MergeArguments {
+  CommonArguments common;
+  std::vector<std::string> shards;
+  std::string output;
+
+  void add_to(CLI::App& command);
+  int run() const;
+};
+
+void MergeArguments::add_to(CLI::App& command) {
+  command.add_option("folders", shards, "Folders of all the shards, in any order")
+      ->required()
+      ->type_name("");
+  add_text(command, "-o,--output", output, "New folder for the whole", "FOLDER")->required();
+  common.add_to(command);
+  command.footer(
+      "Example: a study in two parts, as two machines would run it\n"
+      "  cairn experiment sweep study.yaml --shard 1/2 -o part1\n"
+      "  cairn experiment sweep study.yaml --shard 2/2 -o part2\n"
+      "  cairn experiment merge part1 part2 -o results");
+}
+
+int MergeArguments::run() const {
+  require_outputs(common);
+  std::vector<fs::path> folders(shards.begin(), shards.end());
+  merge_study(folders, output);
+  const std::string path = (folders.front() / "study.yaml").string();
+  FileReader file(path);
+  const std::string yaml = read_all(file);
+  write_text(output, "study.yaml", yaml);
+  conclude_study(parse_study(yaml, path), output, common);
+  return kDone;
+}
+
+}  // namespace
+
+Run add_experiment_sweep(CLI::App& experiment) {
+  auto arguments = std::make_shared<SweepArguments>();
+  arguments->add_to(*experiment.add_subcommand(
+      "sweep", "A study: many pairs of maps, many random starts, strategies side by side"));
+  return [arguments] { return arguments->run(); };
+}
+
+Run add_experiment_merge(CLI::App& experiment) {
+  auto arguments = std::make_shared<MergeArguments>();
+  arguments->add_to(*experiment.add_subcommand("merge", "Join the shards of a study"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

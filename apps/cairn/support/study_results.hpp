@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cairn/experiments/study.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+#include "support/arguments.hpp"
+
+namespace cairn::cli {
+
+/// A pair's paths, which are relative to the study's file, as seen from here.
+PairFiles study_paths(PairFiles files, const std::string& study_path);
+
+/// Fails before hours of work rather than after them: files that are not there, places and paths that
+/// no simulation knows.
+/// @throws Error (input) naming the study's file and the pair
+void check_pairs(const Study& study, const std::string& study_path);
+
+/// What the runs of a study depend on besides its text: each file's name and hash.
+std::vector<std::string> input_lines(const Study& study, const std::string& study_path);
+
+/// A map in metres.
+/// @throws Error (input)
+LandmarkMap read_study_map(const std::string& path);
+
+/// 16 numbers, row-major, four a line, that parse back exactly.
+std::string matrix_text(const Rigid3& pose);
+
+/// Reads a complete study's runs.csv, and writes beside it what follows from them: tables/, summary.md
+/// and study.json; prints the answer.
+void conclude_study(const Study& study, const std::string& folder, const CommonArguments& common);
+
+}  // namespace cairn::cli

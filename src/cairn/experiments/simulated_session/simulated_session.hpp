@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+
+#include "cairn/experiments/study.hpp"
+#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#include "cairn/trajectory/trajectory.hpp"
+
+namespace cairn {
+
+/// A camera's visit to a simulated place. Path and noise follow from the place's seed and the number
+/// of the session.
+struct SimulatedSessionOptions {
+  EnvironmentOptions environment;
+  PathKind path = PathKind::kSweep;
+  std::size_t frames = 150;
+  double rate_hz = 10.0;
+  /// The map begins at the true pose of its first camera, so its frame is the place's, with z up; else
+  /// it is that camera's.
+  bool in_world_frame = false;
+};
+
+struct SimulatedSession {
+  MappedSequence mapped;  ///< of one map at least
+  Trajectory truth;       ///< world_from_camera of all frames
+  std::size_t movable = 0;
+  std::size_t moved = 0;
+
+  const LandmarkMap& map() const { return mapped.maps.front(); }
+  /// How the map lies in the place: exact for its first camera, off by the drift elsewhere.
+  Rigid3 world_from_map() const;
+};
+
+/// Renders a session frame by frame, from the renderer to the tracker without a file in between, and
+/// maps it. Same options, same bytes, whatever the number of threads.
+/// @param mapping its `odometry.start` is replaced
+/// @throws Error (misuse) for options out of range, or if no frame could be tracked; (cancelled)
+SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
+                                       MapSequenceOptions mapping = {});
+
+/// The maps of two sessions of one place, both in its world frame.
+/// @throws Error as map_simulated_session, and (misuse) for an unknown environment or path
+MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping = {});
+
+}  // namespace cairn
