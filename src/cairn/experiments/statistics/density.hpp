@@ -25,8 +25,9 @@ std::optional<double> kernel_bandwidth(std::span<const double> values,
 
 struct DensityOptions {
   BandwidthRule rule = BandwidthRule::kSilverman;
-  std::optional<double> bandwidth;  ///< instead of the rule; positive, the values' unit
-  std::size_t points = 256;         ///< at least 2, evenly spaced
+  std::optional<double> bandwidth =
+      std::nullopt;          ///< instead of the rule; positive, the values' unit
+  std::size_t points = 256;  ///< at least 2, evenly spaced
   double reach =
       3.0;  ///< how far beyond the values, in bandwidths; 0 cuts at their range, where the
             ///< density then ends abruptly and its integral falls short of 1; at least 0
@@ -51,7 +52,7 @@ std::optional<Density> kernel_density(std::span<const double> values,
 
 /// The five numbers of a box plot after Tukey, "Exploratory Data Analysis", 1977, and what lies
 /// outside. Quartiles are those of quantile() (type 7 of Hyndman and Fan, The American Statistician 50,
-/// 361-365, 1996; R's and numpy's default).
+/// 361-365, 1996; R's and numpy's default), not Tukey's hinges, which R's boxplot() takes.
 struct BoxSummary {
   std::size_t count = 0;
   double lowest = 0.0;

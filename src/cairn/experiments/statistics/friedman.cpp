@@ -53,7 +53,7 @@ std::int64_t spread(const TwiceRanks& sums, std::size_t blocks) {
 
 // The exact p-value, by adding one block after the other to the distribution of the rank sums. They
 // are kept sorted: treatments are exchangeable, which leaves few different ones.
-std::optional<double> exact_p_value(const RankedBlocks& blocks) {
+std::optional<double> counted_p_value(const RankedBlocks& blocks) {
   constexpr std::size_t kMostTreatments = 6;
   constexpr std::size_t kMostWork = 4'000'000;  // sums times permutations, over all blocks
   if (blocks.treatments > kMostTreatments) return std::nullopt;
@@ -101,15 +101,11 @@ Friedman friedman_test(std::span<const std::vector<double>> blocks) {
     result.mean_ranks.push_back(static_cast<double>(sum) / (2.0 * n));
   }
   result.degrees_of_freedom = k - 1.0;
-  if (ranks.squares == 0) {
-    result.exact_p_value = 1.0;
-    return result;
-  }
+  if (ranks.squares == 0) return result;
   // (k-1) Σ(R - mean)² / Σ(r - mean)²: without ties 12/(nk(k+1)) Σ(R - mean)².
   result.statistic = (k - 1.0) * static_cast<double>(spread(ranks.sums, result.blocks)) /
                      static_cast<double>(ranks.squares);
   result.p_value = chi_squared_upper_tail(result.statistic, result.degrees_of_freedom);
-  result.exact_p_value = exact_p_value(ranks);
   result.kendalls_w = std::min(1.0, result.statistic / (n * (k - 1.0)));
   if (result.blocks > 1) {
     const double rest = n * (k - 1.0) - result.statistic;
@@ -118,6 +114,11 @@ Friedman friedman_test(std::span<const std::vector<double>> blocks) {
     result.f_p_value = fisher_f_upper_tail(*result.f_statistic, k - 1.0, (k - 1.0) * (n - 1.0));
   }
   return result;
+}
+
+std::optional<double> friedman_exact_p_value(std::span<const std::vector<double>> blocks) {
+  const std::size_t treatments = require_blocks("friedman_exact_p_value", blocks);
+  return counted_p_value(ranked(blocks, treatments));
 }
 
 std::vector<PairwiseComparison> friedman_post_hoc(std::span<const std::vector<double>> blocks) {

@@ -19,9 +19,6 @@ struct Friedman {
   double statistic = 0.0;          ///< chi-squared with treatments - 1 degrees, corrected for ties
   double degrees_of_freedom = 0.0;
   double p_value = 1.0;  ///< by the chi-squared distribution
-  /// The share of the assignments of ranks within blocks, all equally likely, whose statistic is no
-  /// less; nothing where there are too many to count, i.e. above 6 treatments or a few dozen blocks.
-  std::optional<double> exact_p_value;
   /// The F statistic of Iman and Davenport (1980), less conservative: (n-1)χ² / (n(k-1) - χ²) with k-1
   /// and (k-1)(n-1) degrees. Infinite if all blocks agree; nothing of one block or if all are tied.
   std::optional<double> f_statistic;
@@ -37,6 +34,14 @@ struct Friedman {
 /// @throws Error (misuse); of no blocks, blocks of different lengths, fewer than
 ///         two treatments or values that are not finite
 Friedman friedman_test(std::span<const std::vector<double>> blocks);
+
+/// The exact p-value of the same test: the share of the assignments of ranks within blocks, all equally
+/// likely and ties as they are, whose statistic is no less. Takes up to some seconds; worth it with
+/// few blocks, where the chi-squared distribution is far off.
+/// @return nothing where there are too many to count: above 6 treatments, some hundred blocks of 3 or
+///         some twenty of 4
+/// @throws Error (misuse) as friedman_test() does
+std::optional<double> friedman_exact_p_value(std::span<const std::vector<double>> blocks);
 
 /// Which treatments differ: the difference of the mean ranks of each two over its standard deviation
 /// under the null hypothesis, taken as normal (Demšar 2006, section 3.2.2), with p-values adjusted by

@@ -149,7 +149,7 @@ std::optional<LocationShift> hodges_lehmann(std::span<const double> differences,
     std::vector<double> ranks(differences.size());
     for (std::size_t i = 0; i < ranks.size(); ++i) ranks[i] = static_cast<double>(i + 1);
     const std::vector<double> distribution = null_distribution(ranks);
-    // One lower end beyond V <= place - 1 on either side is missed with that probability.
+    // The interval misses a shift whose V is below `at` on either side.
     const auto missed = [&](std::size_t at) {
       return 2.0 * lower_tail(distribution, 2 * (at - 1));
     };
