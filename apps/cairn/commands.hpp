@@ -26,6 +26,8 @@ Run add_evaluate_map(CLI::App& evaluate);
 Run add_evaluate_trajectory(CLI::App& evaluate);
 
 // The verbs below experiment.
+Run add_experiment_merge(CLI::App& experiment);
 Run add_experiment_paper(CLI::App& experiment);
+Run add_experiment_sweep(CLI::App& experiment);
 
 }  // namespace cairn::cli

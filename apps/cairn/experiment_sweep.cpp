@@ -54,7 +54,8 @@ void SweepArguments::add_to(CLI::App& command) {
            "Run part i of n only; 'cairn experiment merge' joins the parts", "i/n");
   common.add_to(command);
   command.footer(
-      "Paths in the study are relative to its file. Simulated maps are kept in maps/ in the folder.\n\n"
+      "Paths in the study are relative to its file. Simulated maps are kept in maps/ in the "
+      "folder.\n\n"
       "A study, with all there is to set in docs/formats.md:\n"
       "  name: desks\n"
       "  seed: 1\n"
@@ -142,13 +143,15 @@ int SweepArguments::run() {
   options.stop = interrupt_requests();
   if (const auto show = console.detailed_progress("aligning")) {
     options.progress = [show](std::size_t done, std::size_t of) {
-      show(static_cast<double>(done) / static_cast<double>(of), fmt::format("{} of {} runs", done, of));
+      show(static_cast<double>(done) / static_cast<double>(of),
+           fmt::format("{} of {} runs", done, of));
     };
   }
-  run_study(plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair); }, options);
+  run_study(
+      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair); }, options);
   if (part.count > 1) {
-    console.print(fmt::format("{}: {} runs, shard {} of {}; 'cairn experiment merge' joins them\n", output, all,
-                              part.index, part.count));
+    console.print(fmt::format("{}: {} runs, shard {} of {}; 'cairn experiment merge' joins them\n",
+                              output, all, part.index, part.count));
     return kDone;
   }
   conclude_study(study, output, common);

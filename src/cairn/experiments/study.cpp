@@ -40,9 +40,9 @@ std::string text_of(const StudyPair& pair) {
                        files->target, files->truth.value_or("-"));
   }
   const auto& simulation = std::get<PairSimulation>(pair.maps);
-  return fmt::format("pair {} simulate {} seed {} path {} frames {} rate_hz {} changed {}\n", pair.name,
-                     simulation.environment, simulation.seed, simulation.path, simulation.frames, simulation.rate_hz,
-                     simulation.changed);
+  return fmt::format("pair {} simulate {} seed {} path {} frames {} rate_hz {} changed {}\n",
+                     pair.name, simulation.environment, simulation.seed, simulation.path,
+                     simulation.frames, simulation.rate_hz, simulation.changed);
 }
 
 }  // namespace

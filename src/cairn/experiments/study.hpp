@@ -23,7 +23,7 @@ struct PairFiles {
 /// Two sessions of one simulated place, each mapped from its own images.
 struct PairSimulation {
   std::string environment = {};  ///< desk, office, corridor, warehouse or room
-  std::uint64_t seed = 1;   ///< of the place
+  std::uint64_t seed = 1;        ///< of the place
   std::string path = "sweep";
   std::size_t frames = 150;  ///< of each session
   double rate_hz = 10.0;     ///< frames a second: how much of the place they show

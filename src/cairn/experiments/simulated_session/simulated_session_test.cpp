@@ -33,8 +33,8 @@ TEST(SimulatedPair, IsOfOnePlaceWhoseTruthItKnows) {
   EXPECT_EQ(maps.name, "desk");
   ASSERT_TRUE(maps.truth);
   const PairPoints points = pair_points(maps, strategy_named("base"));
-  const TrialResult run = run_trial({.strategy = "base"}, points, *maps.truth, maps.truth,
-                                    {.max_distance = 0.05});
+  const TrialResult run =
+      run_trial({.strategy = "base"}, points, *maps.truth, maps.truth, {.max_distance = 0.05});
   ASSERT_TRUE(run.error);
   EXPECT_TRUE(PoseTolerance{}.holds(*run.error));
 }

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/study_results.hpp"
+
+#include <filesystem>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/study_analysis.hpp"
+#include "cairn/experiments/study_tables.hpp"
+#include "cairn/map/io/map_file.hpp"
+#ifdef CAIRN_HAS_SIMULATED_SESSIONS
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#endif
+
+#include "support/documents.hpp"
+#include "support/interrupt.hpp"
+#include "support/trial_results.hpp"
+
+namespace cairn::cli {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+void check_simulation([[maybe_unused]] const PairSimulation& simulation) {
+#ifdef CAIRN_HAS_SIMULATED_SESSIONS
+  environment_kind(simulation.environment);
+  path_kind(simulation.path);
+#else
+  throw Error(ErrorKind::kInput, "simulate", "this build cannot simulate",
+              "a build with OpenCV, Ceres and Embree");
+#endif
+}
+
+std::string summary(const Study& study, const std::vector<std::string>& answers,
+                    const std::vector<ResultTable>& tables) {
+  std::string text = fmt::format("# {}\n\n", study.name);
+  for (const std::string& answer : answers) text += fmt::format("- {}\n", answer);
+  for (const ResultTable& table : tables) {
+    text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
+  }
+  return text;
+}
+
+}  // namespace
+
+PairFiles study_paths(PairFiles files, const std::string& study_path) {
+  const fs::path folder = fs::path(study_path).parent_path();
+  files.source = (folder / files.source).string();
+  files.target = (folder / files.target).string();
+  if (files.truth) files.truth = (folder / *files.truth).string();
+  return files;
+}
+
+void check_pairs(const Study& study, const std::string& study_path) {
+  for (const StudyPair& pair : study.pairs) {
+    try {
+      if (const auto* simulation = std::get_if<PairSimulation>(&pair.maps)) {
+        check_simulation(*simulation);
+        continue;
+      }
+      const PairFiles files = study_paths(std::get<PairFiles>(pair.maps), study_path);
+      for (const std::string& path : {files.source, files.target, files.truth.value_or("")}) {
+        if (!path.empty()) FileReader readable(path);
+      }
+    } catch (const Error& error) {
+      throw Error(ErrorKind::kInput, fmt::format("{}: pair {}", study_path, pair.name),
+                  error.what(), "");
+    }
+  }
+}
+
+std::vector<std::string> input_lines(const Study& study, const std::string& study_path) {
+  std::vector<std::string> lines;
+  for (const StudyPair& pair : study.pairs) {
+    const auto* given = std::get_if<PairFiles>(&pair.maps);
+    if (given == nullptr) continue;
+    const PairFiles files = study_paths(*given, study_path);
+    lines.push_back(fmt::format("input {} source {}", pair.name, hash_file(files.source)));
+    lines.push_back(fmt::format("input {} target {}", pair.name, hash_file(files.target)));
+    if (files.truth) {
+      lines.push_back(fmt::format("input {} truth {}", pair.name, hash_file(*files.truth)));
+    }
+  }
+  return lines;
+}
+
+LandmarkMap read_study_map(const std::string& path) {
+  MapReadOptions options;
+  options.stop = interrupt_requests();
+  LandmarkMap map = read_map(path, options);
+  if (map.info().length_unit != LengthUnit::kMetres) {
+    throw Error(ErrorKind::kInput, path, "is of free scale",
+                "a map in metres: the displacements are");
+  }
+  return map;
+}
+
+std::string matrix_text(const Rigid3& pose) {
+  std::string text;
+  const Matrix4d matrix = pose.matrix();
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) {
+      if (j > 0) text += ' ';
+      append_number(text, matrix(i, j));
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+void conclude_study(const Study& study, const std::string& folder, const CommonArguments& common) {
+  const std::string path = (fs::path(folder) / "runs.csv").string();
+  FileReader file(path);
+  const std::vector<TrialResult> runs = parse_runs(read_all(file), path);
+  const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common.executor()});
+  const std::vector<ResultTable> tables = study_tables(study, analysis);
+  const std::vector<std::string> answers = study_answers(study, analysis);
+  write_tables(folder, tables);
+  write_text(folder, "summary.md", summary(study, answers, tables));
+
+  CommonArguments seeded = common;
+  seeded.seed = study.seed;
+  Json json =
+      document("experiment", seeded, {{"runs", {{"path", "runs.csv"}, {"hash", hash_file(path)}}}},
+               {{"max_rotation_deg", study.success.rotation_deg},
+                {"max_translation_m", study.success.translation_m},
+                {"success_score_m2", to_json(study.success_score)},
+                {"confidence_level", study.confidence_level},
+                {"equivalence_margin", study.equivalence_margin}});
+  json["experiment"] = "sweep";
+  json["name"] = study.name;
+  json["answers"] = answers;
+  json["tables"] = Json::array();
+  for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
+  write_text(folder, "experiment.json", to_text(json));
+  write_document(json, common);
+  std::string text = fmt::format("{}: {} runs\n\n", folder, runs.size());
+  for (const std::string& answer : answers) text += answer + "\n";
+  common.console().print(text);
+}
+
+}  // namespace cairn::cli

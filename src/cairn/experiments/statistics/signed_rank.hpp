@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+
+#include "cairn/experiments/statistics/hypothesis.hpp"
+#include "cairn/experiments/statistics/interval.hpp"
+
+/// Paired measurements without a normal distribution: Wilcoxon's signed ranks.
+namespace cairn {
+
+struct SignedRankOptions {
+  Alternative alternative = Alternative::kTwoSided;
+  /// kAutomatic is exact with at most 50 differences that are not 0 and whose sizes are all
+  /// different. kExact takes ties as they are, with at most 500.
+  PValueMethod method = PValueMethod::kAutomatic;
+  bool continuity_correction = true;  ///< of the approximation: half a rank towards the mean
+};
+
+struct SignedRank {
+  std::size_t used = 0;            ///< differences other than 0
+  std::size_t zeros = 0;           ///< differences of 0, left out
+  bool ties = false;               ///< whether sizes were equal
+  double positive_rank_sum = 0.0;  ///< of the positive differences; R's V, elsewhere W+ or T+
+  double negative_rank_sum = 0.0;
+  double p_value = 1.0;
+  bool exact = true;        ///< whether `p_value` is
+  std::optional<double> z;  ///< standard normal; nothing if exact
+  /// Share of the rank sum for a positive difference less that against it, in [-1, 1]: matched-pairs
+  /// rank-biserial correlation (Kerby, "The simple difference formula", Comprehensive Psychology 3,
+  /// 2014). Nothing if nothing differs.
+  std::optional<double> rank_biserial;
+};
+
+/// Wilcoxon's signed-rank test of differences that are symmetric about 0 under the null hypothesis;
+/// Hollander and Wolfe, "Nonparametric Statistical Methods", 2nd ed. 1999, section 3.1. Differences
+/// of 0 are left out and the ranks are of the others, as Wilcoxon does and R; Pratt, who would rank
+/// them first, is not followed. The exact p-value counts the assignments of signs to the ranks; the
+/// two-sided one is twice the smaller tail, at most 1. The approximation is normal with variance
+/// n(n+1)(2n+1)/24 - Σ(t³ - t)/48 over groups of t tied ranks.
+/// @param differences first - second, finite
+/// @return p-value 1 if nothing differs
+/// @throws Error (misuse)
+SignedRank wilcoxon_signed_rank(std::span<const double> differences,
+                                const SignedRankOptions& options = {});
+
+/// How far paired measurements lie apart.
+struct LocationShift {
+  double estimate = 0.0;  ///< unit of the differences
+  Interval interval;
+  double confidence = 0.0;  ///< of the interval; see hodges_lehmann()
+};
+
+/// The median of the means of all two differences, each with itself among them: the estimate of Hodges
+/// and Lehmann that goes with the signed-rank test, and the interval of Tukey between two of those
+/// means. Hollander and Wolfe, sections 3.2 and 3.3. Differences of 0 count. With up to 50
+/// differences the confidence is exact without ties, and the least possible that is no lower than
+/// asked for; with so few that none is as high, the interval is the range, of the confidence stated.
+/// Above 50 it is approximate. Takes memory of the square of the number of differences.
+/// @param differences finite
+/// @return nothing of no differences
+/// @throws Error (misuse), also of more than 10 000 differences
+std::optional<LocationShift> hodges_lehmann(std::span<const double> differences,
+                                            double confidence = 0.95);
+
+}  // namespace cairn
