@@ -36,6 +36,7 @@ set(BLIND_SUBFOLDERS registration)
 # Libraries that only the modules named may include: "start of the header's name" "modules".
 set(HEAVY
   "opencv2/" "sequence odometry"
+  "boost/" "experiments"
   "ceres/" "odometry atlas"
   "embree" "simulation"
   "sqlite3" "atlas"

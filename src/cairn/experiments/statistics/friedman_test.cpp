@@ -27,14 +27,14 @@ using Blocks = std::vector<std::vector<double>>;
 // Times to round first base by three methods: Hollander and Wolfe (1973), p. 140, the example of R's
 // friedman.test.
 const Blocks& rounding_times() {
-  static const Blocks kTimes = {
+  static const Blocks times = {
       {5.40, 5.50, 5.55}, {5.85, 5.70, 5.75}, {5.20, 5.60, 5.50}, {5.55, 5.50, 5.40},
       {5.90, 5.85, 5.70}, {5.45, 5.55, 5.60}, {5.40, 5.40, 5.35}, {5.45, 5.50, 5.35},
       {5.25, 5.15, 5.00}, {5.85, 5.80, 5.70}, {5.25, 5.20, 5.10}, {5.65, 5.55, 5.45},
       {5.60, 5.35, 5.45}, {5.05, 5.00, 4.95}, {5.50, 5.50, 5.40}, {5.45, 5.55, 5.50},
       {5.55, 5.55, 5.35}, {5.45, 5.50, 5.55}, {5.50, 5.45, 5.25}, {5.65, 5.60, 5.40},
       {5.70, 5.65, 5.55}, {6.30, 6.30, 6.25}};
-  return kTimes;
+  return times;
 }
 
 TEST(Friedman, AgreesWithHollanderAndWolfe) {
