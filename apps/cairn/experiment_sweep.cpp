@@ -56,7 +56,7 @@ void SweepArguments::add_to(CLI::App& command) {
   command.footer(
       "Paths in the study are relative to its file. Simulated maps are kept in maps/ in the "
       "folder.\n\n"
-      "A study, with all there is to set in docs/formats.md:\n"
+      "A study (the seed is its own; docs/experiments.md says all there is to set):\n"
       "  name: desks\n"
       "  seed: 1\n"
       "  pairs:\n"

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// Runs as rows of two tables (docs/formats.md): `runs.csv`, which is the same whenever the same is
+/// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is the same whenever the same is
 /// run, and `timings.csv` with the same keys and how long each took.
 ///
 /// Rows end with LF; a row is complete once that is there.

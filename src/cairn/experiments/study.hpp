@@ -62,7 +62,7 @@ struct Study {
   double equivalence_margin = 0.05;  ///< difference of success rates that counts as none
 };
 
-/// Reads a study from YAML (docs/formats.md).
+/// Reads a study from YAML (docs/experiments.md).
 /// @param name of the file, for messages
 /// @throws Error (input) naming file, line, key, value and what was expected; unknown keys are errors
 Study parse_study(const std::string& yaml, std::string_view name);

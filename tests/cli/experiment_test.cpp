@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <thread>
+
+#include "cairn/core/csv.hpp"
+#include "cairn/experiments/runs_file.hpp"
+#include "cairn/map/operations.hpp"
+
+#include "cli.hpp"
+#include "support/real_data.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class ExperimentTest : public CliTest {
+ protected:
+  // Two small maps in one frame, so that the truth is the identity.
+  void SetUp() override {
+    SyntheticPair pair =
+        synthetic_pair({.seed = 5, .landmarks = 200, .frames = 10, .overlap = 0.9});
+    write_map(transformed(pair.source, pair.target_from_source), path("source.map"));
+    write_map(pair.target, path("target.map"));
+    write("truth.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  }
+
+  std::vector<TrialResult> runs(const std::string& folder) const {
+    return parse_runs(content(folder + "/runs.csv"), "runs.csv");
+  }
+};
+
+TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
+  const std::string text = answer({"experiment", "paper", "source.map", "target.map", "--truth",
+                                   "truth.txt", "-o", "results", "--search-xy"});
+  EXPECT_THAT(text, HasSubstr("180 runs"));
+  EXPECT_THAT(text, HasSubstr("here, true pose"));
+  EXPECT_EQ(runs("results").size(), 180U);
+  EXPECT_EQ(parse_csv(content("results/timings.csv"), "t").size(), 181U);
+  EXPECT_THAT(content("results/summary.md"), HasSubstr("| k | 5 | y 1 z 0.4 roll 10 yaw 22.5 |"));
+  for (const char* const name :
+       {"table1_k", "yaw", "xy", "xy_yaw", "iterations", "durations", "successes",
+        "rotation_errors", "translation_errors", "xy_search"}) {
+    EXPECT_FALSE(content(std::string("results/tables/") + name + ".csv").empty()) << name;
+  }
+  const Json json = Json::parse(content("results/experiment.json"));
+  EXPECT_EQ(json["schema"]["name"], "cairn.experiment");
+  EXPECT_EQ(json["runs"].size(), 180U);
+  EXPECT_THAT(json["inputs"]["source"]["hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
+  EXPECT_THAT(content("results/experiment.json"), Not(HasSubstr("duration")));
+}
+
+TEST_F(ExperimentTest, PaperGivesTheSameBytesWithAnyNumberOfThreads) {
+  for (const char* const threads : {"1", "2"}) {
+    answer(
+        {"experiment", "paper", "source.map", "target.map", "-o", threads, "--threads", threads});
+  }
+  for (const char* const name : {"runs.csv", "experiment.json", "tables/iterations.csv"}) {
+    EXPECT_EQ(content("1/" + std::string(name)), content("2/" + std::string(name))) << name;
+  }
+}
+
+TEST_F(ExperimentTest, PaperOverwritesNothing) {
+  write("full/notes.txt", "");
+  std::filesystem::create_directory(path("full"));
+  write("full/notes.txt", "mine");
+  expect_refusal({"experiment", "paper", "source.map", "target.map", "-o", "full"}, kSystemError,
+                 {"full", "holds something already", "a new or empty folder"});
+  EXPECT_EQ(content("full/notes.txt"), "mine");
+}
+
+TEST_F(ExperimentTest, PaperNamesABadOption) {
+  expect_refusal(
+      {"experiment", "paper", "source.map", "target.map", "-o", "r", "--success-score", "-1"},
+      kWrongUsage, {"--success-score", "-1"});
+  expect_refusal({"experiment", "paper", "source.map", "none.map", "-o", "r"}, kBadInput,
+                 {"none.map"});
+  EXPECT_FALSE(std::filesystem::exists(path("r")));
+}
+
+TEST_F(ExperimentTest, ExperimentAloneNamesItsVerbs) {
+  expect_refusal({"experiment"}, kWrongUsage, {"paper", "sweep", "merge"});
+}
+
+class SweepTest : public ExperimentTest {
+ protected:
+  void SetUp() override {
+    ExperimentTest::SetUp();
+    write("study.yaml",
+          "name: small\nseed: 3\npairs:\n"
+          "  - {name: a, source: source.map, target: target.map, truth: truth.txt}\n"
+          "  - {name: b, source: target.map, target: source.map, truth: truth.txt}\n"
+          "initial_poses: {count: 12, x_m: [-0.3, 0.3], yaw_deg: [-40, 40]}\n"
+          "align: {max_iterations: 20}\n");
+  }
+};
+
+TEST_F(SweepTest, AnswersAndKeepsItsRuns) {
+  const std::string text = answer({"experiment", "sweep", "study.yaml", "-o", "results"});
+  EXPECT_THAT(text, HasSubstr("2 pairs of maps (2 with a known truth), 12 starts each"));
+  EXPECT_THAT(text, HasSubstr("observations against base"));
+  EXPECT_EQ(runs("results").size(), 2U * 12U * 4U);
+  EXPECT_THAT(content("results/summary.md"), HasSubstr("## comparisons"));
+  EXPECT_EQ(content("results/study.yaml"), content("study.yaml"));
+  EXPECT_EQ(Json::parse(content("results/experiment.json"))["experiment"], "sweep");
+}
+
+TEST_F(SweepTest, ShardsMergeToTheSameBytes) {
+  answer({"experiment", "sweep", "study.yaml", "-o", "whole"});
+  for (const char* const shard : {"1/3", "2/3", "3/3"}) {
+    answer({"experiment", "sweep", "study.yaml", "--shard", shard, "-o",
+            std::string("part") + shard[0]});
+  }
+  answer({"experiment", "merge", "part3", "part1", "part2", "-o", "merged"});
+  for (const char* const name : {"runs.csv", "summary.md", "tables/comparisons.csv"}) {
+    EXPECT_EQ(content("merged/" + std::string(name)), content("whole/" + std::string(name)))
+        << name;
+  }
+}
+
+TEST_F(SweepTest, KilledItLosesAndDoublesNothing) {
+  answer({"experiment", "sweep", "study.yaml", "-o", "whole"});
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    Command sweep(command({"experiment", "sweep", "study.yaml", "-o", "killed", "--threads", "1"}),
+                  {.folder = path("")});
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    const auto rows = [&] {
+      std::error_code none;
+      return std::filesystem::file_size(path("killed/runs.csv"), none);
+    };
+    const auto before = std::filesystem::exists(path("killed/runs.csv")) ? rows() : 0;
+    while (std::chrono::steady_clock::now() < limit &&
+           (!std::filesystem::exists(path("killed/runs.csv")) || rows() <= before + 500)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    sweep.send(SIGKILL);
+    sweep.wait();
+  }
+  answer({"experiment", "sweep", "study.yaml", "-o", "killed"});
+  EXPECT_EQ(content("killed/runs.csv"), content("whole/runs.csv"));
+  EXPECT_EQ(content("killed/summary.md"), content("whole/summary.md"));
+}
+
+TEST_F(SweepTest, RefusesMapsThatChangedMeanwhile) {
+  answer({"experiment", "sweep", "study.yaml", "-o", "results"});
+  const std::string before = content("results/runs.csv");
+  write_map(synthetic_map({.seed = 9, .landmarks = 100, .frames = 5}), path("source.map"));
+  expect_refusal({"experiment", "sweep", "study.yaml", "-o", "results"}, kBadInput,
+                 {"another study", "input a source"});
+  EXPECT_EQ(content("results/runs.csv"), before);
+}
+
+TEST_F(SweepTest, NamesWhatIsWrongWithAStudy) {
+  write("bad.yaml",
+        "name: x\npairs: [{name: a, source: nowhere.map, target: target.map}]\n"
+        "initial_poses: {}\n");
+  expect_refusal({"experiment", "sweep", "bad.yaml", "-o", "r"}, kBadInput,
+                 {"bad.yaml: pair a", "nowhere.map"});
+  write("bad.yaml",
+        "name: x\npairs: [{name: a, simulate: {environment: moon}}]\ninitial_poses: {}\n");
+  expect_refusal({"experiment", "sweep", "bad.yaml", "-o", "r"}, kBadInput, {"bad.yaml: pair a"});
+  expect_refusal({"experiment", "sweep", "study.yaml", "--shard", "4/3", "-o", "r"}, kWrongUsage,
+                 {"--shard", "'4/3'", "i/n"});
+  expect_refusal({"experiment", "sweep", "study.yaml"}, kWrongUsage, {"--output"});
+  EXPECT_FALSE(std::filesystem::exists(path("r")));
+}
+
+TEST_F(SweepTest, MergeRefusesAPartThatIsMissing) {
+  answer({"experiment", "sweep", "study.yaml", "--shard", "1/2", "-o", "part1"});
+  expect_refusal({"experiment", "merge", "part1", "-o", "m"}, kBadInput,
+                 {"shard 2 of 2 is missing"});
+  EXPECT_FALSE(std::filesystem::exists(path("m")));
+}
+
+// The authors' own map, cut in two as nobody knows the truth of: what agrees is all there is to see.
+TEST(RealExperiment, TheAuthorsMapCutInTwo) {
+  const auto data = real_data();
+  if (!data) GTEST_SKIP() << kNoRealData;
+  const TemporaryFolder folder;
+  const auto cairn = [&](Words words) {
+    words.insert(words.begin(), CAIRN_TOOL);
+    const CommandResult result =
+        run_command(words, {.folder = folder.path(), .limit = std::chrono::seconds(500)});
+    EXPECT_EQ(result.exit_code, kDone) << result.errors;
+    return result.output;
+  };
+  const std::string map = (*data / "map_fr1_desk.txt").string();
+  cairn({"convert", map, "earlier.map", "--frames", "0:120"});
+  cairn({"convert", map, "later.map", "--frames", "120:100000"});
+  EXPECT_THAT(cairn({"experiment", "paper", "later.map", "earlier.map", "-o", "results"}),
+              HasSubstr("180 runs"));
+  const auto runs = parse_runs(read_text(folder / "results/runs.csv"), "runs.csv");
+  ASSERT_EQ(runs.size(), 180U);
+  for (const TrialResult& run : runs) {
+    ASSERT_TRUE(run.score);
+    EXPECT_LT(*run.score, *run.initial_score);
+    EXPECT_GT(*run.score, 0.01);  // far above the threshold of the paper's own pair
+  }
+}
+
+}  // namespace
+}  // namespace cairn::testing
