@@ -39,6 +39,7 @@ set(HEAVY
   "ceres/" "odometry atlas"
   "embree" "simulation"
   "sqlite3" "atlas"
+  "zlib.h" "report"
   "pcl/" ""
   "Python.h" ""
   "pybind11/" "")
