@@ -20,6 +20,7 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/command_line.hpp"
 #include "support/console.hpp"
 #include "support/help.hpp"
 #include "support/interrupt.hpp"
@@ -93,7 +94,7 @@ int run(int argc, char** argv) {
   std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
       {"demo", cairn::cli::add_demo(program)},         {"info", cairn::cli::add_info(program)},
       {"convert", cairn::cli::add_convert(program)},   {"align", cairn::cli::add_align(program)},
-      {"evaluate", cairn::cli::add_evaluate(program)},
+      {"evaluate", cairn::cli::add_evaluate(program)}, {"report", cairn::cli::add_report(program)},
   };
 #ifdef CAIRN_HAS_SIMULATION
   verbs.emplace_back("simulate", cairn::cli::add_simulate(program));
@@ -129,6 +130,7 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   occupy_standard_streams();
   cairn::cli::catch_interrupts();
+  cairn::cli::keep_command_line(argc, argv);
   try {
     const int code = run(argc, argv);
     // An answer that never reached its file is no answer.

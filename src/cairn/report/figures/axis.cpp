@@ -12,15 +12,17 @@
 namespace cairn::report {
 namespace {
 
-constexpr double kMargin = 0.05;  // share of the range that is spared at either end
+constexpr double kSlack = 1e-9;      // for ticks that are at an end but for rounding
+constexpr double kFewDecades = 0.7;  // up to which a logarithmic axis has the ticks of a linear one
+constexpr double kMargin = 0.05;     // share of the range that is spared at either end
 
 // The step of 1, 2 or 5 times a power of ten nearest to `rough`.
 double nice_step(double rough) {
   const double power = std::pow(10.0, std::floor(std::log10(rough)));
   const double share = rough / power;
-  if (share < 1.5) return power;
-  if (share < 3.5) return 2.0 * power;
-  if (share < 7.5) return 5.0 * power;
+  if (share < std::sqrt(2.0)) return power;
+  if (share < std::sqrt(10.0)) return 2.0 * power;
+  if (share < std::sqrt(50.0)) return 5.0 * power;
   return 10.0 * power;
 }
 
@@ -84,13 +86,16 @@ Axis::Axis(std::span<const double> values, AxisScale scale, int ticks) : scale_(
     high = 1.0;
   }
   if (is_log) {
-    const double room = std::max(kMargin * std::log10(high / low), high > low ? 0.0 : 0.5);
-    low_ = low / std::pow(10.0, room);
-    high_ = high * std::pow(10.0, room);
+    // Quotients of what is very large and very small would leave the range of doubles.
+    const double decades = std::log10(high) - std::log10(low);
+    const double room = high > low ? kMargin * decades : 0.5;
+    low_ = std::max(low / std::pow(10.0, room), std::numeric_limits<double>::min());
+    high_ = std::min(high * std::pow(10.0, room), std::numeric_limits<double>::max());
   } else {
     const double extent = high - low;
     const double spare = std::max(std::abs(high), std::abs(low));
-    const double room = extent > 1e-12 * spare ? kMargin * extent : (spare > 0.0 ? 0.1 * spare : 1.0);
+    const double room =
+        extent > 1e-12 * spare ? kMargin * extent : (spare > 0.0 ? 0.1 * spare : 1.0);
     low_ = low - room;
     high_ = high + room;
     // Nothing is below zero that was not.
@@ -113,40 +118,39 @@ bool Axis::shows(double value) const {
 }
 
 double Axis::share(double value) const {
-  if (scale_ == AxisScale::kLog) return std::log(value / low_) / std::log(high_ / low_);
+  if (scale_ == AxisScale::kLog) {
+    return (std::log(value) - std::log(low_)) / (std::log(high_) - std::log(low_));
+  }
   return (value - low_) / (high_ - low_);
+}
+
+void Axis::make_logarithmic_ticks(double decades, int count) {
+  const int first = static_cast<int>(std::floor(std::log10(low_)));
+  const int last = static_cast<int>(std::ceil(std::log10(high_)));
+  const int stride = std::max(1, static_cast<int>(std::ceil(decades / (count + 2))));
+  for (int exponent = first; exponent <= last; ++exponent) {
+    for (int digit = 1; digit <= 9; ++digit) {
+      const double value = digit * std::pow(10.0, exponent);
+      if (value < low_ * (1.0 - kSlack) || value > high_ * (1.0 + kSlack)) continue;
+      std::string label;
+      if (digit == 1 && exponent % stride == 0) label = power_label(exponent);
+      if (decades < 2.0 && (digit == 2 || digit == 5)) label = fmt::format("{:g}", value);
+      if (stride == 1 || !label.empty()) ticks_.push_back({value, std::move(label)});
+    }
+  }
 }
 
 void Axis::make_ticks(int count) {
   ticks_.clear();
-  const double slack = 1e-9;
-  if (scale_ == AxisScale::kLog) {
-    const int first = static_cast<int>(std::floor(std::log10(low_)));
-    const int last = static_cast<int>(std::ceil(std::log10(high_)));
-    const double decades = std::log10(high_ / low_);
-    const bool label_between = decades < 2.0;
-    const int stride = std::max(1, static_cast<int>(std::ceil(decades / (count + 2))));
-    for (int exponent = first; exponent <= last; ++exponent) {
-      for (int digit = 1; digit <= 9; ++digit) {
-        const double value = digit * std::pow(10.0, exponent);
-        if (value < low_ * (1.0 - slack) || value > high_ * (1.0 + slack)) continue;
-        std::string label;
-        if (digit == 1 && exponent % stride == 0) label = power_label(exponent);
-        const bool named = digit == 2 || digit == 5 || (decades < 0.7 && digit != 1);
-        if (label_between && named) label = with_sign(fmt::format("{:g}", value));
-        if (digit > 1 && decades > 8.0) continue;
-        ticks_.push_back({value, std::move(label)});
-      }
-    }
-    const bool labelled = std::any_of(ticks_.begin(), ticks_.end(),
-                                      [](const Tick& tick) { return !tick.label.empty(); });
-    if (labelled) return;
-    ticks_.clear();  // less than from one digit to the next: as if linear
+  const double decades = scale_ == AxisScale::kLog ? std::log10(high_) - std::log10(low_) : 0.0;
+  if (decades > kFewDecades) {
+    make_logarithmic_ticks(decades, count);
+    return;
   }
   const double step = nice_step((high_ - low_) / std::max(count, 1));
   std::vector<double> values;
-  const double first = std::ceil(low_ / step - slack);
-  for (double i = first; i * step <= high_ + slack * step && values.size() < 100; ++i) {
+  const double first = std::ceil(low_ / step - kSlack);
+  for (double i = first; i * step <= high_ + kSlack * step && values.size() < 100; ++i) {
     values.push_back(i * step);
   }
   const std::vector<std::string> labels = number_labels(values);

@@ -36,6 +36,7 @@ class Axis {
  private:
   Axis() = default;
   void make_ticks(int count);
+  void make_logarithmic_ticks(double decades, int count);
 
   AxisScale scale_ = AxisScale::kLinear;
   double low_ = 0.0;

@@ -13,7 +13,8 @@ namespace cairn::report {
 namespace {
 
 constexpr std::string_view kFont =
-    "'Source Sans 3','Source Sans Pro','Helvetica Neue',Helvetica,Arial,'Liberation Sans',sans-serif";
+    "'Source Sans 3','Source Sans Pro','Helvetica Neue',Helvetica,Arial,'Liberation "
+    "Sans',sans-serif";
 constexpr double kFarAway = 1e5;  // beyond any drawing; renderers choke on larger numbers
 
 // With one decimal, none where it is 0.
@@ -101,7 +102,7 @@ void Svg::text(SvgPoint at, std::string_view text, const SvgText& style) {
   static constexpr std::string_view kAnchors[] = {"start", "middle", "end"};
   std::string turn;
   if (style.turn_deg != 0.0) {
-    turn = fmt::format(R"( transform="rotate({} {} {})")", number(style.turn_deg), number(at.x),
+    turn = fmt::format(" transform=\"rotate({} {} {})\"", number(style.turn_deg), number(at.x),
                        number(at.y));
   }
   body_ += fmt::format(
