@@ -160,7 +160,7 @@ class CloudsDrawing {
       if (inside) points.push_back(point);
     }
     const bool many = points.size() > 1500;
-    svg.dots(points, many ? 1.6 : 2.4, color, many ? 0.6 : 0.75);
+    svg.dots(points, many ? 1.8 : 2.6, color, 0.75);
   }
 
   void draw_bar(Svg& svg, const Box& box) const {

@@ -66,12 +66,20 @@ std::array<double, 2> range_of(const HeatmapChart& chart) {
   return {low, high > low ? high : low + 1.0};
 }
 
+// So many that a hundredth of the range shows.
+int decimals_of(const std::array<double, 2>& range) {
+  const double extent = range[1] - range[0];
+  if (!(extent > 0.0)) return 2;
+  return std::clamp(static_cast<int>(std::ceil(2.0 - std::log10(extent) - 1e-9)), 0, 6);
+}
+
 class HeatmapFigure {
  public:
   HeatmapFigure(const HeatmapChart& chart, const FigureOptions& options)
       : chart_(chart),
         options_(options),
         range_(range_of(chart)),
+        decimals_(decimals_of(range_)),
         x_(Axis::between(chart.x.front(), chart.x.back(), AxisScale::kLinear, 5)),
         y_(Axis::between(chart.y.front(), chart.y.back(), AxisScale::kLinear, 5)) {}
 
@@ -127,7 +135,7 @@ class HeatmapFigure {
     // White edges keep cells apart; NaN must not look like a low value.
     svg.rectangle({cell.left, cell.top}, cell.width(), cell.height(),
                   {.fill = known ? std::string_view(hex(color)) : kNoValue, .stroke = "#ffffff"});
-    const std::string text = known ? fmt::format("{:.2g}", value) : "–";
+    const std::string text = known ? fmt::format("{:.{}f}", value, decimals_) : "–";
     if (svg_text_width(text, 10.5) + 4.0 > cell.width() || cell.height() < 14.0) return;
     svg.text({cell.middle_x(), cell.middle_y() + 3.6}, text,
              {.size = 10.5,
@@ -166,6 +174,7 @@ class HeatmapFigure {
   const HeatmapChart& chart_;
   const FigureOptions& options_;
   std::array<double, 2> range_;
+  int decimals_;
   Axis x_;
   Axis y_;
 };
