@@ -35,7 +35,10 @@ async function bundle(entry, options) {
     logLevel: "warning",
     ...options,
   });
-  return { text: result.outputFiles[0].text.trim(), inputs: Object.keys(result.metafile.inputs) };
+  const used = Object.entries(Object.values(result.metafile.outputs)[0].inputs)
+    .filter(([, { bytesInOutput }]) => bytesInOutput > 0)
+    .map(([input]) => input);
+  return { text: result.outputFiles[0].text.trim(), inputs: used };
 }
 
 /** Name, version and licence text of each npm package that `inputs` come from. */
