@@ -150,6 +150,10 @@ void Assembly::add_single_map(const std::string& path) {
   const LoadedMap loaded = load_map(path, common_);
   add_input(role("map"), loaded.description);
   add_map(report_, loaded.map, file_name(path), prefix());
+  if (several_) return;
+  if (report_.title.empty()) report_.title = file_name(path);
+  report_.subtitle = fmt::format("{} landmarks seen from {} keyframes", loaded.map.landmark_count(),
+                                 loaded.map.frame_count());
 }
 
 void Assembly::remark(std::string text) {
@@ -226,9 +230,7 @@ void Assembly::add_alignment(const Json& document, const std::string& path) {
 }
 
 void Assembly::finish() {
-  if (report_.title.empty()) {
-    report_.title = several_ ? fmt::format("{} results", count_) : report_.sections.front().title;
-  }
+  if (report_.title.empty()) report_.title = fmt::format("{} results", count_);
   if (!options_.empty()) {
     report_.provenance.options_json = options_.dump(-1, ' ', false, Json::error_handler_t::replace);
   }

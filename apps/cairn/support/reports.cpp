@@ -92,14 +92,15 @@ void add_pair(report::Report& report, const ReportedPair& pair, const std::strin
         *pair.target, {.id = prefix + "target",
                        .name = pair.target_name,
                        .landmarks = landmarks_to_align(*pair.target, pair.point_options)}));
-    report.sections.push_back({.id = prefix + "scene",
-                               .title = pair.source_name + " on " + pair.target_name,
-                               .text = pair.story,
-                               .content = report::Scene{.source = prefix + "source",
-                                                        .target = prefix + "target",
-                                                        .truth = pair.truth,
-                                                        .up = report::up_of(*pair.target),
-                                                        .runs = runs}});
+    report.sections.push_back(
+        {.id = prefix + "scene",
+         .title = prefix.empty() ? "Alignment" : pair.source_name + " to " + pair.target_name,
+         .text = pair.story,
+         .content = report::Scene{.source = prefix + "source",
+                                  .target = prefix + "target",
+                                  .truth = pair.truth,
+                                  .up = report::up_of(*pair.target),
+                                  .runs = runs}});
   }
   report.sections.push_back(
       {.id = prefix + "strategies",
@@ -124,7 +125,7 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
   report.maps.push_back(
       report::make_map(map, {.id = prefix + "map", .name = name, .landmarks = std::nullopt}));
   report.sections.push_back({.id = prefix + "scene",
-                             .title = name,
+                             .title = prefix.empty() ? "Map" : name,
                              .text = std::nullopt,
                              .content = report::Scene{.source = std::nullopt,
                                                       .target = prefix + "map",
