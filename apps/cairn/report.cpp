@@ -61,6 +61,24 @@ void ReportArguments::add_to(CLI::App& command) {
       "  cairn report result.json -o report.html");
 }
 
+// Every match must be one of landmarks that are there.
+void check_matches(const SavedResult& result, const ReportedPair& pair) {
+  const std::size_t source = landmarks_to_align(*pair.source, pair.point_options).size();
+  const std::size_t target = landmarks_to_align(*pair.target, pair.point_options).size();
+  for (std::size_t i = 0; i < pair.alignments.size(); ++i) {
+    const auto& history = pair.alignments[i].result.history;
+    for (std::size_t k = 0; k < history.size(); ++k) {
+      for (const Match& match : history[k].matches) {
+        if (match.source < source && match.target < target) continue;
+        throw Error(ErrorKind::kInput, result.file,
+                    fmt::format("results[{}].history[{}].matches holds [{}, {}]", i, k,
+                                match.source, match.target),
+                    fmt::format("below [{}, {}], the numbers of landmarks", source, target));
+      }
+    }
+  }
+}
+
 // One report being put together from several files.
 class Assembly {
  public:
@@ -85,7 +103,6 @@ class Assembly {
   void add_single_map(const std::string& path);
   std::optional<LoadedMap> reload(const SavedMap& saved, std::string_view role,
                                   const SavedResult& result);
-  void check_matches(const SavedResult& result, const ReportedPair& pair) const;
   void remark(std::string text);
   void add_input(const std::string& role, Json description) {
     report_.provenance.inputs.push_back(reported_input(role, std::move(description)));
@@ -120,8 +137,9 @@ bool looks_like_json(const std::string& path) {
 
 void Assembly::add_file(const std::string& path) {
   ++count_;
+  // A folder that an experiment wrote is to be told here, by what lies in it.
   if (!std::filesystem::is_regular_file(path)) {
-    FileReader{path};  // says what is wrong with it, if it cannot be read
+    const FileReader says_why_it_cannot_be_read(path);
     throw Error(ErrorKind::kInput, path, "no file", kExpected);
   }
   inputs_.push_back(describe_file(path, common_));
@@ -186,23 +204,6 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
       fmt::format("{} {}: there is no scene of it", here.string(),
                   changed ? "is not the file that was aligned, its content differs" : "is gone"));
   return std::nullopt;
-}
-
-void Assembly::check_matches(const SavedResult& result, const ReportedPair& pair) const {
-  const std::size_t source = landmarks_to_align(*pair.source, pair.point_options).size();
-  const std::size_t target = landmarks_to_align(*pair.target, pair.point_options).size();
-  for (std::size_t i = 0; i < pair.alignments.size(); ++i) {
-    const auto& history = pair.alignments[i].result.history;
-    for (std::size_t k = 0; k < history.size(); ++k) {
-      for (const Match& match : history[k].matches) {
-        if (match.source < source && match.target < target) continue;
-        throw Error(ErrorKind::kInput, result.file,
-                    fmt::format("results[{}].history[{}].matches holds [{}, {}]", i, k,
-                                match.source, match.target),
-                    fmt::format("below [{}, {}], the numbers of landmarks", source, target));
-      }
-    }
-  }
 }
 
 void Assembly::add_alignment(const Json& document, const std::string& path) {
