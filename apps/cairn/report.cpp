@@ -47,8 +47,7 @@ void ReportArguments::add_to(CLI::App& command) {
       ->required()
       ->type_name("")
       ->check(refuse_none);
-  add_text(command, "-o,--output", common.report_path, "The HTML file to write", "FILE")
-      ->required();
+  add_text(command, "-o,--output", common.report_path, "The HTML file to write; required", "FILE");
   add_text(command, "--title", title, "Title of the report", "TEXT");
   common.add_to(command);
   command.footer(
@@ -243,6 +242,9 @@ void Assembly::finish() {
 }
 
 int ReportArguments::run() {
+  if (common.report_path.empty()) {
+    throw Error(ErrorKind::kMisuse, "--output", "not given", "the HTML file to write");
+  }
   require_outputs(common);
   Assembly assembly(begin_report(title, common), common, results.size() > 1);
   for (const std::string& path : results) assembly.add_file(path);

@@ -67,7 +67,7 @@ class WrittenReportTest : public ReportTest {
 };
 
 TEST_F(ReportTest, WithoutAViewerTheErrorNamesTheOptionBeforeAnyWork) {
-  if (report::has_viewer()) GTEST_SKIP() << "this build has a viewer";
+  if (report::has_viewer()) return;  // nothing to refuse
   // The maps do not even exist.
   for (const Words& words :
        {Words{"align", "a.map", "b.map", "--report", "r.html"}, Words{"demo", "--report", "r.html"},
