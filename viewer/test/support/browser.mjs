@@ -41,7 +41,7 @@ export async function openReport(browser, path, options = {}) {
 /** Waits until the first scene has drawn its final picture and rests. */
 export async function settled(page) {
   await page.waitForTimeout(260);
-  await page.waitForSelector("[data-scene][data-drawn=full]", { timeout: 60_000 });
+  await page.waitForFunction(() => document.querySelector("[data-scene]").dataset.drawn === "full", null, { timeout: 60_000 });
 }
 
 /** Pixels of a pane that differ from its background, and a number that changes when the picture does. */
