@@ -347,13 +347,24 @@ export class Pane {
       context.moveTo(centre[0], centre[1]);
       context.lineTo(centre[0] + dx, centre[1] + dy);
       context.stroke();
-      context.fillText(name, centre[0] + dx * 1.42, centre[1] + dy * 1.42);
+      this.#label(context, name, centre[0] + dx * 1.42, centre[1] + dy * 1.42);
     }
     context.font = "12px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "alphabetic";
     context.fillStyle = this.#colors.muted;
-    context.fillText(`Grid ${formatLength(this.#grid.cell, this.#model.lengthUnit)}`, 84, height - 14);
+    this.#label(context, `Grid ${formatLength(this.#grid.cell, this.#model.lengthUnit)}`, 84, height - 14);
+  }
+
+  /** Text that stays readable over landmarks. */
+  #label(context: CanvasRenderingContext2D, text: string, x: number, y: number): void {
+    context.save();
+    context.lineWidth = 4;
+    context.lineJoin = "round";
+    context.strokeStyle = this.#colors.background;
+    context.strokeText(text, x, y);
+    context.restore();
+    context.fillText(text, x, y);
   }
 
   #markPick(context: CanvasRenderingContext2D, pick: Pick, width: number, height: number, strong: boolean): void {

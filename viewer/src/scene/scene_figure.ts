@@ -50,6 +50,7 @@ class SceneFigure {
   readonly #record = h("div", { class: "record" });
   readonly #chips = new Map<Pane, HTMLButtonElement>();
   readonly #logBox = h("input", { type: "checkbox" });
+  #bar: HTMLElement | null = null;
   #linked = true;
   #solo: Pane | null = null;
   #frame = 0;
@@ -151,7 +152,7 @@ class SceneFigure {
     const model = this.#model;
     const group = (label: string, ...children: (Node | null)[]) =>
       h("div", { class: "tool-group", role: "group", "aria-label": label }, h("span", { class: "tool-label", "aria-hidden": "true" }, label), ...children);
-    const bar = h("div", { class: "toolbar" });
+    const bar = (this.#bar = h("div", { class: "toolbar" }));
     if (this.#section.runs.length > 1) {
       const chips = this.#panes.map((pane, index) => {
         const chip = button(pane.run?.name ?? "", () => this.#toggle(pane), {
@@ -296,9 +297,10 @@ class SceneFigure {
     const columns = width < 960 ? Math.min(wanted, 2) : wanted;
     const rows = Math.ceil(visible.length / columns);
     // All rows and the timeline fit the window together once the toolbar is scrolled away.
-    const tall = Math.min(900, innerHeight) - (this.#solo ? 200 : 170);
+    const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
+    const tall = Math.min(this.#solo ? Infinity : 960, innerHeight) - around;
     const height =
-      width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - 85);
+      width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
     this.#stage.style.setProperty("--columns", String(columns));
     this.#stage.style.setProperty("--pane-height", `${Math.round(height)}px`);
     for (const pane of this.#panes) {
