@@ -29,7 +29,10 @@ export function svgText(svg: SVGSVGElement, background: string): string {
   paper.setAttribute("height", "100%");
   paper.setAttribute("fill", background);
   copy.prepend(paper);
-  return new XMLSerializer().serializeToString(copy);
+  // XML has no way to write these, and the serialiser does not mind.
+  return new XMLSerializer()
+    .serializeToString(copy)
+    .replace(/[\u0000-\u0008\u000b\u000c\u000e-\u001f\ufffe\uffff]/g, "\ufffd");
 }
 
 /** The picture that an SVG draws, at twice its size. */

@@ -80,7 +80,7 @@ function followReading(nav: HTMLElement, main: HTMLElement): void {
           links.forEach((other) => other.removeAttribute("aria-current"));
           link.setAttribute("aria-current", "true");
           const list = nav.firstElementChild;
-          list?.scrollTo({ left: link.offsetLeft - 60 });
+          list?.scrollTo({ left: link.offsetLeft - 24 });
         }
       }
     },

@@ -23,7 +23,7 @@ export function compareCells(a: Cell, b: Cell, direction: Direction): number {
     : sign * collator.compare(String(a), String(b));
 }
 
-/** Per column the value to mark as best, or null. */
+/** Per column the value to mark as best, or null; where all are equal none is best. */
 export function bestValues(table: Table): (number | null)[] {
   return table.columns.map((_, column) => {
     const wanted = table.best?.[column] ?? null;
@@ -33,7 +33,8 @@ export function bestValues(table: Table): (number | null)[] {
     if (!wanted || values.length < 2) {
       return null;
     }
-    return values.reduce((a, b) => (wanted === "low" ? Math.min(a, b) : Math.max(a, b)));
+    const best = values.reduce((a, b) => (wanted === "low" ? Math.min(a, b) : Math.max(a, b)));
+    return values.every((value) => value === best) ? null : best;
   });
 }
 

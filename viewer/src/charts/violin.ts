@@ -93,7 +93,7 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     height: Math.round(Math.min(440, Math.max(320, width * 0.45))),
     marginLeft,
     marginRight: 20,
-    marginBottom: 52,
+    marginBottom: 58,
     marginTop: 16,
     style: plotStyle(colors),
     x: { domain: [-0.55, groups.length - 0.45], label: null },

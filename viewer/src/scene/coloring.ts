@@ -103,7 +103,7 @@ export function scaleTicks(scale: ColorScale): { value: number; t: number }[] {
     const power = 10 ** Math.floor(Math.log10(raw));
     const step = [1, 2, 5, 10].map((m) => m * power).find((candidate) => candidate >= raw * 0.8) ?? raw;
     const ticks = [];
-    for (let i = Math.ceil(low / step - 1e-9); i * step <= high * (1 + 1e-9); ++i) {
+    for (let i = Math.ceil(low / step - 1e-9) + 0; i * step <= high * (1 + 1e-9); ++i) {
       ticks.push({ value: i * step, t: (i * step - low) / (high - low) });
     }
     return ticks;

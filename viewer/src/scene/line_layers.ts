@@ -17,7 +17,7 @@ import { setMatrix } from "./point_layer";
 import type { SceneModel } from "./scene_model";
 
 const kMaxMatchLines = 20000;
-const kMaxFrusta = 48;
+const kMaxFrusta = 16;
 
 /** Lines between matched landmarks; of very many, every so manieth is drawn. */
 export class MatchLayer {
@@ -104,7 +104,7 @@ export class CameraLayer {
     this.#frusta = new LineBasicMaterial({ transparent: true, opacity: 0.6 });
     this.object.matrixAutoUpdate = false;
     const path = new Line(geometryOf(pathPoints(frames, cloud.origin)), this.#path);
-    const frusta = new LineSegments(geometryOf(frustumLines(frames, cloud.origin, 0.05 * reach)), this.#frusta);
+    const frusta = new LineSegments(geometryOf(frustumLines(frames, cloud.origin, 0.07 * reach)), this.#frusta);
     path.frustumCulled = false;
     frusta.frustumCulled = false;
     this.object.add(path, frusta);

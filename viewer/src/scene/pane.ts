@@ -38,6 +38,7 @@ export class Pane {
   orbit: OrbitState;
   readonly #model: SceneModel;
   readonly #numbers = h("dl", { class: "pane-numbers" });
+  readonly #iteration = h("span", { class: "pane-iteration", "data-number": "iteration", title: "Iteration" });
   readonly #hint = h("div", { class: "pane-hint", hidden: true, "aria-hidden": "true" });
   readonly #mark: SVGPathElement | null = null;
   readonly #scene = new Scene();
@@ -97,11 +98,15 @@ export class Pane {
       this.#mark = s("path", { d: symbolPath(seriesSymbol(run.name)), transform: "translate(7,7) scale(1.15)" });
       heading.append(s("svg", { width: 14, height: 14, "aria-hidden": "true" }, this.#mark));
     }
-    heading.append(name);
+    heading.append(h("span", { title: name }, name));
     const status = statusOf(run);
-    this.maximise = button("Enlarge", () => onMaximise(this), {
-      class: "quiet", "aria-pressed": "false", "aria-label": `Enlarge ${name}`,
+    this.maximise = button("", () => onMaximise(this), {
+      class: "quiet enlarge", "aria-pressed": "false", "aria-label": `Enlarge ${name}`, title: "Enlarge",
     });
+    this.maximise.append(
+      s("svg", { width: 14, height: 14, viewBox: "0 0 14 14", "aria-hidden": "true" },
+        s("path", { d: "M8.5,1.5H12.5V5.5M5.5,12.5H1.5V8.5M12.5,1.5L8,6M1.5,12.5L6,8", fill: "none", stroke: "currentColor", "stroke-width": 1.5 })),
+    );
     this.surface = h("div", { class: "pane-surface" }, this.canvas, this.overlay, this.tooltip, this.#hint);
     this.element = h(
       "div",
@@ -110,6 +115,7 @@ export class Pane {
         "div",
         { class: "pane-head" },
         heading,
+        this.#iteration,
         status && h("span", { class: "badge", "data-status": status.kind }, status.text),
         this.maximise,
       ),
@@ -211,31 +217,31 @@ export class Pane {
     const entries: [string, string, string][] = [];
     if (run) {
       const i = Math.min(this.#state.iteration, run.iterations);
-      const stopped = this.#state.iteration > run.iterations ? " (stopped)" : "";
       const unit = this.#model.lengthUnit;
       const square = unit === "m" ? "m²" : "map units²";
       const at = (values: Float64Array | null) => values?.[i] ?? NaN;
-      entries.push(["Iteration", `${i} of ${run.iterations}${stopped}`, "iteration"]);
+      const stopped = this.#state.iteration > run.iterations;
+      this.#iteration.textContent = stopped ? `stopped at ${run.iterations}` : `${i} of ${run.iterations}`;
       if (run.scores) {
         entries.push(["Score", `${formatNumber(at(run.scores))} ${square}`, "score"]);
       }
       if (run.meanSquaredDistance) {
-        entries.push(["Mean sq. distance", i === 0 ? "–" : `${formatNumber(at(run.meanSquaredDistance))} ${square}`, "msd"]);
+        entries.push(["Mean square", i === 0 ? "–" : `${formatNumber(at(run.meanSquaredDistance))} ${square}`, "msd"]);
       }
       if (Number.isFinite(rms)) {
-        entries.push(["Matches, RMS", formatLength(rms, unit), "rms"]);
+        entries.push(["Match RMS", formatLength(rms, unit), "rms"]);
       }
       if (run.rotationErrorDeg) {
-        entries.push(["Rotation error", `${formatNumber(at(run.rotationErrorDeg), 3)}°`, "rotation"]);
+        entries.push(["Rotation err.", `${formatNumber(at(run.rotationErrorDeg), 3)}°`, "rotation"]);
       }
       if (run.translationErrorM) {
-        entries.push(["Translation error", formatLength(at(run.translationErrorM), unit), "translation"]);
+        entries.push(["Translation err.", formatLength(at(run.translationErrorM), unit), "translation"]);
       }
     }
     this.#numbers.replaceChildren(
       ...entries.map(([name, value, key]) => h("div", { "data-number": key }, h("dt", null, name), h("dd", null, value))),
     );
-    const numbers = entries.map(([name, value]) => `${name} ${value}`).join(", ");
+    const numbers = [["Iteration", this.#iteration.textContent], ...entries].map(([name, value]) => `${name} ${value}`).join(", ");
     this.overlay.setAttribute("aria-label", `3D view of ${this.run?.name ?? this.#model.target.name}. ${numbers}`);
   }
 
@@ -341,13 +347,24 @@ export class Pane {
       context.moveTo(centre[0], centre[1]);
       context.lineTo(centre[0] + dx, centre[1] + dy);
       context.stroke();
-      context.fillText(name, centre[0] + dx * 1.42, centre[1] + dy * 1.42);
+      this.#label(context, name, centre[0] + dx * 1.42, centre[1] + dy * 1.42);
     }
     context.font = "12px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "alphabetic";
     context.fillStyle = this.#colors.muted;
-    context.fillText(`Grid ${formatLength(this.#grid.cell, this.#model.lengthUnit)}`, 84, height - 14);
+    this.#label(context, `Grid ${formatLength(this.#grid.cell, this.#model.lengthUnit)}`, 84, height - 14);
+  }
+
+  /** Text that stays readable over landmarks. */
+  #label(context: CanvasRenderingContext2D, text: string, x: number, y: number): void {
+    context.save();
+    context.lineWidth = 4;
+    context.lineJoin = "round";
+    context.strokeStyle = this.#colors.background;
+    context.strokeText(text, x, y);
+    context.restore();
+    context.fillText(text, x, y);
   }
 
   #markPick(context: CanvasRenderingContext2D, pick: Pick, width: number, height: number, strong: boolean): void {
@@ -473,8 +490,10 @@ export class Pane {
   }
 
   get caption(): string {
-    const texts = [...this.#numbers.querySelectorAll("div")].slice(0, 3);
-    return texts.map((entry) => [...entry.children].map((child) => child.textContent).join(" ")).join("   ");
+    const numbers = [...this.#numbers.querySelectorAll("div")].map((entry) =>
+      [...entry.children].map((child) => child.textContent).join(" "),
+    );
+    return [this.#iteration.textContent ? `Iteration ${this.#iteration.textContent}` : "", ...numbers].join("   ").trim();
   }
 }
 

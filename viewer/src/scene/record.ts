@@ -8,12 +8,31 @@ import type { Pane } from "./pane";
 import type { Pick } from "./picking";
 import type { SceneModel } from "./scene_model";
 
-function positionText(p: readonly number[]): string {
-  return p.map((value) => formatNumber(value, 5)).join(",  ");
+function positionText(p: readonly number[], digits = 5): string {
+  return p.map((value) => formatNumber(value, digits)).join(", ");
 }
 
 function unitText(cloud: LandmarkCloud): string {
   return cloud.lengthUnit === "m" ? "m" : "map units";
+}
+
+/** One strategy's match, residual and position of a source landmark. */
+function runRows(model: SceneModel, pane: Pane, pick: Pick): HTMLElement {
+  const match = pane.matchOf(pick);
+  const matched = !pane.run?.matches ? "–" : match === null ? "none" : idText(model.target.ids, match);
+  const residual = match === null ? "–" : formatLength(model.residual(pane.pose, pick.index, match), model.lengthUnit);
+  return h(
+    "tbody",
+    null,
+    h(
+      "tr",
+      null,
+      h("th", { scope: "row" }, pane.run?.name ?? ""),
+      h("td", { "data-record": "match" }, matched),
+      h("td", { "data-record": "residual" }, residual),
+    ),
+    h("tr", null, h("td", { colspan: 3, class: "muted", "data-record": "in-target" }, `in target’s frame ${positionText(pane.positionInTarget(pick), 4)}`)),
+  );
 }
 
 /** Everything the report knows about one landmark, at the current iteration. */
@@ -39,21 +58,12 @@ export function recordContent(model: SceneModel, panes: Pane[], pick: Pick): HTM
   if (pick.role === "source" && runs.length > 0) {
     content.push(
       h("h4", null, "At this iteration"),
-      ...runs.map((pane) => {
-        const match = pane.matchOf(pick);
-        const matched = match === null ? "no match" : `target ${idText(model.target.ids, match)}`;
-        const residual = match === null ? "–" : formatLength(model.residual(pane.pose, pick.index, match), model.lengthUnit);
-        return h(
-          "div",
-          { class: "record-run" },
-          h("strong", null, pane.run?.name ?? ""),
-          h("dl", { class: "record-facts" },
-            h("div", { "data-record": "in-target" }, h("dt", null, "In target’s frame"), h("dd", null, positionText(pane.positionInTarget(pick)))),
-            pane.run?.matches ? h("div", { "data-record": "match" }, h("dt", null, "Match"), h("dd", null, matched)) : null,
-            pane.run?.matches ? h("div", { "data-record": "residual" }, h("dt", null, "Residual"), h("dd", null, residual)) : null,
-          ),
-        );
-      }),
+      h(
+        "table",
+        { class: "record-runs" },
+        h("thead", null, h("tr", null, ...["Strategy", "Match", "Residual"].map((name) => h("th", { scope: "col" }, name)))),
+        ...runs.map((pane) => runRows(model, pane, pick)),
+      ),
     );
   }
   if (pick.role === "target" && runs.some((pane) => pane.run?.matches)) {

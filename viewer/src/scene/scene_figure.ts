@@ -50,6 +50,7 @@ class SceneFigure {
   readonly #record = h("div", { class: "record" });
   readonly #chips = new Map<Pane, HTMLButtonElement>();
   readonly #logBox = h("input", { type: "checkbox" });
+  #bar: HTMLElement | null = null;
   #linked = true;
   #solo: Pane | null = null;
   #frame = 0;
@@ -69,10 +70,11 @@ class SceneFigure {
         source: true, target: true, matches: section.runs.length > 0 && model.landmarkCount <= kHoverUpTo,
         cameras: true, truth: false, grid: true,
       },
-      color: { kind: "role" },
+      // A map on its own needs no role; its own colours say more.
+      color: !model.source && model.target.colors ? { kind: "own" } : { kind: "role" },
       logScale: null,
       scale: null,
-      pointSize: model.landmarkCount > 200_000 ? 2 : model.landmarkCount > 30_000 ? 3 : 4,
+      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : 3.5,
       selected: null,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
@@ -137,7 +139,11 @@ class SceneFigure {
       this.#goTo(0);
     }
     this.#colourChips();
-    requestAnimationFrame(() => this.#layOut());
+    this.#refreshSide();
+    requestAnimationFrame(() => {
+      this.#layOut();
+      this.#view("home");
+    });
   }
 
   // Controls
@@ -146,7 +152,7 @@ class SceneFigure {
     const model = this.#model;
     const group = (label: string, ...children: (Node | null)[]) =>
       h("div", { class: "tool-group", role: "group", "aria-label": label }, h("span", { class: "tool-label", "aria-hidden": "true" }, label), ...children);
-    const bar = h("div", { class: "toolbar" });
+    const bar = (this.#bar = h("div", { class: "toolbar" }));
     if (this.#section.runs.length > 1) {
       const chips = this.#panes.map((pane, index) => {
         const chip = button(pane.run?.name ?? "", () => this.#toggle(pane), {
@@ -178,16 +184,22 @@ class SceneFigure {
       }, { class: "chip", "aria-pressed": String(this.#state.layers[name]), "data-layer": name });
       return toggle;
     });
-    bar.append(group("Show", ...layers));
-    bar.append(group("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")));
+    // On a phone the rest waits behind a button; elsewhere the button is not there.
+    const more = h("div", { class: "tool-more" });
+    const toggle = button("View options", () => {
+      toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open")));
+    }, { class: "tool-toggle", "aria-expanded": "false" });
+    bar.append(toggle, more);
+    more.append(group("Show", ...layers));
+    more.append(group("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")));
     const size = h("input", { type: "range", min: 1, max: 10, step: 0.5, value: this.#state.pointSize, "aria-label": "Point size", class: "size" });
     size.addEventListener("input", () => {
       this.#state.pointSize = Number(size.value);
       this.#redraw();
     });
-    bar.append(group("Points", size));
+    more.append(group("Points", size));
     const views: [StandardView, string][] = [["home", "Reset"], ["top", "Top"], ["front", "Front"], ["side", "Side"]];
-    bar.append(group("View", ...views.map(([name, label]) => button(label, () => this.#view(name), { class: "quiet", "data-view": name }))));
+    more.append(group("View", ...views.map(([name, label]) => button(label, () => this.#view(name), { class: "quiet", "data-view": name }))));
     if (this.#panes.length > 1) {
       const link = button("Linked", () => {
         this.#linked = !this.#linked;
@@ -196,9 +208,9 @@ class SceneFigure {
         this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
         this.#redraw();
       }, { class: "chip", "aria-pressed": "true", title: "Turn all views together" });
-      bar.append(group("Cameras", link));
+      more.append(group("Cameras", link));
     }
-    bar.append(
+    more.append(
       h("div", { class: "tool-group tool-end" },
         button("PNG", () => void this.#savePicture(), { class: "quiet", "aria-label": "Save the view as PNG" }),
         button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" })),
@@ -218,7 +230,7 @@ class SceneFigure {
     if (model.target.colors ?? model.source?.colors) {
       choices.push(["own", "Own colours", { kind: "own" }]);
     }
-    const select = h("select", { "aria-label": "Colour by" }, ...choices.map(([value, label]) => h("option", { value }, label)));
+    const select = h("select", { "aria-label": "Colour by" }, ...choices.map(([value, label]) => h("option", { value, selected: value === this.#state.color.kind }, label)));
     const apply = () => {
       this.#state.scale = model.colorScale(this.#state.color, this.#state.logScale);
       this.#logBox.checked = this.#state.scale?.log ?? false;
@@ -284,8 +296,11 @@ class SceneFigure {
     const wanted = visible.length <= 1 || width < kStacksBelow ? 1 : visible.length === 3 || visible.length > 4 ? 3 : 2;
     const columns = width < 960 ? Math.min(wanted, 2) : wanted;
     const rows = Math.ceil(visible.length / columns);
-    const tall = this.#solo ? innerHeight - 250 : Math.min(760, Math.max(420, innerHeight * 0.66));
-    const height = width < kStacksBelow ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(230, tall / rows - 60);
+    // All rows and the timeline fit the window together once the toolbar is scrolled away.
+    const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
+    const tall = Math.min(this.#solo ? Infinity : 960, innerHeight) - around;
+    const height =
+      width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
     this.#stage.style.setProperty("--columns", String(columns));
     this.#stage.style.setProperty("--pane-height", `${Math.round(height)}px`);
     for (const pane of this.#panes) {
@@ -300,7 +315,6 @@ class SceneFigure {
     this.element.classList.toggle("is-solo", !leaving);
     document.documentElement.classList.toggle("has-solo", !leaving);
     pane.maximise.setAttribute("aria-pressed", String(!leaving));
-    pane.maximise.textContent = leaving ? "Enlarge" : "Shrink";
     if (leaving) {
       this.element.classList.remove("is-fullscreen");
       if (document.fullscreenElement) {
@@ -417,6 +431,7 @@ class SceneFigure {
   }
 
   #schedule(moving: boolean): void {
+    this.element.dataset.drawn = "pending";
     if (moving && this.#isHeavy()) {
       this.#moving = true;
       clearTimeout(this.#settleTimer);

@@ -73,7 +73,7 @@ export class SceneModel {
   }
 
   homeDistance(aspect: number): number {
-    return 1.02 * fittingDistance(this.reach, aspect);
+    return 0.8 * fittingDistance(this.reach, aspect);
   }
 
   /** The pose of `run` at iteration `iteration`, held at its last one. */
