@@ -40,6 +40,7 @@ set(HEAVY
   "ceres/" "odometry atlas"
   "embree" "simulation"
   "sqlite3" "atlas"
+  "zlib.h" "report"
   "pcl/" ""
   "Python.h" ""
   "pybind11/" "")

@@ -19,6 +19,7 @@
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/reports.hpp"
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -44,6 +45,9 @@ struct AlignArguments {
  private:
   void check_options() const;
   Json options_json(const std::vector<Strategy>& strategies) const;
+  report::Report make_report(const LoadedMap& source_map, const LoadedMap& target_map,
+                             const std::vector<Alignment>& alignments, LengthUnit unit,
+                             const std::optional<Rigid3>& true_pose, const Json& json) const;
   void print(const LoadedMap& source_map, const LoadedMap& target_map,
              const std::vector<Alignment>& alignments, LengthUnit unit) const;
 };
@@ -82,6 +86,7 @@ void AlignArguments::add_to(CLI::App& command) {
            "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
   command.add_flag("--trace", options.trace,
                    "Keep score and matches of each iteration in the JSON");
+  common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
   common.add_to(command);
   command.footer(
       "Example: align two maps from a guess, by two strategies, and keep the result\n"
@@ -115,6 +120,27 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"overlap_radius", to_json(options.overlap_radius)},
           {"camera", text_or_null(camera)},
           {"trace", options.trace}};
+}
+
+report::Report AlignArguments::make_report(const LoadedMap& source_map, const LoadedMap& target_map,
+                                           const std::vector<Alignment>& alignments,
+                                           LengthUnit unit, const std::optional<Rigid3>& true_pose,
+                                           const Json& json) const {
+  ReportedPair pair;
+  pair.source_name = file_name(source_map.path);
+  pair.target_name = file_name(target_map.path);
+  pair.source = &source_map.map;
+  pair.target = &target_map.map;
+  pair.unit = unit;
+  pair.point_options = point_options;
+  pair.initial = options.initial;
+  pair.truth = true_pose;
+  pair.alignments = alignments;
+  report::Report report = begin_report(pair.source_name + " to " + pair.target_name, common);
+  report.subtitle = best_of(alignments, unit);
+  set_provenance(report, json);
+  add_pair(report, pair);
+  return report;
 }
 
 void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_map,
@@ -169,7 +195,7 @@ int AlignArguments::run() {
                   "one --confidence");
     }
   }
-  require_folder_of(common.json_path);
+  require_outputs(common);
   check_options();
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
   options.initial = initial.pose();
@@ -186,8 +212,10 @@ int AlignArguments::run() {
     loaded->description["kept_landmarks"] =
         landmarks_observed(loaded->map, point_options.min_observations).size();
   }
+  AlignOptions traced = options;
+  traced.trace = options.trace || !common.report_path.empty();
   const std::vector<Alignment> alignments = align_by_all(source_map.map, target_map.map, strategies,
-                                                         options, point_options, true_pose, common);
+                                                         traced, point_options, true_pose, common);
 
   if (!output.empty()) {
     const AlignResult& result = alignments.front().result;
@@ -206,6 +234,9 @@ int AlignArguments::run() {
   }
   write_document(json, common);
   print(source_map, target_map, alignments, unit);
+  if (!common.report_path.empty()) {
+    write_report(make_report(source_map, target_map, alignments, unit, true_pose, json), common);
+  }
   const bool all_aligned = std::all_of(
       alignments.begin(), alignments.end(),
       [](const Alignment& alignment) { return alignment.result.status == AlignStatus::kAligned; });

@@ -18,6 +18,7 @@ Run add_evaluate(CLI::App& program);
 Run add_experiment(CLI::App& program);
 Run add_map(CLI::App& program);
 Run add_info(CLI::App& program);
+Run add_report(CLI::App& program);
 Run add_simulate(CLI::App& program);
 
 // The verbs below evaluate.

@@ -17,6 +17,7 @@
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/reports.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -41,6 +42,8 @@ struct DemoArguments {
   void check() const;
   DemoPair make_pair() const;
   Json options_json() const;
+  report::Report make_report(const DemoPair& pair, const Rigid3& initial,
+                             const std::vector<Alignment>& alignments, const Json& json) const;
   std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const;
   void print(const DemoPair& pair, const AlignOptions& options,
              const std::vector<Alignment>& alignments, const std::string& saved) const;
@@ -69,6 +72,7 @@ void DemoArguments::add_to(CLI::App& command) {
                         : "Write source.map, target.map, truth.txt and initial.txt to FOLDER, to "
                           "go on with",
            "FOLDER");
+  common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
   common.add_to(command);
   command.footer(
       "Example: keep the maps and align them by hand\n"
@@ -128,6 +132,26 @@ Json DemoArguments::options_json() const {
           {"displacement", displacement}};
 }
 
+report::Report DemoArguments::make_report(const DemoPair& pair, const Rigid3& initial,
+                                          const std::vector<Alignment>& alignments,
+                                          const Json& json) const {
+  ReportedPair shown;
+  shown.source_name = "Second session";
+  shown.target_name = "first session";
+  shown.source = &pair.source;
+  shown.target = &pair.target;
+  shown.initial = initial;
+  shown.truth = pair.target_from_source;
+  shown.alignments = alignments;
+  // Its table is for a terminal; the sentences before are for all.
+  shown.story = pair.story.substr(0, pair.story.find("\n\n"));
+  report::Report report = begin_report("Two sessions of one desk", common);
+  report.subtitle = best_of(alignments, LengthUnit::kMetres);
+  set_provenance(report, json);
+  add_pair(report, shown);
+  return report;
+}
+
 std::string DemoArguments::save_to_folder(const DemoPair& pair, const Rigid3& initial) const {
   const std::filesystem::path folder = save;
   std::string names = "source.map target.map truth.txt initial.txt";
@@ -168,10 +192,11 @@ int DemoArguments::run() {
   const Rigid3 offset = parse_pose(displacement, "--displacement");
   check();
   if (!save.empty()) make_folder(save);  // where the document may go, too
-  require_folder_of(common.json_path);
+  require_outputs(common);
   const DemoPair pair = make_pair();
   AlignOptions options;
   options.overlap_radius = 0.05;
+  options.trace = !common.report_path.empty();
   options.initial = displaced(pair.target_from_source, offset, pair.source);
   const std::vector<Alignment> alignments = align_by_all(
       pair.source, pair.target, parse_strategies("none,covariance,observations,distance"), options,
@@ -185,10 +210,15 @@ int DemoArguments::run() {
   json["initial"] = to_json(options.initial);
   json["results"] = Json::array();
   for (const Alignment& alignment : alignments) {
-    json["results"].push_back(to_json(alignment, options, LengthUnit::kMetres));
+    AlignOptions plain = options;
+    plain.trace = false;  // for the report only
+    json["results"].push_back(to_json(alignment, plain, LengthUnit::kMetres));
   }
   write_document(json, common);
   print(pair, options, alignments, saved);
+  if (!common.report_path.empty()) {
+    write_report(make_report(pair, options.initial, alignments, json), common);
+  }
   return kDone;
 }
 

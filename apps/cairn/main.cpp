@@ -20,6 +20,7 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/command_line.hpp"
 #include "support/console.hpp"
 #include "support/help.hpp"
 #include "support/interrupt.hpp"
@@ -97,6 +98,7 @@ int run(int argc, char** argv) {
       {"align", cairn::cli::add_align(program)},
       {"evaluate", cairn::cli::add_evaluate(program)},
       {"experiment", cairn::cli::add_experiment(program)},
+      {"report", cairn::cli::add_report(program)},
   };
 #ifdef CAIRN_HAS_SIMULATION
   verbs.emplace_back("simulate", cairn::cli::add_simulate(program));
@@ -132,6 +134,7 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   occupy_standard_streams();
   cairn::cli::catch_interrupts();
+  cairn::cli::keep_command_line(argc, argv);
   try {
     const int code = run(argc, argv);
     // An answer that never reached its file is no answer.

@@ -12,7 +12,7 @@ using ::testing::IsEmpty;
 using ::testing::MatchesRegex;
 
 constexpr const char* kVerbs[] = {
-    "demo",     "info", "convert", "align",
+    "demo",     "info", "convert", "align", "report",
 #ifdef CAIRN_HAS_SIMULATION
     "simulate",
 #endif
@@ -83,7 +83,7 @@ TEST_P(VerbTest, NumbersThatAreNoneAreRefused) {
 
 TEST_F(UsageTest, UnknownVerbIsNamedBesideThoseThereAre) {
   expect_refusal({"alignn", "a", "b"}, kWrongUsage,
-                 {"'alignn'", "demo, info, convert, align, evaluate"});
+                 {"'alignn'", "demo, info, convert, align, evaluate, report"});
   expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected a verb"});
 }
 

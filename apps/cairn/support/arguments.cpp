@@ -131,6 +131,11 @@ void CommonArguments::add_csv_to(CLI::App& command, const std::string& row) {
            "FILE|-");
 }
 
+void CommonArguments::add_report_to(CLI::App& command, const std::string& what) {
+  add_text(command, "--report", report_path, "Write an HTML page that works offline: " + what,
+           "FILE");
+}
+
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
                                   std::string_view expected) {
   std::vector<double> numbers;

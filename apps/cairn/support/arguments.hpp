@@ -91,8 +91,9 @@ CLI::Option* add_number(CLI::App& command, const std::string& name, Number& numb
 
 /// What every verb takes.
 struct CommonArguments {
-  std::string json_path;  ///< empty: none; "-": stdout
-  std::string csv_path;   ///< the same; only of verbs that add_csv_to
+  std::string json_path;    ///< empty: none; "-": stdout
+  std::string csv_path;     ///< the same; only of verbs that add_csv_to
+  std::string report_path;  ///< empty: none; only of verbs that add_report_to
   bool quiet = false;
   unsigned threads = 0;
   std::uint64_t seed = 0;
@@ -100,6 +101,8 @@ struct CommonArguments {
   void add_to(CLI::App& command);
   /// Adds --csv; `row` says what each row is, e.g. "landmark".
   void add_csv_to(CLI::App& command, const std::string& row);
+  /// Adds --report; `what` says what the page shows.
+  void add_report_to(CLI::App& command, const std::string& what);
   /// Answers for people go to stdout unless a file goes there.
   Console console() const { return {quiet, json_path != "-" && csv_path != "-"}; }
   Executor executor() const { return Executor(threads); }

@@ -8,6 +8,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
 
@@ -57,6 +58,16 @@ void require_outputs(const CommonArguments& common) {
   }
   require_folder_of(common.json_path);
   require_folder_of(common.csv_path);
+  if (common.report_path.empty()) return;
+  if (common.report_path == "-") {
+    throw Error(ErrorKind::kMisuse, "--report", "a page does not go to stdout", "a file");
+  }
+  if (!report::has_viewer()) {
+    throw Error(ErrorKind::kMisuse, common.report_path,
+                "cannot be written: this build of cairn has no viewer",
+                "a build with -DCAIRN_WITH_VIEWER=ON, which takes Node.js and npm");
+  }
+  require_folder_of(common.report_path);
 }
 
 void require_map_path(const std::string& path, const std::string& option) {
@@ -87,7 +98,8 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 
 Json describe_file(const std::string& path, const CommonArguments& common) {
   // A pipe cannot be read a second time.
-  const bool can_hash = std::filesystem::is_regular_file(path) && !common.json_path.empty();
+  const bool is_wanted = !common.json_path.empty() || !common.report_path.empty();
+  const bool can_hash = is_wanted && std::filesystem::is_regular_file(path);
   return {{"path", path}, {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)}};
 }
 

@@ -31,7 +31,8 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common);
 /// @throws Error (storage) if `path` is a folder, or in none that exists
 void require_folder_of(const std::string& path);
 
-/// Checks --json and --csv as require_folder_of does, and that not both go to stdout.
+/// Checks --json, --csv and --report as require_folder_of does, that not two go to stdout, and that
+/// this tool can write reports.
 /// @throws Error (storage), (misuse)
 void require_outputs(const CommonArguments& common);
 
@@ -55,7 +56,7 @@ void write_document(const Json& json, const CommonArguments& common);
 /// Writes a table where --csv says; nothing if it was not given.
 void write_rows(const Csv& rows, const CommonArguments& common);
 
-/// What a document says of any input file: path and, where there will be a document, hash.
+/// What a document says of any input file: path and, where there will be a document or report, hash.
 Json describe_file(const std::string& path, const CommonArguments& common);
 
 Json to_json(const Rigid3& pose);

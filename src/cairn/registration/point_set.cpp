@@ -7,12 +7,18 @@
 
 namespace cairn {
 
-PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
-                   const PointSetOptions& options) {
+std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
+                                              const PointSetOptions& options) {
   std::vector<LandmarkIndex> kept = landmarks_observed(map, options.min_observations);
   const auto& ids = map.landmarks().ids;
   std::sort(kept.begin(), kept.end(),
             [&](LandmarkIndex a, LandmarkIndex b) { return ids[a.value] < ids[b.value]; });
+  return kept;
+}
+
+PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
+                   const PointSetOptions& options) {
+  const std::vector<LandmarkIndex> kept = landmarks_to_align(map, options);
   PointSet points;
   points.positions.reserve(kept.size());
   for (const LandmarkIndex landmark : kept) {

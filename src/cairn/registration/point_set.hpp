@@ -26,8 +26,12 @@ struct PointSetOptions {
   std::size_t min_observations = 2;
 };
 
+/// The landmarks that take part in an alignment, in the order of their points: by ascending id.
+std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
+                                              const PointSetOptions& options = {});
+
 /// The landmarks of a map as points, by ascending landmark id, so that ties between points resolve by
-/// id.
+/// id: point i is landmarks_to_align()[i].
 /// @param metric gives the confidences; nothing: none
 PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
                    const PointSetOptions& options = {});

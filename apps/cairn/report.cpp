@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/map/operations.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/reports.hpp"
+#include "support/saved_results.hpp"
+
+namespace cairn::cli {
+namespace {
+
+constexpr std::string_view kExpected =
+    "the JSON of 'cairn align' or 'cairn demo', or a map (.map, .txt, .ply or .pcd)";
+
+struct ReportArguments {
+  CommonArguments common;
+  std::vector<std::string> results;
+  std::string title;
+
+  void add_to(CLI::App& command);
+  int run();
+};
+
+void ReportArguments::add_to(CLI::App& command) {
+  const auto refuse_none = [](const std::string& word) {
+    if (word.empty() || word.starts_with("--")) {
+      throw Error(ErrorKind::kMisuse, "result", printable(word), "a file");
+    }
+    return std::string();
+  };
+  command.add_option("result", results, "What 'cairn align --json' wrote, or maps")
+      ->required()
+      ->type_name("")
+      ->check(refuse_none);
+  add_text(command, "-o,--output", common.report_path, "The HTML file to write; required", "FILE");
+  add_text(command, "--title", title, "Title of the report", "TEXT");
+  common.add_to(command);
+  command.footer(
+      "A result names its maps: they are read again, and left out where they are gone or changed.\n"
+      "Matches are shown if the result was written with --trace.\n"
+      "\n"
+      "Example: keep a result, and make a page of it later\n"
+      "  cairn align source.map target.map --confidence none,observations --trace \\\n"
+      "      --json result.json\n"
+      "  cairn report result.json -o report.html");
+}
+
+// Every match must be one of landmarks that are there.
+void check_matches(const SavedResult& result, const ReportedPair& pair) {
+  const std::size_t source = landmarks_to_align(*pair.source, pair.point_options).size();
+  const std::size_t target = landmarks_to_align(*pair.target, pair.point_options).size();
+  for (std::size_t i = 0; i < pair.alignments.size(); ++i) {
+    const auto& history = pair.alignments[i].result.history;
+    for (std::size_t k = 0; k < history.size(); ++k) {
+      for (const Match& match : history[k].matches) {
+        if (match.source < source && match.target < target) continue;
+        throw Error(ErrorKind::kInput, result.file,
+                    fmt::format("results[{}].history[{}].matches holds [{}, {}]", i, k,
+                                match.source, match.target),
+                    fmt::format("below [{}, {}], the numbers of landmarks", source, target));
+      }
+    }
+  }
+}
+
+// One report being put together from several files.
+class Assembly {
+ public:
+  Assembly(report::Report report, const CommonArguments& common, bool several)
+      : report_(std::move(report)), common_(common), several_(several) {}
+
+  void add_file(const std::string& path);
+
+  const report::Report& report() const { return report_; }
+  const std::vector<std::string>& remarks() const { return remarks_; }
+  const Json& inputs() const { return inputs_; }
+  /// Adds what is to be said at the end.
+  void finish();
+
+ private:
+  // Adds what one kind of JSON document holds.
+  using Reader = void (Assembly::*)(const Json& document, const std::string& path);
+  // Documents by schema. What can be reported on besides (the results of an experiment) is added here.
+  static Reader reader_of(std::string_view schema);
+
+  void add_alignment(const Json& document, const std::string& path);
+  void add_single_map(const std::string& path);
+  std::optional<LoadedMap> reload(const SavedMap& saved, std::string_view role,
+                                  const SavedResult& result);
+  void remark(std::string text);
+  void add_input(const std::string& role, Json description) {
+    report_.provenance.inputs.push_back(reported_input(role, std::move(description)));
+  }
+  std::string prefix() const { return several_ ? fmt::format("r{}-", count_) : std::string(); }
+  std::string role(const std::string& name) const {
+    return several_ ? fmt::format("{} {}", name, count_) : name;
+  }
+
+  report::Report report_;
+  const CommonArguments& common_;
+  bool several_;
+  std::size_t count_ = 0;
+  Json inputs_ = Json::array();
+  Json options_ = Json::object();
+  std::vector<std::string> remarks_;
+};
+
+Assembly::Reader Assembly::reader_of(std::string_view schema) {
+  if (schema == "cairn.align" || schema == "cairn.demo") return &Assembly::add_alignment;
+  return nullptr;
+}
+
+// Whether a file is JSON by its first character; a pipe cannot be looked into twice.
+bool looks_like_json(const std::string& path) {
+  FileReader file(path);
+  std::string start(64, '\0');
+  start.resize(file.read(start.data(), start.size()));
+  const std::size_t first = start.find_first_not_of(" \t\r\n");
+  return first != std::string::npos && start[first] == '{';
+}
+
+void Assembly::add_file(const std::string& path) {
+  ++count_;
+  // A folder that an experiment wrote is to be told here, by what lies in it.
+  if (!std::filesystem::is_regular_file(path)) {
+    const FileReader says_why_it_cannot_be_read(path);
+    throw Error(ErrorKind::kInput, path, "no file", kExpected);
+  }
+  inputs_.push_back(describe_file(path, common_));
+  if (!looks_like_json(path)) {
+    add_single_map(path);
+    return;
+  }
+  FileReader file(path);
+  const Json document = Json::parse(read_all(file), nullptr, false);
+  if (document.is_discarded()) {
+    throw Error(ErrorKind::kInput, path, "starts like JSON but is none", kExpected);
+  }
+  const Json::json_pointer place("/schema/name");
+  const bool named = document.contains(place) && document.at(place).is_string();
+  const std::string schema = named ? document.at(place).get<std::string>() : "";
+  const Reader reader = reader_of(schema);
+  if (reader == nullptr) {
+    throw Error(ErrorKind::kInput, path,
+                named ? "schema.name is " + printable(schema) : "has no schema.name", kExpected);
+  }
+  add_input(role("result"), inputs_.back());
+  (this->*reader)(document, path);
+}
+
+void Assembly::add_single_map(const std::string& path) {
+  const LoadedMap loaded = load_map(path, common_);
+  add_input(role("map"), loaded.description);
+  add_map(report_, loaded.map, file_name(path), prefix());
+  if (several_) return;
+  if (report_.title.empty()) report_.title = file_name(path);
+  report_.subtitle = fmt::format("{} landmarks seen from {} keyframes", loaded.map.landmark_count(),
+                                 loaded.map.frame_count());
+}
+
+void Assembly::remark(std::string text) {
+  common_.console().remark(text);
+  remarks_.push_back(std::move(text));
+}
+
+// The map that a result names: relative to here, or to where the result lies. Nothing if it is not to
+// be had as it was.
+std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_view role,
+                                          const SavedResult& result) {
+  if (!saved.path) {
+    remark(fmt::format("{} names no {} map: there is no scene of it", result.file, role));
+    return std::nullopt;
+  }
+  const std::filesystem::path here = *saved.path;
+  const std::filesystem::path beside = std::filesystem::path(result.file).parent_path() / here;
+  bool changed = false;
+  for (const auto& path : {here, beside}) {
+    if (!std::filesystem::is_regular_file(path)) continue;
+    if (saved.hash && hash_file(path) != *saved.hash) {
+      changed = true;
+      continue;
+    }
+    LoadedMap loaded = load_map(path.string(), common_);
+    if (!result.camera.empty()) loaded.map = with_camera(loaded.map, parse_camera(result.camera));
+    return loaded;
+  }
+  remark(
+      fmt::format("{} {}: there is no scene of it", here.string(),
+                  changed ? "is not the file that was aligned, its content differs" : "is gone"));
+  return std::nullopt;
+}
+
+void Assembly::add_alignment(const Json& document, const std::string& path) {
+  const SavedResult saved = saved_result(document, path);
+  const auto source = reload(saved.source, "source", saved);
+  const auto target = reload(saved.target, "target", saved);
+  ReportedPair pair;
+  pair.source_name = file_name(saved.source.path.value_or("source"));
+  pair.target_name = file_name(saved.target.path.value_or("target"));
+  pair.source = source ? &source->map : nullptr;
+  pair.target = target ? &target->map : nullptr;
+  pair.unit = saved.unit;
+  pair.point_options.min_observations = saved.min_observations;
+  pair.initial = saved.initial;
+  pair.truth = saved.truth;
+  pair.alignments = saved.alignments;
+  if (source && target) check_matches(saved, pair);
+  add_pair(report_, pair, prefix());
+  for (const auto& [name, description] : saved.inputs) add_input(role(name), description);
+  options_[path] = saved.options;
+  if (!several_) {
+    if (report_.title.empty()) report_.title = pair.source_name + " to " + pair.target_name;
+    report_.subtitle = best_of(pair.alignments, pair.unit);
+  }
+}
+
+void Assembly::finish() {
+  if (report_.title.empty()) report_.title = fmt::format("{} results", count_);
+  if (!options_.empty()) {
+    report_.provenance.options_json = options_.dump(-1, ' ', false, Json::error_handler_t::replace);
+  }
+  if (remarks_.empty()) return;
+  std::string text;
+  for (const std::string& remark : remarks_) text += (text.empty() ? "" : "\n\n") + remark + ".";
+  report_.sections.push_back(
+      {.id = "remarks", .title = "Remarks", .text = std::move(text), .content = report::Text()});
+}
+
+int ReportArguments::run() {
+  if (common.report_path.empty()) {
+    throw Error(ErrorKind::kMisuse, "--output", "not given", "the HTML file to write");
+  }
+  require_outputs(common);
+  Assembly assembly(begin_report(title, common), common, results.size() > 1);
+  for (const std::string& path : results) assembly.add_file(path);
+  assembly.finish();
+  write_report(assembly.report(), common);
+  Json json = document("report", common, assembly.inputs(),
+                       {{"title", text_or_null(title)}, {"output", common.report_path}});
+  json["title"] = assembly.report().title;
+  json["remarks"] = assembly.remarks();
+  write_document(json, common);
+  return kDone;
+}
+
+}  // namespace
+
+Run add_report(CLI::App& program) {
+  auto arguments = std::make_shared<ReportArguments>();
+  arguments->add_to(*program.add_subcommand(
+      "report", "Results as one HTML page that works offline: 3D view, charts, tables"));
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/registration/point_set.hpp"
+#include "cairn/report/report.hpp"
+
+#include "support/alignments.hpp"
+#include "support/documents.hpp"
+
+namespace cairn::cli {
+
+/// A pair of maps aligned by several strategies, as a report shows it.
+struct ReportedPair {
+  std::string source_name;  ///< for people
+  std::string target_name;
+  const LandmarkMap* source = nullptr;  ///< null: not to be had; then there is no scene
+  const LandmarkMap* target = nullptr;
+  LengthUnit unit = LengthUnit::kMetres;
+  PointSetOptions point_options = {};
+  Rigid3 initial = {};
+  std::optional<Rigid3> truth = {};
+  std::vector<Alignment> alignments = {};  ///< with a trace: also scores and matches
+  std::optional<std::string> story = {};   ///< a paragraph above the scene
+};
+
+/// A report that names this run of the tool: command, version, machine, seed.
+report::Report begin_report(std::string title, const CommonArguments& common);
+
+/// Adds the scene, the table of strategies and the curves of convergence.
+/// @param prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
+/// @throws Error (misuse) if a match names a landmark that is not there
+void add_pair(report::Report& report, const ReportedPair& pair, const std::string& prefix = {});
+
+/// Adds a scene with this map alone.
+void add_map(report::Report& report, const LandmarkMap& map, const std::string& name,
+             const std::string& prefix = {});
+
+/// One sentence that says which strategy did best, and by what.
+std::string best_of(const std::vector<Alignment>& alignments, LengthUnit unit);
+
+/// Inputs and options as a document has them.
+void set_provenance(report::Report& report, const Json& document);
+
+/// An input as the report's provenance has it, from what a document says of it: path, hash, counts.
+report::Input reported_input(const std::string& role, Json description);
+
+/// The last part of a path.
+std::string file_name(const std::string& path);
+
+/// Writes the report where --report says, and tells people so; nothing if it was not given.
+void write_report(const report::Report& report, const CommonArguments& common);
+
+}  // namespace cairn::cli

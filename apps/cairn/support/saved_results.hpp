@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cairn/map/landmark_map.hpp"
+
+#include "support/alignments.hpp"
+#include "support/documents.hpp"
+
+namespace cairn::cli {
+
+/// A map as a document names it.
+struct SavedMap {
+  std::optional<std::string> path;  ///< as it was given then
+  std::optional<std::string> hash;
+};
+
+/// What `cairn align --json` or `cairn demo --json` wrote, read back with its whole history.
+struct SavedResult {
+  std::string file;  ///< the document's
+  SavedMap source;
+  SavedMap target;
+  std::vector<std::pair<std::string, Json>> inputs;  ///< role and what is said of it
+  Json options;
+  std::size_t min_observations = 2;
+  std::string camera;  ///< that all frames were said to be taken by; empty: none
+  Rigid3 initial;
+  std::optional<Rigid3> truth;
+  LengthUnit unit = LengthUnit::kMetres;
+  std::vector<Alignment> alignments;
+};
+
+/// @param document of one of these schemas, as parsed from `file`
+/// @throws Error (input) naming file, field, value and what was expected
+SavedResult saved_result(const Json& document, const std::string& file);
+
+}  // namespace cairn::cli

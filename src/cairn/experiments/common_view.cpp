@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/experiments/common_view.hpp"
+
+#include <array>
+#include <map>
+#include <set>
+#include <span>
+#include <utility>
+
+#include "cairn/registration/neighbors/kd_tree.hpp"
+
+namespace cairn {
+
+std::optional<CommonView> find_common_view(const LandmarkMap& source, const LandmarkMap& target,
+                                           const Rigid3& target_from_source, double radius) {
+  if (!source.has_observations() || !target.has_observations() || target.landmark_count() == 0) {
+    return std::nullopt;
+  }
+  const KdTree tree(target.landmarks().positions);
+  std::map<std::pair<FrameIndex, FrameIndex>, std::size_t> counts;
+  for (std::uint32_t i = 0; i < source.landmark_count(); ++i) {
+    std::array<Neighbor, 1> nearest;
+    tree.nearest(target_from_source * source.landmarks().positions[i], nearest);
+    if (nearest[0].squared_distance > radius * radius) continue;
+    const auto seen_by = source.observing_frames(LandmarkIndex{i});
+    const auto counterpart_seen_by = target.observing_frames(LandmarkIndex{nearest[0].index});
+    // A frame may observe a landmark twice; it has it in view once.
+    const std::set<FrameIndex> source_frames(seen_by.begin(), seen_by.end());
+    const std::set<FrameIndex> target_frames(counterpart_seen_by.begin(), counterpart_seen_by.end());
+    for (const FrameIndex source_frame : source_frames) {
+      for (const FrameIndex target_frame : target_frames) ++counts[{source_frame, target_frame}];
+    }
+  }
+  std::optional<CommonView> best;
+  for (const auto& [frames, count] : counts) {
+    if (!best || count > best->landmarks) best = CommonView{frames.first, frames.second, count};
+  }
+  return best;
+}
+
+}  // namespace cairn

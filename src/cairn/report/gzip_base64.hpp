@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "cairn/core/file.hpp"
+
+namespace cairn::report {
+
+/// Compresses what it is given (gzip without a time, so that same bytes give same bytes) and hands it
+/// on as base64, in one line, piece by piece.
+class GzipBase64 {
+ public:
+  /// @param sink must outlive this
+  explicit GzipBase64(const ByteSink& sink);
+  ~GzipBase64();
+  GzipBase64(const GzipBase64&) = delete;
+  GzipBase64& operator=(const GzipBase64&) = delete;
+
+  void write(std::string_view bytes);
+  /// Hands out all that is left. To be called once, at the end.
+  void finish();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace cairn::report

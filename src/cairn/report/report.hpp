@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+/// What a report shows. The types mirror docs/report_format.md, which says what each field means to a
+/// reader; what is absent there is an empty optional, or an empty text or list, here. Texts may be any
+/// bytes: what is not UTF-8 is shown as U+FFFD.
+namespace cairn::report {
+
+/// Numbers too many for JSON, each list of the type it is stored in.
+using Buffer =
+    std::variant<std::vector<std::uint8_t>, std::vector<std::int8_t>, std::vector<std::uint16_t>,
+                 std::vector<std::int16_t>, std::vector<std::uint32_t>, std::vector<std::int32_t>,
+                 std::vector<float>, std::vector<double>>;
+
+/// A value in a table or summary: unknown, a number or text.
+using Scalar = std::variant<std::monostate, double, std::string>;
+
+struct Machine {
+  std::string system = {};
+  std::string processor = {};
+  unsigned threads = 0;  ///< that the work could use
+};
+
+struct Input {
+  std::string role = {};  ///< e.g. "source"
+  std::optional<std::string> path = {};
+  std::optional<std::string> hash = {};
+  std::string details_json = {};  ///< any JSON; empty: none
+};
+
+/// How the results came to be.
+struct Provenance {
+  std::vector<std::string> command = {};
+  std::optional<std::uint64_t> seed = {};
+  std::optional<Machine> machine = {};
+  std::vector<Input> inputs = {};
+  std::string options_json = {};  ///< any JSON; empty: none
+};
+
+/// A number a landmark: offset + scale * stored; NaN where unknown.
+struct Column {
+  std::string name = {};
+  std::string label = {};  ///< for people
+  std::optional<std::string> unit = {};
+  Buffer values = {};
+  double scale = 1.0;
+  double offset = 0.0;
+};
+
+/// The view of a camera as tangents of half its angles.
+struct Frustum {
+  double half_width = 0.0;
+  double half_height = 0.0;
+};
+
+struct Frames {
+  std::vector<Rigid3> world_from_camera = {};
+  std::vector<std::uint64_t> ids = {};    ///< empty: 0, 1, ...
+  std::vector<double> timestamps_s = {};  ///< empty: unknown; else NaN where unknown
+  std::optional<Frustum> frustum = {};
+};
+
+/// Landmarks to show; make_map() builds one of a LandmarkMap.
+struct Map {
+  std::string id = {};  ///< unique among the report's maps; lower-case letters, digits and '-'
+  std::string name = {};
+  LengthUnit length_unit = LengthUnit::kMetres;
+  std::size_t count = 0;
+  std::array<double, 3> origin = {};                ///< position = origin + step * quantised
+  std::array<double, 3> step = {1.0, 1.0, 1.0};     ///< in the map's unit of length
+  Buffer positions = std::vector<std::uint32_t>();  ///< u16 or u32, 3 a landmark
+  std::vector<std::uint64_t> ids = {};              ///< empty: 0, 1, ...
+  std::vector<Column> columns = {};
+  std::vector<std::uint8_t> colors = {};  ///< sRGB, 3 a landmark; empty: unknown
+  std::optional<Frames> frames = {};
+};
+
+/// Which target landmark each source landmark was matched with, for each iteration: the first one in
+/// full, then what changed.
+struct Matches {
+  std::vector<std::int32_t> first = {};           ///< one a source landmark; -1: no match
+  std::vector<std::uint32_t> change_counts = {};  ///< one for each iteration from the second
+  std::vector<std::uint32_t> changed = {};        ///< source landmarks
+  std::vector<std::int32_t> targets = {};         ///< their new matches, or -1
+};
+
+/// One alignment; make_run() builds one of an AlignResult. Lists of numbers are empty where they are
+/// unknown altogether, and have one entry a pose otherwise, NaN where unknown.
+struct AlignmentRun {
+  std::string name = {};
+  std::vector<std::pair<std::string, Scalar>> summary = {};
+  std::vector<Rigid3> target_from_source =
+      {};  ///< the initial pose, then that after each iteration
+  std::vector<double> mean_squared_distance = {};
+  std::vector<double> scores = {};
+  std::vector<double> rotation_error_deg = {};
+  std::vector<double> translation_error = {};  ///< in the maps' unit of length
+  std::optional<Matches> matches = {};
+};
+
+/// The 3D view of one map, or of a source being aligned to a target.
+struct Scene {
+  std::optional<std::string> source = {};  ///< id of a map
+  std::string target = {};                 ///< id of a map
+  std::optional<Rigid3> truth = {};        ///< true target_from_source
+  std::optional<Eigen::Vector3d> up = {};  ///< unit vector in the target's frame
+  std::vector<AlignmentRun> runs = {};
+};
+
+enum class AxisScale { kLinear, kLog };
+
+/// A line across a chart, e.g. where success ends.
+struct Threshold {
+  double value = 0.0;
+  std::string label = {};
+};
+
+struct Distribution {
+  std::string name = {};
+  std::vector<double> values = {};
+  std::vector<std::string> labels = {};  ///< one a value, or empty
+};
+
+enum class DistributionStyle { kViolin, kBox };
+
+/// Values side by side, as the paper's Figures 3 to 5.
+struct DistributionChart {
+  DistributionStyle style = DistributionStyle::kViolin;
+  std::string x_label = {};
+  std::string y_label = {};
+  AxisScale y_scale = AxisScale::kLinear;
+  std::optional<Threshold> threshold = {};
+  std::vector<Distribution> groups = {};
+};
+
+struct Line {
+  std::string name = {};
+  std::vector<double> x = {};
+  std::vector<double> y = {};
+  std::vector<double> low = {};   ///< lower ends of intervals; empty: none
+  std::vector<double> high = {};  ///< upper ends
+};
+
+struct LinesChart {
+  std::string x_label = {};
+  std::string y_label = {};
+  AxisScale x_scale = AxisScale::kLinear;
+  AxisScale y_scale = AxisScale::kLinear;
+  std::optional<Threshold> threshold = {};
+  std::vector<Line> series = {};
+};
+
+struct HeatmapPanel {
+  std::string name = {};
+  std::vector<std::vector<double>> values = {};  ///< row by row from the first y bin; NaN: no value
+  std::vector<std::vector<double>> counts = {};  ///< what each value is of; empty: unknown
+};
+
+struct HeatmapChart {
+  std::string x_label = {};
+  std::string y_label = {};
+  std::string value_label = {};
+  std::vector<double> x = {};  ///< ascending edges of the bins, one more than there are bins
+  std::vector<double> y = {};
+  std::vector<HeatmapPanel> panels = {};
+  std::optional<std::array<double, 2>> range = {};  ///< of the colours; nothing: that of the values
+};
+
+struct IntervalItem {
+  std::string name = {};
+  double value = 0.0;
+  double low = 0.0;
+  double high = 0.0;
+};
+
+struct IntervalSeries {
+  std::string name = {};
+  std::vector<IntervalItem> items = {};
+};
+
+/// Dots with intervals, e.g. success rates.
+struct IntervalsChart {
+  std::string x_label = {};
+  std::vector<IntervalSeries> series = {};
+};
+
+struct ScatterSeries {
+  std::string name = {};
+  std::vector<double> x = {};
+  std::vector<double> y = {};
+  std::vector<std::string> labels = {};  ///< one a point, or empty
+};
+
+struct ScatterChart {
+  std::string x_label = {};
+  std::string y_label = {};
+  AxisScale x_scale = AxisScale::kLinear;
+  AxisScale y_scale = AxisScale::kLinear;
+  std::optional<Threshold> x_threshold = {};
+  std::optional<Threshold> y_threshold = {};
+  std::vector<ScatterSeries> series = {};
+};
+
+using Chart =
+    std::variant<DistributionChart, LinesChart, HeatmapChart, IntervalsChart, ScatterChart>;
+
+enum class CellType { kText, kNumber };
+
+struct TableColumn {
+  std::string name = {};
+  std::optional<std::string> unit = {};
+  CellType type = CellType::kText;
+  std::optional<int> digits = {};  ///< behind the point
+};
+
+/// Which value of a column to mark.
+enum class Best { kNone, kLow, kHigh };
+
+struct Table {
+  std::vector<TableColumn> columns = {};
+  std::vector<std::vector<Scalar>> rows = {};  ///< one value a column each
+  std::vector<Best> best = {};                 ///< one a column, or empty
+};
+
+enum class ImageType { kPng, kJpeg };
+
+struct Image {
+  std::string caption = {};
+  ImageType type = ImageType::kPng;
+  std::vector<std::uint8_t> bytes = {};  ///< of the file
+  std::uint32_t width = 0;               ///< pixels
+  std::uint32_t height = 0;
+};
+
+struct Images {
+  std::vector<Image> images = {};
+};
+
+/// Only the section's text.
+struct Text {};
+
+struct Section {
+  std::string id = {};  ///< unique among the report's sections; lower-case letters, digits and '-'
+  std::string title = {};
+  std::optional<std::string> text = {};  ///< a paragraph; of Text, blank lines separate several
+  std::variant<Scene, Chart, Table, Images, Text> content = Text();
+};
+
+struct Report {
+  std::string title = {};
+  std::optional<std::string> subtitle = {};  ///< one sentence with the answer
+  Provenance provenance = {};
+  std::vector<Map> maps = {};
+  std::vector<Section> sections = {};
+};
+
+}  // namespace cairn::report

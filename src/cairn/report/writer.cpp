@@ -1,0 +1,613 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/report/writer.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <set>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/version_number.hpp"
+#include "cairn/report/gzip_base64.hpp"
+#include "cairn/report/markup.hpp"
+#include "cairn/report/viewer_page.hpp"
+
+namespace cairn::report {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "buffers are written as they are");
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kSchemaVersion = 1;
+constexpr std::string_view kTitleMark = "<!--CAIRN:TITLE-->";
+constexpr std::string_view kDataMark = "<!--CAIRN:DATA-->";
+
+void require(bool valid, std::string_view where, std::string_view what, std::string_view expected) {
+  if (!valid) throw Error(ErrorKind::kMisuse, where, what, expected);
+}
+
+void require_size(std::size_t size, std::size_t expected, std::string_view where,
+                  std::string_view field) {
+  require(size == expected, where, fmt::format("{} entries of {}", size, field),
+          fmt::format("{}", expected));
+}
+
+template <class Item>
+std::string_view type_name() {
+  if constexpr (std::is_same_v<Item, float>) return "f32";
+  if constexpr (std::is_same_v<Item, double>) return "f64";
+  constexpr bool kSigned = std::is_signed_v<Item>;
+  switch (sizeof(Item)) {
+    case 1:
+      return kSigned ? "i8" : "u8";
+    case 2:
+      return kSigned ? "i16" : "u16";
+    default:
+      return kSigned ? "i32" : "u32";
+  }
+}
+
+std::size_t size_of(const Buffer& buffer) {
+  return std::visit([](const auto& items) { return items.size(); }, buffer);
+}
+
+// The binary part of the document. Lists that are equal byte for byte are stored once.
+class Buffers {
+ public:
+  /// @param buffer must live until write()
+  Json add(const Buffer& buffer) {
+    return std::visit([&](const auto& items) { return add_items(std::span(items)); }, buffer);
+  }
+  template <class Item>
+  Json add(const std::vector<Item>& items) {
+    return add_items(std::span<const Item>(items));
+  }
+  /// The same, of a list that was made for the report.
+  template <class Item>
+  Json keep(std::vector<Item> items) {
+    kept_.emplace_back(std::move(items));
+    return add(kept_.back());
+  }
+
+  void write(GzipBase64& out) const {
+    constexpr std::string_view kPadding("\0\0\0\0\0\0\0", 7);
+    for (const std::string_view part : parts_) {
+      out.write(part);
+      out.write(kPadding.substr(0, padding(part.size())));
+    }
+  }
+
+ private:
+  static std::size_t padding(std::size_t size) { return (8 - size % 8) % 8; }
+
+  template <class Item>
+  Json add_items(std::span<const Item> items) {
+    const std::string_view bytes(reinterpret_cast<const char*>(items.data()), items.size_bytes());
+    std::size_t offset = 0;
+    auto part = parts_.begin();
+    for (; part != parts_.end() && *part != bytes; ++part)
+      offset += part->size() + padding(part->size());
+    if (part == parts_.end()) parts_.push_back(bytes);
+    return {{"offset", offset}, {"count", items.size()}, {"type", type_name<Item>()}};
+  }
+
+  std::vector<std::string_view> parts_;
+  std::deque<Buffer> kept_;
+};
+
+// What is not finite is null; counts are written as such.
+Json to_json(double number) {
+  constexpr double kLargestWhole = 9007199254740992.0;
+  if (!std::isfinite(number)) return nullptr;
+  if (number == std::floor(number) && std::abs(number) <= kLargestWhole) {
+    return static_cast<std::int64_t>(number);
+  }
+  return number;
+}
+
+Json to_json(const std::string& text) {
+  return text;
+}
+
+Json to_json(const std::array<double, 2>& values) {
+  return {to_json(values[0]), to_json(values[1])};
+}
+
+Json to_json(const std::array<double, 3>& values) {
+  return {to_json(values[0]), to_json(values[1]), to_json(values[2])};
+}
+
+Json to_json(const Eigen::Vector3d& vector) {
+  return {to_json(vector.x()), to_json(vector.y()), to_json(vector.z())};
+}
+
+Json to_json(const Rigid3& pose) {
+  const Matrix4d matrix = pose.matrix();
+  Json numbers = Json::array();
+  for (int i = 0; i < 16; ++i) numbers.push_back(to_json(matrix(i / 4, i % 4)));
+  return numbers;
+}
+
+Json to_json(const Scalar& value) {
+  if (const auto* const number = std::get_if<double>(&value)) return to_json(*number);
+  if (const auto* const text = std::get_if<std::string>(&value)) return *text;
+  return nullptr;
+}
+
+Json to_json(AxisScale scale) {
+  return scale == AxisScale::kLog ? "log" : "linear";
+}
+
+Json to_json(const Threshold& threshold) {
+  return {{"value", to_json(threshold.value)}, {"label", threshold.label}};
+}
+
+template <class Value>
+Json to_json(const std::optional<Value>& value) {
+  return value ? to_json(*value) : Json(nullptr);
+}
+
+template <class Value>
+Json to_json(const std::vector<Value>& values) {
+  Json list = Json::array();
+  for (const Value& value : values) list.push_back(to_json(value));
+  return list;
+}
+
+template <class Value>
+Json list_or_null(const std::vector<Value>& values) {
+  return values.empty() ? Json(nullptr) : to_json(values);
+}
+
+Json parsed(const std::string& text, std::string_view where) {
+  if (text.empty()) return nullptr;
+  Json json = Json::parse(text, nullptr, false);
+  require(!json.is_discarded(), where, "no JSON", "JSON in UTF-8");
+  return json;
+}
+
+Json to_json(const Provenance& provenance) {
+  Json json = {{"command", list_or_null(provenance.command)},
+               {"seed", provenance.seed ? Json(*provenance.seed) : Json(nullptr)}};
+  json["machine"] = nullptr;
+  if (const auto& machine = provenance.machine) {
+    json["machine"] = {{"system", machine->system},
+                       {"processor", machine->processor},
+                       {"threads", machine->threads}};
+  }
+  json["inputs"] = Json::array();
+  for (const Input& input : provenance.inputs) {
+    json["inputs"].push_back({{"role", input.role},
+                              {"path", to_json(input.path)},
+                              {"hash", to_json(input.hash)},
+                              {"details", parsed(input.details_json, "Input.details_json")}});
+  }
+  json["options"] = parsed(provenance.options_json, "Provenance.options_json");
+  return json;
+}
+
+// Low and high word of each.
+std::vector<std::uint32_t> words_of(const std::vector<std::uint64_t>& ids) {
+  std::vector<std::uint32_t> words;
+  words.reserve(2 * ids.size());
+  for (const std::uint64_t id : ids) {
+    words.push_back(static_cast<std::uint32_t>(id));
+    words.push_back(static_cast<std::uint32_t>(id >> 32U));
+  }
+  return words;
+}
+
+// tx ty tz qw qx qy qz of each.
+template <class Number>
+std::vector<Number> numbers_of(const std::vector<Rigid3>& poses) {
+  std::vector<Number> numbers;
+  numbers.reserve(7 * poses.size());
+  for (const Rigid3& pose : poses) {
+    const Eigen::Vector3d& t = pose.translation();
+    const Eigen::Quaterniond q = pose.quaternion();
+    for (const double number : {t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()}) {
+      numbers.push_back(static_cast<Number>(number));
+    }
+  }
+  return numbers;
+}
+
+bool is_id(std::string_view id) {
+  return !id.empty() &&
+         id.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
+}
+
+class Document {
+ public:
+  explicit Document(const Report& report) : report_(report) {
+    Json& json = json_;
+    json["schema"] = {{"name", "cairn.report"}, {"version", kSchemaVersion}};
+    json["cairn_version"] = kVersion;
+    json["title"] = report.title;
+    json["subtitle"] = to_json(report.subtitle);
+    json["provenance"] = to_json(report.provenance);
+    json["maps"] = Json::array();
+    std::set<std::string> ids;
+    for (const Map& map : report.maps) {
+      require(is_id(map.id) && ids.insert(map.id).second, "Map.id", "'" + map.id + "'",
+              "an id of [a-z0-9-]+ that no other map has");
+      json["maps"].push_back(map_json(map));
+    }
+    json["sections"] = Json::array();
+    ids.clear();
+    for (const Section& section : report.sections) {
+      require(is_id(section.id) && ids.insert(section.id).second, "Section.id",
+              "'" + section.id + "'", "an id of [a-z0-9-]+ that no other section has");
+      json["sections"].push_back(section_json(section));
+    }
+  }
+
+  // Text from files may be any bytes; JSON must be UTF-8.
+  std::string text() const { return json_.dump(-1, ' ', false, Json::error_handler_t::replace); }
+  const Buffers& buffers() const { return buffers_; }
+
+ private:
+  Json map_json(const Map& map);
+  Json frames_json(const Frames& frames, const std::string& where);
+  Json section_json(const Section& section);
+  Json run_json(const AlignmentRun& run, std::size_t source_count, std::size_t target_count,
+                const std::string& where);
+  Json matches_json(const Matches& matches, std::size_t iterations, std::size_t source_count,
+                    std::size_t target_count, const std::string& where);
+  Json series_json(const std::vector<double>& values, std::size_t count, const std::string& where,
+                   std::string_view field);
+
+  // What a section adds to the fields that all have.
+  void add(Json& json, const Scene& scene, const std::string& where);
+  void add(Json& json, const Chart& chart, const std::string& where);
+  void add(Json& json, const Table& table, const std::string& where);
+  void add(Json& json, const Images& images, const std::string& where);
+  void add(Json& json, const Text& text, const std::string& where);
+
+  const Map* find_map(const std::string& id) const {
+    const auto found = std::find_if(report_.maps.begin(), report_.maps.end(),
+                                    [&](const Map& map) { return map.id == id; });
+    return found == report_.maps.end() ? nullptr : &*found;
+  }
+
+  const Report& report_;
+  Json json_;
+  Buffers buffers_;
+};
+
+Json Document::map_json(const Map& map) {
+  const std::string where = "map " + map.id;
+  const bool is_quantised = std::holds_alternative<std::vector<std::uint16_t>>(map.positions) ||
+                            std::holds_alternative<std::vector<std::uint32_t>>(map.positions);
+  require(is_quantised, where, "positions of another type", "u16 or u32");
+  require_size(size_of(map.positions), 3 * map.count, where, "positions");
+  if (!map.ids.empty()) require_size(map.ids.size(), map.count, where, "ids");
+  if (!map.colors.empty()) require_size(map.colors.size(), 3 * map.count, where, "colors");
+  Json json = {{"id", map.id},
+               {"name", map.name},
+               {"length_unit", map.length_unit == LengthUnit::kMetres ? "m" : "mapunits"},
+               {"count", map.count},
+               {"origin", to_json(map.origin)},
+               {"step", to_json(map.step)},
+               {"positions", buffers_.add(map.positions)},
+               {"ids", map.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(map.ids))}};
+  json["columns"] = Json::array();
+  for (const Column& column : map.columns) {
+    require_size(size_of(column.values), map.count, where, column.name);
+    json["columns"].push_back({{"name", column.name},
+                               {"label", column.label},
+                               {"unit", to_json(column.unit)},
+                               {"values", buffers_.add(column.values)},
+                               {"scale", to_json(column.scale)},
+                               {"offset", to_json(column.offset)}});
+  }
+  json["colors"] = map.colors.empty() ? Json(nullptr) : buffers_.add(map.colors);
+  json["frames"] = map.frames ? frames_json(*map.frames, where) : Json(nullptr);
+  return json;
+}
+
+Json Document::frames_json(const Frames& frames, const std::string& where) {
+  const std::size_t count = frames.world_from_camera.size();
+  if (!frames.ids.empty()) require_size(frames.ids.size(), count, where, "Frames.ids");
+  if (!frames.timestamps_s.empty()) {
+    require_size(frames.timestamps_s.size(), count, where, "Frames.timestamps_s");
+  }
+  Json json = {{"count", count},
+               {"poses", buffers_.keep(numbers_of<float>(frames.world_from_camera))},
+               {"ids", frames.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(frames.ids))},
+               {"timestamps",
+                frames.timestamps_s.empty() ? Json(nullptr) : buffers_.add(frames.timestamps_s)}};
+  json["frustum"] = nullptr;
+  if (frames.frustum) {
+    json["frustum"] = {{"half_width", to_json(frames.frustum->half_width)},
+                       {"half_height", to_json(frames.frustum->half_height)}};
+  }
+  return json;
+}
+
+Json Document::section_json(const Section& section) {
+  static constexpr const char* kKinds[] = {"scene", "chart", "table", "images", "text"};
+  static_assert(std::size(kKinds) == std::variant_size_v<decltype(section.content)>);
+  Json json = {{"kind", kKinds[section.content.index()]},
+               {"id", section.id},
+               {"title", section.title},
+               {"text", to_json(section.text)}};
+  std::visit([&](const auto& content) { add(json, content, "section " + section.id); },
+             section.content);
+  return json;
+}
+
+void Document::add(Json& json, const Scene& scene, const std::string& where) {
+  const Map* const target = find_map(scene.target);
+  const Map* const source = scene.source ? find_map(*scene.source) : nullptr;
+  require(target != nullptr, where, "no map '" + scene.target + "'", "one of the report's maps");
+  require(!scene.source || source != nullptr, where, "no map '" + scene.source.value_or("") + "'",
+          "one of the report's maps");
+  require(source != nullptr || scene.runs.empty(), where, "runs without a source", "a source map");
+  json["source"] = to_json(scene.source);
+  json["target"] = scene.target;
+  json["truth"] = to_json(scene.truth);
+  json["up"] = to_json(scene.up);
+  json["runs"] = Json::array();
+  for (const AlignmentRun& run : scene.runs) {
+    json["runs"].push_back(
+        run_json(run, source->count, target->count, where + ", run " + run.name));
+  }
+}
+
+Json Document::series_json(const std::vector<double>& values, std::size_t count,
+                           const std::string& where, std::string_view field) {
+  if (values.empty()) return nullptr;
+  require_size(values.size(), count, where, field);
+  return buffers_.add(values);
+}
+
+Json Document::run_json(const AlignmentRun& run, std::size_t source_count, std::size_t target_count,
+                        const std::string& where) {
+  const std::size_t count = run.target_from_source.size();
+  require(count > 0, where, "no pose", "at least the initial one");
+  Json json = {{"name", run.name}, {"summary", Json::object()}};
+  for (const auto& [name, value] : run.summary) json["summary"][name] = to_json(value);
+  json["poses"] = buffers_.keep(numbers_of<double>(run.target_from_source));
+  json["mean_squared_distance"] =
+      series_json(run.mean_squared_distance, count, where, "mean_squared_distance");
+  json["scores"] = series_json(run.scores, count, where, "scores");
+  json["rotation_error_deg"] =
+      series_json(run.rotation_error_deg, count, where, "rotation_error_deg");
+  json["translation_error_m"] =
+      series_json(run.translation_error, count, where, "translation_error");
+  json["matches"] = run.matches
+                        ? matches_json(*run.matches, count - 1, source_count, target_count, where)
+                        : Json(nullptr);
+  return json;
+}
+
+Json Document::matches_json(const Matches& matches, std::size_t iterations,
+                            std::size_t source_count, std::size_t target_count,
+                            const std::string& where) {
+  require(iterations > 0, where, "matches without an iteration", "no matches");
+  require_size(matches.first.size(), source_count, where, "Matches.first");
+  require_size(matches.change_counts.size(), iterations - 1, where, "Matches.change_counts");
+  std::size_t changes = 0;
+  for (const std::uint32_t count : matches.change_counts) changes += count;
+  require_size(matches.changed.size(), changes, where, "Matches.changed");
+  require_size(matches.targets.size(), changes, where, "Matches.targets");
+  for (const auto* const list : {&matches.first, &matches.targets}) {
+    for (const std::int32_t target : *list) {
+      require(target >= -1 && target < static_cast<std::int64_t>(target_count), where,
+              fmt::format("a match with landmark {}", target),
+              fmt::format("-1 or one of {} landmarks", target_count));
+    }
+  }
+  for (const std::uint32_t source : matches.changed) {
+    require(source < source_count, where, fmt::format("a match of landmark {}", source),
+            fmt::format("one of {} landmarks", source_count));
+  }
+  return {{"first", buffers_.add(matches.first)},
+          {"change_counts", buffers_.add(matches.change_counts)},
+          {"changed", buffers_.add(matches.changed)},
+          {"targets", buffers_.add(matches.targets)}};
+}
+
+void require_labels(const std::vector<std::string>& labels, std::size_t count,
+                    const std::string& where) {
+  if (!labels.empty()) require_size(labels.size(), count, where, "labels");
+}
+
+void add_chart(Json& json, const DistributionChart& chart, const std::string& where) {
+  json["chart"] = chart.style == DistributionStyle::kViolin ? "violin" : "box";
+  json["x_label"] = chart.x_label;
+  json["y_label"] = chart.y_label;
+  json["y_scale"] = to_json(chart.y_scale);
+  json["threshold"] = to_json(chart.threshold);
+  json["groups"] = Json::array();
+  for (const Distribution& group : chart.groups) {
+    require_labels(group.labels, group.values.size(), where);
+    json["groups"].push_back({{"name", group.name},
+                              {"values", to_json(group.values)},
+                              {"labels", list_or_null(group.labels)}});
+  }
+}
+
+void add_chart(Json& json, const LinesChart& chart, const std::string& where) {
+  json["chart"] = "lines";
+  json["x_label"] = chart.x_label;
+  json["y_label"] = chart.y_label;
+  json["x_scale"] = to_json(chart.x_scale);
+  json["y_scale"] = to_json(chart.y_scale);
+  json["threshold"] = to_json(chart.threshold);
+  json["series"] = Json::array();
+  for (const Line& line : chart.series) {
+    require_size(line.y.size(), line.x.size(), where, "Line.y");
+    for (const auto* const ends : {&line.low, &line.high}) {
+      if (!ends->empty()) require_size(ends->size(), line.x.size(), where, "Line.low or .high");
+    }
+    json["series"].push_back({{"name", line.name},
+                              {"x", to_json(line.x)},
+                              {"y", to_json(line.y)},
+                              {"low", list_or_null(line.low)},
+                              {"high", list_or_null(line.high)}});
+  }
+}
+
+void require_grid(const std::vector<std::vector<double>>& rows, const HeatmapChart& chart,
+                  const std::string& where) {
+  require_size(rows.size(), chart.y.size() - 1, where, "rows of a heat map");
+  for (const auto& row : rows) require_size(row.size(), chart.x.size() - 1, where, "a row");
+}
+
+void add_chart(Json& json, const HeatmapChart& chart, const std::string& where) {
+  require(chart.x.size() >= 2 && chart.y.size() >= 2, where, "no bins", "edges of at least one");
+  json["chart"] = "heatmap";
+  json["x_label"] = chart.x_label;
+  json["y_label"] = chart.y_label;
+  json["value_label"] = chart.value_label;
+  json["x"] = to_json(chart.x);
+  json["y"] = to_json(chart.y);
+  json["panels"] = Json::array();
+  for (const HeatmapPanel& panel : chart.panels) {
+    require_grid(panel.values, chart, where);
+    if (!panel.counts.empty()) require_grid(panel.counts, chart, where);
+    json["panels"].push_back({{"name", panel.name},
+                              {"values", to_json(panel.values)},
+                              {"counts", list_or_null(panel.counts)}});
+  }
+  json["range"] = to_json(chart.range);
+}
+
+void add_chart(Json& json, const IntervalsChart& chart, const std::string& /*where*/) {
+  json["chart"] = "intervals";
+  json["x_label"] = chart.x_label;
+  json["series"] = Json::array();
+  for (const IntervalSeries& series : chart.series) {
+    Json items = Json::array();
+    for (const IntervalItem& item : series.items) {
+      items.push_back({{"name", item.name},
+                       {"value", to_json(item.value)},
+                       {"low", to_json(item.low)},
+                       {"high", to_json(item.high)}});
+    }
+    json["series"].push_back({{"name", series.name}, {"items", std::move(items)}});
+  }
+}
+
+void add_chart(Json& json, const ScatterChart& chart, const std::string& where) {
+  json["chart"] = "scatter";
+  json["x_label"] = chart.x_label;
+  json["y_label"] = chart.y_label;
+  json["x_scale"] = to_json(chart.x_scale);
+  json["y_scale"] = to_json(chart.y_scale);
+  json["x_threshold"] = to_json(chart.x_threshold);
+  json["y_threshold"] = to_json(chart.y_threshold);
+  json["series"] = Json::array();
+  for (const ScatterSeries& series : chart.series) {
+    require_size(series.y.size(), series.x.size(), where, "ScatterSeries.y");
+    require_labels(series.labels, series.x.size(), where);
+    json["series"].push_back({{"name", series.name},
+                              {"x", to_json(series.x)},
+                              {"y", to_json(series.y)},
+                              {"labels", list_or_null(series.labels)}});
+  }
+}
+
+void Document::add(Json& json, const Chart& chart, const std::string& where) {
+  std::visit([&](const auto& one) { add_chart(json, one, where); }, chart);
+}
+
+void Document::add(Json& json, const Table& table, const std::string& where) {
+  json["columns"] = Json::array();
+  for (const TableColumn& column : table.columns) {
+    json["columns"].push_back({{"name", column.name},
+                               {"unit", to_json(column.unit)},
+                               {"type", column.type == CellType::kNumber ? "number" : "text"},
+                               {"digits", column.digits ? Json(*column.digits) : Json(nullptr)}});
+  }
+  json["rows"] = Json::array();
+  for (const auto& row : table.rows) {
+    require_size(row.size(), table.columns.size(), where, "a row");
+    json["rows"].push_back(to_json(row));
+  }
+  json["best"] = nullptr;
+  if (table.best.empty()) return;
+  require_size(table.best.size(), table.columns.size(), where, "Table.best");
+  json["best"] = Json::array();
+  for (const Best best : table.best) {
+    json["best"].push_back(best == Best::kNone ? Json(nullptr)
+                                               : Json(best == Best::kLow ? "low" : "high"));
+  }
+}
+
+void Document::add(Json& json, const Images& images, const std::string& /*where*/) {
+  json["images"] = Json::array();
+  for (const Image& image : images.images) {
+    json["images"].push_back(
+        {{"caption", image.caption},
+         {"media_type", image.type == ImageType::kPng ? "image/png" : "image/jpeg"},
+         {"data", buffers_.add(image.bytes)},
+         {"width", image.width},
+         {"height", image.height}});
+  }
+}
+
+void Document::add(Json& json, const Text& /*text*/, const std::string& where) {
+  require(!json["text"].is_null(), where, "no text", "text, which is all that it shows");
+}
+
+std::size_t position_of(std::string_view page, std::string_view mark) {
+  const std::size_t position = page.find(mark);
+  const bool once = position != std::string_view::npos &&
+                    page.find(mark, position + mark.size()) == std::string_view::npos;
+  if (!once) {
+    throw Error(ErrorKind::kInput, "viewer page",
+                fmt::format("{} stands there {}", mark,
+                            position == std::string_view::npos ? "nowhere" : "more than once"),
+                "the mark once, where the report goes");
+  }
+  return position;
+}
+
+template <class Produce>
+void write_element(std::string_view name, const ByteSink& sink, const Produce& produce) {
+  sink(fmt::format(
+      R"(<script type="application/x-cairn-{0}" id="cairn-{0}" data-encoding="gzip-base64">)",
+      name));
+  GzipBase64 encoder(sink);
+  produce(encoder);
+  encoder.finish();
+  sink("</script>\n");
+}
+
+}  // namespace
+
+void write_report(const Report& report, std::string_view page, const ByteSink& sink) {
+  const std::size_t title = position_of(page, kTitleMark);
+  const std::size_t data = position_of(page, kDataMark);
+  if (title > data) {
+    throw Error(ErrorKind::kInput, "viewer page", "its data come before its title", "the reverse");
+  }
+  const Document document(report);
+  sink(page.substr(0, title));
+  sink(markup_text(report.title));
+  const std::size_t title_end = title + kTitleMark.size();
+  sink(page.substr(title_end, data - title_end));
+  write_element("report", sink, [&](GzipBase64& out) { out.write(document.text()); });
+  write_element("buffers", sink, [&](GzipBase64& out) { document.buffers().write(out); });
+  sink(page.substr(data + kDataMark.size()));
+}
+
+void save_report(const Report& report, const std::filesystem::path& path) {
+  const std::string_view page = viewer_page();
+  write_file(path, [&](const ByteSink& sink) { write_report(report, page, sink); });
+}
+
+}  // namespace cairn::report

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <string>
+
+#include "cairn/core/file.hpp"
+#include "cairn/report/viewer_page.hpp"
+
+#include "cli.hpp"
+#include "support/report_page.hpp"
+
+namespace cairn::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr const char* kNoViewer =
+    "*** BUILT WITHOUT THE VIEWER (CAIRN_WITH_VIEWER=OFF): NO REPORT WAS TESTED ***";
+
+class ReportTest : public CliTest {
+ protected:
+  Words align(const Words& more) const {
+    Words words = {"align", "source.map", "target.map", "--initial-matrix", "start.txt"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+
+  ReportPage page(std::string_view name) const { return ReportPage(content(name)); }
+
+  /// What a report's section of that id holds.
+  static const Json& section(const ReportPage& page, std::string_view id) {
+    for (const Json& one : page.document.at("sections")) {
+      if (one.at("id") == id) return one;
+    }
+    throw std::runtime_error("no section " + std::string(id));
+  }
+
+  static std::vector<std::string> section_ids(const ReportPage& page) {
+    std::vector<std::string> ids;
+    for (const Json& one : page.document.at("sections")) ids.push_back(one.at("id"));
+    return ids;
+  }
+
+  /// Matches of a result with a trace, iteration by iteration, as a reader must get them: what is
+  /// shown is what was aligned, in its order.
+  static std::vector<std::vector<std::int32_t>> traced(const Json& result, std::size_t landmarks) {
+    std::vector<std::vector<std::int32_t>> iterations;
+    for (const Json& iteration : result.at("history")) {
+      std::vector<std::int32_t>& list = iterations.emplace_back(landmarks, -1);
+      for (const Json& match : iteration.at("matches")) {
+        list.at(match.at(0).get<std::size_t>()) = match.at(1).get<std::int32_t>();
+      }
+    }
+    return iterations;
+  }
+};
+
+/// Tests that need a viewer in the build.
+class WrittenReportTest : public ReportTest {
+ protected:
+  void SetUp() override {
+    if (!report::has_viewer()) GTEST_SKIP() << kNoViewer;
+  }
+};
+
+TEST_F(ReportTest, WithoutAViewerTheErrorNamesTheOptionBeforeAnyWork) {
+  if (report::has_viewer()) return;  // nothing to refuse
+  // The maps do not even exist.
+  for (const Words& words :
+       {Words{"align", "a.map", "b.map", "--report", "r.html"}, Words{"demo", "--report", "r.html"},
+        Words{"report", "result.json", "-o", "r.html"}}) {
+    expect_refusal(words, kWrongUsage, {"r.html", "no viewer", "CAIRN_WITH_VIEWER=ON"});
+  }
+  EXPECT_THAT(files(), IsEmpty());
+}
+
+TEST_F(ReportTest, APageDoesNotGoToStdout) {
+  expect_refusal({"align", "a.map", "b.map", "--report", "-"}, kWrongUsage, {"--report", "a file"});
+}
+
+TEST_F(ReportTest, ResultsAndOutputMustBeGiven) {
+  expect_refusal({"report", "-o", "r.html"}, kWrongUsage, {"result"});
+  expect_refusal({"report", "result.json"}, kWrongUsage, {"--output"});
+  expect_refusal({"report", "", "-o", "r.html"}, kWrongUsage, {"result", "a file"});
+}
+
+TEST_F(WrittenReportTest, AlignShowsEachIterationOfEachStrategy) {
+  write_pair();
+  const std::string text =
+      answer(align({"--confidence", "none,observations", "--truth", "truth.txt", "--report",
+                    "r.html", "--trace", "--json", "result.json"}));
+  EXPECT_THAT(text, HasSubstr("\nreport  r.html\n"));
+  const Json json = Json::parse(content("result.json"));
+  const ReportPage report = page("r.html");
+  const Json& document = report.document;
+  EXPECT_EQ(document.at("title"), "source.map to target.map");
+  EXPECT_THAT(document.at("subtitle").get<std::string>(),
+              StartsWith("The lowest score is that of"));
+  EXPECT_THAT(section_ids(report), ElementsAre("scene", "strategies", "convergence",
+                                               "translation-error", "rotation-error"));
+
+  const Json& provenance = document.at("provenance");
+  EXPECT_EQ(provenance.at("command").at(0), "cairn");
+  EXPECT_EQ(provenance.at("command").at(1), "align");
+  EXPECT_EQ(provenance.at("inputs").at(0).at("role"), "source");
+  EXPECT_EQ(provenance.at("inputs").at(0).at("hash"), hash_file(path("source.map")));
+  EXPECT_EQ(provenance.at("inputs").at(0).at("details").at("landmarks"), 600);
+  EXPECT_EQ(provenance.at("options"), json.at("options"));
+
+  const auto landmarks = json.at("inputs").at("source").at("kept_landmarks").get<std::size_t>();
+  EXPECT_EQ(document.at("maps").at(0).at("count"), landmarks);
+  const Json& runs = section(report, "scene").at("runs");
+  ASSERT_EQ(runs.size(), 2U);
+  EXPECT_EQ(runs.at(0).at("name"), "base");
+  EXPECT_EQ(runs.at(1).at("name"), "observations");
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Json& result = json.at("results").at(i);
+    EXPECT_EQ(runs.at(i).at("summary").at("score"), result.at("score"));
+    EXPECT_EQ(runs.at(i).at("summary").at("rotation_error_deg"),
+              result.at("error").at("rotation_deg"));
+    EXPECT_EQ(report.numbers<double>(runs.at(i).at("poses"), "f64").size(),
+              7 * (result.at("history").size() + 1));
+    EXPECT_EQ(replayed(report, runs.at(i).at("matches")), traced(result, landmarks));
+  }
+}
+
+// A trace for the page is no reason to fill the JSON with it.
+TEST_F(WrittenReportTest, ReportDoesNotChangeTheJson) {
+  write_pair();
+  Json with = document(align({"--report", "r.html"}));
+  Json without = document(align({}));
+  for (Json* const json : {&with, &without}) json->at("results").at(0).erase("duration_s");
+  EXPECT_EQ(with, without);
+}
+
+TEST_F(WrittenReportTest, SavedResultMakesTheSamePage) {
+  write_pair();
+  answer(align({"--confidence", "none,covariance", "--truth", "truth.txt", "--report",
+                "direct.html", "--trace", "--json", "result.json"}));
+  EXPECT_THAT(answer({"report", "result.json", "-o", "saved.html"}), HasSubstr("saved.html"));
+  const ReportPage direct = page("direct.html");
+  const ReportPage saved = page("saved.html");
+  EXPECT_EQ(saved.document.at("title"), direct.document.at("title"));
+  EXPECT_EQ(saved.document.at("maps"), direct.document.at("maps"));
+  EXPECT_EQ(section_ids(saved), section_ids(direct));
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Json& a = section(saved, "scene").at("runs").at(i);
+    const Json& b = section(direct, "scene").at("runs").at(i);
+    EXPECT_EQ(a.at("summary"), b.at("summary"));
+    EXPECT_EQ(replayed(saved, a.at("matches")), replayed(direct, b.at("matches")));
+    const auto x = saved.numbers<double>(a.at("poses"), "f64");
+    const auto y = direct.numbers<double>(b.at("poses"), "f64");
+    ASSERT_EQ(x.size(), y.size());
+    // A quaternion and its negative are one rotation; poses went through matrices.
+    for (std::size_t k = 0; k < x.size(); ++k) EXPECT_NEAR(std::abs(x[k]), std::abs(y[k]), 1e-7);
+  }
+  EXPECT_EQ(saved.document.at("provenance").at("inputs").at(0).at("role"), "result");
+  EXPECT_EQ(saved.document.at("provenance").at("inputs").at(1).at("role"), "source");
+}
+
+TEST_F(WrittenReportTest, MapsThatAreGoneOrChangedAreNamedAndLeftOut) {
+  write_pair();
+  answer(align({"--truth", "truth.txt", "--trace", "--json", "result.json"}));
+  std::filesystem::remove(path("source.map"));
+  write("target.map", content("target.map") + "\n");
+  const CommandResult result = cairn({"report", "result.json", "-o", "r.html"});
+  EXPECT_EQ(result.exit_code, kDone);
+  EXPECT_THAT(result.errors, AllOf(HasSubstr("source.map is gone"),
+                                   HasSubstr("target.map is not the file that was aligned")));
+  const ReportPage report = page("r.html");
+  EXPECT_THAT(report.document.at("maps"), IsEmpty());
+  EXPECT_THAT(section_ids(report), ElementsAre("strategies", "convergence", "remarks"));
+  EXPECT_THAT(section(report, "remarks").at("text").get<std::string>(),
+              HasSubstr("source.map is gone"));
+  // The errors are known from the result.
+  const Json& table = section(report, "strategies");
+  const Json columns = table.at("columns");
+  EXPECT_TRUE(std::any_of(columns.begin(), columns.end(),
+                          [](const Json& c) { return c.at("name") == "Rotation error"; }));
+}
+
+TEST_F(WrittenReportTest, MapsAreFoundBesideTheResult) {
+  write_pair();
+  answer(align({"--json", "result.json"}));
+  std::filesystem::create_directory(path("moved"));
+  for (const char* const name : {"source.map", "target.map", "result.json"}) {
+    std::filesystem::rename(path(name), path("moved") / name);
+  }
+  answer({"report", "moved/result.json", "-o", "r.html"});
+  EXPECT_EQ(page("r.html").document.at("maps").size(), 2U);
+}
+
+TEST_F(WrittenReportTest, SingleMapIsASceneWithoutSource) {
+  write_plain();
+  answer({"report", "plain.map", "-o", "r.html"});
+  const ReportPage report = page("r.html");
+  EXPECT_EQ(report.document.at("title"), "plain.map");
+  EXPECT_EQ(report.document.at("maps").at(0).at("count"), 3);
+  const Json& scene = section(report, "scene");
+  EXPECT_TRUE(scene.at("source").is_null());
+  EXPECT_EQ(scene.at("target"), "map");
+  EXPECT_THAT(scene.at("runs"), IsEmpty());
+}
+
+TEST_F(WrittenReportTest, SeveralResultsStandBelowEachOther) {
+  write_pair();
+  write_plain();
+  answer(align({"--json", "a.json"}));
+  answer(align({"--confidence", "distance", "--json", "b.json"}));
+  const Json json = document(
+      {"report", "a.json", "b.json", "plain.map", "-o", "r.html", "--title", "All <of> it"});
+  EXPECT_EQ(json.at("schema").at("name"), "cairn.report");
+  EXPECT_EQ(json.at("inputs").size(), 3U);
+  EXPECT_EQ(json.at("title"), "All <of> it");
+  EXPECT_THAT(content("r.html"), HasSubstr("<title>All &lt;of&gt; it</title>"));
+  const ReportPage report = page("r.html");
+  EXPECT_EQ(report.document.at("maps").size(), 5U);
+  EXPECT_THAT(section_ids(report),
+              ElementsAre("r1-scene", "r1-strategies", "r1-convergence", "r2-scene",
+                          "r2-strategies", "r2-convergence", "r3-scene"));
+}
+
+TEST_F(WrittenReportTest, DemoTellsItsStory) {
+  answer({"demo", "--synthetic", "--report", "r.html", "--json", "demo.json"});
+  const ReportPage report = page("r.html");
+  EXPECT_THAT(section(report, "scene").at("text").get<std::string>(), StartsWith("Two synthetic"));
+  EXPECT_EQ(section(report, "scene").at("runs").size(), 4U);
+  EXPECT_THAT(report.document.at("subtitle").get<std::string>(), HasSubstr("true pose"));
+  EXPECT_FALSE(section(report, "scene").at("runs").at(0).at("matches").is_null());
+  EXPECT_THAT(content("demo.json"), Not(HasSubstr("\"matches\": [")));
+  // Its document names no maps to show.
+  const CommandResult again = cairn({"report", "demo.json", "-o", "again.html"});
+  EXPECT_EQ(again.exit_code, kDone);
+  EXPECT_THAT(again.errors, HasSubstr("demo.json names no source map"));
+}
+
+TEST_F(WrittenReportTest, FailedAlignmentIsShownAsOne) {
+  write("empty.map", "CAIRN 2\n");
+  write_plain();
+  EXPECT_EQ(cairn({"align", "empty.map", "plain.map", "--report", "r.html"}).exit_code,
+            kNoAlignment);
+  const ReportPage report = page("r.html");
+  EXPECT_EQ(report.document.at("subtitle"), "No strategy found a pose.");
+  EXPECT_EQ(section(report, "scene").at("runs").at(0).at("summary").at("status"), "failed");
+}
+
+TEST_F(WrittenReportTest, WhatIsNoResultIsRefusedWithFileFieldAndValue) {
+  write_pair();
+  answer(align({"--trace", "--json", "result.json"}));
+  const Json good = Json::parse(content("result.json"));
+  const auto expect = [&](const std::string& text, std::initializer_list<std::string_view> parts) {
+    write("bad.json", text);
+    expect_refusal({"report", "bad.json", "-o", "r.html"}, kBadInput, parts);
+    EXPECT_FALSE(std::filesystem::exists(path("r.html")));
+  };
+  const auto changed = [&](const char* pointer, const Json& value) {
+    Json json = good;
+    json[Json::json_pointer(pointer)] = value;
+    return json.dump();
+  };
+  expect("{", {"bad.json", "none", "cairn align"});
+  expect("{}", {"bad.json", "schema.name"});
+  expect(changed("/schema/name", "cairn.info"), {"bad.json", "'cairn.info'", "'cairn align'"});
+  expect(changed("/schema/version", 2), {"bad.json: schema.version is 2", "expected 1"});
+  expect(changed("/results", 5), {"bad.json: results is 5", "a list"});
+  expect(changed("/results", Json::array()), {"results is []", "at least one"});
+  expect(changed("/results/0/status", "fine"),
+         {"results[0].status is \"fine\"", "aligned, failed"});
+  expect(changed("/results/0/k", -1), {"results[0].k is -1", "whole number"});
+  expect(changed("/results/0/history/1/target_from_source", Json::array()),
+         {"results[0].history[1].target_from_source", "4 rows"});
+  expect(changed("/results/0/history/1/matches/0", {0, 100000}),
+         {"bad.json: results[0].history[1].matches holds [0, 100000]", "below ["});
+  expect(changed("/options/initial", "x"), {"options.initial", "4 rows"});
+  expect_refusal({"report", "absent.json", "-o", "r.html"}, kBadInput, {"absent.json"});
+  std::filesystem::create_directory(path("results"));
+  expect_refusal({"report", "results", "-o", "r.html"}, kBadInput, {"results"});
+}
+
+TEST_F(WrittenReportTest, OutputIsCheckedBeforeAnythingIsRead) {
+  expect_refusal({"report", "absent.json", "-o", "no/such/r.html"}, kSystemError, {"no/such"});
+  expect_refusal({"align", "a.map", "b.map", "--report", "no/such/r.html"}, kSystemError,
+                 {"no/such"});
+}
+
+}  // namespace
+}  // namespace cairn::testing

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { announce, button, download, h } from "../dom";
+import { messageOf } from "../document/errors";
+import type { Chart, ChartSection } from "../document/report";
+import { csvBlob, svgText, svgToPng } from "../export";
+import { exportPalette, onThemeChange, palette } from "../theme";
+import { chartRows } from "./chart_data";
+import { drawHeatmap } from "./heatmap";
+import { drawIntervals } from "./intervals";
+import { drawLines, drawScatter } from "./lines";
+import type { DrawOptions } from "./shared";
+import { describeViolin, drawViolin } from "./violin";
+
+const kExportWidth = 960;
+const kMinWidth = 280;
+
+export function drawChart(chart: Chart, options: DrawOptions): SVGSVGElement {
+  switch (chart.chart) {
+    case "violin":
+    case "box":
+      return drawViolin(chart, options);
+    case "lines":
+      return drawLines(chart, options);
+    case "heatmap":
+      return drawHeatmap(chart, options);
+    case "intervals":
+      return drawIntervals(chart, options);
+    case "scatter":
+      return drawScatter(chart, options);
+  }
+}
+
+const kKinds: Record<Chart["chart"], string> = {
+  violin: "Violin chart",
+  box: "Box chart",
+  lines: "Line chart",
+  heatmap: "Heat map",
+  intervals: "Chart of values with intervals",
+  scatter: "Scatter chart",
+};
+
+function describe(section: ChartSection): string {
+  const { chart, title } = section;
+  const head = `${kKinds[chart.chart]}: ${title}.`;
+  if ("groups" in chart) {
+    return `${head} ${describeViolin(chart)}.`;
+  }
+  const names = chart.chart === "heatmap" ? chart.panels : chart.series;
+  return `${head} Shows ${names.map(({ name }) => name).join(", ")}. The data is in the CSV export.`;
+}
+
+/** How many values a logarithmic axis cannot show; said rather than dropped silently. */
+function hiddenOnLogAxis(chart: Chart): number {
+  if ((chart.chart === "violin" || chart.chart === "box") && chart.yScale === "log") {
+    return chart.groups.flatMap((group) => group.values).filter((value) => value <= 0).length;
+  }
+  if (chart.chart === "lines" || chart.chart === "scatter") {
+    return chart.series
+      .flatMap((series) => series.x.map((x, i) => [x, series.y[i]]))
+      .filter(([x, y]) => (chart.xScale === "log" && x <= 0) || (chart.yScale === "log" && y <= 0)).length;
+  }
+  return 0;
+}
+
+/** A chart with its exports. It is drawn when it comes near the view, and again for another width or theme. */
+export function chartFigure(section: ChartSection): HTMLElement {
+  const stage = h("div", { class: "chart-stage" });
+  const figure = h("figure", { class: "card chart", "data-chart": section.chart.chart }, stage);
+  let drawnWidth = 0;
+  let visible = false;
+
+  const draw = () => {
+    const width = Math.max(kMinWidth, Math.floor(stage.clientWidth));
+    drawnWidth = width;
+    try {
+      const svg = drawChart(section.chart, { width, colors: palette(), interactive: true });
+      svg.setAttribute("aria-label", describe(section));
+      stage.replaceChildren(svg);
+    } catch (error) {
+      stage.replaceChildren(h("p", { class: "notice" }, `This chart cannot be drawn: ${messageOf(error)}`));
+    }
+  };
+  const exported = () => {
+    const svg = drawChart(section.chart, { width: kExportWidth, colors: exportPalette(), interactive: false });
+    return {
+      text: svgText(svg, exportPalette().background),
+      width: Number(svg.getAttribute("width")),
+      height: Number(svg.getAttribute("height")),
+    };
+  };
+  const saved = (name: string) => announce(`${name} saved.`);
+
+  const exports = h(
+    "div",
+    { class: "exports", role: "group", "aria-label": `Export “${section.title}”` },
+    button("SVG", () => {
+      download(`${section.id}.svg`, new Blob([exported().text], { type: "image/svg+xml" }));
+      saved(`${section.id}.svg`);
+    }),
+    button("PNG", async () => {
+      const { text, width, height } = exported();
+      download(`${section.id}.png`, await svgToPng(text, width, height));
+      saved(`${section.id}.png`);
+    }),
+    button("CSV", () => {
+      download(`${section.id}.csv`, csvBlob(chartRows(section.chart)));
+      saved(`${section.id}.csv`);
+    }),
+  );
+  const hidden = hiddenOnLogAxis(section.chart);
+  figure.append(
+    h(
+      "div",
+      { class: "figure-foot" },
+      hidden > 0 &&
+        h("p", { class: "muted" }, `${hidden} values are not positive and so not on the logarithmic axis.`),
+      exports,
+    ),
+  );
+
+  const observer = new IntersectionObserver(
+    (entries) => {
+      visible = entries.some((entry) => entry.isIntersecting);
+      if (visible && drawnWidth !== Math.max(kMinWidth, Math.floor(stage.clientWidth))) {
+        draw();
+      }
+    },
+    { rootMargin: "600px" },
+  );
+  observer.observe(figure);
+  new ResizeObserver(() => {
+    if (visible && Math.abs(stage.clientWidth - drawnWidth) > 1) {
+      draw();
+    }
+  }).observe(stage);
+  onThemeChange(() => (visible ? draw() : (drawnWidth = 0)));
+  window.addEventListener("beforeprint", () => drawnWidth === 0 && draw());
+  return figure;
+}

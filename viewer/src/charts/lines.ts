@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import * as Plot from "@observablehq/plot";
+import type { LinesChart, ScatterChart } from "../document/report";
+import { formatNumber } from "../math/format";
+import { seriesColor, seriesDash, seriesSymbol } from "../series_style";
+import { compose, drawable, extent, plotStyle, thresholdMarks, tickFormat, type DrawOptions } from "./shared";
+
+const kMarkersUpTo = 30;
+
+interface LinePoint {
+  name: string;
+  x: number;
+  y: number;
+  low: number;
+  high: number;
+}
+
+export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElement {
+  const { colors } = options;
+  const points: LinePoint[] = chart.series.flatMap((series) =>
+    series.x.map((x, i) => ({
+      name: series.name,
+      x,
+      y: drawable(series.y[i], chart.yScale) ? series.y[i] : NaN,
+      low: series.low?.[i] ?? NaN,
+      high: series.high?.[i] ?? NaN,
+    })),
+  );
+  const inX = points.filter((point) => drawable(point.x, chart.xScale));
+  const xDomain = extent(inX.map((point) => point.x), chart.xScale, false);
+  const yDomain = extent(
+    [...inX.flatMap((point) => [point.y, point.low, point.high]), chart.threshold?.value ?? NaN],
+    chart.yScale,
+  );
+  const bands = inX.filter(
+    (point) => drawable(point.low, chart.yScale) && drawable(point.high, chart.yScale),
+  );
+  const marked = inX.filter(
+    (point) =>
+      Number.isFinite(point.y) &&
+      (chart.series.find((series) => series.name === point.name)?.x.length ?? 0) <= kMarkersUpTo,
+  );
+  const color = (point: LinePoint) => seriesColor(point.name, colors);
+  const plot = Plot.plot({
+    width: options.width,
+    height: Math.round(Math.min(420, Math.max(280, options.width * 0.42))),
+    marginLeft: 72,
+    marginRight: 20,
+    marginBottom: 48,
+    marginTop: 16,
+    style: plotStyle(colors),
+    x: { type: chart.xScale, domain: xDomain, label: null },
+    y: { type: chart.yScale, domain: yDomain, label: null },
+    symbol: { domain: chart.series.map((series) => series.name), range: chart.series.map((series) => seriesSymbol(series.name)) },
+    marks: [
+      Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
+      Plot.axisY({
+        label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain),
+        color: colors.muted, labelArrow: "none", labelAnchor: "center",
+      }),
+      Plot.axisX({
+        label: chart.xLabel, tickFormat: tickFormat(chart.xScale, xDomain), color: colors.muted,
+        ticks: Math.max(4, Math.round(options.width / 90)), labelArrow: "none", labelAnchor: "center",
+      }),
+      Plot.areaY(bands, { x: "x", y1: "low", y2: "high", z: "name", fill: color, fillOpacity: 0.16 }),
+      ...chart.series.map((series) =>
+        Plot.line(
+          inX.filter((point) => point.name === series.name),
+          {
+            x: "x", y: "y", stroke: seriesColor(series.name, colors), strokeWidth: 2,
+            strokeDasharray: seriesDash(series.name) || "none",
+          },
+        ),
+      ),
+      Plot.dot(marked, { x: "x", y: "y", fill: color, symbol: "name", r: 3.5 }),
+      ...(options.interactive
+        ? [
+            Plot.tip(
+              inX.filter((point) => Number.isFinite(point.y)),
+              Plot.pointer({
+                x: "x", y: "y", stroke: color, fill: colors.background,
+                title: (point: LinePoint) =>
+                  `${point.name}\n${formatNumber(point.x)}: ${formatNumber(point.y, 5)}` +
+                  (Number.isFinite(point.low)
+                    ? `\n${formatNumber(point.low)} to ${formatNumber(point.high)}`
+                    : ""),
+              }),
+            ),
+          ]
+        : []),
+      ...thresholdMarks(chart.threshold, "y", colors),
+    ],
+  });
+  return compose(
+    plot,
+    chart.series.map((series) => ({
+      label: series.name,
+      color: seriesColor(series.name, colors),
+      mark: "line" as const,
+      dash: seriesDash(series.name),
+      ...(series.x.length <= kMarkersUpTo ? { symbol: seriesSymbol(series.name) } : {}),
+    })),
+    options,
+  );
+}
+
+export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGElement {
+  const { colors } = options;
+  const points = chart.series.flatMap((series) =>
+    series.x.flatMap((x, i) =>
+      drawable(x, chart.xScale) && drawable(series.y[i], chart.yScale)
+        ? [{ name: series.name, x, y: series.y[i], label: series.labels?.[i] ?? null }]
+        : [],
+    ),
+  );
+  const xDomain = extent([...points.map((p) => p.x), chart.xThreshold?.value ?? NaN], chart.xScale);
+  const yDomain = extent([...points.map((p) => p.y), chart.yThreshold?.value ?? NaN], chart.yScale);
+  const plot = Plot.plot({
+    width: options.width,
+    height: Math.round(Math.min(460, Math.max(300, options.width * 0.5))),
+    marginLeft: 72,
+    marginRight: 20,
+    marginBottom: 48,
+    marginTop: 16,
+    style: plotStyle(colors),
+    x: { type: chart.xScale, domain: xDomain, label: null },
+    y: { type: chart.yScale, domain: yDomain, label: null },
+    symbol: { domain: chart.series.map((series) => series.name), range: chart.series.map((series) => seriesSymbol(series.name)) },
+    marks: [
+      Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
+      Plot.gridX({ stroke: colors.rule, strokeOpacity: 1, ticks: Math.max(4, Math.round(options.width / 110)) }),
+      Plot.axisY({
+        label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain),
+        color: colors.muted, labelArrow: "none", labelAnchor: "center",
+      }),
+      Plot.axisX({
+        label: chart.xLabel, tickSize: 0, tickFormat: tickFormat(chart.xScale, xDomain), color: colors.muted,
+        ticks: Math.max(4, Math.round(options.width / 110)), labelArrow: "none", labelAnchor: "center",
+      }),
+      ...thresholdMarks(chart.xThreshold, "x", colors),
+      ...thresholdMarks(chart.yThreshold, "y", colors),
+      Plot.dot(points, {
+        x: "x", y: "y", symbol: "name", r: 3.4, fillOpacity: 0.75,
+        fill: (d) => seriesColor(d.name, colors),
+      }),
+      ...(options.interactive
+        ? [
+            Plot.tip(
+              points,
+              Plot.pointer({
+                x: "x", y: "y", fill: colors.background, stroke: (d) => seriesColor(d.name, colors),
+                title: (d) =>
+                  `${d.name}${d.label ? ` · ${d.label}` : ""}\n${formatNumber(d.x, 5)}, ${formatNumber(d.y, 5)}`,
+              }),
+            ),
+          ]
+        : []),
+    ],
+  });
+  return compose(
+    plot,
+    chart.series.map((series) => ({
+      label: series.name,
+      color: seriesColor(series.name, colors),
+      mark: "dot" as const,
+      symbol: seriesSymbol(series.name),
+    })),
+    options,
+  );
+}

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What docs/report_format.md specifies, decoded. Numbers that were null are NaN where only numbers make sense.
+import type { Matches } from "./matches";
+
+export type Scale = "linear" | "log";
+export type Vector3 = readonly [number, number, number];
+
+export interface Report {
+  cairnVersion: string | null;
+  title: string;
+  subtitle: string | null;
+  provenance: Provenance | null;
+  sections: Section[];
+}
+
+export interface Provenance {
+  command: string[] | null;
+  seed: number | null;
+  machine: unknown;
+  inputs: { role: string | null; path: string | null; hash: string | null; details: unknown }[];
+  options: unknown;
+}
+
+export interface Column {
+  name: string;
+  label: string;
+  unit: string | null;
+  values: Float32Array | Uint8Array | Uint16Array;
+  scale: number;
+  offset: number;
+}
+
+export interface Frames {
+  count: number;
+  /** tx ty tz qw qx qy qz, world_from_camera. */
+  poses: Float32Array;
+  ids: Uint32Array | null;
+  timestamps: Float64Array | null;
+  /** Tangents of half the views; null if the camera is unknown. */
+  frustum: { halfWidth: number; halfHeight: number } | null;
+}
+
+export interface LandmarkCloud {
+  id: string;
+  name: string;
+  lengthUnit: "m" | "mapunits";
+  count: number;
+  origin: Vector3;
+  step: Vector3;
+  positions: Uint16Array | Uint32Array;
+  /** Low and high word of each landmark's id, or null: ids are 0, 1, … */
+  ids: Uint32Array | null;
+  columns: Column[];
+  colors: Uint8Array | null;
+  frames: Frames | null;
+}
+
+export type SummaryValue = string | number | null;
+
+export interface Run {
+  name: string;
+  summary: [string, SummaryValue][];
+  iterations: number;
+  /** (iterations + 1) times tx ty tz qw qx qy qz of target_from_source. */
+  poses: Float64Array;
+  meanSquaredDistance: Float64Array | null;
+  scores: Float64Array | null;
+  rotationErrorDeg: Float64Array | null;
+  translationErrorM: Float64Array | null;
+  matches: Matches | null;
+}
+
+interface SectionHead {
+  id: string;
+  title: string;
+  text: string | null;
+}
+
+export interface SceneSection extends SectionHead {
+  kind: "scene";
+  source: LandmarkCloud | null;
+  target: LandmarkCloud;
+  /** target_from_source, row-major 4 x 4. */
+  truth: number[] | null;
+  up: Vector3 | null;
+  runs: Run[];
+}
+
+export interface Threshold {
+  value: number;
+  label: string;
+}
+
+export interface ViolinChart {
+  chart: "violin" | "box";
+  xLabel: string | null;
+  yLabel: string | null;
+  yScale: Scale;
+  threshold: Threshold | null;
+  groups: { name: string; values: number[]; labels: string[] | null }[];
+}
+
+export interface LinesChart {
+  chart: "lines";
+  xLabel: string | null;
+  yLabel: string | null;
+  xScale: Scale;
+  yScale: Scale;
+  threshold: Threshold | null;
+  series: { name: string; x: number[]; y: number[]; low: number[] | null; high: number[] | null }[];
+}
+
+export interface HeatmapChart {
+  chart: "heatmap";
+  xLabel: string | null;
+  yLabel: string | null;
+  valueLabel: string | null;
+  /** Bin edges. */
+  x: number[];
+  y: number[];
+  panels: { name: string; values: number[][]; counts: number[][] | null }[];
+  range: [number, number] | null;
+}
+
+export interface IntervalsChart {
+  chart: "intervals";
+  xLabel: string | null;
+  series: {
+    name: string;
+    items: { name: string; value: number; low: number; high: number }[];
+  }[];
+}
+
+export interface ScatterChart {
+  chart: "scatter";
+  xLabel: string | null;
+  yLabel: string | null;
+  xScale: Scale;
+  yScale: Scale;
+  xThreshold: Threshold | null;
+  yThreshold: Threshold | null;
+  series: { name: string; x: number[]; y: number[]; labels: string[] | null }[];
+}
+
+export type Chart = ViolinChart | LinesChart | HeatmapChart | IntervalsChart | ScatterChart;
+
+export interface ChartSection extends SectionHead {
+  kind: "chart";
+  chart: Chart;
+}
+
+export interface TableColumn {
+  name: string;
+  unit: string | null;
+  type: "text" | "number";
+  digits: number | null;
+}
+
+export type Cell = string | number | null;
+
+export interface Table {
+  columns: TableColumn[];
+  rows: Cell[][];
+  best: ("low" | "high" | null)[] | null;
+}
+
+export interface TableSection extends SectionHead {
+  kind: "table";
+  table: Table;
+}
+
+export interface ReportImage {
+  caption: string;
+  mediaType: "image/png" | "image/jpeg";
+  data: Uint8Array;
+  width: number;
+  height: number;
+}
+
+export interface ImagesSection extends SectionHead {
+  kind: "images";
+  images: ReportImage[];
+}
+
+export interface TextSection extends SectionHead {
+  kind: "text";
+}
+
+/** A section that this viewer cannot show; the reason stands in its place. */
+export interface NoticeSection extends SectionHead {
+  kind: "notice";
+  severity: "unknown" | "broken";
+  message: string;
+}
+
+export type Section =
+  | SceneSection
+  | ChartSection
+  | TableSection
+  | ImagesSection
+  | TextSection
+  | NoticeSection;

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { announce, button, h } from "./dom";
+import type { Provenance } from "./document/report";
+import { formatNumber } from "./math/format";
+
+const kMaxDepth = 12;
+
+/** Any JSON as nested name and value lists. */
+function valueTree(value: unknown, depth = 0): Node {
+  if (value === null || value === undefined) {
+    return h("span", { class: "muted" }, "–");
+  }
+  if (typeof value !== "object") {
+    return document.createTextNode(typeof value === "number" ? plainNumber(value) : String(value));
+  }
+  if (depth >= kMaxDepth) {
+    return h("code", null, JSON.stringify(value));
+  }
+  if (Array.isArray(value) && value.every((item) => typeof item !== "object" || item === null)) {
+    return document.createTextNode(value.length ? value.map((item) => String(item)).join(", ") : "–");
+  }
+  const entries = Object.entries(value);
+  return entries.length === 0
+    ? h("span", { class: "muted" }, "none")
+    : h(
+        "dl",
+        { class: "tree" },
+        ...entries.map(([name, item]) =>
+          h("div", null, h("dt", null, name), h("dd", null, valueTree(item, depth + 1))),
+        ),
+      );
+}
+
+/** Options are shown as they were given: no grouping, no rounding. */
+function plainNumber(value: number): string {
+  return Number.isFinite(value) ? String(value) : formatNumber(value);
+}
+
+/** A command line that a POSIX shell reads back as the same words. */
+export function shellCommand(words: string[]): string {
+  return words
+    .map((word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`))
+    .join(" ");
+}
+
+export function provenanceSection(
+  provenance: Provenance | null,
+  version: string | null,
+): HTMLElement {
+  const facts = h("dl", { class: "facts" });
+  const fact = (name: string, value: Node) => facts.append(h("div", null, h("dt", null, name), h("dd", null, value)));
+  fact("Cairn", document.createTextNode(version ?? "unknown version"));
+  const section = h(
+    "section",
+    { id: "provenance", class: "section", "aria-labelledby": "provenance-title" },
+    h("h2", { id: "provenance-title" }, "Provenance"),
+    h("p", { class: "section-text" }, "What went into this report, and how to make it again."),
+  );
+  if (!provenance) {
+    section.append(h("div", { class: "card provenance" }, facts));
+    return section;
+  }
+  fact("Seed", valueTree(provenance.seed));
+  fact("Machine", valueTree(provenance.machine));
+  const card = h("div", { class: "card provenance" });
+  if (provenance.command) {
+    const text = shellCommand(provenance.command);
+    const copy = button("Copy", async () => {
+      try {
+        await navigator.clipboard.writeText(text);
+        announce("Command copied.");
+        copy.textContent = "Copied";
+      } catch {
+        getSelection()?.selectAllChildren(code);
+        announce("Command selected.");
+      }
+    });
+    const code = h("code", null, text);
+    card.append(h("div", { class: "command" }, h("pre", { tabindex: 0 }, code), copy));
+  }
+  card.append(facts);
+  if (provenance.inputs.length > 0) {
+    card.append(
+      h("h3", null, "Inputs"),
+      h(
+        "div",
+        { class: "table-scroll", tabindex: 0, role: "region", "aria-label": "Inputs" },
+        h(
+          "table",
+          { class: "inputs" },
+          h("thead", null, h("tr", null, ...["Role", "File", "Hash", "Details"].map((name) => h("th", { scope: "col" }, name)))),
+          h(
+            "tbody",
+            null,
+            ...provenance.inputs.map((input) =>
+              h(
+                "tr",
+                null,
+                h("td", null, input.role ?? "–"),
+                h("td", { class: "path" }, input.path ?? "–"),
+                h("td", { class: "hash" }, h("code", null, input.hash ?? "–")),
+                h("td", null, valueTree(input.details)),
+              ),
+            ),
+          ),
+        ),
+      ),
+    );
+  }
+  card.append(h("h3", null, "Options"), valueTree(provenance.options));
+  section.append(card);
+  return section;
+}
+
+/** The licences of the packages inside this page, shown on demand. */
+export function licencesDisclosure(): HTMLElement {
+  const text = h("pre", { tabindex: 0 });
+  const details = h("details", { class: "licences" }, h("summary", null, "Third-party licences of this page"), text);
+  details.addEventListener("toggle", () => {
+    text.textContent = document.getElementById("licences")?.textContent ?? "";
+  });
+  return details;
+}

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { PerspectiveCamera } from "three";
+import { cross, dot, unit } from "../math/pose";
+import type { Vector3 } from "../document/report";
+
+export const kFieldOfView = 40;
+const kMaxElevation = (89.9 * Math.PI) / 180;
+
+export interface OrbitState {
+  /** What is looked at, in the scene's frame. */
+  target: [number, number, number];
+  distance: number;
+  azimuth: number;
+  elevation: number;
+}
+
+export type StandardView = "home" | "top" | "front" | "side";
+
+/** Turns an orbit about `up` into cameras, and gestures into changes of the orbit. */
+export class Orbit {
+  readonly up: [number, number, number];
+  readonly #forward: [number, number, number];
+  readonly #right: [number, number, number];
+
+  /** `towards` is where the standard view looks; null: anywhere. */
+  constructor(up: Vector3, towards: Vector3 | null) {
+    this.up = unit(up) ?? [0, 0, 1];
+    const wanted = towards ?? (Math.abs(this.up[1]) < 0.9 ? [0, 1, 0] : [0, 0, 1]);
+    const flat = (v: Vector3) => {
+      const height = dot(v, this.up);
+      return unit([v[0] - height * this.up[0], v[1] - height * this.up[1], v[2] - height * this.up[2]]);
+    };
+    this.#forward = flat(wanted) ?? flat([1, 0, 0]) ?? flat([0, 1, 0]) ?? [1, 0, 0];
+    this.#right = cross(this.#forward, this.up);
+  }
+
+  view(name: StandardView, target: [number, number, number], distance: number): OrbitState {
+    const degrees = Math.PI / 180;
+    const angles = {
+      home: [-28 * degrees, 24 * degrees],
+      top: [0, kMaxElevation],
+      front: [0, 0],
+      side: [-90 * degrees, 0],
+    }[name];
+    return { target: [...target], distance, azimuth: angles[0], elevation: angles[1] };
+  }
+
+  /** From the target to the eye, of length 1. */
+  #eyeDirection(state: OrbitState): [number, number, number] {
+    const { azimuth, elevation } = state;
+    const flat = Math.cos(elevation);
+    const a = -Math.cos(azimuth) * flat;
+    const b = Math.sin(azimuth) * flat;
+    const c = Math.sin(elevation);
+    return [0, 1, 2].map((i) => a * this.#forward[i] + b * this.#right[i] + c * this.up[i]) as [number, number, number];
+  }
+
+  place(camera: PerspectiveCamera, state: OrbitState, aspect: number, reach: number): void {
+    const eye = this.#eyeDirection(state);
+    camera.fov = kFieldOfView;
+    camera.aspect = aspect;
+    camera.near = Math.max(state.distance / 200, 1e-6);
+    camera.far = state.distance + 20 * reach;
+    camera.up.set(...this.up);
+    camera.position.set(
+      state.target[0] + eye[0] * state.distance,
+      state.target[1] + eye[1] * state.distance,
+      state.target[2] + eye[2] * state.distance,
+    );
+    camera.lookAt(...state.target);
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+  }
+
+  rotate(state: OrbitState, right: number, down: number): void {
+    state.azimuth += right;
+    state.elevation = Math.min(kMaxElevation, Math.max(-kMaxElevation, state.elevation + down));
+  }
+
+  /** Moves the target so that the picture follows the pointer; distances in pane heights. */
+  pan(state: OrbitState, right: number, down: number): void {
+    const eye = this.#eyeDirection(state);
+    const side = unit(cross(this.up, eye)) ?? this.#right;
+    const above = cross(eye, side);
+    const scale = 2 * state.distance * Math.tan((kFieldOfView * Math.PI) / 360);
+    for (let i = 0; i < 3; ++i) {
+      state.target[i] += scale * (-right * side[i] + down * above[i]);
+    }
+  }
+
+  zoom(state: OrbitState, factor: number, reach: number): void {
+    state.distance = Math.min(50 * reach, Math.max(1e-3 * reach, state.distance * factor));
+  }
+}
+
+/** The distance from which a ball of radius `reach` fills the view. */
+export function fittingDistance(reach: number, aspect: number): number {
+  const vertical = (kFieldOfView * Math.PI) / 360;
+  const horizontal = Math.atan(Math.tan(vertical) * aspect);
+  return reach / Math.sin(Math.min(vertical, horizontal));
+}
+
+interface GestureTarget {
+  rotate(right: number, down: number): void;
+  pan(right: number, down: number): void;
+  zoom(factor: number): void;
+  /** A click or tap that was no drag; in CSS pixels of the element. */
+  press(x: number, y: number, touch: boolean): void;
+  hover(x: number, y: number): void;
+  leave(): void;
+  /** May a plain wheel zoom here, or should it scroll the page? */
+  wheelZooms(): boolean;
+  wheelIgnored(): void;
+}
+
+const kClickSlack = 5;
+
+/** Pointer, touch and wheel gestures: drag turns, right or shift drag and two fingers move, wheel and pinch zoom. */
+export function listenForGestures(element: HTMLElement, target: GestureTarget): void {
+  const pointers = new Map<number, { x: number; y: number }>();
+  let travelled = 0;
+  let panning = false;
+  const at = (event: PointerEvent) => {
+    const box = element.getBoundingClientRect();
+    return { x: event.clientX - box.left, y: event.clientY - box.top };
+  };
+  element.addEventListener("contextmenu", (event) => event.preventDefault());
+  element.addEventListener("pointerdown", (event) => {
+    element.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, at(event));
+    if (pointers.size === 1) {
+      travelled = 0;
+      panning = event.button === 2 || event.button === 1 || event.shiftKey;
+    } else {
+      travelled = Infinity;
+    }
+    target.leave();
+  });
+  element.addEventListener("pointermove", (event) => {
+    const now = at(event);
+    const before = pointers.get(event.pointerId);
+    if (!before) {
+      if (event.pointerType !== "touch") {
+        target.hover(now.x, now.y);
+      }
+      return;
+    }
+    const height = element.clientHeight || 1;
+    const dx = now.x - before.x;
+    const dy = now.y - before.y;
+    if (pointers.size === 1) {
+      travelled += Math.hypot(dx, dy);
+      if (travelled > kClickSlack) {
+        if (panning) {
+          target.pan(dx / height, dy / height);
+        } else {
+          target.rotate((-Math.PI * dx) / height, (Math.PI * dy) / height);
+        }
+      }
+    } else if (pointers.size === 2) {
+      const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+      if (other) {
+        const was = Math.hypot(before.x - other.x, before.y - other.y);
+        const is = Math.hypot(now.x - other.x, now.y - other.y);
+        if (was > 0 && is > 0) {
+          target.zoom(was / is);
+        }
+        target.pan(dx / 2 / height, dy / 2 / height);
+      }
+    }
+    pointers.set(event.pointerId, now);
+  });
+  const release = (event: PointerEvent, pressed: boolean) => {
+    if (pointers.delete(event.pointerId) && pressed && travelled <= kClickSlack) {
+      const { x, y } = at(event);
+      target.press(x, y, event.pointerType === "touch");
+    }
+  };
+  element.addEventListener("pointerup", (event) => release(event, true));
+  element.addEventListener("pointercancel", (event) => release(event, false));
+  element.addEventListener("pointerleave", () => target.leave());
+  element.addEventListener(
+    "wheel",
+    (event) => {
+      if (!event.ctrlKey && !target.wheelZooms()) {
+        target.wheelIgnored();
+        return;
+      }
+      event.preventDefault();
+      const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : event.deltaMode === 2 ? 400 : 1);
+      target.zoom(Math.exp(Math.max(-200, Math.min(200, pixels)) * (event.ctrlKey ? 0.008 : 0.0016)));
+    },
+    { passive: false },
+  );
+}

@@ -1,0 +1,568 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { announce, button, download, h } from "../dom";
+import type { Cell, Run, SceneSection, Table } from "../document/report";
+import { canvasToPng } from "../export";
+import { labelOf } from "../math/format";
+import { tableFigure } from "../table";
+import { onThemeChange, palette } from "../theme";
+import type { ColorMode } from "./coloring";
+import { listenForKeys, showHelp } from "./keyboard";
+import { legendContent } from "./legend";
+import { listenForGestures, type OrbitState, type StandardView } from "./orbit";
+import { Pane, type Quality } from "./pane";
+import type { Pick } from "./picking";
+import { recordContent } from "./record";
+import { RenderService } from "./render_service";
+import { SceneModel } from "./scene_model";
+import { Timeline } from "./timeline";
+import type { LayerName, ViewState } from "./view_state";
+
+/** Landmarks that can be drawn while things move, without and with a graphics card. */
+const kSoftwareBudget = 120_000;
+const kHardwareBudget = 4_000_000;
+/** Up to so many landmarks a picture is drawn with twice the resolution and shrunk, which smooths it. */
+const kSmoothUpTo = 60_000;
+const kSettleMs = 180;
+const kHoverUpTo = 200_000;
+const kHoverRestMs = 140;
+const kStacksBelow = 700;
+
+const kLayers: [LayerName, string][] = [
+  ["source", "Source"],
+  ["target", "Target"],
+  ["matches", "Matches"],
+  ["cameras", "Cameras"],
+  ["truth", "Truth"],
+  ["grid", "Grid"],
+];
+
+class SceneFigure {
+  readonly element: HTMLElement;
+  readonly #section: SceneSection;
+  readonly #model: SceneModel;
+  readonly #service = RenderService.shared();
+  readonly #panes: Pane[];
+  readonly #shown = new Set<Pane>();
+  readonly #state: ViewState;
+  readonly #timeline: Timeline | null;
+  readonly #stage = h("div", { class: "stage" });
+  readonly #legend = h("div", { class: "legend" });
+  readonly #record = h("div", { class: "record" });
+  readonly #chips = new Map<Pane, HTMLButtonElement>();
+  readonly #logBox = h("input", { type: "checkbox" });
+  #bar: HTMLElement | null = null;
+  #linked = true;
+  #solo: Pane | null = null;
+  #frame = 0;
+  #settleTimer = 0;
+  #hoverTimer = 0;
+  #moving = false;
+  #dirty = new Set<Pane>();
+  #settled: (() => void) | null;
+
+  constructor(section: SceneSection, settled: () => void) {
+    this.#section = section;
+    this.#settled = settled;
+    const model = (this.#model = new SceneModel(section));
+    this.#state = {
+      iteration: model.maxIterations,
+      layers: {
+        source: true, target: true, matches: section.runs.length > 0 && model.landmarkCount <= kHoverUpTo,
+        cameras: true, truth: false, grid: true,
+      },
+      // A map on its own needs no role; its own colours say more.
+      color: !model.source && model.target.colors ? { kind: "own" } : { kind: "role" },
+      logScale: null,
+      scale: null,
+      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : 3.5,
+      selected: null,
+    };
+    const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
+    const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
+    const stride = Math.ceil((model.landmarkCount * runs.length) / budget);
+    this.#panes = runs.map((run) => new Pane(model, run, this.#state, palette(), stride, (pane) => this.#enlarge(pane)));
+    this.#panes.forEach((pane) => this.#shown.add(pane));
+    this.#timeline =
+      model.maxIterations > 0
+        ? new Timeline(section.runs, model.maxIterations, model.lengthUnit, (iteration) => this.#goTo(iteration))
+        : null;
+
+    this.element = h("figure", { class: "card scene", "data-scene": section.id, tabindex: -1 });
+    this.element.append(
+      this.#toolbar(),
+      h("div", { class: "scene-body" }, this.#stage, h("aside", { class: "scene-side", "aria-label": "Legend and record" }, this.#legend, this.#record)),
+    );
+    if (this.#timeline) {
+      this.element.append(this.#timeline.element);
+    }
+    const summary = summaryTable(section);
+    if (summary) {
+      this.element.append(h("div", { class: "scene-summary" }, h("h3", null, "Results"), summary));
+    }
+    this.#stage.append(...this.#panes.map((pane) => pane.element));
+    this.#panes.forEach((pane) => this.#listen(pane));
+    if (!this.#service.available) {
+      this.#stage.prepend(
+        h("p", { class: "notice", role: "alert" }, "The 3D view needs WebGL 2, which this browser does not offer or has switched off. Numbers, charts and tables work without it."),
+      );
+      this.element.classList.add("no-webgl");
+    }
+    this.#service.onRestored(() => this.#redraw());
+    onThemeChange((colors) => {
+      this.#panes.forEach((pane) => pane.setColors(colors));
+      this.#timeline?.redraw();
+      this.#colourChips();
+      this.#refreshSide();
+      this.#redraw();
+    });
+    new ResizeObserver(() => this.#layOut()).observe(this.#stage);
+    document.addEventListener("fullscreenchange", () => {
+      if (!document.fullscreenElement && this.#solo && this.element.classList.contains("is-fullscreen")) {
+        this.#enlarge(this.#solo);
+      }
+    });
+    listenForKeys({
+      element: this.element,
+      step: (by) => this.#timeline?.step(by),
+      jump: (to) => this.#timeline?.jump(to === "first" ? 0 : model.maxIterations),
+      playPause: () => this.#timeline?.toggle(),
+      resetView: () => this.#view("home"),
+      toggleRun: (index) => this.#panes[index] && section.runs.length > 1 && this.#toggle(this.#panes[index]),
+      turn: (right, down) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.rotate(orbit, right, down)),
+      zoom: (factor) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      escape: () => this.#escape(),
+    });
+    this.#view("home");
+    if (this.#timeline) {
+      this.#timeline.jump(model.maxIterations);
+    } else {
+      this.#goTo(0);
+    }
+    this.#colourChips();
+    this.#refreshSide();
+    requestAnimationFrame(() => {
+      this.#layOut();
+      this.#view("home");
+    });
+  }
+
+  // Controls
+
+  #toolbar(): HTMLElement {
+    const model = this.#model;
+    const group = (label: string, ...children: (Node | null)[]) =>
+      h("div", { class: "tool-group", role: "group", "aria-label": label }, h("span", { class: "tool-label", "aria-hidden": "true" }, label), ...children);
+    const bar = (this.#bar = h("div", { class: "toolbar" }));
+    if (this.#section.runs.length > 1) {
+      const chips = this.#panes.map((pane, index) => {
+        const chip = button(pane.run?.name ?? "", () => this.#toggle(pane), {
+          class: "chip", "aria-pressed": "true", title: index < 9 ? `Key ${index + 1}` : null,
+        });
+        if (index < 9) {
+          chip.prepend(h("kbd", { "aria-hidden": "true" }, String(index + 1)));
+        }
+        this.#chips.set(pane, chip);
+        return chip;
+      });
+      bar.append(group("Strategies", ...chips));
+    }
+    const has: Record<LayerName, boolean> = {
+      source: model.source !== null,
+      target: true,
+      matches: model.hasResiduals,
+      cameras: Boolean(model.target.frames ?? model.source?.frames),
+      truth: model.truth !== null && model.source !== null,
+      grid: true,
+    };
+    const layers = kLayers.filter(([name]) => has[name]).map(([name, label]) => {
+      const toggle = button(model.source || name !== "target" ? label : "Landmarks", () => {
+        this.#state.layers[name] = !this.#state.layers[name];
+        toggle.setAttribute("aria-pressed", String(this.#state.layers[name]));
+        this.#panes.forEach((pane) => pane.moveTo());
+        this.#refreshSide();
+        this.#redraw();
+      }, { class: "chip", "aria-pressed": String(this.#state.layers[name]), "data-layer": name });
+      return toggle;
+    });
+    // On a phone the rest waits behind a button; elsewhere the button is not there.
+    const more = h("div", { class: "tool-more" });
+    const toggle = button("View options", () => {
+      toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open")));
+    }, { class: "tool-toggle", "aria-expanded": "false" });
+    bar.append(toggle, more);
+    more.append(group("Show", ...layers));
+    more.append(group("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")));
+    const size = h("input", { type: "range", min: 1, max: 10, step: 0.5, value: this.#state.pointSize, "aria-label": "Point size", class: "size" });
+    size.addEventListener("input", () => {
+      this.#state.pointSize = Number(size.value);
+      this.#redraw();
+    });
+    more.append(group("Points", size));
+    const views: [StandardView, string][] = [["home", "Reset"], ["top", "Top"], ["front", "Front"], ["side", "Side"]];
+    more.append(group("View", ...views.map(([name, label]) => button(label, () => this.#view(name), { class: "quiet", "data-view": name }))));
+    if (this.#panes.length > 1) {
+      const link = button("Linked", () => {
+        this.#linked = !this.#linked;
+        link.setAttribute("aria-pressed", String(this.#linked));
+        const from = this.#focusedPane();
+        this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
+        this.#redraw();
+      }, { class: "chip", "aria-pressed": "true", title: "Turn all views together" });
+      more.append(group("Cameras", link));
+    }
+    more.append(
+      h("div", { class: "tool-group tool-end" },
+        button("PNG", () => void this.#savePicture(), { class: "quiet", "aria-label": "Save the view as PNG" }),
+        button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" })),
+    );
+    return bar;
+  }
+
+  #colourChooser(): HTMLSelectElement {
+    const model = this.#model;
+    const choices: [string, string, ColorMode][] = [["role", model.source ? "Source and target" : "One colour", { kind: "role" }]];
+    if (model.hasResiduals) {
+      choices.push(["residual", "Residual", { kind: "residual" }]);
+    }
+    for (const { name, label } of model.columns) {
+      choices.push([`column:${name}`, label, { kind: "column", name }]);
+    }
+    if (model.target.colors ?? model.source?.colors) {
+      choices.push(["own", "Own colours", { kind: "own" }]);
+    }
+    const select = h("select", { "aria-label": "Colour by" }, ...choices.map(([value, label]) => h("option", { value, selected: value === this.#state.color.kind }, label)));
+    const apply = () => {
+      this.#state.scale = model.colorScale(this.#state.color, this.#state.logScale);
+      this.#logBox.checked = this.#state.scale?.log ?? false;
+      this.element.classList.toggle("has-scale", this.#state.scale !== null);
+      this.#panes.forEach((pane) => pane.recolour());
+      this.#refreshSide();
+      this.#redraw();
+    };
+    select.addEventListener("change", () => {
+      this.#state.color = choices.find(([value]) => value === select.value)?.[2] ?? { kind: "role" };
+      this.#state.logScale = null;
+      apply();
+    });
+    this.#logBox.addEventListener("change", () => {
+      this.#state.logScale = this.#logBox.checked;
+      apply();
+    });
+    return select;
+  }
+
+  #colourChips(): void {
+    for (const [pane, chip] of this.#chips) {
+      chip.setAttribute("aria-pressed", String(this.#shown.has(pane)));
+    }
+  }
+
+  // Iterations and panes
+
+  #goTo(iteration: number): void {
+    this.#state.iteration = iteration;
+    for (const pane of this.#shown) {
+      pane.moveTo();
+    }
+    this.#refreshRecord();
+    this.#redraw(true);
+  }
+
+  #toggle(pane: Pane): void {
+    if (this.#shown.has(pane)) {
+      if (this.#shown.size === 1) {
+        announce("One strategy stays shown.");
+        return;
+      }
+      this.#shown.delete(pane);
+    } else {
+      this.#shown.add(pane);
+      pane.moveTo();
+    }
+    this.#colourChips();
+    this.#timeline?.showRuns((run) => this.#panes.some((other) => other.run === run && this.#shown.has(other)));
+    this.#refreshRecord();
+    this.#layOut();
+    announce(`${pane.run?.name ?? ""} ${this.#shown.has(pane) ? "shown" : "hidden"}.`);
+  }
+
+  #visiblePanes(): Pane[] {
+    return this.#panes.filter((pane) => (this.#solo ? pane === this.#solo : this.#shown.has(pane)));
+  }
+
+  #layOut(): void {
+    const visible = this.#visiblePanes();
+    const width = this.#stage.clientWidth;
+    const wanted = visible.length <= 1 || width < kStacksBelow ? 1 : visible.length === 3 || visible.length > 4 ? 3 : 2;
+    const columns = width < 960 ? Math.min(wanted, 2) : wanted;
+    const rows = Math.ceil(visible.length / columns);
+    // All rows and the timeline fit the window together once the toolbar is scrolled away.
+    const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
+    const tall = Math.min(this.#solo ? Infinity : 960, innerHeight) - around;
+    const height =
+      width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
+    this.#stage.style.setProperty("--columns", String(columns));
+    this.#stage.style.setProperty("--pane-height", `${Math.round(height)}px`);
+    for (const pane of this.#panes) {
+      pane.element.hidden = !visible.includes(pane);
+    }
+    this.#redraw();
+  }
+
+  #enlarge(pane: Pane): void {
+    const leaving = this.#solo === pane;
+    this.#solo = leaving ? null : pane;
+    this.element.classList.toggle("is-solo", !leaving);
+    document.documentElement.classList.toggle("has-solo", !leaving);
+    pane.maximise.setAttribute("aria-pressed", String(!leaving));
+    if (leaving) {
+      this.element.classList.remove("is-fullscreen");
+      if (document.fullscreenElement) {
+        void document.exitFullscreen();
+      }
+    } else {
+      // Where the browser refuses full screen, the view still fills its window.
+      this.element
+        .requestFullscreen?.()
+        .then(() => this.element.classList.add("is-fullscreen"))
+        .catch(() => {});
+    }
+    requestAnimationFrame(() => this.#layOut());
+  }
+
+  #escape(): boolean {
+    if (this.#solo) {
+      this.#enlarge(this.#solo);
+      return true;
+    }
+    if (this.#state.selected) {
+      this.#select(null);
+      return true;
+    }
+    return false;
+  }
+
+  // Cameras
+
+  #focusedPane(): Pane {
+    const visible = this.#visiblePanes();
+    return visible.find((pane) => pane.element.contains(document.activeElement)) ?? visible[0] ?? this.#panes[0];
+  }
+
+  #view(name: StandardView): void {
+    const model = this.#model;
+    const pane = this.#focusedPane();
+    const aspect = (pane.surface.clientWidth || 3) / (pane.surface.clientHeight || 2);
+    const orbit = model.orbit.view(name, [0, 0, 0], model.homeDistance(aspect));
+    for (const other of this.#linked || name === "home" ? this.#panes : [pane]) {
+      other.orbit = this.#linked ? orbit : copyOrbit(orbit);
+    }
+    this.#redraw();
+  }
+
+  #turn(pane: Pane, change: (orbit: OrbitState) => void): void {
+    change(pane.orbit);
+    if (this.#linked) {
+      this.#redraw(true);
+    } else {
+      this.#dirty.add(pane);
+      this.#schedule(true);
+    }
+  }
+
+  #listen(pane: Pane): void {
+    const model = this.#model;
+    const hoverNow = (x: number, y: number) => pane.hover(pane.pick(x, y, false), x, y);
+    listenForGestures(pane.overlay, {
+      rotate: (right, down) => this.#turn(pane, (orbit) => model.orbit.rotate(orbit, right, down)),
+      pan: (right, down) => this.#turn(pane, (orbit) => model.orbit.pan(orbit, right, down)),
+      zoom: (factor) => this.#turn(pane, (orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      press: (x, y, touch) => {
+        pane.overlay.focus({ preventScroll: true });
+        this.#select(pane.pick(x, y, touch));
+      },
+      hover: (x, y) => {
+        clearTimeout(this.#hoverTimer);
+        const rest = model.landmarkCount > kHoverUpTo ? kHoverRestMs : 0;
+        this.#hoverTimer = window.setTimeout(() => hoverNow(x, y), rest);
+      },
+      leave: () => {
+        clearTimeout(this.#hoverTimer);
+        pane.hover(null, 0, 0);
+      },
+      wheelZooms: () => this.#solo !== null || this.#stage.contains(document.activeElement),
+      wheelIgnored: () => pane.hint("Click the view to zoom with the wheel"),
+    });
+  }
+
+  // Records
+
+  #select(pick: Pick | null): void {
+    this.#state.selected = pick;
+    this.#refreshRecord();
+    this.#visiblePanes().forEach((pane) => pane.drawOverlay());
+  }
+
+  #refreshRecord(): void {
+    const { selected } = this.#state;
+    this.element.classList.toggle("has-record", selected !== null);
+    if (!selected) {
+      this.#record.replaceChildren(h("p", { class: "muted small" }, "Click or tap a landmark for its record."));
+      return;
+    }
+    this.#record.replaceChildren(
+      button("×", () => this.#select(null), { class: "close quiet", "aria-label": "Close the record" }),
+      ...recordContent(this.#model, this.#visiblePanes(), selected),
+    );
+  }
+
+  #refreshSide(): void {
+    const stride = Math.max(...this.#panes.map((pane) => pane.matchStride));
+    this.#legend.replaceChildren(
+      ...legendContent(this.#model, this.#state, palette(), stride > 1 ? `one in ${stride} drawn` : null),
+    );
+  }
+
+  // Drawing: only when something changed, cheaply while it changes, in full once it rests
+
+  #redraw(moving = false): void {
+    this.#visiblePanes().forEach((pane) => this.#dirty.add(pane));
+    this.#schedule(moving);
+  }
+
+  #schedule(moving: boolean): void {
+    this.element.dataset.drawn = "pending";
+    if (moving && this.#isHeavy()) {
+      this.#moving = true;
+      clearTimeout(this.#settleTimer);
+      this.#settleTimer = window.setTimeout(() => {
+        this.#moving = false;
+        this.#redraw();
+      }, kSettleMs);
+    }
+    if (!this.#frame && this.#service.available) {
+      this.#frame = requestAnimationFrame(() => this.#drawFrame());
+    } else if (!this.#service.available) {
+      this.#report();
+    }
+  }
+
+  #isHeavy(): boolean {
+    const drawn = this.#model.landmarkCount * this.#visiblePanes().length;
+    return this.#service.software || drawn > kSmoothUpTo;
+  }
+
+  #drawFrame(): void {
+    this.#frame = 0;
+    const quality = this.#quality();
+    const drawn = this.#model.landmarkCount * this.#visiblePanes().length;
+    const oneAtATime = !quality.preview && drawn > kSoftwareBudget && this.#service.software;
+    for (const pane of this.#visiblePanes()) {
+      if (this.#dirty.delete(pane)) {
+        if (pane.surface.clientWidth > 0) {
+          pane.draw(this.#service, quality);
+        }
+        if (oneAtATime) {
+          break;
+        }
+      }
+    }
+    const left = this.#visiblePanes().some((pane) => this.#dirty.has(pane));
+    if (left) {
+      this.#schedule(false);
+    } else {
+      this.#report();
+    }
+  }
+
+  /** Tells the page that this scene is up, and tests that the picture is the final one. */
+  #report(): void {
+    this.element.dataset.drawn = this.#moving ? "preview" : "full";
+    this.#settled?.();
+    this.#settled = null;
+  }
+
+  #quality(): Quality {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const count = this.#model.landmarkCount * this.#visiblePanes().length;
+    const smooth = count <= kSmoothUpTo && !this.#moving ? 2 : 1;
+    return { resolution: Math.max(smooth, this.#service.software && !smooth ? 1 : ratio), preview: this.#moving };
+  }
+
+  async #savePicture(): Promise<void> {
+    const colors = palette();
+    const kGap = 12;
+    const kCaption = 44;
+    const ratio = 2;
+    const panes = this.#visiblePanes();
+    const columns = Number(this.#stage.style.getPropertyValue("--columns")) || 1;
+    const width = panes[0].surface.clientWidth;
+    const height = panes[0].surface.clientHeight;
+    const canvas = document.createElement("canvas");
+    const rows = Math.ceil(panes.length / columns);
+    canvas.width = ratio * (columns * (width + kGap) + kGap);
+    canvas.height = ratio * (rows * (height + kCaption + kGap) + kGap);
+    const context = canvas.getContext("2d");
+    if (!context) {
+      return;
+    }
+    context.fillStyle = colors.background;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.scale(ratio, ratio);
+    panes.forEach((pane, index) => {
+      const x = kGap + (index % columns) * (width + kGap);
+      const y = kGap + Math.floor(index / columns) * (height + kCaption + kGap);
+      context.drawImage(pane.picture(this.#service, ratio), x, y + kCaption, width, height);
+      context.fillStyle = colors.ink;
+      context.font = "600 14px system-ui, sans-serif";
+      context.fillText(pane.run?.name ?? this.#model.target.name, x + 4, y + 16);
+      context.fillStyle = colors.muted;
+      context.font = "12px system-ui, sans-serif";
+      context.fillText(pane.caption, x + 4, y + 34);
+    });
+    const name = `${this.#section.id}-${this.#state.iteration}.png`;
+    download(name, await canvasToPng(canvas));
+    announce(`${name} saved.`);
+  }
+}
+
+function copyOrbit(orbit: OrbitState): OrbitState {
+  return { ...orbit, target: [...orbit.target] };
+}
+
+const kBestOf: Record<string, "low" | "high"> = {
+  score: "low", rotation_error_deg: "low", translation_error_m: "low", probability: "high",
+};
+
+/** What the alignments' results say, a row for each strategy; keys without any value are left out. */
+function summaryTable(section: SceneSection): HTMLElement | null {
+  const keys = [...new Set(section.runs.flatMap((run) => run.summary.map(([key]) => key)))].filter((key) =>
+    section.runs.some((run) => run.summary.some(([name, value]) => name === key && value !== null)),
+  );
+  if (keys.length === 0) {
+    return null;
+  }
+  const rows: Cell[][] = section.runs.map((run) => {
+    const values = new Map(run.summary);
+    return [run.name, ...keys.map((key) => values.get(key) ?? null)];
+  });
+  const table: Table = {
+    columns: [
+      { name: "Strategy", unit: null, type: "text", digits: null },
+      ...keys.map((key, index) => ({
+        name: labelOf(key).label,
+        unit: labelOf(key).unit,
+        type: rows.some((row) => typeof row[index + 1] === "string") ? ("text" as const) : ("number" as const),
+        digits: null,
+      })),
+    ],
+    rows,
+    best: [null, ...keys.map((key) => (Object.prototype.hasOwnProperty.call(kBestOf, key) ? kBestOf[key] : null))],
+  };
+  return tableFigure(table, `Results of “${section.title}”`, `${section.id}-results`);
+}
+
+/** The 3D view of a section; `settled` is called once it has drawn its first picture. */
+export function sceneFigure(section: SceneSection, settled: () => void): HTMLElement {
+  return new SceneFigure(section, settled).element;
+}

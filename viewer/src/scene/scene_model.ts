@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import type { Frames, LandmarkCloud, Run, SceneSection } from "../document/report";
+import { MatchTimeline } from "../document/matches";
+import { apply, fromRowMajor, kIdentity, poseAt, positionOf, unit, type Affine } from "../math/pose";
+import { quantileSorted, robustRange } from "../math/statistics";
+import { columnScale, type ColorMode, type ColorScale } from "./coloring";
+import { fittingDistance, Orbit } from "./orbit";
+
+export type Role = "source" | "target";
+
+const kResidualSamples = 4000;
+
+/** Everything about a scene that does not change while it is looked at. */
+export class SceneModel {
+  readonly section: SceneSection;
+  readonly source: LandmarkCloud | null;
+  readonly target: LandmarkCloud;
+  readonly truth: Affine | null;
+  /** The scene's frame is the target's, moved to this point, so that single precision suffices. */
+  readonly centre: [number, number, number];
+  /** Radius of a ball about the centre that holds nearly all landmarks. */
+  readonly reach: number;
+  /** Height of the landmarks' floor over the centre, along up. */
+  readonly floor: number;
+  readonly orbit: Orbit;
+  readonly maxIterations: number;
+  readonly #timelines = new Map<Run, MatchTimeline>();
+  #residualScale: ColorScale | null | undefined;
+
+  constructor(section: SceneSection) {
+    this.section = section;
+    this.source = section.source;
+    this.target = section.target;
+    this.truth = section.truth ? fromRowMajor(section.truth) : null;
+    this.maxIterations = Math.max(0, ...section.runs.map((run) => run.iterations));
+
+    const placed: [LandmarkCloud, Affine][] = [[this.target, kIdentity]];
+    if (this.source) {
+      placed.push([this.source, this.restingPose]);
+    }
+    const ranges = [0, 1, 2].map((axis) => rangeAlong(placed, axis));
+    this.centre = ranges.map(([low, high]) => (low + high) / 2) as [number, number, number];
+    this.reach = Math.max(1e-6, 0.5 * Math.hypot(...ranges.map(([low, high]) => high - low)));
+    const views = this.target.frames ? meanViews(this.target.frames) : null;
+    this.orbit = new Orbit(section.up ?? views?.up ?? [0, 0, 1], views?.forward ?? null);
+    this.floor = this.#lowest(placed);
+  }
+
+  #lowest(placed: [LandmarkCloud, Affine][]): number {
+    const up = this.orbit.up;
+    const heights = placed.flatMap(([cloud, pose]) => {
+      const range = robustRange((i) => {
+        const p = apply(pose, positionOf(cloud, i));
+        return p.reduce((sum, value, axis) => sum + (value - this.centre[axis]) * up[axis], 0);
+      }, cloud.count);
+      return range ? [range[0]] : [];
+    });
+    return heights.length ? Math.min(...heights) : -this.reach;
+  }
+
+  get lengthUnit(): "m" | "mapunits" {
+    return this.target.lengthUnit;
+  }
+
+  /** Where the source stands when no run says so: at the truth if that is known. */
+  get restingPose(): Affine {
+    const run = this.section.runs[0];
+    return run ? poseAt(run.poses, run.iterations) : (this.truth ?? kIdentity);
+  }
+
+  get landmarkCount(): number {
+    return this.target.count + (this.source?.count ?? 0);
+  }
+
+  homeDistance(aspect: number): number {
+    return 0.8 * fittingDistance(this.reach, aspect);
+  }
+
+  /** The pose of `run` at iteration `iteration`, held at its last one. */
+  pose(run: Run | null, iteration: number): Affine {
+    return run ? poseAt(run.poses, Math.min(iteration, run.iterations)) : this.restingPose;
+  }
+
+  /** The matches found at the pose of `iteration`; at the last pose, those that led to it. */
+  matches(run: Run | null, iteration: number): Int32Array | null {
+    if (!run?.matches) {
+      return null;
+    }
+    let timeline = this.#timelines.get(run);
+    if (!timeline) {
+      timeline = new MatchTimeline(run.matches);
+      this.#timelines.set(run, timeline);
+    }
+    return timeline.at(Math.min(iteration + 1, run.iterations));
+  }
+
+  /** Distances between matched landmarks at a pose; NaN without a match. */
+  residuals(pose: Affine, matches: Int32Array, into: Float32Array): Float32Array {
+    const { source, target } = this;
+    if (!source) {
+      return into;
+    }
+    const p = source.positions;
+    const q = target.positions;
+    const [so, ss, to, ts] = [source.origin, source.step, target.origin, target.step];
+    for (let i = 0; i < source.count; ++i) {
+      const j = matches[i];
+      if (j < 0) {
+        into[i] = NaN;
+        continue;
+      }
+      const x = so[0] + ss[0] * p[3 * i];
+      const y = so[1] + ss[1] * p[3 * i + 1];
+      const z = so[2] + ss[2] * p[3 * i + 2];
+      const dx = pose[0] * x + pose[1] * y + pose[2] * z + pose[3] - to[0] - ts[0] * q[3 * j];
+      const dy = pose[4] * x + pose[5] * y + pose[6] * z + pose[7] - to[1] - ts[1] * q[3 * j + 1];
+      const dz = pose[8] * x + pose[9] * y + pose[10] * z + pose[11] - to[2] - ts[2] * q[3 * j + 2];
+      into[i] = Math.sqrt(dx * dx + dy * dy + dz * dz);
+    }
+    return into;
+  }
+
+  residual(pose: Affine, sourceIndex: number, targetIndex: number): number {
+    if (!this.source || targetIndex < 0) {
+      return NaN;
+    }
+    const a = apply(pose, positionOf(this.source, sourceIndex));
+    const b = positionOf(this.target, targetIndex);
+    return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+  }
+
+  get hasResiduals(): boolean {
+    return this.section.runs.some((run) => run.matches !== null);
+  }
+
+  /** One scale for all strategies and iterations, so that colours can be compared as the slider moves. */
+  residualScale(log: boolean | null): ColorScale | null {
+    if (this.#residualScale === undefined) {
+      const seen: number[] = [];
+      const buffer = new Float32Array(this.source?.count ?? 0);
+      const stride = Math.max(1, Math.floor(buffer.length / kResidualSamples));
+      for (const run of this.section.runs) {
+        for (const iteration of [0, run.iterations]) {
+          const matches = this.matches(run, iteration);
+          if (matches) {
+            this.residuals(this.pose(run, iteration), matches, buffer);
+            for (let i = 0; i < buffer.length; i += stride) {
+              if (buffer[i] > 0) {
+                seen.push(buffer[i]);
+              }
+            }
+          }
+        }
+      }
+      const sorted = Float64Array.from(seen).sort();
+      const high = quantileSorted(sorted, 0.98);
+      const low = Math.max(quantileSorted(sorted, 0.05), high / 1000);
+      this.#residualScale =
+        high > low
+          ? { label: "Residual", unit: this.lengthUnit === "m" ? "m" : "map units", low, high, log: true }
+          : null;
+    }
+    const scale = this.#residualScale;
+    return scale && log === false ? { ...scale, low: 0, log: false } : scale;
+  }
+
+  colorScale(mode: ColorMode, log: boolean | null): ColorScale | null {
+    switch (mode.kind) {
+      case "column":
+        return columnScale([this.source, this.target], mode.name, log);
+      case "residual":
+        return this.residualScale(log);
+      default:
+        return null;
+    }
+  }
+
+  /** Columns of either cloud, by name. */
+  get columns(): { name: string; label: string }[] {
+    const found = new Map<string, string>();
+    for (const column of [...this.target.columns, ...(this.source?.columns ?? [])]) {
+      if (!found.has(column.name)) {
+        found.set(column.name, column.label);
+      }
+    }
+    return [...found].map(([name, label]) => ({ name, label }));
+  }
+}
+
+function rangeAlong(placed: [LandmarkCloud, Affine][], axis: number): [number, number] {
+  const ranges = placed.flatMap(([cloud, pose]) => {
+    const range = robustRange((i) => apply(pose, positionOf(cloud, i))[axis], cloud.count);
+    return range ? [range] : [];
+  });
+  return ranges.length
+    ? [Math.min(...ranges.map((r) => r[0])), Math.max(...ranges.map((r) => r[1]))]
+    : [-1, 1];
+}
+
+/** Where the cameras look on average and what is up for them; cameras look along z, y points down. */
+function meanViews(frames: Frames): { forward: [number, number, number] | null; up: [number, number, number] | null } {
+  const forward: [number, number, number] = [0, 0, 0];
+  const up: [number, number, number] = [0, 0, 0];
+  const stride = Math.max(1, Math.floor(frames.count / 500));
+  for (let i = 0; i < frames.count; i += stride) {
+    const pose = poseAt(frames.poses, i);
+    for (let axis = 0; axis < 3; ++axis) {
+      forward[axis] += pose[4 * axis + 2];
+      up[axis] -= pose[4 * axis + 1];
+    }
+  }
+  return { forward: unit(forward), up: unit(up) };
+}

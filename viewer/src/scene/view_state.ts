@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import type { ColorMode, ColorScale } from "./coloring";
+import type { Pick } from "./picking";
+
+export type LayerName = "source" | "target" | "matches" | "cameras" | "truth" | "grid";
+
+/** What the reader has chosen for a scene; every pane shows it. */
+export interface ViewState {
+  iteration: number;
+  layers: Record<LayerName, boolean>;
+  color: ColorMode;
+  /** Logarithmic colour scale; null: as suits the values. */
+  logScale: boolean | null;
+  scale: ColorScale | null;
+  pointSize: number;
+  selected: Pick | null;
+}

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { announce, button, download, h } from "./dom";
+import type { Cell, Table } from "./document/report";
+import { csvBlob } from "./export";
+import { formatFixed, formatNumber } from "./math/format";
+
+const kFirstRows = 200;
+const kFilterFrom = 25;
+
+type Direction = "ascending" | "descending";
+
+const collator = new Intl.Collator(undefined, { numeric: true });
+
+/** Order of two cells; missing values and NaN come last, whatever the direction is. */
+export function compareCells(a: Cell, b: Cell, direction: Direction): number {
+  const missing = (cell: Cell) => cell === null || (typeof cell === "number" && Number.isNaN(cell));
+  if (missing(a) || missing(b)) {
+    return Number(missing(a)) - Number(missing(b));
+  }
+  const sign = direction === "ascending" ? 1 : -1;
+  return typeof a === "number" && typeof b === "number"
+    ? sign * (a - b)
+    : sign * collator.compare(String(a), String(b));
+}
+
+/** Per column the value to mark as best, or null; where all are equal none is best. */
+export function bestValues(table: Table): (number | null)[] {
+  return table.columns.map((_, column) => {
+    const wanted = table.best?.[column] ?? null;
+    const values = table.rows
+      .map((row) => row[column])
+      .filter((cell): cell is number => typeof cell === "number" && Number.isFinite(cell));
+    if (!wanted || values.length < 2) {
+      return null;
+    }
+    const best = values.reduce((a, b) => (wanted === "low" ? Math.min(a, b) : Math.max(a, b)));
+    return values.every((value) => value === best) ? null : best;
+  });
+}
+
+function cellText(cell: Cell, digits: number | null): string {
+  if (cell === null) {
+    return "–";
+  }
+  if (typeof cell === "string") {
+    return cell;
+  }
+  return digits === null ? formatNumber(cell, 5) : formatFixed(cell, digits);
+}
+
+export function csvRows(table: Table): Cell[][] {
+  return [
+    table.columns.map(({ name, unit }) => (unit ? `${name} [${unit}]` : name)),
+    ...table.rows,
+  ];
+}
+
+/** A table whose headers sort it, with a filter once it is long. */
+export function tableFigure(table: Table, title: string, fileName: string): HTMLElement {
+  const best = bestValues(table);
+  let order = table.rows.map((_, index) => index);
+  let sorted: { column: number; direction: Direction } | null = null;
+  let limit = kFirstRows;
+  let wanted = "";
+
+  const body = h("tbody");
+  const more = h("div", { class: "more-rows" });
+  const count = h("span", { class: "muted", role: "status" });
+  const headers = table.columns.map((column, index) => {
+    const sortButton = button(column.name, () => sortBy(index), { class: "sort" });
+    sortButton.append(
+      ...(column.unit ? [h("span", { class: "unit" }, ` ${column.unit}`)] : []),
+      h("span", { class: "sort-mark", "aria-hidden": "true" }),
+    );
+    return h(
+      "th",
+      { scope: "col", class: column.type === "number" ? "number" : null, "aria-sort": "none" },
+      sortButton,
+    );
+  });
+
+  function sortBy(column: number): void {
+    const again = sorted?.column === column;
+    const direction: Direction =
+      again && sorted?.direction === "ascending" ? "descending" : "ascending";
+    sorted = { column, direction };
+    order = table.rows
+      .map((_, index) => index)
+      .sort((a, b) => compareCells(table.rows[a][column], table.rows[b][column], direction) || a - b);
+    headers.forEach((header, index) =>
+      header.setAttribute("aria-sort", index === column ? direction : "none"),
+    );
+    announce(`Sorted by ${table.columns[column].name}, ${direction}.`);
+    fill();
+  }
+
+  function matches(row: Cell[]): boolean {
+    return row.some((cell) => cell !== null && String(cell).toLowerCase().includes(wanted));
+  }
+
+  function rowElement(row: Cell[]): HTMLElement {
+    return h(
+      "tr",
+      null,
+      ...row.map((cell, column) => {
+        const { type, digits } = table.columns[column];
+        const text = cellText(cell, digits);
+        const isBest = best[column] !== null && cell === best[column];
+        const data = h("td", { class: type === "number" ? "number" : null });
+        if (isBest) {
+          data.classList.add("best");
+          data.append(h("span", { class: "best-mark", title: "best in this column" }, "★"), h("strong", null, text));
+          data.append(h("span", { class: "visually-hidden" }, " (best)"));
+        } else {
+          data.append(text);
+        }
+        return data;
+      }),
+    );
+  }
+
+  function fill(): void {
+    const shown = wanted ? order.filter((index) => matches(table.rows[index])) : order;
+    body.replaceChildren(...shown.slice(0, limit).map((index) => rowElement(table.rows[index])));
+    more.replaceChildren();
+    if (shown.length > limit) {
+      more.append(
+        button(`Show all ${shown.length} rows`, () => {
+          limit = Infinity;
+          fill();
+        }),
+      );
+    }
+    count.textContent = wanted ? `${shown.length} of ${table.rows.length} rows` : "";
+  }
+
+  const filter = h("input", { type: "search", placeholder: "Filter rows", "aria-label": `Filter “${title}”` });
+  filter.addEventListener("input", () => {
+    wanted = filter.value.trim().toLowerCase();
+    fill();
+  });
+  fill();
+  return h(
+    "figure",
+    { class: "card table-figure" },
+    h(
+      "div",
+      { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title },
+      h("table", null, h("caption", { class: "visually-hidden" }, title), h("thead", null, h("tr", null, ...headers)), body),
+    ),
+    more,
+    h(
+      "div",
+      { class: "figure-foot" },
+      table.rows.length >= kFilterFrom && filter,
+      count,
+      h(
+        "div",
+        { class: "exports", role: "group", "aria-label": `Export “${title}”` },
+        button("CSV", () => {
+          download(`${fileName}.csv`, csvBlob(csvRows(table)));
+          announce(`${fileName}.csv saved.`);
+        }),
+      ),
+    ),
+  );
+}

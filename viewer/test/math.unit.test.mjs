@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { loadModule } from "./support/load_module.mjs";
+
+const { bandwidth, kernelDensity, quantileSorted, sortedFinite, summarise } = await loadModule("src/math/statistics.ts");
+const { formatNumber, formatFixed, formatLength, idText, labelOf, niceBelow } = await loadModule("src/math/format.ts");
+const { apply, compose, dequantise, poseAt, positionOf } = await loadModule("src/math/pose.ts");
+const { compareCells, bestValues } = await loadModule("src/table.ts");
+const { toCsv } = await loadModule("src/export.ts");
+const { shellCommand } = await loadModule("src/provenance.ts");
+const { columnScale, levelOf, scaleTicks } = await loadModule("src/scene/coloring.ts");
+const { pickLandmark } = await loadModule("src/scene/picking.ts");
+
+const near = (actual, expected, tolerance = 1e-12) => assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
+
+test("quantiles interpolate between order statistics", () => {
+  const values = [1, 2, 4, 8];
+  near(quantileSorted(values, 0), 1);
+  near(quantileSorted(values, 0.25), 1.75);
+  near(quantileSorted(values, 0.5), 3);
+  near(quantileSorted(values, 0.75), 5);
+  near(quantileSorted(values, 1), 8);
+  near(quantileSorted([5], 0.3), 5);
+  assert.ok(Number.isNaN(quantileSorted([], 0.5)));
+});
+
+test("a box summary matches values worked out by hand", () => {
+  const summary = summarise([1, 2, 3, 4, 5, 6, 7, 8, 9, 100, NaN]);
+  assert.equal(summary.count, 10);
+  near(summary.q1, 3.25);
+  near(summary.median, 5.5);
+  near(summary.q3, 7.75);
+  near(summary.mean, 14.5);
+  near(summary.whiskerLow, 1);
+  near(summary.whiskerHigh, 9);
+  assert.equal(summarise([NaN]), null);
+});
+
+test("kernel density matches values worked out by hand and has area one", () => {
+  // Two kernels at -1 and 1, width 1: at 0 both give phi(1).
+  const phi = (z) => Math.exp(-z * z / 2) / Math.sqrt(2 * Math.PI);
+  const values = Float64Array.of(-1, 1);
+  near(kernelDensity(values, 1, [0])[0], phi(1));
+  near(kernelDensity(values, 1, [1])[0], (phi(2) + phi(0)) / 2);
+  const step = 0.01;
+  const points = Array.from({ length: 1601 }, (_, i) => -8 + i * step);
+  near(kernelDensity(values, 1, points).reduce((sum, d) => sum + d * step, 0), 1, 1e-9);
+});
+
+test("Silverman's bandwidth: 0.9 min(sd, IQR / 1.34) n^(-1/5)", () => {
+  const values = sortedFinite([1, 2, 3, 4, 5]);
+  near(bandwidth(values), 0.9 * Math.min(Math.sqrt(2.5), 2 / 1.34) * 5 ** -0.2);
+  assert.equal(bandwidth(sortedFinite([2, 2, 2])), 0);
+});
+
+test("poses follow the quaternion convention qw qx qy qz", () => {
+  const half = Math.SQRT1_2;
+  const quarterTurn = poseAt([1, 2, 3, half, 0, 0, half], 0);
+  apply(quarterTurn, [1, 0, 0]).forEach((value, i) => near(value, [1, 3, 3][i]));
+  const twice = compose(quarterTurn, quarterTurn);
+  apply(twice, [1, 0, 0]).forEach((value, i) => near(value, apply(quarterTurn, apply(quarterTurn, [1, 0, 0]))[i]));
+  const cloud = { origin: [10, 20, 30], step: [0.1, 0.2, 0.3], positions: Uint16Array.of(1, 2, 3, 4, 5, 6) };
+  apply(dequantise(cloud), [4, 5, 6]).forEach((value, i) => near(value, positionOf(cloud, 1)[i], 1e-9));
+});
+
+test("numbers are short and honest", () => {
+  assert.equal(formatNumber(0.0034319), "0.003432");
+  assert.equal(formatNumber(-2.5), "\u22122.5");
+  assert.equal(formatNumber(1234567), "1\u202f234\u202f567");
+  assert.equal(formatNumber(0.0000123), "1.23×10⁻⁵");
+  assert.equal(formatNumber(null), "–");
+  assert.equal(formatNumber(NaN), "–");
+  assert.equal(formatNumber(0), "0");
+  assert.equal(formatFixed(5.34268, 2), "5.34");
+  assert.equal(formatFixed(-0.001, 2), "0.00");
+  assert.equal(formatLength(0.0123, "m"), "1.23 cm");
+  assert.equal(formatLength(0.0023, "m"), "2.3 mm");
+  assert.equal(formatLength(2, "mapunits"), "2 map units");
+  assert.equal(niceBelow(0.73), 0.5);
+  assert.deepEqual(labelOf("translation_error_m"), { label: "Translation error", unit: "m" });
+  assert.equal(idText(Uint32Array.of(1, 0, 5, 1), 1), "4294967301");
+});
+
+test("cells sort as numbers and words, missing ones last either way", () => {
+  const sorted = (cells, direction) => [...cells].sort((a, b) => compareCells(a, b, direction));
+  assert.deepEqual(sorted([10, null, 9, 2.5], "ascending"), [2.5, 9, 10, null]);
+  assert.deepEqual(sorted([10, null, 9, 2.5], "descending"), [10, 9, 2.5, null]);
+  assert.deepEqual(sorted(["k10", "k9", null], "ascending"), ["k9", "k10", null]);
+  const table = { columns: [{}, {}, {}], rows: [["a", 2, 5], ["b", 1, null], ["c", 3, 7]], best: [null, "low", "high"] };
+  assert.deepEqual(bestValues(table), [null, 1, 7]);
+});
+
+test("CSV quotes, keeps precision and defuses formulas", () => {
+  assert.equal(toCsv([["a", 'say "x"', "1,2"], [0.1 + 0.2, null, NaN], ["=1+1", "-2", -2]]), 'a,"say ""x""","1,2"\r\n0.30000000000000004,,\r\n\'=1+1,\'-2,-2\r\n');
+});
+
+test("commands are quoted for a shell", () => {
+  assert.equal(shellCommand(["cairn", "a b", "it's"]), "cairn 'a b' 'it'\\''s'");
+});
+
+test("colour scales cover both maps and give round ticks", () => {
+  const cloud = (values) => ({ columns: [{ name: "n", label: "N", unit: null, scale: 2, offset: 1, values: Uint8Array.from(values) }] });
+  const scale = columnScale([cloud([0, 1, 2]), null, cloud([10, 20])], "n", null);
+  near(scale.low, 1.08, 1e-9);
+  near(scale.high, 40.6, 1e-9);
+  assert.equal(scale.log, true);
+  assert.equal(columnScale([cloud([0])], "absent", null), null);
+  const linear = { ...scale, low: 0, high: 10, log: false };
+  assert.deepEqual(scaleTicks(linear).map(({ value }) => value), [0, 2, 4, 6, 8, 10]);
+  assert.equal(levelOf(5, linear), 127);
+  assert.equal(levelOf(NaN, linear), 255);
+  assert.equal(levelOf(99, linear), 254);
+});
+
+test("picking prefers the point drawn in front, then the closest", () => {
+  // Clip space that shows x and y from 0 to 100 as they are, with depth z.
+  const elements = [2 / 100, 0, 0, 0, 0, -2 / 100, 0, 0, 0, 0, 0, 0.001, -1, 1, 0, 1];
+  const positions = Uint16Array.of(50, 50, 900, 51, 50, 100, 70, 70, 0);
+  const layers = [{ role: "target", cloud: { count: 3, positions }, clipFromStored: { elements } }];
+  const at = (x, y) => pickLandmark(layers, x, y, 100, 100, 0, 6);
+  assert.equal(at(70, 70)?.index, 2);
+  assert.equal(at(5, 95), null);
+  const depth = elements.map((entry, i) => (i === 11 ? 1e-9 : entry));
+  assert.equal(pickLandmark([{ ...layers[0], clipFromStored: { elements: depth } }], 50.4, 50, 100, 100, 3, 6).index, 1);
+});

@@ -1,0 +1,427 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The page in a real browser: against sample reports, or against the report that CAIRN_REPORT names.
+import assert from "node:assert/strict";
+import { mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { drawing, findColor, launch, openReport, settled } from "./support/browser.mjs";
+import { kSamples, writePage } from "./sample.mjs";
+
+const given = process.env.CAIRN_REPORT;
+const onSamples = { skip: given ? "a report was given" : false };
+const kSourceLight = [0, 158, 115];
+const folder = mkdtempSync(join(tmpdir(), "cairn-viewer-"));
+let browser;
+
+before(async () => {
+  browser = await launch();
+});
+
+after(async () => {
+  await browser?.close();
+  rmSync(folder, { recursive: true, force: true });
+});
+
+function sampleFile(name) {
+  const path = join(folder, `${name}.html`);
+  writeFileSync(path, writePage(kSamples[name]()));
+  return path;
+}
+
+let smallPath = null;
+const reportPath = () => given ?? (smallPath ??= sampleFile("small"));
+
+async function withReport(path, options, check) {
+  const opened = await openReport(browser, path, options);
+  try {
+    await check(opened);
+    assert.deepEqual(opened.complaints, [], "the console is clean");
+    assert.deepEqual(opened.requests, [], "nothing is fetched");
+  } finally {
+    await opened.context.close();
+  }
+}
+
+async function saved(page, press) {
+  const [download] = await Promise.all([page.waitForEvent("download"), press()]);
+  return { name: download.suggestedFilename(), bytes: readFileSync(await download.path()) };
+}
+
+async function moveSlider(page, value) {
+  await page.locator(".slider").first().evaluate((slider, wanted) => {
+    slider.value = wanted;
+    slider.dispatchEvent(new Event("input"));
+  }, String(value));
+  await settled(page);
+}
+
+const iterationOf = (page) => page.locator(".iteration").first().textContent();
+
+async function scrollThrough(page) {
+  const height = await page.evaluate(() => document.documentElement.scrollHeight);
+  for (let y = 0; y < height; y += 500) {
+    await page.evaluate((top) => scrollTo({ top, behavior: "instant" }), y);
+    await page.waitForTimeout(60);
+  }
+  await page.waitForTimeout(200);
+}
+
+test("a report opens from its file, shows its parts and draws its charts", async () => {
+  await withReport(reportPath(), {}, async ({ page, openMs }) => {
+    assert.equal(await page.getAttribute("html", "data-state"), "ready");
+    assert.ok((await page.textContent("h1")).length > 0);
+    assert.equal(await page.title(), await page.textContent("h1"));
+    await scrollThrough(page);
+    const charts = await page.locator(".chart").count();
+    assert.equal(await page.locator(".chart .chart-svg[aria-label]").count(), charts);
+    assert.equal(await page.locator(".notice[data-severity=broken]").count(), 0);
+    assert.equal(await page.locator("#provenance").count(), 1);
+    console.log(`  opened in ${openMs} ms, ${(statSync(reportPath()).size / 1e6).toFixed(2)} MB`);
+  });
+});
+
+test("the slider changes the picture and the numbers", async (t) => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    if ((await page.locator(".slider").count()) === 0) {
+      return t.skip("the report has no iterations");
+    }
+    await settled(page);
+    const last = await drawing(page);
+    assert.ok(last.inked > 200, `something is drawn (${last.inked} pixels)`);
+    const numbers = await page.locator(".pane").first().innerText();
+    await moveSlider(page, 0);
+    const first = await drawing(page);
+    assert.notEqual(first.sum, last.sum);
+    assert.notEqual(await page.locator(".pane").first().innerText(), numbers);
+    assert.match(await iterationOf(page), /^0 \/ \d+$/);
+    await page.getByRole("button", { name: "Final" }).first().click();
+    await settled(page);
+    assert.equal(await page.locator(".pane").first().innerText(), numbers);
+    const again = await drawing(page);
+    assert.notEqual(again.sum, first.sum);
+    await moveSlider(page, 0);
+    assert.equal((await drawing(page)).sum, first.sum, "the same iteration is the same picture");
+  });
+});
+
+test("strategies can be hidden and shown, by chip and by digit", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    const first = page.locator("[data-scene]").first();
+    const panes = () => first.locator(".pane:visible").count();
+    assert.equal(await panes(), 4);
+    await first.getByRole("button", { name: "covariance", exact: false }).first().click();
+    assert.equal(await panes(), 3);
+    await first.evaluate((element) => element.focus());
+    await page.keyboard.press("1");
+    assert.equal(await panes(), 2);
+    await page.keyboard.press("2");
+    assert.equal(await panes(), 3);
+    await page.keyboard.press("1");
+    assert.equal(await panes(), 4);
+  });
+});
+
+test("keys step, jump, play, reset and help", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    await page.locator("[data-scene]").first().evaluate((element) => element.focus());
+    await page.keyboard.press("Home");
+    assert.equal(await iterationOf(page), "0 / 60");
+    await page.keyboard.press("ArrowRight");
+    await page.keyboard.press("ArrowRight");
+    await page.keyboard.press("ArrowLeft");
+    assert.equal(await iterationOf(page), "1 / 60");
+    await page.keyboard.press("Space");
+    await page.waitForTimeout(700);
+    await page.keyboard.press("Space");
+    const played = parseInt(await iterationOf(page), 10);
+    assert.ok(played > 1 && played < 60, `played to ${played}`);
+    await page.keyboard.press("End");
+    assert.equal(await iterationOf(page), "60 / 60");
+    await settled(page);
+    const home = await drawing(page);
+    await page.keyboard.press("Shift+ArrowRight");
+    await settled(page);
+    assert.notEqual((await drawing(page)).sum, home.sum);
+    await page.keyboard.press("r");
+    await settled(page);
+    assert.equal((await drawing(page)).sum, home.sum);
+    await page.keyboard.press("?");
+    assert.ok(await page.locator("dialog.help").isVisible());
+    await page.keyboard.press("Escape");
+    assert.ok(!(await page.locator("dialog.help").isVisible()));
+  });
+});
+
+test("a drag turns all linked views, or one once they are not", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    const drag = async () => {
+      const box = await page.locator(".pane-overlay").first().boundingBox();
+      await page.mouse.move(box.x + 150, box.y + 60);
+      await page.mouse.down();
+      await page.mouse.move(box.x + 220, box.y + 80, { steps: 4 });
+      await page.mouse.up();
+      await settled(page);
+    };
+    const before = [await drawing(page, 0), await drawing(page, 1)];
+    await drag();
+    const linked = [await drawing(page, 0), await drawing(page, 1)];
+    assert.notEqual(linked[0].sum, before[0].sum);
+    assert.notEqual(linked[1].sum, before[1].sum);
+    await page.getByRole("button", { name: "Linked" }).first().click();
+    await drag();
+    const apart = [await drawing(page, 0), await drawing(page, 1)];
+    assert.notEqual(apart[0].sum, linked[0].sum);
+    assert.equal(apart[1].sum, linked[1].sum);
+  });
+});
+
+test("layers, colours and point size change what is drawn", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    await moveSlider(page, 3);
+    const seen = new Set([(await drawing(page)).sum]);
+    const changed = async (what) => {
+      await settled(page);
+      const { sum } = await drawing(page);
+      assert.ok(!seen.has(sum), what);
+      seen.add(sum);
+    };
+    for (const layer of ["matches", "cameras", "truth", "grid", "source"]) {
+      await page.locator(`[data-layer=${layer}]`).first().click();
+      await changed(layer);
+    }
+    await page.locator("[data-layer=source]").first().click();
+    const chooser = page.getByRole("combobox", { name: "Colour by" }).first();
+    for (const value of ["residual", "column:observations", "own"]) {
+      await chooser.selectOption(value);
+      await changed(value);
+      assert.equal(await page.locator(".legend-ramp").count(), value === "own" ? 0 : 1);
+    }
+    await page.getByLabel("Point size").first().fill("8");
+    await changed("point size");
+  });
+});
+
+test("picking a landmark shows its record; Escape closes it", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    await moveSlider(page, 0);
+    await page.locator(".pane-surface").first().scrollIntoViewIfNeeded();
+    const at = await findColor(page, 0, kSourceLight);
+    assert.ok(at, "a source landmark is drawn");
+    await page.locator(".pane-overlay").first().hover({ position: at, force: true });
+    await page.waitForTimeout(100);
+    assert.match(await page.locator(".pane-tip").first().textContent(), /^(Source|Target) \d+/);
+    await page.locator(".pane-overlay").first().click({ position: at, force: true });
+    const record = page.locator(".record").first();
+    assert.match(await record.locator("h3").textContent(), /^Source landmark \d+$/);
+    const text = await record.innerText();
+    for (const expected of ["Position (m)", "Observations", "Standard deviation", "in target’s frame", "Match", "Residual", "base", "distance"]) {
+      assert.ok(text.includes(expected), `${expected} in ${text}`);
+    }
+    const residual = () => record.locator("[data-record=residual]").first().innerText();
+    const initially = await residual();
+    await moveSlider(page, 60);
+    assert.notEqual(await residual(), initially);
+    await page.locator(".pane-overlay").first().focus();
+    await page.keyboard.press("Escape");
+    assert.equal(await record.locator("h3").count(), 0);
+  });
+});
+
+test("tables sort by a click or the keyboard and say so", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    const table = page.locator("#section-k table");
+    const column = () => table.locator("tbody tr td:nth-child(3)").allInnerTexts();
+    const header = table.locator("th").nth(2);
+    await header.getByRole("button").focus();
+    await page.keyboard.press("Enter");
+    assert.equal(await header.getAttribute("aria-sort"), "ascending");
+    const ascending = (await column()).map((text) => parseFloat(text.replace("★", "")));
+    assert.deepEqual(ascending, [...ascending].sort((a, b) => a - b));
+    await header.getByRole("button").click();
+    assert.equal(await header.getAttribute("aria-sort"), "descending");
+    assert.deepEqual((await column()).map((text) => parseFloat(text.replace("★", ""))), [...ascending].reverse());
+    assert.equal(await table.locator("td.best").count(), 3, "one best value in each column that varies");
+  });
+});
+
+test("exports are valid SVG, PNG and CSV", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    for (const id of ["yaw", "xy", "convergence", "basin", "success", "errors"]) {
+      const group = page.locator(`#section-${id} .exports`);
+      const svg = await saved(page, () => group.getByRole("button", { name: "SVG" }).click());
+      assert.equal(svg.name, `${id}.svg`);
+      const problem = await page.evaluate((text) => {
+        const parsed = new DOMParser().parseFromString(text, "image/svg+xml");
+        return parsed.querySelector("parsererror")?.textContent ?? (parsed.querySelectorAll("path, rect").length > 3 ? null : "empty");
+      }, svg.bytes.toString("utf8"));
+      assert.equal(problem, null);
+      assert.ok(!/var\(--/.test(svg.bytes.toString("utf8")), "no variables of the page");
+      const png = await saved(page, () => group.getByRole("button", { name: "PNG" }).click());
+      assert.deepEqual([...png.bytes.subarray(0, 4)], [137, 80, 78, 71]);
+      const csv = await saved(page, () => group.getByRole("button", { name: "CSV" }).click());
+      const lines = csv.bytes.toString("utf8").trim().split("\r\n");
+      assert.ok(lines.length > 4 && lines.every((line) => line.includes(",")), lines[0]);
+    }
+    const csv = await saved(page, () => page.locator("#section-k .exports button").click());
+    assert.match(csv.bytes.toString("utf8"), /^k,Base \[10⁻³ m²\],.*\r\n1,5\.34268,/);
+    const png = await saved(page, () => page.getByRole("button", { name: "Save the view as PNG" }).first().click());
+    assert.match(png.name, /^alignment-\d+\.png$/);
+    assert.ok(png.bytes.length > 20_000);
+  });
+});
+
+test("dark follows the system, and the choice overrules it", async () => {
+  await withReport(reportPath(), { colorScheme: "dark" }, async ({ page }) => {
+    const background = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+    const dark = await background();
+    await page.getByLabel("Colour theme").selectOption("light");
+    const light = await background();
+    assert.notEqual(dark, light);
+    assert.equal(await page.getAttribute("html", "data-theme"), "light");
+  });
+});
+
+test("on a phone nothing is wider than the screen", async () => {
+  await withReport(reportPath(), { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, deviceScaleFactor: 2 }, async ({ page }) => {
+    await scrollThrough(page);
+    const [page_, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+    assert.ok(page_ <= screen && screen === 390, `${page_} of ${screen}`);
+    const options = page.getByRole("button", { name: "View options" }).first();
+    if (await options.count()) {
+      await options.click();
+      assert.ok(await page.getByLabel("Point size").first().isVisible());
+    }
+  });
+});
+
+test("every control has a name and focus is visible", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    const nameless = await page.evaluate(() =>
+      [...document.querySelectorAll("button, select, input, a, canvas[role], svg[role]")]
+        .filter((element) => !(element.getAttribute("aria-label") || element.textContent.trim() || element.closest("label")?.textContent.trim()))
+        .map((element) => element.outerHTML.slice(0, 80)));
+    assert.deepEqual(nameless, []);
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("Tab");
+    const outline = await page.evaluate(() => getComputedStyle(document.activeElement).outlineStyle);
+    assert.notEqual(outline, "none");
+  });
+});
+
+test("without WebGL the page says so and the rest works", onSamples, async () => {
+  const blind = await launch(["--disable-3d-apis"]);
+  const opened = await openReport(blind, reportPath());
+  try {
+    assert.match(await opened.page.locator(".stage [role=alert]").first().textContent(), /needs WebGL 2/);
+    const numbers = await opened.page.locator(".pane").first().innerText();
+    await opened.page.getByRole("button", { name: "Initial" }).first().click();
+    assert.notEqual(await opened.page.locator(".pane").first().innerText(), numbers);
+    await scrollThrough(opened.page);
+    assert.ok((await opened.page.locator(".chart-svg").count()) > 4);
+    assert.deepEqual(opened.complaints, []);
+  } finally {
+    await blind.close();
+  }
+});
+
+test("names that hold markup or script are shown and do nothing", onSamples, async () => {
+  await withReport(sampleFile("hostile"), {}, async ({ page }) => {
+    await scrollThrough(page);
+    assert.equal(await page.getAttribute("html", "data-state"), "ready");
+    assert.equal(await page.evaluate(() => window.pwned), undefined);
+    assert.equal(await page.evaluate(() => ({}).polluted ?? Object.keys(Object.prototype).length), 0);
+    assert.equal(await page.locator("#page script, #page img[src=x], #page [onerror], #page [onload]").count(), 0);
+    assert.ok((await page.textContent("h1")).includes("</script>"));
+    const before = await page.locator("#page script").count();
+    await page.locator(".slider").first().fill("0");
+    await page.getByRole("combobox", { name: "Colour by" }).first().selectOption({ index: 2 });
+    await settled(page);
+    assert.equal(await page.locator("#page script").count(), before);
+    const [width, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+    assert.ok(width <= screen, `${width} of ${screen}`);
+    for (const id of ["violin", "lines", "heat", "dots", "cloud"]) {
+      const svg = await saved(page, () => page.locator(`#section-${id} .exports button`).first().click());
+      const parsed = await page.evaluate((text) => {
+        const document_ = new DOMParser().parseFromString(text, "image/svg+xml");
+        return [document_.querySelectorAll("parsererror").length, document_.querySelectorAll("script, img, foreignObject").length];
+      }, svg.bytes.toString("utf8"));
+      assert.deepEqual(parsed, [0, 0], id);
+    }
+  });
+});
+
+test("a page without data, of a newer version or damaged says what is wrong", onSamples, async () => {
+  const sample = kSamples.small();
+  const template = readFileSync(process.env.CAIRN_TEMPLATE ?? new URL("../dist/report_template.html", import.meta.url), "utf8");
+  const newer = { ...sample, document: { ...sample.document, schema: { name: "cairn.report", version: 9 } } };
+  const cases = [
+    ["empty", template, /holds no report/],
+    ["newer", writePage(newer), /version 9/],
+    ["cut", writePage(sample).replace(/(id="cairn-report" data-encoding="gzip-base64">.{400})[^<]*/, "$1"), /cannot be decompressed/],
+  ];
+  for (const [name, html, expected] of cases) {
+    const path = join(folder, `${name}.html`);
+    writeFileSync(path, html);
+    await withReport(path, {}, async ({ page }) => {
+      assert.equal(await page.getAttribute("html", "data-state"), "error");
+      assert.match(await page.locator("[role=alert]").textContent(), expected);
+    });
+  }
+});
+
+test("a script that is not the page's own cannot run", onSamples, async () => {
+  const path = join(folder, "injected.html");
+  writeFileSync(path, writePage(kSamples.hostile()).replace("</body>", "<script>window.pwned = 5</script></body>"));
+  const { page, context, complaints } = await openReport(browser, path);
+  assert.equal(await page.evaluate(() => window.pwned), undefined);
+  assert.match(complaints.join(), /Content Security Policy/);
+  await context.close();
+});
+
+for (const [name, limitMs, limitMb] of [["paper", 2000, 15], ["million", 10_000, Infinity]]) {
+  test(`the ${name} sample opens in time and redraws on a drag`, onSamples, async () => {
+    const path = sampleFile(name);
+    const megabytes = statSync(path).size / 1e6;
+    await withReport(path, {}, async ({ page, openMs }) => {
+      const ready = await page.evaluate(() => performance.getEntriesByName("cairn-ready")[0].startTime);
+      await page.locator(".stage").first().scrollIntoViewIfNeeded();
+      await settled(page);
+      const before = await drawing(page);
+      assert.ok(before.inked > 2000);
+      const box = await page.locator(".pane-overlay").first().boundingBox();
+      await page.mouse.move(box.x + 200, box.y + 120);
+      await page.mouse.down();
+      const start = Date.now();
+      const frames = await page.evaluate(() => {
+        window.frames_ = [];
+        const tick = (now) => {
+          window.frames_.push(now);
+          requestAnimationFrame(tick);
+        };
+        requestAnimationFrame(tick);
+      });
+      assert.equal(frames, undefined);
+      for (let i = 1; i <= 10; ++i) {
+        await page.mouse.move(box.x + 200 + 12 * i, box.y + 120 + 3 * i);
+      }
+      const dragMs = (Date.now() - start) / 10;
+      await page.mouse.up();
+      await settled(page);
+      assert.notEqual((await drawing(page)).sum, before.sum);
+      const pickMs = await page.evaluate(([x, y]) => {
+        const overlay = document.querySelector(".pane-overlay");
+        const start_ = performance.now();
+        for (const type of ["pointerdown", "pointerup"]) {
+          overlay.dispatchEvent(new PointerEvent(type, { clientX: x, clientY: y, pointerId: 1, bubbles: true, button: 0 }));
+        }
+        return performance.now() - start_;
+      }, [box.x + box.width / 2, box.y + box.height / 2]).catch(() => NaN);
+      console.log(`  ${name}: ${megabytes.toFixed(2)} MB, ready after ${Math.round(ready)} ms (navigation and wait ${openMs} ms), a step of a drag ${Math.round(dragMs)} ms, a pick ${Math.round(pickMs)} ms`);
+      assert.ok(ready < limitMs, `${ready} ms`);
+      assert.ok(megabytes < limitMb, `${megabytes} MB`);
+    });
+  });
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { chromium } from "playwright-core";
+import { pathToFileURL } from "node:url";
+
+const kArguments = [
+  "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+  "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader",
+];
+
+export function launch(more = []) {
+  return chromium.launch({ executablePath: process.env.CAIRN_CHROMIUM ?? "/usr/bin/chromium", args: [...kArguments, ...more] });
+}
+
+/** Chromium's remark on software drawing; it says nothing about the page. */
+const isDriverRemark = (text) => text.includes("GL Driver Message") && text.includes("Performance");
+
+/** Opens a report from its file and notes everything a clean page must not do. */
+export async function openReport(browser, path, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1360, height: 900 }, acceptDownloads: true, ...options });
+  const page = await context.newPage();
+  const complaints = [];
+  const requests = [];
+  page.on("console", (message) => isDriverRemark(message.text()) || complaints.push(`${message.type()}: ${message.text()}`));
+  page.on("pageerror", (error) => complaints.push(`error: ${error.message}`));
+  page.on("dialog", (dialog) => {
+    complaints.push(`dialog: ${dialog.message()}`);
+    void dialog.dismiss();
+  });
+  const url = pathToFileURL(path).href;
+  page.on("request", (request) => {
+    if (!/^(data|blob):/.test(request.url()) && request.url() !== url) {
+      requests.push(request.url());
+    }
+  });
+  const start = Date.now();
+  await page.goto(url);
+  await page.waitForSelector("html[data-state=ready], html[data-state=error]", { state: "attached", timeout: 60_000 });
+  return { page, context, complaints, requests, openMs: Date.now() - start };
+}
+
+/** Waits until the first scene has drawn its final picture and rests. */
+export async function settled(page) {
+  await page.waitForTimeout(260);
+  await page.waitForFunction(() => document.querySelector("[data-scene]").dataset.drawn === "full", null, { timeout: 60_000 });
+}
+
+/** Pixels of a pane that differ from its background, and a number that changes when the picture does. */
+export function drawing(page, pane = 0) {
+  return page.evaluate((index) => {
+    const canvas = document.querySelectorAll(".pane-canvas")[index];
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+    let inked = 0;
+    let sum = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      const same = data[i] === data[0] && data[i + 1] === data[1] && data[i + 2] === data[2];
+      inked += same ? 0 : 1;
+      sum = (sum * 31 + data[i] + 3 * data[i + 1] + 7 * data[i + 2]) % 1000000007;
+    }
+    return { inked, sum, total: data.length / 4, width: canvas.width, height: canvas.height };
+  }, pane);
+}
+
+/** A place, relative to the pane, whose pixel has nearly the colour wanted. */
+export function findColor(page, pane, rgb) {
+  return page.evaluate(([index, wanted]) => {
+    const canvas = document.querySelectorAll(".pane-canvas")[index];
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+    const ratio = canvas.width / canvas.clientWidth;
+    for (let i = 0; i < data.length; i += 4) {
+      if (wanted.every((value, channel) => Math.abs(data[i + channel] - value) < 6)) {
+        const at = i / 4;
+        return { x: (at % canvas.width) / ratio, y: Math.floor(at / canvas.width) / ratio };
+      }
+    }
+    return null;
+  }, [pane, rgb]);
+}
