@@ -57,6 +57,8 @@ class SceneFigure {
   #settleTimer = 0;
   #hoverTimer = 0;
   #moving = false;
+  /** Scenes far from the view wait with drawing until they come near. */
+  #near = false;
   #dirty = new Set<Pane>();
   #settled: (() => void) | null;
 
@@ -116,6 +118,17 @@ class SceneFigure {
       this.#redraw();
     });
     new ResizeObserver(() => this.#layOut()).observe(this.#stage);
+    new IntersectionObserver(
+      (entries) => {
+        this.#near = entries.some((entry) => entry.isIntersecting);
+        if (!this.#near) {
+          this.#settle();
+        } else if (this.#dirty.size > 0) {
+          this.#schedule(false);
+        }
+      },
+      { rootMargin: "400px" },
+    ).observe(this.element);
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement && this.#solo && this.element.classList.contains("is-fullscreen")) {
         this.#enlarge(this.#solo);
@@ -353,7 +366,7 @@ class SceneFigure {
     const model = this.#model;
     const pane = this.#focusedPane();
     const aspect = (pane.surface.clientWidth || 3) / (pane.surface.clientHeight || 2);
-    const orbit = model.orbit.view(name, [0, 0, 0], model.homeDistance(aspect));
+    const orbit = model.orbit.view(name, model.half, aspect);
     for (const other of this.#linked || name === "home" ? this.#panes : [pane]) {
       other.orbit = this.#linked ? orbit : copyOrbit(orbit);
     }
@@ -440,10 +453,10 @@ class SceneFigure {
         this.#redraw();
       }, kSettleMs);
     }
-    if (!this.#frame && this.#service.available) {
-      this.#frame = requestAnimationFrame(() => this.#drawFrame());
-    } else if (!this.#service.available) {
+    if (!this.#service.available) {
       this.#report();
+    } else if (this.#near && !this.#frame) {
+      this.#frame = requestAnimationFrame(() => this.#drawFrame());
     }
   }
 
@@ -478,6 +491,10 @@ class SceneFigure {
   /** Tells the page that this scene is up, and tests that the picture is the final one. */
   #report(): void {
     this.element.dataset.drawn = this.#moving ? "preview" : "full";
+    this.#settle();
+  }
+
+  #settle(): void {
     this.#settled?.();
     this.#settled = null;
   }
