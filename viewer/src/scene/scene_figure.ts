@@ -76,7 +76,7 @@ class SceneFigure {
       color: !model.source && model.target.colors ? { kind: "own" } : { kind: "role" },
       logScale: null,
       scale: null,
-      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : 3.5,
+      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : model.landmarkCount > 6000 ? 3 : 3.5,
       selected: null,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
@@ -311,7 +311,7 @@ class SceneFigure {
     const rows = Math.ceil(visible.length / columns);
     // All rows and the timeline fit the window together once the toolbar is scrolled away.
     const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
-    const tall = Math.min(this.#solo ? Infinity : 960, innerHeight) - around;
+    const tall = Math.min(this.#solo ? Infinity : this.#timeline ? 960 : 700, innerHeight) - around;
     const height =
       width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
     this.#stage.style.setProperty("--columns", String(columns));
