@@ -131,5 +131,3 @@ export function themeControl(): HTMLElement {
   });
   return select;
 }
-
-export const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");

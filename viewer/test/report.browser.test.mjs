@@ -105,6 +105,45 @@ test("the slider changes the picture and the numbers", async (t) => {
   });
 });
 
+test("in any report strategies toggle, landmarks can be picked, tables sort and charts export", async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    const scene = page.locator("[data-scene]").first();
+    if (await scene.count()) {
+      await settled(page);
+      assert.ok((await drawing(page)).inked > 100);
+      const panes = () => scene.locator(".pane:visible").count();
+      const all = await panes();
+      const chips = scene.getByRole("group", { name: "Strategies" }).getByRole("button");
+      if (all > 1) {
+        assert.equal(await chips.count(), all);
+        await chips.first().click();
+        assert.equal(await panes(), all - 1);
+        assert.equal(await chips.first().getAttribute("aria-pressed"), "false");
+        await chips.first().click();
+        assert.equal(await panes(), all);
+        await settled(page);
+      }
+      const surface = scene.locator(".pane-overlay").first();
+      await surface.scrollIntoViewIfNeeded();
+      const box = await surface.boundingBox();
+      // The middle of the view may be empty; somewhere on a grid over it there is a landmark.
+      for (let i = 0; i < 120 && (await scene.locator(".record h3").count()) === 0; ++i) {
+        const [u, v] = [(i * 0.618034) % 1, (i * 0.754878) % 1];
+        await surface.click({ position: { x: box.width * (0.2 + 0.6 * u), y: box.height * (0.2 + 0.6 * v) }, force: true });
+      }
+      assert.match(await scene.locator(".record h3").textContent(), /landmark \d+/);
+    }
+    for (const sort of (await page.locator("th .sort").all()).slice(0, 3)) {
+      await sort.click();
+      assert.equal(await sort.locator("xpath=..").getAttribute("aria-sort"), "ascending");
+    }
+    for (const chart of (await page.locator(".chart .exports").all()).slice(0, 3)) {
+      const svg = await saved(page, () => chart.getByRole("button", { name: "SVG" }).click());
+      assert.match(svg.bytes.toString("utf8"), /^<svg[^>]*>.*<\/svg>$/s);
+    }
+  });
+});
+
 test("strategies can be hidden and shown, by chip and by digit", onSamples, async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     const first = page.locator("[data-scene]").first();

@@ -187,7 +187,7 @@ export function compose(
   const inner = plot as unknown as SVGSVGElement;
   const width = Number(inner.getAttribute("width"));
   const height = Number(inner.getAttribute("height"));
-  const [keys, keysHeight] = legendGroup(legend, width, options.colors);
+  const [keys, keysHeight] = legendGroup(legend, Math.min(width, options.width), options.colors);
   const top = keysHeight + (extra?.height ?? 0);
   const outer = s("svg", {
     xmlns: "http://www.w3.org/2000/svg",

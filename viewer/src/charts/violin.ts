@@ -4,7 +4,7 @@ import type { ViolinChart } from "../document/report";
 import { formatNumber } from "../math/format";
 import { bandwidth, kernelDensity, sortedFinite, summarise } from "../math/statistics";
 import { seriesColor } from "../series_style";
-import { compose, drawable, extent, fitText, plotStyle, thresholdMarks, tickFormat, type DrawOptions } from "./shared";
+import { compose, drawable, extent, fitText, plotStyle, textWidth, thresholdMarks, tickFormat, type DrawOptions } from "./shared";
 
 const kSteps = 96;
 const kCentre = 0.08;
@@ -12,7 +12,7 @@ const kHalfWidth = 0.34;
 const kBoxHalfWidth = 0.07;
 const kPointsLeft = -0.42;
 const kPointsSpread = 0.1;
-const kMinBand = 84;
+const kMinBand = 58;
 
 interface OutlinePoint {
   group: number;
@@ -83,9 +83,10 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     const summary = summaries[group.index];
     return summary ? [{ ...summary, centre: group.index + kCentre, color: group.color }] : [];
   });
-  const marginLeft = 72;
+  const marginLeft = options.width < 480 ? 60 : 72;
   const width = Math.max(options.width, marginLeft + 20 + kMinBand * groups.length);
   const band = (width - marginLeft - 20) / Math.max(1, groups.length);
+  const slanted = groups.some((group) => textWidth(group.name) > band - 8);
   const boxHalf = withDensity ? kBoxHalfWidth : 0.24;
   const colorOf = (index: number) => groups[index].color;
   const plot = Plot.plot({
@@ -93,7 +94,7 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     height: Math.round(Math.min(440, Math.max(320, width * 0.45))),
     marginLeft,
     marginRight: 20,
-    marginBottom: 58,
+    marginBottom: slanted ? 96 : 58,
     marginTop: 16,
     style: plotStyle(colors),
     x: { domain: [-0.55, groups.length - 0.45], label: null },
@@ -107,8 +108,8 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
       Plot.axisX(
         groups.map((group) => group.index),
         {
-          tickFormat: (i: number) => fitText(groups[i]?.name ?? "", band - 10),
-          tickSize: 0, label: chart.xLabel, labelArrow: "none", labelAnchor: "center",
+          tickFormat: (i: number) => fitText(groups[i]?.name ?? "", slanted ? 96 : band - 8),
+          tickRotate: slanted ? -32 : 0, tickSize: 0, label: chart.xLabel, labelOffset: slanted ? 86 : 46, labelArrow: "none", labelAnchor: "center",
         },
       ),
       Plot.areaX(outline, {

@@ -38,7 +38,12 @@ export class MatchLayer {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", this.#positions);
     geometry.setAttribute("color", this.#colors);
-    this.#material = new LineBasicMaterial({ transparent: true, opacity: 0.55, depthWrite: false });
+    this.#material = new LineBasicMaterial({
+      transparent: true,
+      // Many lines together must not hide the landmarks.
+      opacity: Math.min(0.6, Math.max(0.14, 0.6 * Math.sqrt(1000 / Math.max(1, lines)))),
+      depthWrite: false,
+    });
     this.object = new LineSegments(geometry, this.#material);
     this.object.frustumCulled = false;
     this.object.matrixAutoUpdate = false;

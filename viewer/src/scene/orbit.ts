@@ -34,7 +34,8 @@ export class Orbit {
     this.#right = cross(this.#forward, this.up);
   }
 
-  view(name: StandardView, target: [number, number, number], distance: number): OrbitState {
+  /** A standard view of a box about the origin, given by half its sizes. */
+  view(name: StandardView, half: Vector3, aspect: number): OrbitState {
     const degrees = Math.PI / 180;
     const angles = {
       home: [-28 * degrees, 24 * degrees],
@@ -42,7 +43,9 @@ export class Orbit {
       front: [0, 0],
       side: [-90 * degrees, 0],
     }[name];
-    return { target: [...target], distance, azimuth: angles[0], elevation: angles[1] };
+    const state: OrbitState = { target: [0, 0, 0], distance: 1, azimuth: angles[0], elevation: angles[1] };
+    state.distance = this.fittingDistance(state, half, aspect);
+    return state;
   }
 
   /** From the target to the eye, of length 1. */
@@ -53,6 +56,21 @@ export class Orbit {
     const b = Math.sin(azimuth) * flat;
     const c = Math.sin(elevation);
     return [0, 1, 2].map((i) => a * this.#forward[i] + b * this.#right[i] + c * this.up[i]) as [number, number, number];
+  }
+
+  /** The distance from which a box about the target, given by half its sizes, just fills the view. */
+  fittingDistance(state: OrbitState, half: Vector3, aspect: number): number {
+    const eye = this.#eyeDirection(state);
+    const side = unit(cross(this.up, eye)) ?? this.#right;
+    const above = cross(eye, side);
+    const slope = Math.tan((kFieldOfView * Math.PI) / 360);
+    let distance = 0;
+    for (let corner = 0; corner < 8; ++corner) {
+      const p = half.map((size, axis) => (corner & (1 << axis) ? size : -size)) as unknown as Vector3;
+      const reach = Math.max(Math.abs(dot(p, side)) / (slope * aspect), Math.abs(dot(p, above)) / slope);
+      distance = Math.max(distance, dot(p, eye) + reach);
+    }
+    return 1.03 * distance;
   }
 
   place(camera: PerspectiveCamera, state: OrbitState, aspect: number, reach: number): void {
@@ -91,13 +109,6 @@ export class Orbit {
   zoom(state: OrbitState, factor: number, reach: number): void {
     state.distance = Math.min(50 * reach, Math.max(1e-3 * reach, state.distance * factor));
   }
-}
-
-/** The distance from which a ball of radius `reach` fills the view. */
-export function fittingDistance(reach: number, aspect: number): number {
-  const vertical = (kFieldOfView * Math.PI) / 360;
-  const horizontal = Math.atan(Math.tan(vertical) * aspect);
-  return reach / Math.sin(Math.min(vertical, horizontal));
 }
 
 interface GestureTarget {

@@ -67,7 +67,7 @@ export class Pane {
     this.run = run;
     this.#state = state;
     this.#colors = colors;
-    this.orbit = model.orbit.view("home", [0, 0, 0], model.homeDistance(1.5));
+    this.orbit = model.orbit.view("home", model.half, 1.5);
     const { source, target } = model;
     if (source && model.truth) {
       this.#addPoints("truth", source, "ring", 0.45, previewStride);

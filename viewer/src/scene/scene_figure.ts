@@ -57,6 +57,8 @@ class SceneFigure {
   #settleTimer = 0;
   #hoverTimer = 0;
   #moving = false;
+  /** Scenes far from the view wait with drawing until they come near. */
+  #near = false;
   #dirty = new Set<Pane>();
   #settled: (() => void) | null;
 
@@ -74,7 +76,7 @@ class SceneFigure {
       color: !model.source && model.target.colors ? { kind: "own" } : { kind: "role" },
       logScale: null,
       scale: null,
-      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : 3.5,
+      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : model.landmarkCount > 6000 ? 3 : 3.5,
       selected: null,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
@@ -116,6 +118,17 @@ class SceneFigure {
       this.#redraw();
     });
     new ResizeObserver(() => this.#layOut()).observe(this.#stage);
+    new IntersectionObserver(
+      (entries) => {
+        this.#near = entries.some((entry) => entry.isIntersecting);
+        if (!this.#near) {
+          this.#settle();
+        } else if (this.#dirty.size > 0) {
+          this.#schedule(false);
+        }
+      },
+      { rootMargin: "400px" },
+    ).observe(this.element);
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement && this.#solo && this.element.classList.contains("is-fullscreen")) {
         this.#enlarge(this.#solo);
@@ -298,7 +311,7 @@ class SceneFigure {
     const rows = Math.ceil(visible.length / columns);
     // All rows and the timeline fit the window together once the toolbar is scrolled away.
     const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
-    const tall = Math.min(this.#solo ? Infinity : 960, innerHeight) - around;
+    const tall = Math.min(this.#solo ? Infinity : this.#timeline ? 960 : 700, innerHeight) - around;
     const height =
       width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
     this.#stage.style.setProperty("--columns", String(columns));
@@ -353,7 +366,7 @@ class SceneFigure {
     const model = this.#model;
     const pane = this.#focusedPane();
     const aspect = (pane.surface.clientWidth || 3) / (pane.surface.clientHeight || 2);
-    const orbit = model.orbit.view(name, [0, 0, 0], model.homeDistance(aspect));
+    const orbit = model.orbit.view(name, model.half, aspect);
     for (const other of this.#linked || name === "home" ? this.#panes : [pane]) {
       other.orbit = this.#linked ? orbit : copyOrbit(orbit);
     }
@@ -440,10 +453,10 @@ class SceneFigure {
         this.#redraw();
       }, kSettleMs);
     }
-    if (!this.#frame && this.#service.available) {
-      this.#frame = requestAnimationFrame(() => this.#drawFrame());
-    } else if (!this.#service.available) {
+    if (!this.#service.available) {
       this.#report();
+    } else if (this.#near && !this.#frame) {
+      this.#frame = requestAnimationFrame(() => this.#drawFrame());
     }
   }
 
@@ -478,6 +491,10 @@ class SceneFigure {
   /** Tells the page that this scene is up, and tests that the picture is the final one. */
   #report(): void {
     this.element.dataset.drawn = this.#moving ? "preview" : "full";
+    this.#settle();
+  }
+
+  #settle(): void {
     this.#settled?.();
     this.#settled = null;
   }

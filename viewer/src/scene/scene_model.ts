@@ -4,7 +4,7 @@ import { MatchTimeline } from "../document/matches";
 import { apply, fromRowMajor, kIdentity, poseAt, positionOf, unit, type Affine } from "../math/pose";
 import { quantileSorted, robustRange } from "../math/statistics";
 import { columnScale, type ColorMode, type ColorScale } from "./coloring";
-import { fittingDistance, Orbit } from "./orbit";
+import { Orbit } from "./orbit";
 
 export type Role = "source" | "target";
 
@@ -18,7 +18,8 @@ export class SceneModel {
   readonly truth: Affine | null;
   /** The scene's frame is the target's, moved to this point, so that single precision suffices. */
   readonly centre: [number, number, number];
-  /** Radius of a ball about the centre that holds nearly all landmarks. */
+  /** Half the sizes of a box about the centre that holds nearly all landmarks, and half its diagonal. */
+  readonly half: [number, number, number];
   readonly reach: number;
   /** Height of the landmarks' floor over the centre, along up. */
   readonly floor: number;
@@ -40,7 +41,8 @@ export class SceneModel {
     }
     const ranges = [0, 1, 2].map((axis) => rangeAlong(placed, axis));
     this.centre = ranges.map(([low, high]) => (low + high) / 2) as [number, number, number];
-    this.reach = Math.max(1e-6, 0.5 * Math.hypot(...ranges.map(([low, high]) => high - low)));
+    this.half = ranges.map(([low, high]) => Math.max(1e-6, (high - low) / 2)) as [number, number, number];
+    this.reach = Math.hypot(...this.half);
     const views = this.target.frames ? meanViews(this.target.frames) : null;
     this.orbit = new Orbit(section.up ?? views?.up ?? [0, 0, 1], views?.forward ?? null);
     this.floor = this.#lowest(placed);
@@ -70,10 +72,6 @@ export class SceneModel {
 
   get landmarkCount(): number {
     return this.target.count + (this.source?.count ?? 0);
-  }
-
-  homeDistance(aspect: number): number {
-    return 0.8 * fittingDistance(this.reach, aspect);
   }
 
   /** The pose of `run` at iteration `iteration`, held at its last one. */
