@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,11 +17,15 @@
 #include "cairn/experiments/paper.hpp"
 #include "cairn/experiments/paper_tables.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/report/experiment_sections.hpp"
 
 #include "commands.hpp"
+#include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
+#include "support/reports.hpp"
 #include "support/table.hpp"
 #include "support/trial_results.hpp"
 
@@ -33,6 +38,7 @@ struct PaperArguments {
   std::string target;
   std::string output;
   std::string truth;
+  std::vector<std::string> images;
   PaperOptions options;
 
   void add_to(CLI::App& command);
@@ -40,8 +46,11 @@ struct PaperArguments {
 
  private:
   void check_options() const;
+  std::string truth_sentence(const PaperResults& results) const;
   Json options_json() const;
   std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const;
+  report::Report make_report(const MapPair& pair, const PaperResults& results,
+                             std::vector<report::Section> sections, const Json& json) const;
   void print(const PaperResults& results, const ResultTable& successes, double seconds) const;
 };
 
@@ -66,9 +75,16 @@ void PaperArguments::add_to(CLI::App& command) {
              "Longest distance of a match, metres (default: unlimited, as in the paper)");
   add_number(command, "--min-observations", options.points.min_observations,
              "Leave out landmarks observed less often");
+  command
+      .add_option("--images", images,
+                  "The RGB-D sequences of source and target: adds the paper's Figure 1")
+      ->expected(2)
+      ->type_name("FOLDER FOLDER");
+  common.add_report_to(command,
+                       "one configuration in 3D, iteration by iteration, figures and tables");
   common.add_to(command);
   command.footer(
-      "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/ into the folder.\n\n"
+      "Writes runs.csv, timings.csv, experiment.json, summary.md, tables/ and figures/.\n\n"
       "Example: how two maps of one desk behave where the truth is known\n"
       "  cairn experiment paper second.map first.map --truth truth.txt -o results");
 }
@@ -80,6 +96,15 @@ void PaperArguments::check_options() const {
                      {"AlignOptions.max_iterations", "--max-iterations"},
                      {"AlignOptions.max_distance", "--max-distance"}},
                     [&] { options.validate(); });
+}
+
+// How many are right, where that is known.
+std::string PaperArguments::truth_sentence(const PaperResults& results) const {
+  if (truth.empty()) return "";
+  const auto right = std::count_if(
+      results.runs.begin(), results.runs.end(),
+      [&](const TrialResult& run) { return run.error && options.tolerance.holds(*run.error); });
+  return fmt::format(", {} by their pose", right);
 }
 
 Json PaperArguments::options_json() const {
@@ -105,6 +130,50 @@ std::string PaperArguments::summary(const PaperResults& results,
     text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
   }
   return text;
+}
+
+// Table 1's displacement with the paper's k, by every strategy, with all that can be looked at.
+report::Report PaperArguments::make_report(const MapPair& pair, const PaperResults& results,
+                                           std::vector<report::Section> sections,
+                                           const Json& json) const {
+  const auto published = published_experiments();
+  const auto shown_one =
+      std::find_if(published.begin(), published.end(), [](const PublishedExperiment& one) {
+        return one.experiment == Experiment::kNeighbors && one.k == AlignOptions().k;
+      });
+  std::vector<Strategy> strategies;
+  for (const std::string_view name : kPaperStrategies) {
+    cairn::Strategy strategy = strategy_named(name);
+    strategies.push_back({strategy.metric ? strategy.name : "none", std::move(strategy.metric)});
+  }
+  AlignOptions align = options.align;
+  align.initial = shown_one->initial.pose();
+  align.trace = true;
+  ReportedPair shown;
+  shown.source_name = file_name(source);
+  shown.target_name = file_name(target);
+  shown.source = &pair.source;
+  shown.target = &pair.target;
+  shown.point_options = options.points;
+  shown.initial = align.initial;
+  shown.truth = pair.truth;
+  shown.alignments =
+      align_by_all(pair.source, pair.target, strategies, align, options.points, pair.truth, common);
+  shown.story = fmt::format("One of the 45 configurations: initial {}, k = {}.",
+                            describe(shown_one->initial), align.k);
+  report::Report report = begin_report(
+      fmt::format("The paper's experiments on {} and {}", shown.source_name, shown.target_name),
+      common);
+  const auto succeeded =
+      std::count_if(results.runs.begin(), results.runs.end(),
+                    [&](const TrialResult& run) { return results.score_success(run); });
+  report.subtitle = fmt::format("{} of {} runs succeed by their score{}.", succeeded,
+                                results.runs.size(), truth_sentence(results));
+  set_provenance(report, json);
+  add_pair(report, shown);
+  report.sections.insert(report.sections.end(), std::make_move_iterator(sections.begin()),
+                         std::make_move_iterator(sections.end()));
+  return report;
 }
 
 void PaperArguments::print(const PaperResults& results, const ResultTable& successes,
@@ -173,6 +242,12 @@ int PaperArguments::run() {
     write_runs(output, runs, "xy_search_");
   }
   write_text(output, "summary.md", summary(results, tables));
+  std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
+  write_figures(output, sections);
+  write_clouds(output, pair, results, options.points);
+  if (!images.empty()) {
+    common.console().remark(write_common_view(output, pair, results, images[0], images[1]));
+  }
 
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
   if (pair.truth) inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*pair.truth)}};
@@ -191,6 +266,11 @@ int PaperArguments::run() {
   for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
   write_text(output, "experiment.json", to_text(json));
   write_document(json, common);
+  if (!common.report_path.empty()) {
+    json.erase("runs");
+    json.erase("tables");
+    write_report(make_report(pair, results, std::move(sections), json), common);
+  }
   print(results, tables.front(), seconds);
   return kDone;
 }

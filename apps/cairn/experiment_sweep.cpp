@@ -52,6 +52,7 @@ void SweepArguments::add_to(CLI::App& command) {
       ->required();
   add_text(command, "--shard", shard_text,
            "Run part i of n only; 'cairn experiment merge' joins the parts", "i/n");
+  common.add_report_to(command, "answers, figures and tables");
   common.add_to(command);
   command.footer(
       "Paths in the study are relative to its file. Simulated maps are kept in maps/ in the "
@@ -172,6 +173,7 @@ void MergeArguments::add_to(CLI::App& command) {
       ->required()
       ->type_name("");
   add_text(command, "-o,--output", output, "New folder for the whole", "FOLDER")->required();
+  common.add_report_to(command, "answers, figures and tables");
   common.add_to(command);
   command.footer(
       "Example: a study in two parts, as two machines would run it\n"

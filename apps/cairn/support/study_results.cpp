@@ -2,6 +2,7 @@
 #include "support/study_results.hpp"
 
 #include <filesystem>
+#include <iterator>
 #include <variant>
 
 #include <fmt/format.h>
@@ -13,13 +14,16 @@
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
 #include "cairn/map/io/map_file.hpp"
+#include "cairn/report/experiment_sections.hpp"
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #endif
 
 #include "support/documents.hpp"
+#include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
+#include "support/reports.hpp"
 #include "support/trial_results.hpp"
 
 namespace cairn::cli {
@@ -141,6 +145,21 @@ void conclude_study(const Study& study, const std::string& folder, const CommonA
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
   write_text(folder, "experiment.json", to_text(json));
   write_document(json, common);
+  std::vector<report::Section> sections = report::study_sections(study, analysis, runs);
+  write_figures(folder, sections);
+  if (!common.report_path.empty()) {
+    json.erase("tables");
+    report::Report report = begin_report("Study " + study.name, common);
+    report.subtitle = answers.front();
+    std::string text;
+    for (const std::string& answer : answers) text += (text.empty() ? "" : "\n\n") + answer;
+    set_provenance(report, json);
+    report.sections.push_back(
+        {.id = "answers", .title = "Answers", .text = text, .content = report::Text()});
+    report.sections.insert(report.sections.end(), std::make_move_iterator(sections.begin()),
+                           std::make_move_iterator(sections.end()));
+    write_report(report, common);
+  }
   std::string text = fmt::format("{}: {} runs\n\n", folder, runs.size());
   for (const std::string& answer : answers) text += answer + "\n";
   common.console().print(text);

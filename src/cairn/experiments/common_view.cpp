@@ -26,7 +26,8 @@ std::optional<CommonView> find_common_view(const LandmarkMap& source, const Land
     const auto counterpart_seen_by = target.observing_frames(LandmarkIndex{nearest[0].index});
     // A frame may observe a landmark twice; it has it in view once.
     const std::set<FrameIndex> source_frames(seen_by.begin(), seen_by.end());
-    const std::set<FrameIndex> target_frames(counterpart_seen_by.begin(), counterpart_seen_by.end());
+    const std::set<FrameIndex> target_frames(counterpart_seen_by.begin(),
+                                             counterpart_seen_by.end());
     for (const FrameIndex source_frame : source_frames) {
       for (const FrameIndex target_frame : target_frames) ++counts[{source_frame, target_frame}];
     }

@@ -47,8 +47,8 @@ Section violins(Experiment experiment, bool published_ones, const PaperResults& 
   DistributionChart chart;
   chart.x_label = "Strategy";
   chart.y_label = "Score (m²)";
-  chart.threshold = Threshold{published_ones ? kPublishedSuccessScore : results.success_score,
-                              "success below"};
+  chart.threshold =
+      Threshold{published_ones ? kPublishedSuccessScore : results.success_score, "success below"};
   const auto published = published_experiments();
   double lowest = std::numeric_limits<double>::infinity();
   double highest = 0.0;
@@ -74,8 +74,9 @@ Section violins(Experiment experiment, bool published_ones, const PaperResults& 
   return chart_section(
       id_of(fmt::format("figure{}-{}", figure, whose)),
       fmt::format("{}, {}", title_of(experiment), whose),
-      fmt::format("The paper's Figure {}{}. Solid: median; dashed: mean; points: single runs.", figure,
-                  published_ones ? " as published, on its own pair of maps" : " on this pair of maps"),
+      fmt::format(
+          "The paper's Figure {}{}. Solid: median; dashed: mean; points: single runs.", figure,
+          published_ones ? " as published, on its own pair of maps" : " on this pair of maps"),
       std::move(chart));
 }
 
@@ -145,9 +146,10 @@ Section places_chart(const Study& study, const StudyAnalysis& analysis) {
     }
     chart.series.push_back(std::move(series));
   }
-  return chart_section("success-by-place", "Success by kind of place",
-                       "With Wilson's intervals, which take the starts of one pair for independent.",
-                       std::move(chart));
+  return chart_section(
+      "success-by-place", "Success by kind of place",
+      "With Wilson's intervals, which take the starts of one pair for independent.",
+      std::move(chart));
 }
 
 Section differences_chart(const StudyAnalysis& analysis) {

@@ -49,7 +49,7 @@ TEST(PaperSections, HoldThePapersFiguresWithAllRuns) {
     ASSERT_NE(distribution, nullptr);
     ++violins;
     EXPECT_EQ(distribution->groups.size(), 4U);
-    const std::size_t count = section.id.starts_with("figure3") ? 8
+    const std::size_t count = section.id.starts_with("figure3")   ? 8
                               : section.id.starts_with("figure4") ? 14
                                                                   : 16;
     for (const Distribution& group : distribution->groups) {
@@ -82,7 +82,8 @@ TEST(TableSection, KeepsCellsAndUnits) {
 TEST(StudySections, ShowSuccessDifferencesAndBasins) {
   Study study;
   study.name = "s";
-  study.pairs = {{"desk_1", PairSimulation{}}, {"desk_2", PairSimulation{}}, {"room_1", PairSimulation{}}};
+  study.pairs = {
+      {"desk_1", PairSimulation{}}, {"desk_2", PairSimulation{}}, {"room_1", PairSimulation{}}};
   study.initial_count = 20;
   study.initial = {{.x_m = -1, .yaw_deg = -50}, {.x_m = 1, .yaw_deg = 50}};
   study.strategies = {"base", "observations", "distance"};

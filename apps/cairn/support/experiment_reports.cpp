@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/experiment_reports.hpp"
+
+#include <algorithm>
+#include <utility>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/experiments/common_view.hpp"
+#include "cairn/experiments/paper_tables.hpp"
+#include "cairn/report/experiment_sections.hpp"
+#include "cairn/report/figures/figures.hpp"
+#ifdef CAIRN_HAS_ODOMETRY
+#include <opencv2/core.hpp>
+
+#include "cairn/sequence/image_file.hpp"
+#include "cairn/sequence/sequence.hpp"
+#endif
+
+#include "support/trial_results.hpp"
+
+namespace cairn::cli {
+namespace {
+
+// Runs with a pose, by their score.
+std::pair<const TrialResult*, const TrialResult*> best_and_worst(const PaperResults& results) {
+  const TrialResult* best = nullptr;
+  const TrialResult* worst = nullptr;
+  for (const TrialResult& run : results.runs) {
+    if (!run.score || !run.target_from_source) continue;
+    if (best == nullptr || *run.score < *best->score) best = &run;
+    if (worst == nullptr || *run.score > *worst->score) worst = &run;
+  }
+  return {best, worst};
+}
+
+std::string name_of(const TrialResult& run) {
+  return fmt::format("{}, k = {}, initial {}: score {:.4g} m²", run.trial.strategy, run.trial.k,
+                     describe(run.trial.initial), *run.score);
+}
+
+#ifdef CAIRN_HAS_ODOMETRY
+// The image of a keyframe, by its time.
+std::optional<std::filesystem::path> image_of(const LandmarkMap& map, FrameIndex frame,
+                                              const RgbdSequence& sequence) {
+  const auto& times = map.frames().timestamps_s;
+  if (times.empty() || !times[frame.value]) return std::nullopt;
+  constexpr double kSameFrame = 1e-3;  // seconds; a map's times are the images' own
+  for (const SequenceFrame& candidate : sequence.frames()) {
+    if (std::abs(candidate.timestamp_s - *times[frame.value]) < kSameFrame) return candidate.color;
+  }
+  return std::nullopt;
+}
+#endif
+
+}  // namespace
+
+void write_figures(const std::string& folder, const std::vector<report::Section>& sections) {
+  for (const report::Section& section : sections) {
+    const auto* chart = std::get_if<report::Chart>(&section.content);
+    if (chart == nullptr) continue;
+    write_text(folder, "figures/" + section.id + ".svg",
+               report::chart_svg(*chart, {.title = section.title}, report::violin_density()));
+  }
+}
+
+void write_clouds(const std::string& folder, const MapPair& pair, const PaperResults& results,
+                  const PointSetOptions& point_options) {
+  const auto [best, worst] = best_and_worst(results);
+  if (best == nullptr) return;
+  const PointSet source = point_set(pair.source, {}, point_options);
+  const PointSet target = point_set(pair.target, {}, point_options);
+  report::CloudsFigure figure;
+  for (const TrialResult* const run : {best, worst}) {
+    figure.panels.push_back({name_of(*run), target.positions,
+                             report::moved_positions(source.positions, *run->target_from_source)});
+  }
+  write_text(folder, "figures/figure2.svg", report::clouds_svg(figure, {.width = 1000.0}));
+}
+
+std::string write_common_view([[maybe_unused]] const std::string& folder,
+                              [[maybe_unused]] const MapPair& pair,
+                              [[maybe_unused]] const PaperResults& results,
+                              [[maybe_unused]] const std::string& source_sequence,
+                              [[maybe_unused]] const std::string& target_sequence) {
+#ifdef CAIRN_HAS_ODOMETRY
+  const TrialResult* const best = best_and_worst(results).first;
+  if (best == nullptr) return "Figure 1: no run found a pose";
+  constexpr double kRadius = 0.05;  // metres
+  const auto view = find_common_view(pair.source, pair.target, *best->target_from_source, kRadius);
+  if (!view) return "Figure 1: no two keyframes see one place";
+  const auto source_image = image_of(pair.source, view->source, RgbdSequence(source_sequence));
+  const auto target_image = image_of(pair.target, view->target, RgbdSequence(target_sequence));
+  if (!source_image || !target_image) {
+    return fmt::format("Figure 1: the {} has no image of the time of the map's keyframe",
+                       source_image ? target_sequence : source_sequence);
+  }
+  cv::Mat left = read_color_image(*source_image);
+  cv::Mat right = read_color_image(*target_image);
+  const int height = std::max(left.rows, right.rows);
+  constexpr int kGap = 8;
+  cv::Mat both(height, left.cols + kGap + right.cols, CV_8UC3, cv::Scalar(255, 255, 255));
+  left.copyTo(both(cv::Rect(0, 0, left.cols, left.rows)));
+  right.copyTo(both(cv::Rect(left.cols + kGap, 0, right.cols, right.rows)));
+  std::filesystem::create_directories(std::filesystem::path(folder) / "figures");
+  write_png(std::filesystem::path(folder) / "figures/figure1.png", both);
+  return fmt::format("Figure 1: {} and {} see {} landmarks in common",
+                     source_image->filename().string(), target_image->filename().string(),
+                     view->landmarks);
+#else
+  throw Error(ErrorKind::kMisuse, "--images", "this build cannot read images",
+              "a build with OpenCV and Ceres");
+#endif
+}
+
+}  // namespace cairn::cli
