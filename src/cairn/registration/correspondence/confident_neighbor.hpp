@@ -21,9 +21,22 @@ namespace cairn {
 /// @param confidences of the set the candidates are from; empty: the nearest is chosen
 /// @return of equal confidences the nearer; nothing if no candidate within `max_squared_distance` has
 ///         a positive confidence
-std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
-                                       std::span<const double> confidences,
-                                       double max_squared_distance);
+inline std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
+                                              std::span<const double> confidences,
+                                              double max_squared_distance) {
+  std::optional<Neighbor> best;
+  double best_confidence = 0.0;
+  for (const Neighbor& candidate : nearest) {
+    if (candidate.squared_distance > max_squared_distance) break;
+    if (confidences.empty()) return candidate;
+    const double confidence = confidences[candidate.index];
+    if (confidence > best_confidence) {
+      best = candidate;
+      best_confidence = confidence;
+    }
+  }
+  return best;
+}
 
 /// Leaves out the share `trimmed_fraction` of the matches that is farthest apart (of equal distances
 /// the later), keeping the order of the others.

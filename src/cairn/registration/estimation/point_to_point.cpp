@@ -40,11 +40,19 @@ Rigid3 closest_motion_of(std::size_t count, const Pair& pair, const Weight& weig
   }
   from_mean /= total;
   to_mean /= total;
-  Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
+  // By column, so that each stays in registers: as one matrix the sum would go through memory.
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  Eigen::Vector3d y = Eigen::Vector3d::Zero();
+  Eigen::Vector3d z = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < count; ++i) {
     const auto& [from, to] = pair(i);
-    correlation += weight(i) * (to - to_mean) * (from - from_mean).transpose();
+    const Eigen::Vector3d arm = weight(i) * (to - to_mean);
+    x += arm * (from.x() - from_mean.x());
+    y += arm * (from.y() - from_mean.y());
+    z += arm * (from.z() - from_mean.z());
   }
+  Eigen::Matrix3d correlation;
+  correlation << x, y, z;
   const Eigen::Matrix3d rotation = rotation_of(correlation);
   return {rotation, to_mean - rotation * from_mean};
 }

@@ -51,6 +51,7 @@ class Packet {
       index_[j] = none;
     }
     farthest_ = hn::GetLane(hn::MaxOfLanes(d, bound));
+    bounded_ = farthest_ < std::numeric_limits<float>::infinity();
   }
 
   void search() {
@@ -114,7 +115,9 @@ class Packet {
     for (; near != 0; near &= near - 1) {
       const auto i = static_cast<std::uint32_t>(hwy::Num0BitsBelowLS1Bit_Nonzero32(near));
       std::size_t place = visit_count_++;
-      for (; place > begin && visits_[place - 1].squared_distance < squared[i]; --place) {
+      // With a good bound from the start the order matters little, and sorting is not cheap.
+      for (; !bounded_ && place > begin && visits_[place - 1].squared_distance < squared[i];
+           --place) {
         visits_[place] = visits_[place - 1];
       }
       visits_[place] = {squared[i], first + i, level};
@@ -166,6 +169,7 @@ class Packet {
   std::array<Index, kCapacity> index_;
   std::array<float, 3> low_;  // box of all queries
   std::array<float, 3> high_;
+  bool bounded_;    // from the start
   float farthest_;  // beyond this no query takes a point
   std::size_t visit_count_ = 0;
   std::array<Visit, kMostVisits> visits_;
@@ -189,10 +193,6 @@ void search_with(const Tree& tree, Queries& queries, std::span<std::uint32_t> ca
 void search_any(const Tree& tree, std::size_t capacity, Queries& queries,
                 std::span<std::uint32_t> candidates) {
   switch (capacity) {
-    case 2:
-      return search_with<2>(tree, queries, candidates);
-    case 3:
-      return search_with<3>(tree, queries, candidates);
     case 4:
       return search_with<4>(tree, queries, candidates);
     case 6:

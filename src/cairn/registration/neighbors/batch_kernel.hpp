@@ -15,7 +15,7 @@ inline constexpr std::size_t kFanOut = 16;
 /// Queries a call at most.
 inline constexpr std::size_t kMostQueries = 256;
 /// Candidates a query that code is made for.
-inline constexpr std::array<std::size_t, 8> kCapacities = {2, 3, 4, 6, 8, 12, 16, 24};
+inline constexpr std::array<std::size_t, 6> kCapacities = {4, 6, 8, 12, 16, 24};
 
 /// Bounding boxes of one level's nodes, in a multiple of kFanOut; what fills it up is infinitely far.
 struct Level {

@@ -32,6 +32,9 @@ double coordinate_error(double extents) {
   return 1.75 / (1 << 24) * extents + 1e-40;
 }
 
+// How many times the last motion beyond the k-th neighbour a search looks.
+constexpr double kFarther = 2.5;
+
 // Relative error of what is computed in double precision, rounded up generously.
 constexpr double kRounding = 1e-13;
 
@@ -95,6 +98,14 @@ std::size_t widest_axis(std::span<const Item> items) {
   return widest;
 }
 
+// Puts the `first` lowest of the items along their widest axis before the others.
+void halve(std::span<Item> items, std::size_t first) {
+  const std::size_t axis = widest_axis(items);
+  std::nth_element(
+      items.begin(), items.begin() + static_cast<std::ptrdiff_t>(first), items.end(),
+      [axis](const Item& a, const Item& b) { return a.position[axis] < b.position[axis]; });
+}
+
 // Halves the items along their widest axis until there are `leaves` of them, a power of two.
 void split(std::span<Item> items, std::span<const std::uint32_t> leaf_begin) {
   const std::size_t leaves = leaf_begin.size() - 1;
@@ -106,6 +117,16 @@ void split(std::span<Item> items, std::span<const std::uint32_t> leaf_begin) {
       [axis](const Item& a, const Item& b) { return a.position[axis] < b.position[axis]; });
   split(items.first(half), leaf_begin.first(leaves / 2 + 1));
   split(items.subspan(half), leaf_begin.subspan(leaves / 2));
+}
+
+// The same until there are at most `most` in each part; all but the last of them full.
+void split_evenly(std::span<Item> items, std::size_t most) {
+  if (items.size() <= most) return;
+  const std::size_t parts = (items.size() + most - 1) / most;
+  const std::size_t half = (parts + 1) / 2 * most;
+  halve(items, half);
+  split_evenly(items.first(half), most);
+  split_evenly(items.subspan(half), most);
 }
 
 Level boxes_of(std::size_t count, const auto& grow_by) {
@@ -124,45 +145,21 @@ Level boxes_of(std::size_t count, const auto& grow_by) {
   return result;
 }
 
-// Ten bits of each coordinate, interleaved: close keys are close places.
-std::uint32_t spread(std::uint32_t bits) {
-  bits = (bits | bits << 16) & 0x030000FF;
-  bits = (bits | bits << 8) & 0x0300F00F;
-  bits = (bits | bits << 4) & 0x030C30C3;
-  return (bits | bits << 2) & 0x09249249;
-}
-
+// As a tree of these points would have them, so that consecutive ones fill small boxes.
 std::vector<std::uint32_t> spatial_order(std::span<const Eigen::Vector3d> points) {
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(kInfinity);
-  Eigen::Vector3d high = -low;
-  for (const Eigen::Vector3d& point : points) {
-    low = low.cwiseMin(point);
-    high = high.cwiseMax(point);
-  }
-  const double size = (high - low).maxCoeff();
-  const double scale = size > 0.0 && std::isfinite(size) ? 1023.0 / size : 0.0;
-  std::vector<std::uint64_t> keys(points.size());
+  std::vector<Item> items(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    std::uint64_t key = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double cell = (points[i][axis] - low[axis]) * scale;
-      // What is not a number goes first.
-      key |= std::uint64_t{spread(cell > 0.0 ? static_cast<std::uint32_t>(cell) : 0U)} << axis;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto x = static_cast<float>(points[i][static_cast<Eigen::Index>(axis)]);
+      items[i].position[axis] = std::isfinite(x) ? x : 0.0F;  // or sorting would go astray
     }
-    keys[i] = key << 32 | i;
+    items[i].index = static_cast<std::uint32_t>(i);
   }
-  // By the key's 30 bits, 10 at a time.
-  std::vector<std::uint64_t> sorted(keys.size());
-  for (const int shift : {32, 42, 52}) {
-    std::array<std::size_t, 1025> begin = {};
-    for (const std::uint64_t key : keys) ++begin[(key >> shift & 1023) + 1];
-    std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    for (const std::uint64_t key : keys) sorted[begin[key >> shift & 1023]++] = key;
-    keys.swap(sorted);
-  }
-  std::vector<std::uint32_t> order(keys.size());
-  std::transform(keys.begin(), keys.end(), order.begin(),
-                 [](std::uint64_t key) { return static_cast<std::uint32_t>(key); });
+  const std::size_t packets = (points.size() + kFanOut - 1) / kFanOut;
+  if (packets > 1) split_evenly(items, kFanOut);
+  std::vector<std::uint32_t> order(points.size());
+  std::transform(items.begin(), items.end(), order.begin(),
+                 [](const Item& item) { return item.index; });
   return order;
 }
 
@@ -331,31 +328,67 @@ void BatchTree::Batch::prepare(std::span<const Eigen::Vector3d> queries) {
   candidates_.assign(queries.size() * capacity_, 0);
 }
 
-bool BatchTree::Batch::rank(std::size_t slot, const Eigen::Vector3d& query, double outside,
-                            Neighbor* found) {
-  std::uint32_t* const candidates = candidates_.data() + slot * capacity_;
-  std::array<Neighbor, batch_kernel::kCapacities.back()> ranked;
-  for (std::size_t j = 0; j < capacity_; ++j) {
+template <std::size_t kCapacity>
+BatchTree::Batch::Ranked BatchTree::Batch::rank(std::size_t slot, const Eigen::Vector3d& query,
+                                                double outside, Neighbor* found) {
+  std::uint32_t* const candidates = candidates_.data() + slot * kCapacity;
+  const Eigen::Vector3d* const points = nodes_->points.data();
+  const std::uint32_t* const index = nodes_->index.data();
+  std::array<double, kCapacity> squared;
+  bool ordered = true;
+  for (std::size_t j = 0; j < kCapacity; ++j) {
+    squared[j] = squared_distance(points[candidates[j]], query);
+  }
+  for (std::size_t j = 1; j < kCapacity; ++j) ordered &= squared[j - 1] < squared[j];
+  // Candidates are kept in order, which changes little.
+  for (std::size_t j = 1; !ordered && j < kCapacity; ++j) {
     const std::uint32_t candidate = candidates[j];
-    const Neighbor neighbor{nodes_->index[candidate],
-                            squared_distance(nodes_->points[candidate], query)};
-    // Candidates are kept in order, which changes little.
+    const double distance = squared[j];
+    const auto comes_before = [&](std::size_t other) {
+      return distance != squared[other] ? distance < squared[other]
+                                        : index[candidate] < index[candidates[other]];
+    };
     std::size_t place = j;
-    for (; place > 0 && before(neighbor, ranked[place - 1]); --place) {
-      ranked[place] = ranked[place - 1];
+    for (; place > 0 && comes_before(place - 1); --place) {
+      squared[place] = squared[place - 1];
       candidates[place] = candidates[place - 1];
     }
-    ranked[place] = neighbor;
+    squared[place] = distance;
     candidates[place] = candidate;
   }
-  if (!(outside > 0.0)) return false;
-  if (!(ranked[count_ - 1].squared_distance < outside * outside * (1.0 - kRounding))) return false;
-  std::copy_n(ranked.begin(), count_, found);
-  return true;
+  const double kth = squared[count_ - 1];
+  const bool exact = outside > 0.0 && kth < outside * outside * (1.0 - kRounding);
+  if (exact) {
+    for (std::size_t j = 0; j < count_; ++j) found[j] = {index[candidates[j]], squared[j]};
+  }
+  return {exact, kth, squared[kCapacity - 1]};
 }
 
 void BatchTree::Batch::answer(std::span<const Eigen::Vector3d> queries, std::size_t begin,
                               std::size_t end, std::span<Neighbor> found) {
+  switch (capacity_) {
+    case 4:
+      return answer_with<4>(queries, begin, end, found);
+    case 6:
+      return answer_with<6>(queries, begin, end, found);
+    case 8:
+      return answer_with<8>(queries, begin, end, found);
+    case 12:
+      return answer_with<12>(queries, begin, end, found);
+    case 16:
+      return answer_with<16>(queries, begin, end, found);
+    case 24:
+      return answer_with<24>(queries, begin, end, found);
+    default:
+      for (std::size_t slot = begin; slot < end; ++slot) {
+        nodes_->nearest(queries[order_[slot]], found.subspan((slot - begin) * count_, count_));
+      }
+  }
+}
+
+template <std::size_t kCapacity>
+void BatchTree::Batch::answer_with(std::span<const Eigen::Vector3d> queries, std::size_t begin,
+                                   std::size_t end, std::span<Neighbor> found) {
   static_assert(kBlock <= batch_kernel::kMostQueries);
   batch_kernel::Queries search;
   std::array<std::size_t, kBlock> slots;  // of what has to be searched
@@ -363,7 +396,7 @@ void BatchTree::Batch::answer(std::span<const Eigen::Vector3d> queries, std::siz
     const Eigen::Vector3d& query = queries[order_[slot]];
     Neighbor* const out = found.data() + (slot - begin) * count_;
     const Eigen::Vector3d offset = query - nodes_->centre;
-    if (capacity_ == 0 || !(extent(offset) <= kMostCoordinate)) {
+    if (!(extent(offset) <= kMostCoordinate)) {
       nodes_->nearest(query, {out, count_});
       continue;
     }
@@ -371,9 +404,15 @@ void BatchTree::Batch::answer(std::span<const Eigen::Vector3d> queries, std::siz
     double bound = kInfinity;
     if (known.outside >= 0.0) {
       const double motion = (query - known.place).norm() * (1.0 + kRounding);
-      if (rank(slot, query, (known.outside - motion) * (1.0 - kRounding), out)) continue;
-      // Its candidates are still that near.
-      const double reach = known.reach + motion + coordinate_error(nodes_->most + extent(offset));
+      const Ranked ranked =
+          rank<kCapacity>(slot, query, (known.outside - motion) * (1.0 - kRounding), out);
+      if (ranked.exact) continue;
+      // Whatever the k nearest are, the k-th is no farther than these. Beyond that, only as far as
+      // lets the answer outlast another motion like this one.
+      const double reach =
+          std::min(std::sqrt(ranked.kth) + kFarther * motion, std::sqrt(ranked.last)) *
+              (1.0 + kRounding) +
+          coordinate_error(nodes_->most + extent(offset));
       bound = reach * reach * (1.0 + kRelative) + kTiny;
     }
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -387,22 +426,21 @@ void BatchTree::Batch::answer(std::span<const Eigen::Vector3d> queries, std::siz
   }
   if (search.count == 0) return;
 
-  std::array<std::uint32_t, batch_kernel::kCapacities.back() * batch_kernel::kMostQueries>
-      candidates;
-  batch_kernel::search(nodes_->tree, capacity_, search, candidates);
+  std::array<std::uint32_t, kCapacity * batch_kernel::kMostQueries> candidates;
+  batch_kernel::search(nodes_->tree, kCapacity, search, candidates);
   for (std::size_t i = 0; i < search.count; ++i) {
     const std::size_t slot = slots[i];
     const Eigen::Vector3d& query = queries[order_[slot]];
-    for (std::size_t j = 0; j < capacity_; ++j) {
-      candidates_[slot * capacity_ + j] = candidates[j * batch_kernel::kMostQueries + i];
+    for (std::size_t j = 0; j < kCapacity; ++j) {
+      candidates_[slot * kCapacity + j] = candidates[j * batch_kernel::kMostQueries + i];
     }
     const double error = coordinate_error(nodes_->most + extent(query - nodes_->centre));
     const double squared = search.bound[i];
     const double outside = std::sqrt(std::max(0.0, squared * (1.0 - kRelative) - kTiny)) - error;
-    known_[slot] = {query, std::max(0.0, outside) * (1.0 - kRounding),
-                    (std::sqrt(squared) * (1.0 + kRelative) + error) * (1.0 + kRounding)};
+    known_[slot] = {query, std::max(0.0, outside) * (1.0 - kRounding)};
     Neighbor* const out = found.data() + (slot - begin) * count_;
-    if (!rank(slot, query, known_[slot].outside, out)) nodes_->nearest(query, {out, count_});
+    if (!rank<kCapacity>(slot, query, known_[slot].outside, out).exact)
+      nodes_->nearest(query, {out, count_});
   }
 }
 

@@ -87,7 +87,13 @@ class BatchTree::Batch {
   struct Known {
     Eigen::Vector3d place;  // where it was when its candidates were found
     double outside = -1.0;  // points that are no candidates are at least this far from there
-    double reach = 0.0;     // the candidates are at most this far from there
+  };
+
+  // The candidates of a query in order.
+  struct Ranked {
+    bool exact;   // no other point can be among the nearest
+    double kth;   // squared distance of the count_-th
+    double last;  // and of the last
   };
 
   Batch(const Nodes& nodes, std::size_t k);
@@ -97,8 +103,12 @@ class BatchTree::Batch {
   // The neighbours of the queries in places [begin, end) of that order.
   void answer(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end,
               std::span<Neighbor> found);
-  // Orders the candidates of a query by their distances. False if others might be nearer.
-  bool rank(std::size_t slot, const Eigen::Vector3d& query, double outside, Neighbor* found);
+  template <std::size_t kCapacity>
+  void answer_with(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end,
+                   std::span<Neighbor> found);
+  // Orders the candidates of a query by their distances; `found` if exact.
+  template <std::size_t kCapacity>
+  Ranked rank(std::size_t slot, const Eigen::Vector3d& query, double outside, Neighbor* found);
 
   const Nodes* nodes_;
   std::size_t count_;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
@@ -17,6 +18,7 @@ namespace cairn {
 /// @param queries a batch of a search in that set, for at least one neighbour; it is asked for the
 ///        moved points
 template <class Batch>
+  requires(!NeighborSearch<std::remove_cvref_t<Batch>>)
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
                                               const Rigid3& search_from_points, Batch&& queries,
                                               const Executor& executor) {
