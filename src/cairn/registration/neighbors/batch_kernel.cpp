@@ -12,8 +12,7 @@
 
 // Compiled once for each instruction set.
 HWY_BEFORE_NAMESPACE();
-namespace cairn::batch_kernel {
-namespace HWY_NAMESPACE {
+namespace cairn::batch_kernel::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -209,8 +208,7 @@ void search_any(const Tree& tree, std::size_t capacity, Queries& queries,
 }
 
 }  // namespace
-}  // namespace HWY_NAMESPACE
-}  // namespace cairn::batch_kernel
+}  // namespace cairn::batch_kernel::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
