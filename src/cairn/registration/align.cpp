@@ -12,14 +12,14 @@
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
 
 namespace cairn {
 namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
-using Correspondence = ConfidentNeighborCorrespondence<KdTree>;
+using Correspondence = ConfidentNeighborCorrespondence<BatchTree>;
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
@@ -94,17 +94,19 @@ class Alignment {
                                   const Rigid3& pose) {
       std::vector<Match> matches = find_any_matches(moved_source, pose);
       // A match without weight says nothing of the pose.
-      std::erase_if(matches, [&](const Match& match) {
-        return !weights_.empty() && weights_[match.source] == 0.0;
-      });
+      if (!weights_.empty()) {
+        std::erase_if(matches, [&](const Match& match) { return weights_[match.source] == 0.0; });
+      }
       return matches;
     };
     const PointToPointEstimation estimate_step(target_, weights_);
     const PclCriteria converged{options_.max_iterations, options_.mse_change_threshold};
-    result.initial_score = score(Rigid3());
+    // The score asks for neighbours of the same points as the matches do.
+    BatchTree::Batch& queries = find_any_matches.source_queries();
+    result.initial_score = score(Rigid3(), queries);
     const IcpRun icp = run_icp(source_, Rigid3(), find_matches, estimate_step, converged,
                                options_.stop, [&](Iteration iteration) {
-                                 result.history.push_back(record(std::move(iteration)));
+                                 result.history.push_back(record(std::move(iteration), queries));
                                  report_progress(result.history.size());
                                });
     result.iterations = icp.iterations;
@@ -112,13 +114,13 @@ class Alignment {
     result.target_from_source = uncentred(icp.target_from_source);
     const Points moved_source = moved(source_, icp.target_from_source);
     result.matches = find_matches(moved_source, icp.target_from_source);
-    describe_final_pose(icp.target_from_source, moved_source, result);
+    describe_final_pose(icp.target_from_source, moved_source, queries, result);
     return result;
   }
 
  private:
   Correspondence correspondence() const {
-    std::optional<ConfidentSet<KdTree>> source;
+    std::optional<ConfidentSet<BatchTree>> source;
     if (options_.reciprocal) source.emplace(*source_tree_, source_, source_confidences_);
     // Without confidences k is meaningless; a k beyond the target is the whole target.
     const std::size_t k = std::min(options_.k, target_.size());
@@ -133,17 +135,17 @@ class Alignment {
     return Rigid3(Eigen::Quaterniond::Identity(), centre_) * pose * centred_from_source_;
   }
 
-  std::optional<double> score(const Rigid3& pose) const {
-    return fitness_score(nearest_squared_distances(source_, pose, target_tree_, options_.executor));
+  std::optional<double> score(const Rigid3& pose, BatchTree::Batch& queries) const {
+    return fitness_score(nearest_squared_distances(source_, pose, queries, options_.executor));
   }
 
-  IterationRecord record(Iteration iteration) const {
+  IterationRecord record(Iteration iteration, BatchTree::Batch& queries) const {
     IterationRecord result;
     result.target_from_source = uncentred(iteration.target_from_source);
     result.mean_squared_distance = iteration.mean_squared_distance;
     result.match_count = iteration.matches.size();
     if (options_.trace) {
-      result.score = score(iteration.target_from_source);
+      result.score = score(iteration.target_from_source, queries);
       result.matches = std::move(iteration.matches);
     }
     return result;
@@ -155,9 +157,9 @@ class Alignment {
   }
 
   void describe_final_pose(const Rigid3& pose, const Points& moved_source,
-                           AlignResult& result) const {
+                           BatchTree::Batch& queries, AlignResult& result) const {
     const std::vector<double> distances =
-        nearest_squared_distances(source_, pose, target_tree_, options_.executor);
+        nearest_squared_distances(source_, pose, queries, options_.executor);
     result.score = fitness_score(distances);
     if (options_.overlap_radius) {
       const std::vector<double> back =
@@ -186,8 +188,8 @@ class Alignment {
   Rigid3 centred_from_source_;
   Points source_;
   Points target_;
-  KdTree target_tree_;
-  std::optional<KdTree> source_tree_;
+  BatchTree target_tree_;
+  std::optional<BatchTree> source_tree_;
   std::span<const double> source_confidences_;
   std::span<const double> target_confidences_;
   std::vector<double> weights_;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -15,6 +16,13 @@
 #include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/registration/convergence/pcl_criteria.hpp"
+#include "cairn/registration/correspondence/confident_neighbor.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
+#include "cairn/registration/icp.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+
+#include "support/brute_force_search.hpp"
 
 namespace cairn {
 namespace {
@@ -175,6 +183,31 @@ TEST(Align, GivesTheSameBytesWithAnyNumberOfThreads) {
     EXPECT_EQ(one.matches, many.matches);
     EXPECT_EQ(*one.covariance, *many.covariance);
     EXPECT_EQ(one.overlap->target, many.overlap->target);
+  }
+}
+
+TEST(Align, SearchesInBatchesAsIfEveryPointWereLookedAt) {
+  const SyntheticPair pair = synthetic_pair({.seed = 4});
+  const PointSet source = point_set(pair.source, observations_metric());
+  const PointSet target = point_set(pair.target, observations_metric());
+  const auto initial = Rigid3::from_roll_pitch_yaw({0.1, 0.1, 0.0}, 0.05, 0.0, 0.2);
+  const auto run = [&]<class Search>(const Search& search, std::size_t k) {
+    const ConfidentNeighborCorrespondence<Search> find_matches(
+        {search, target.positions, target.confidences}, std::nullopt, {.k = k}, Executor());
+    std::vector<Iteration> steps;
+    run_icp(source.positions, initial, find_matches, PointToPointEstimation(target.positions),
+            PclCriteria{.max_iterations = 6}, {},
+            [&](Iteration step) { steps.push_back(std::move(step)); });
+    return steps;
+  };
+  for (const std::size_t k : {1UL, 5UL, 30UL}) {
+    const auto batched = run(BatchTree(target.positions), k);
+    const auto plain = run(testing::BruteForceSearch(target.positions), k);
+    ASSERT_EQ(batched.size(), plain.size());
+    for (std::size_t i = 0; i < plain.size(); ++i) {
+      ASSERT_EQ(batched[i].matches, plain[i].matches) << "iteration " << i << ", k = " << k;
+      EXPECT_EQ(batched[i].target_from_source.matrix(), plain[i].target_from_source.matrix());
+    }
   }
 }
 

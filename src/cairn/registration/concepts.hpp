@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 
+#include "cairn/core/executor.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 /// The stages of an ICP that can be replaced, and what passes between them. `run_icp` (icp.hpp) puts
@@ -45,6 +46,21 @@ concept NeighborSearch =
     requires(const Search& search, const Eigen::Vector3d& query, std::span<Neighbor> out) {
       { search.size() } -> std::convertible_to<std::size_t>;
       { search.nearest(query, out) } -> std::same_as<std::size_t>;
+    };
+
+/// A NeighborSearch that also answers many queries at once, and remembers them.
+///
+/// `search.batch(k)` is for asking for the k nearest points of queries that move little from one call
+/// to the next; it may keep what helps it, never anything that changes an answer.
+/// `batch.for_each(queries, executor, visit)` calls `visit(i, neighbors)` once for each query, with
+/// what `nearest` would find for queries[i] and k; from several threads, in any order. A batch is not
+/// thread-safe and must not outlive its search.
+template <class Search>
+concept BatchSearch =
+    NeighborSearch<Search> &&
+    requires(const Search& search, std::size_t k, std::span<const Eigen::Vector3d> queries,
+             const Executor& executor, void (*visit)(std::size_t, std::span<const Neighbor>)) {
+      search.batch(k).for_each(queries, executor, visit);
     };
 
 /// Decides which target point each source point is.

@@ -6,23 +6,6 @@
 
 namespace cairn {
 
-std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
-                                       std::span<const double> confidences,
-                                       double max_squared_distance) {
-  std::optional<Neighbor> best;
-  double best_confidence = 0.0;
-  for (const Neighbor& candidate : nearest) {
-    if (candidate.squared_distance > max_squared_distance) break;
-    if (confidences.empty()) return candidate;
-    const double confidence = confidences[candidate.index];
-    if (confidence > best_confidence) {
-      best = candidate;
-      best_confidence = confidence;
-    }
-  }
-  return best;
-}
-
 std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction) {
   const auto dropped =
       static_cast<std::size_t>(std::floor(trimmed_fraction * static_cast<double>(matches.size())));

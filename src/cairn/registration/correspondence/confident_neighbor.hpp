@@ -11,6 +11,7 @@
 
 #include "cairn/core/executor.hpp"
 #include "cairn/registration/concepts.hpp"
+#include "cairn/registration/query_batch.hpp"
 
 namespace cairn {
 
@@ -20,9 +21,22 @@ namespace cairn {
 /// @param confidences of the set the candidates are from; empty: the nearest is chosen
 /// @return of equal confidences the nearer; nothing if no candidate within `max_squared_distance` has
 ///         a positive confidence
-std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
-                                       std::span<const double> confidences,
-                                       double max_squared_distance);
+inline std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
+                                              std::span<const double> confidences,
+                                              double max_squared_distance) {
+  std::optional<Neighbor> best;
+  double best_confidence = 0.0;
+  for (const Neighbor& candidate : nearest) {
+    if (candidate.squared_distance > max_squared_distance) break;
+    if (confidences.empty()) return candidate;
+    const double confidence = confidences[candidate.index];
+    if (confidence > best_confidence) {
+      best = candidate;
+      best_confidence = confidence;
+    }
+  }
+  return best;
+}
 
 /// Leaves out the share `trimmed_fraction` of the matches that is farthest apart (of equal distances
 /// the later), keeping the order of the others.
@@ -47,6 +61,9 @@ struct ConfidentSet {
 /// target points; with k = 1, or without confidences, the nearest, as in the base ICP. With a source
 /// set, a match is kept only if the source point is also the target point's choice, by the same rule
 /// the other way round (reciprocal matches). A CorrespondenceSearch; the sets must outlive it.
+///
+/// A search with batches remembers the source points from one call to the next, so that small motions
+/// cost little; hence not for several threads at once.
 template <NeighborSearch Search>
 class ConfidentNeighborCorrespondence {
  public:
@@ -54,48 +71,62 @@ class ConfidentNeighborCorrespondence {
   ConfidentNeighborCorrespondence(ConfidentSet<Search> target,
                                   std::optional<ConfidentSet<Search>> source,
                                   const ConfidentNeighborOptions& options, Executor executor)
-      : target_(target), source_(source), options_(options), executor_(std::move(executor)) {}
+      : target_(target),
+        source_(source),
+        options_(options),
+        executor_(std::move(executor)),
+        source_queries_(query_batch(target.search, candidates(target))) {}
 
   std::vector<Match> operator()(std::span<const Eigen::Vector3d> moved_source,
                                 const Rigid3& target_from_source) const {
-    constexpr std::size_t kBlock = 256;
-    const Rigid3 source_from_target = target_from_source.inverse();
-    std::vector<std::optional<Neighbor>> chosen(moved_source.size());
-    executor_.for_blocks(chosen.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-      std::vector<Neighbor> candidates(options_.k);
-      for (std::size_t i = begin; i < end; ++i) {
-        const auto match = choose(target_, moved_source[i], candidates);
-        if (!match) continue;
-        if (source_) {
-          const auto back =
-              choose(*source_, source_from_target * target_.positions[match->index], candidates);
-          if (!back || back->index != i) continue;
-        }
-        chosen[i] = match;
-      }
-    });
-    std::vector<Match> matches;
-    matches.reserve(chosen.size());
-    for (std::uint32_t i = 0; i < chosen.size(); ++i) {
-      if (chosen[i]) matches.push_back({i, chosen[i]->index, chosen[i]->squared_distance});
-    }
+    std::vector<Match> matches(moved_source.size());
+    source_queries_.for_each(
+        moved_source, executor_, [&](std::size_t i, std::span<const Neighbor> nearest) {
+          const auto chosen = most_confident(nearest, target_.confidences, max_squared_distance());
+          matches[i] =
+              chosen ? Match{static_cast<std::uint32_t>(i), chosen->index, chosen->squared_distance}
+                     : kNone;
+        });
+    if (source_) drop_one_sided(matches, target_from_source.inverse());
+    std::erase(matches, kNone);
     return trimmed(std::move(matches), options_.trimmed_fraction);
   }
 
+  /// What is asked of the target for each moved source point; to be shared with whoever asks it for
+  /// the points nearest to the same.
+  QueryBatch<Search>& source_queries() const { return source_queries_; }
+
  private:
-  std::optional<Neighbor> choose(const ConfidentSet<Search>& set, const Eigen::Vector3d& query,
-                                 std::span<Neighbor> candidates) const {
-    // Without confidences only the nearest can be chosen.
-    if (set.confidences.empty()) candidates = candidates.first(1);
-    const std::size_t count = set.search.nearest(query, candidates);
-    return most_confident(candidates.first(count), set.confidences,
-                          options_.max_distance * options_.max_distance);
+  static constexpr std::uint32_t kNobody = std::numeric_limits<std::uint32_t>::max();
+  static constexpr Match kNone = {kNobody, kNobody, 0.0};
+
+  // Without confidences only the nearest can be chosen.
+  std::size_t candidates(const ConfidentSet<Search>& set) const {
+    return set.confidences.empty() ? 1 : options_.k;
+  }
+
+  double max_squared_distance() const { return options_.max_distance * options_.max_distance; }
+
+  void drop_one_sided(std::span<Match> matches, const Rigid3& source_from_target) const {
+    constexpr std::size_t kBlock = 256;
+    executor_.for_blocks(matches.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      std::vector<Neighbor> found(candidates(*source_));
+      for (Match& match : matches.subspan(begin, end - begin)) {
+        if (match == kNone) continue;
+        const Eigen::Vector3d query = source_from_target * target_.positions[match.target];
+        const std::size_t count = source_->search.nearest(query, found);
+        const auto back = most_confident(std::span(found).first(count), source_->confidences,
+                                         max_squared_distance());
+        if (!back || back->index != match.source) match = kNone;
+      }
+    });
   }
 
   ConfidentSet<Search> target_;
   std::optional<ConfidentSet<Search>> source_;
   ConfidentNeighborOptions options_;
   Executor executor_;
+  mutable QueryBatch<Search> source_queries_;
 };
 
 }  // namespace cairn

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/estimation/point_to_point.hpp"
 
-#include <vector>
+#include <cstddef>
+#include <utility>
 
 #include <Eigen/SVD>
 
@@ -25,42 +26,60 @@ Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& correlation) {
   return svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
-}  // namespace
-
-Rigid3 closest_motion(std::span<const Eigen::Vector3d> from, std::span<const Eigen::Vector3d> to,
-                      std::span<const double> weights) {
-  const auto weight = [&](std::size_t i) { return weights.empty() ? 1.0 : weights[i]; };
+// `pair(i)` gives from and to, `weight(i)` the weight of one of `count` pairs.
+template <class Pair, class Weight>
+Rigid3 closest_motion_of(std::size_t count, const Pair& pair, const Weight& weight) {
   double total = 0.0;
   Eigen::Vector3d from_mean = Eigen::Vector3d::Zero();
   Eigen::Vector3d to_mean = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < from.size(); ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& [from, to] = pair(i);
     total += weight(i);
-    from_mean += weight(i) * from[i];
-    to_mean += weight(i) * to[i];
+    from_mean += weight(i) * from;
+    to_mean += weight(i) * to;
   }
   from_mean /= total;
   to_mean /= total;
-  Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    correlation += weight(i) * (to[i] - to_mean) * (from[i] - from_mean).transpose();
+  // By column, so that each stays in registers: as one matrix the sum would go through memory.
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  Eigen::Vector3d y = Eigen::Vector3d::Zero();
+  Eigen::Vector3d z = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& [from, to] = pair(i);
+    const Eigen::Vector3d arm = weight(i) * (to - to_mean);
+    x += arm * (from.x() - from_mean.x());
+    y += arm * (from.y() - from_mean.y());
+    z += arm * (from.z() - from_mean.z());
   }
+  Eigen::Matrix3d correlation;
+  correlation << x, y, z;
   const Eigen::Matrix3d rotation = rotation_of(correlation);
   return {rotation, to_mean - rotation * from_mean};
 }
 
+using PointPair = std::pair<const Eigen::Vector3d&, const Eigen::Vector3d&>;
+
+constexpr double equal_weight(std::size_t /*pair*/) {
+  return 1.0;
+}
+
+}  // namespace
+
+Rigid3 closest_motion(std::span<const Eigen::Vector3d> from, std::span<const Eigen::Vector3d> to,
+                      std::span<const double> weights) {
+  const auto pair = [&](std::size_t i) { return PointPair(from[i], to[i]); };
+  if (weights.empty()) return closest_motion_of(from.size(), pair, equal_weight);
+  return closest_motion_of(from.size(), pair, [&](std::size_t i) { return weights[i]; });
+}
+
 Rigid3 PointToPointEstimation::operator()(std::span<const Eigen::Vector3d> moved_source,
                                           std::span<const Match> matches) const {
-  std::vector<Eigen::Vector3d> from;
-  std::vector<Eigen::Vector3d> to;
-  std::vector<double> weights;
-  from.reserve(matches.size());
-  to.reserve(matches.size());
-  for (const Match& match : matches) {
-    from.push_back(moved_source[match.source]);
-    to.push_back(target_[match.target]);
-    if (!source_weights_.empty()) weights.push_back(source_weights_[match.source]);
-  }
-  return closest_motion(from, to, weights);
+  const auto pair = [&](std::size_t i) {
+    return PointPair(moved_source[matches[i].source], target_[matches[i].target]);
+  };
+  if (source_weights_.empty()) return closest_motion_of(matches.size(), pair, equal_weight);
+  return closest_motion_of(matches.size(), pair,
+                           [&](std::size_t i) { return source_weights_[matches[i].source]; });
 }
 
 }  // namespace cairn

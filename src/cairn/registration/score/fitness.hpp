@@ -1,35 +1,44 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
 #include "cairn/registration/concepts.hpp"
+#include "cairn/registration/query_batch.hpp"
 
 namespace cairn {
 
 /// Squared distance of each point, moved by `search_from_points`, to the nearest point of a set that
 /// is not empty.
+/// @param queries a batch of a search in that set, for at least one neighbour; it is asked for the
+///        moved points
+template <class Batch>
+  requires(!NeighborSearch<std::remove_cvref_t<Batch>>)
+std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
+                                              const Rigid3& search_from_points, Batch&& queries,
+                                              const Executor& executor) {
+  const Eigen::Matrix3d rotation = search_from_points.rotation();
+  const Eigen::Vector3d& translation = search_from_points.translation();
+  std::vector<Eigen::Vector3d> moved(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) moved[i] = rotation * points[i] + translation;
+  std::vector<double> distances(points.size());
+  queries.for_each(moved, executor, [&](std::size_t i, std::span<const Neighbor> nearest) {
+    distances[i] = nearest[0].squared_distance;
+  });
+  return distances;
+}
+
+/// The same, of a search.
 template <NeighborSearch Search>
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
                                               const Rigid3& search_from_points,
                                               const Search& search, const Executor& executor) {
-  constexpr std::size_t kBlock = 256;
-  const Eigen::Matrix3d rotation = search_from_points.rotation();
-  const Eigen::Vector3d& translation = search_from_points.translation();
-  std::vector<double> distances(points.size());
-  executor.for_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      std::array<Neighbor, 1> nearest;
-      search.nearest(rotation * points[i] + translation, nearest);
-      distances[i] = nearest[0].squared_distance;
-    }
-  });
-  return distances;
+  return nearest_squared_distances(points, search_from_points, query_batch(search, 1), executor);
 }
 
 /// The paper's score (Eq. 5, as PCL's getFitnessScore computes it): mean of the squared distances to

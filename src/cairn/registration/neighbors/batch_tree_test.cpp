@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/neighbors/batch_tree.hpp"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include "cairn/core/random.hpp"
+#include "cairn/registration/neighbors/kd_tree.hpp"
+
+#include "support/brute_force_search.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::BruteForceSearch;
+using ::testing::ElementsAre;
+using Points = std::vector<Eigen::Vector3d>;
+using Answers = std::vector<std::vector<Neighbor>>;
+
+struct Cloud {
+  std::string name;
+  Points points;
+};
+
+Eigen::Vector3d in_cube(Random& random, double size) {
+  return {random.uniform(0, size), random.uniform(0, size), random.uniform(0, size)};
+}
+
+// Clouds of the shapes that trip a tree up, and that single precision cannot tell apart.
+std::vector<Cloud> clouds(std::size_t size) {
+  Random random(11);
+  std::vector<Cloud> result = {
+      {"uniform", {}},    {"clustered", {}},    {"collinear", {}},   {"duplicated", {}},
+      {"grid", {}},       {"all equal", {}},    {"offset 1e6", {}},  {"offset 1e8", {}},
+      {"two places", {}}, {"tiny", {}},         {"too tiny", {}},    {"huge", {}},
+      {"too huge", {}},   {"nearly equal", {}}, {"one far off", {}}, {"along an axis", {}}};
+  for (std::size_t i = 0; i < size; ++i) {
+    const auto x = static_cast<double>(i);
+    const Eigen::Vector3d at = in_cube(random, 1.0);
+    result[0].points.push_back(at);
+    result[1].points.push_back(Eigen::Vector3d(std::fmod(x, 3), std::fmod(x, 5), 0) + 1e-3 * at);
+    result[2].points.push_back(Eigen::Vector3d(1, 2, 3) * random.uniform());
+    result[3].points.push_back(result[0].points[i / 4]);
+    result[4].points.emplace_back(std::fmod(x, 7), std::fmod(std::floor(x / 7), 7),
+                                  std::floor(x / 49));
+    result[5].points.emplace_back(1, 1, 1);
+    result[6].points.push_back(Eigen::Vector3d(1e6, -1e6, 1e6) + at);
+    result[7].points.push_back(Eigen::Vector3d(-1e8, 1e8, 1e8) + at);
+    result[8].points.push_back(at + Eigen::Vector3d(i % 2 == 0 ? 1e7 : -1e7, 0, 0));
+    result[9].points.push_back(1e-15 * at);
+    result[10].points.push_back(1e-170 * at);
+    result[11].points.push_back(1e15 * at);
+    result[12].points.push_back(1e30 * at);
+    result[13].points.push_back(Eigen::Vector3d(1, 1, 1) + 1e-9 * at);
+    result[14].points.push_back(i == 5 ? Eigen::Vector3d(1e9, 0, 0) : at);
+    result[15].points.emplace_back(x * 0.1, 0, 0);
+  }
+  return result;
+}
+
+// Points of the set, places between them, near them, and anywhere.
+Points queries_for(const Points& points, std::size_t count, Random& random) {
+  Points queries;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::Vector3d& a = points[random.index(points.size())];
+    const Eigen::Vector3d& b = points[random.index(points.size())];
+    switch (i % 5) {
+      case 0:
+        queries.push_back(a);
+        break;
+      case 1:
+        queries.push_back(0.5 * (a + b));
+        break;
+      case 2:
+        queries.push_back(a + 0.1 * (b - a));
+        break;
+      case 3:
+        queries.push_back(a + Eigen::Vector3d(0.5, 0.5, 0.0));
+        break;
+      default:
+        queries.push_back(a + 3.0 * (b - a));
+    }
+  }
+  return queries;
+}
+
+Answers brute_force(const Points& points, const Points& queries, std::size_t k) {
+  const BruteForceSearch search(points);
+  Answers result;
+  for (const Eigen::Vector3d& query : queries) {
+    std::vector<Neighbor> found(k);
+    found.resize(search.nearest(query, found));
+    result.push_back(found);
+  }
+  return result;
+}
+
+Answers ask(BatchTree::Batch& batch, const Points& queries, const Executor& executor = Executor()) {
+  Answers result(queries.size());
+  batch.for_each(queries, executor, [&](std::size_t i, std::span<const Neighbor> neighbors) {
+    EXPECT_TRUE(result[i].empty()) << "visited twice";
+    result[i].assign(neighbors.begin(), neighbors.end());
+  });
+  return result;
+}
+
+// Runs the code for one of the instruction sets that this machine has.
+class BatchTreeOnTarget : public ::testing::TestWithParam<std::int64_t> {
+ protected:
+  void SetUp() override { hwy::SetSupportedTargetsForTest(GetParam()); }
+  void TearDown() override { hwy::SetSupportedTargetsForTest(0); }
+};
+
+TEST_P(BatchTreeOnTarget, FindsWhatBruteForceFindsTiesIncluded) {
+  Random random(12);
+  for (const std::size_t size : {1UL, 2UL, 8UL, 9UL, 130UL, 700UL}) {
+    for (const Cloud& cloud : clouds(size)) {
+      const BatchTree tree(cloud.points);
+      ASSERT_EQ(tree.size(), size);
+      const Points queries = queries_for(cloud.points, size > 9 ? 100 : 37, random);
+      for (const std::size_t k : {1UL, 2UL, 3UL, 5UL, 7UL, 10UL, 15UL, 20UL, 23UL, 24UL, 1000UL}) {
+        BatchTree::Batch batch = tree.batch(k);
+        EXPECT_EQ(batch.count(), std::min(k, size));
+        ASSERT_EQ(ask(batch, queries), brute_force(cloud.points, queries, k))
+            << size << " points, " << cloud.name << ", k = " << k;
+      }
+    }
+  }
+}
+
+TEST_P(BatchTreeOnTarget, FindsTheSameWhateverItRemembers) {
+  Random random(13);
+  for (const Cloud& cloud : clouds(400)) {
+    const BatchTree tree(cloud.points);
+    const Points start = queries_for(cloud.points, 200, random);
+    const double size = (cloud.points[0] - cloud.points[399]).norm();
+    for (const std::size_t k : {1UL, 5UL, 20UL}) {
+      BatchTree::Batch batch = tree.batch(k);
+      Points queries = start;
+      for (const double motion : {0.0, 1e-12, 1e-6, 1e-3, 1e-2, 0.0, 0.3, 1e-2, 30.0, 1e-3}) {
+        for (auto& query : queries) {
+          // Some stay, and some move elsewhere than the others.
+          if (random.index(10) != 0) query.x() += motion * size;
+          if (random.index(10) == 0) query.y() -= motion * size * random.uniform();
+        }
+        ASSERT_EQ(ask(batch, queries), brute_force(cloud.points, queries, k))
+            << cloud.name << ", k = " << k << ", motion " << motion;
+      }
+    }
+  }
+}
+
+std::string target_name(const ::testing::TestParamInfo<std::int64_t>& tested) {
+  return hwy::TargetName(tested.param);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, BatchTreeOnTarget,
+                         ::testing::ValuesIn(hwy::SupportedAndGeneratedTargets()), target_name);
+
+TEST(BatchTree, FindsWhatBruteForceFindsForOneQuery) {
+  Random random(14);
+  for (const Cloud& cloud : clouds(400)) {
+    const BatchTree tree(cloud.points);
+    const Points queries = queries_for(cloud.points, 300, random);
+    for (const std::size_t k : {1UL, 5UL, 1000UL}) {
+      const Answers expected = brute_force(cloud.points, queries, k);
+      for (std::size_t i = 0; i < queries.size(); ++i) {
+        std::vector<Neighbor> found(k);
+        found.resize(tree.nearest(queries[i], found));
+        ASSERT_EQ(found, expected[i]) << cloud.name << ", k = " << k;
+      }
+    }
+  }
+}
+
+TEST(BatchTree, FindsWhatTheKdTreeFindsInALargeSet) {
+  Random random(15);
+  Points points(70000);
+  for (auto& point : points) point = in_cube(random, 10.0);
+  Points queries(10000);
+  for (auto& query : queries) query = in_cube(random, 12.0);
+  const BatchTree tree(points);
+  const KdTree peer(points);
+  for (const std::size_t k : {1UL, 5UL}) {
+    BatchTree::Batch batch = tree.batch(k);
+    for (int step = 0; step < 3; ++step) {
+      const Answers answers = ask(batch, queries, Executor(2));
+      for (std::size_t i = 0; i < queries.size(); ++i) {
+        std::vector<Neighbor> expected(k);
+        peer.nearest(queries[i], expected);
+        ASSERT_EQ(answers[i], expected);
+      }
+      for (auto& query : queries) query.z() += 0.01;
+    }
+  }
+}
+
+TEST(BatchTree, FindsTheSameWithAnyNumberOfThreads) {
+  Random random(16);
+  Points points(3000);
+  for (auto& point : points) point = in_cube(random, 1.0);
+  Points queries(5000);
+  for (auto& query : queries) query = in_cube(random, 1.0);
+  const BatchTree tree(points);
+  BatchTree::Batch one = tree.batch(5);
+  BatchTree::Batch several = tree.batch(5);
+  for (int step = 0; step < 3; ++step) {
+    ASSERT_EQ(ask(one, queries, Executor(1)), ask(several, queries, Executor(4)));
+    for (auto& query : queries) query.x() += 0.003;
+  }
+}
+
+TEST(BatchTree, HasNothingToFindInAnEmptySet) {
+  const BatchTree tree{Points()};
+  std::vector<Neighbor> found(3);
+  EXPECT_EQ(tree.nearest({0, 0, 0}, found), 0U);
+  BatchTree::Batch batch = tree.batch(3);
+  EXPECT_EQ(batch.count(), 0U);
+  EXPECT_THAT(ask(batch, {{1, 2, 3}}), ElementsAre(std::vector<Neighbor>()));
+}
+
+TEST(BatchTree, HasNoAnswersWithoutQueries) {
+  const BatchTree tree(Points{{1, 1, 1}});
+  BatchTree::Batch batch = tree.batch(1);
+  EXPECT_TRUE(ask(batch, {}).empty());
+  EXPECT_EQ(tree.nearest({0, 0, 0}, std::span<Neighbor>()), 0U);
+}
+
+TEST(BatchTree, TakesOtherQueriesNextTime) {
+  Random random(17);
+  Points points(300);
+  for (auto& point : points) point = in_cube(random, 1.0);
+  const BatchTree tree(points);
+  BatchTree::Batch batch = tree.batch(2);
+  for (const std::size_t count : {100UL, 100UL, 37UL, 300UL, 0UL, 5UL}) {
+    Points queries(count);
+    for (auto& query : queries) query = in_cube(random, 1.0);
+    ASSERT_EQ(ask(batch, queries), brute_force(points, queries, 2));
+  }
+}
+
+TEST(BatchTree, SurvivesQueriesThatAreNoPlaces) {
+  // What is nearest to them is undefined, but it is points of the set.
+  Random random(18);
+  Points points(300);
+  for (auto& point : points) point = in_cube(random, 1.0);
+  const BatchTree tree(points);
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const Points queries = {
+      {kNan, 0, 0}, {0.5, 0.5, 0.5}, {0, kInfinity, 0}, {1e300, 0, 0}, {kNan, kNan, kNan}};
+  for (const std::size_t k : {1UL, 5UL, 100UL}) {
+    BatchTree::Batch batch = tree.batch(k);
+    for (int i = 0; i < 2; ++i) {
+      const Answers answers = ask(batch, queries);
+      for (const auto& answer : answers) {
+        ASSERT_EQ(answer.size(), k);
+        for (const Neighbor& neighbor : answer) EXPECT_LT(neighbor.index, points.size());
+      }
+      EXPECT_EQ(answers[1], brute_force(points, {queries[1]}, k)[0]);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace cairn
