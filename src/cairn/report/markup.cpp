@@ -44,10 +44,12 @@ std::string markup_text(std::string_view text) {
   while (!text.empty()) {
     const std::size_t length = character_length(text);
     const char c = text[0];
-    if (length > 1) {
-      result += text.substr(0, length);
-    } else if (length == 0) {
+    const bool is_blank = c == '\t' || c == '\n' || c == '\r';
+    const bool is_control = (static_cast<std::uint8_t>(c) < 0x20 && !is_blank) || c == '\x7f';
+    if (length == 0 || is_control) {
       result += kReplacement;
+    } else if (length > 1) {
+      result += text.substr(0, length);
     } else if (c == '&') {
       result += "&amp;";
     } else if (c == '<') {
@@ -58,12 +60,8 @@ std::string markup_text(std::string_view text) {
       result += "&quot;";
     } else if (c == '\'') {
       result += "&#39;";
-    } else if (c == '\t' || c == '\n' || c == '\r') {
-      result += ' ';
-    } else if (static_cast<std::uint8_t>(c) < 0x20 || c == '\x7f') {
-      result += kReplacement;
     } else {
-      result += c;
+      result += is_blank ? ' ' : c;
     }
     text.remove_prefix(length == 0 ? 1 : length);
   }

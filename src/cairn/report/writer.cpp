@@ -66,7 +66,8 @@ class Buffers {
  public:
   /// @param buffer must live until write()
   Json add(const Buffer& buffer) {
-    return std::visit([&](const auto& items) { return add_items(std::span(items)); }, buffer);
+    return std::visit([this](const auto& items) { return this->add_items(std::span(items)); },
+                      buffer);
   }
   template <class Item>
   Json add(const std::vector<Item>& items) {
@@ -269,10 +270,10 @@ class Document {
 
   // What a section adds to the fields that all have.
   void add(Json& json, const Scene& scene, const std::string& where);
-  void add(Json& json, const Chart& chart, const std::string& where);
-  void add(Json& json, const Table& table, const std::string& where);
+  static void add(Json& json, const Chart& chart, const std::string& where);
+  static void add(Json& json, const Table& table, const std::string& where);
   void add(Json& json, const Images& images, const std::string& where);
-  void add(Json& json, const Text& text, const std::string& where);
+  static void add(Json& json, const Text& text, const std::string& where);
 
   const Map* find_map(const std::string& id) const {
     const auto found = std::find_if(report_.maps.begin(), report_.maps.end(),
@@ -342,7 +343,7 @@ Json Document::section_json(const Section& section) {
                {"id", section.id},
                {"title", section.title},
                {"text", to_json(section.text)}};
-  std::visit([&](const auto& content) { add(json, content, "section " + section.id); },
+  std::visit([&](const auto& content) { this->add(json, content, "section " + section.id); },
              section.content);
   return json;
 }

@@ -134,8 +134,9 @@ class DistributionFigure {
     for (const DensityPoint& point : group.density) {
       outline.push_back({centre + half * point.density, y_at(point.value)});
     }
-    for (auto point = group.density.rbegin(); point != group.density.rend(); ++point) {
-      outline.push_back({centre - half * point->density, y_at(point->value)});
+    const std::size_t right_side = outline.size();
+    for (std::size_t i = right_side; i-- > 0;) {
+      outline.push_back({2.0 * centre - outline[i].x, outline[i].y});
     }
     svg_.polygon(outline,
                  {.fill = color, .fill_opacity = 0.25, .stroke = color, .stroke_width = 1.3});
