@@ -99,7 +99,7 @@ class SceneFigure {
     }
     const summary = summaryTable(section);
     if (summary) {
-      this.element.append(h("div", { class: "scene-summary" }, h("h3", null, "Results"), summary));
+      this.element.append(h("details", { class: "scene-summary" }, h("summary", null, "All that the results say"), summary));
     }
     this.#stage.append(...this.#panes.map((pane) => pane.element));
     this.#panes.forEach((pane) => this.#listen(pane));
