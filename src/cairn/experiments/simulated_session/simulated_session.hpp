@@ -39,10 +39,10 @@ struct SimulatedSession {
 /// @param mapping its `odometry.start` is replaced
 /// @throws Error (misuse) for options out of range, or if no frame could be tracked; (cancelled)
 SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
-                                       MapSequenceOptions mapping = {});
+                                       MapSequenceOptions mapping);
 
 /// The maps of two sessions of one place, both in its world frame.
 /// @throws Error as map_simulated_session, and (misuse) for an unknown environment or path
-MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping = {});
+MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping);
 
 }  // namespace cairn

@@ -10,17 +10,19 @@
 namespace cairn {
 namespace {
 
+const MapSequenceOptions kMapping;
+
 TEST(SimulatedSession, BeginsAtTheTruePoseOfItsFirstCamera) {
   SimulatedSessionOptions options;
   options.environment.seed = 3;
   options.frames = 12;
   options.in_world_frame = true;
-  const SimulatedSession session = map_simulated_session(options);
+  const SimulatedSession session = map_simulated_session(options, kMapping);
   EXPECT_EQ(session.truth.size(), 12U);
   EXPECT_LT(session.world_from_map().angle(), 1e-9);
   EXPECT_LT(session.world_from_map().translation().norm(), 1e-9);
   options.in_world_frame = false;
-  const SimulatedSession own = map_simulated_session(options);
+  const SimulatedSession own = map_simulated_session(options, kMapping);
   const Rigid3 first = own.mapped.trajectory.poses().front().world_from_camera;
   EXPECT_LT(first.angle() + first.translation().norm(), 1e-9);
   EXPECT_TRUE(own.world_from_map().matrix().isApprox(
@@ -29,7 +31,7 @@ TEST(SimulatedSession, BeginsAtTheTruePoseOfItsFirstCamera) {
 
 TEST(SimulatedPair, IsOfOnePlaceWhoseTruthItKnows) {
   const StudyPair pair{"desk", PairSimulation{.environment = "desk", .seed = 2, .frames = 40}};
-  const MapPair maps = simulated_pair(pair);
+  const MapPair maps = simulated_pair(pair, kMapping);
   EXPECT_EQ(maps.name, "desk");
   ASSERT_TRUE(maps.truth);
   const PairPoints points = pair_points(maps, strategy_named("base"));
@@ -40,7 +42,7 @@ TEST(SimulatedPair, IsOfOnePlaceWhoseTruthItKnows) {
 }
 
 TEST(SimulatedPair, RefusesAnUnknownPlace) {
-  EXPECT_THROW(simulated_pair({"x", PairSimulation{.environment = "moon"}}), Error);
+  EXPECT_THROW(simulated_pair({"x", PairSimulation{.environment = "moon"}}, kMapping), Error);
 }
 
 }  // namespace
