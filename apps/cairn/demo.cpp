@@ -144,7 +144,9 @@ report::Report DemoArguments::make_report(const DemoPair& pair, const Rigid3& in
   shown.truth = pair.target_from_source;
   shown.alignments = alignments;
   // Its table is for a terminal; the sentences before are for all.
-  shown.story = pair.story.substr(0, pair.story.find("\n\n"));
+  std::string story = pair.story.substr(0, pair.story.find("\n\n"));
+  if (story.ends_with(':')) story.back() = '.';
+  shown.story = std::move(story);
   report::Report report = begin_report("Two sessions of one desk", common);
   report.subtitle = best_of(alignments, LengthUnit::kMetres);
   set_provenance(report, json);

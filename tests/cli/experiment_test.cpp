@@ -7,6 +7,7 @@
 #include "cairn/core/csv.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/report/viewer_page.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
@@ -51,6 +52,29 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
   EXPECT_EQ(json["runs"].size(), 180U);
   EXPECT_THAT(json["inputs"]["source"]["hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
   EXPECT_THAT(content("results/experiment.json"), Not(HasSubstr("duration")));
+}
+
+TEST_F(ExperimentTest, PaperDrawsThePapersFigures) {
+  answer({"experiment", "paper", "source.map", "target.map", "--truth", "truth.txt", "-o", "r"});
+  for (const char* const name :
+       {"figure2", "figure3-here", "figure3-published", "figure4-here", "figure4-published",
+        "figure5-here", "figure5-published", "score-against-error"}) {
+    const std::string svg = content("r/figures/" + std::string(name) + ".svg");
+    EXPECT_THAT(svg, ::testing::StartsWith("<svg")) << name;
+    EXPECT_THAT(svg, HasSubstr("</svg>")) << name;
+  }
+}
+
+TEST_F(ExperimentTest, PaperAndSweepWriteReports) {
+  if (!report::has_viewer()) GTEST_SKIP() << "built without the viewer: no report was written";
+  answer({"experiment", "paper", "source.map", "target.map", "-o", "r", "--report", "paper.html"});
+  write("study.yaml",
+        "name: s\npairs: [{name: a, source: source.map, target: target.map, truth: truth.txt}]\n"
+        "initial_poses: {count: 5, yaw_deg: [-20, 20]}\n");
+  answer({"experiment", "sweep", "study.yaml", "-o", "s", "--report", "sweep.html"});
+  for (const char* const page : {"paper.html", "sweep.html"}) {
+    EXPECT_THAT(content(page), HasSubstr("id=\"cairn-report\"")) << page;
+  }
 }
 
 TEST_F(ExperimentTest, PaperGivesTheSameBytesWithAnyNumberOfThreads) {

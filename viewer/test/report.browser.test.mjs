@@ -133,6 +133,9 @@ test("in any report strategies toggle, landmarks can be picked, tables sort and 
       }
       assert.match(await scene.locator(".record h3").textContent(), /landmark \d+/);
     }
+    for (const closed of await page.locator(".scene-summary:not([open]) > summary").all()) {
+      await closed.click();
+    }
     for (const sort of (await page.locator("th .sort").all()).slice(0, 3)) {
       await sort.click();
       assert.equal(await sort.locator("xpath=..").getAttribute("aria-sort"), "ascending");
