@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,7 +19,6 @@
 #include "cairn/report/experiment_sections.hpp"
 
 #include "commands.hpp"
-#include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
@@ -46,11 +44,8 @@ struct PaperArguments {
 
  private:
   void check_options() const;
-  std::string truth_sentence(const PaperResults& results) const;
   Json options_json() const;
   std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const;
-  report::Report make_report(const MapPair& pair, const PaperResults& results,
-                             std::vector<report::Section> sections, const Json& json) const;
   void print(const PaperResults& results, const ResultTable& successes, double seconds) const;
 };
 
@@ -98,15 +93,6 @@ void PaperArguments::check_options() const {
                     [&] { options.validate(); });
 }
 
-// How many are right, where that is known.
-std::string PaperArguments::truth_sentence(const PaperResults& results) const {
-  if (truth.empty()) return "";
-  const auto right = std::count_if(
-      results.runs.begin(), results.runs.end(),
-      [&](const TrialResult& run) { return run.error && options.tolerance.holds(*run.error); });
-  return fmt::format(", {} by their pose", right);
-}
-
 Json PaperArguments::options_json() const {
   const double distance = options.align.max_distance;
   return {{"success_score", to_json(options.success_score)},
@@ -130,50 +116,6 @@ std::string PaperArguments::summary(const PaperResults& results,
     text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
   }
   return text;
-}
-
-// Table 1's displacement with the paper's k, by every strategy, with all that can be looked at.
-report::Report PaperArguments::make_report(const MapPair& pair, const PaperResults& results,
-                                           std::vector<report::Section> sections,
-                                           const Json& json) const {
-  const auto published = published_experiments();
-  const auto shown_one =
-      std::find_if(published.begin(), published.end(), [](const PublishedExperiment& one) {
-        return one.experiment == Experiment::kNeighbors && one.k == AlignOptions().k;
-      });
-  std::vector<Strategy> strategies;
-  for (const std::string_view name : kPaperStrategies) {
-    cairn::Strategy strategy = strategy_named(name);
-    strategies.push_back({strategy.metric ? strategy.name : "none", std::move(strategy.metric)});
-  }
-  AlignOptions align = options.align;
-  align.initial = shown_one->initial.pose();
-  align.trace = true;
-  ReportedPair shown;
-  shown.source_name = file_name(source);
-  shown.target_name = file_name(target);
-  shown.source = &pair.source;
-  shown.target = &pair.target;
-  shown.point_options = options.points;
-  shown.initial = align.initial;
-  shown.truth = pair.truth;
-  shown.alignments =
-      align_by_all(pair.source, pair.target, strategies, align, options.points, pair.truth, common);
-  shown.story = fmt::format("One of the 45 configurations: initial {}, k = {}.",
-                            describe(shown_one->initial), align.k);
-  report::Report report = begin_report(
-      fmt::format("The paper's experiments on {} and {}", shown.source_name, shown.target_name),
-      common);
-  const auto succeeded =
-      std::count_if(results.runs.begin(), results.runs.end(),
-                    [&](const TrialResult& run) { return results.score_success(run); });
-  report.subtitle = fmt::format("{} of {} runs succeed by their score{}.", succeeded,
-                                results.runs.size(), truth_sentence(results));
-  set_provenance(report, json);
-  add_pair(report, shown);
-  report.sections.insert(report.sections.end(), std::make_move_iterator(sections.begin()),
-                         std::make_move_iterator(sections.end()));
-  return report;
 }
 
 void PaperArguments::print(const PaperResults& results, const ResultTable& successes,
@@ -242,8 +184,7 @@ int PaperArguments::run() {
     write_runs(output, runs, "xy_search_");
   }
   write_text(output, "summary.md", summary(results, tables));
-  std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
-  write_figures(output, sections);
+  write_figures(output, report::paper_sections(results, options.tolerance));
   write_clouds(output, pair, results, options.points);
   if (!images.empty()) {
     common.console().remark(write_common_view(output, pair, results, images[0], images[1]));
@@ -257,8 +198,8 @@ int PaperArguments::run() {
   json["agreement"] =
       results.agreement ? Json{{"target_from_source",
                                 to_json(*results.runs[results.agreement->pose].target_from_source)},
-                               {"runs", std::count(results.agreement->agrees.begin(),
-                                                   results.agreement->agrees.end(), true)}}
+                               {"pose", results.agreement->pose},
+                               {"agrees", results.agreement->agrees}}
                         : Json(nullptr);
   json["tables"] = Json::array();
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
@@ -269,7 +210,18 @@ int PaperArguments::run() {
   if (!common.report_path.empty()) {
     json.erase("runs");
     json.erase("tables");
-    write_report(make_report(pair, results, std::move(sections), json), common);
+    report::Report report = begin_report("", common);
+    set_provenance(report, json);
+    add_paper(report,
+              {.results = &results,
+               .tolerance = options.tolerance,
+               .source_name = file_name(source),
+               .target_name = file_name(target),
+               .pair = &pair,
+               .align = options.align,
+               .points = options.points},
+              common);
+    write_report(report, common);
   }
   print(results, tables.front(), seconds);
   return kDone;

@@ -13,11 +13,14 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/study_analysis.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/experiment_reports.hpp"
 #include "support/reports.hpp"
 #include "support/saved_results.hpp"
 
@@ -25,7 +28,9 @@ namespace cairn::cli {
 namespace {
 
 constexpr std::string_view kExpected =
-    "the JSON of 'cairn align' or 'cairn demo', or a map (.map, .txt, .ply or .pcd)";
+    "the JSON of 'cairn align' or 'cairn demo', the folder of an experiment, or a map (.map, .txt, "
+    ".ply "
+    "or .pcd)";
 
 struct ReportArguments {
   CommonArguments common;
@@ -43,7 +48,9 @@ void ReportArguments::add_to(CLI::App& command) {
     }
     return std::string();
   };
-  command.add_option("result", results, "What 'cairn align --json' wrote, or maps")
+  command
+      .add_option("result", results,
+                  "What 'cairn align --json' wrote, folders of experiments, or maps")
       ->required()
       ->type_name("")
       ->check(refuse_none);
@@ -54,6 +61,8 @@ void ReportArguments::add_to(CLI::App& command) {
       "A result names its maps: they are read again, and left out where they are gone or changed.\n"
       "Matches are shown if the result was written with --trace.\n"
       "\n"
+      "Example: make a page of an experiment\n"
+      "  cairn report results -o report.html\n"
       "Example: keep a result, and make a page of it later\n"
       "  cairn align source.map target.map --confidence none,observations --trace \\\n"
       "      --json result.json\n"
@@ -95,10 +104,13 @@ class Assembly {
  private:
   // Adds what one kind of JSON document holds.
   using Reader = void (Assembly::*)(const Json& document, const std::string& path);
-  // Documents by schema. What can be reported on besides (the results of an experiment) is added here.
+  // Documents by schema.
   static Reader reader_of(std::string_view schema);
 
   void add_alignment(const Json& document, const std::string& path);
+  void add_experiment(const std::string& folder);
+  void add_paper_experiment(const Json& document, const std::string& folder,
+                            std::vector<TrialResult> runs);
   void add_single_map(const std::string& path);
   std::optional<LoadedMap> reload(const SavedMap& saved, std::string_view role,
                                   const SavedResult& result);
@@ -136,7 +148,10 @@ bool looks_like_json(const std::string& path) {
 
 void Assembly::add_file(const std::string& path) {
   ++count_;
-  // A folder that an experiment wrote is to be told here, by what lies in it.
+  if (std::filesystem::is_directory(path)) {
+    add_experiment(path);
+    return;
+  }
   if (!std::filesystem::is_regular_file(path)) {
     const FileReader says_why_it_cannot_be_read(path);
     throw Error(ErrorKind::kInput, path, "no file", kExpected);
@@ -227,6 +242,79 @@ void Assembly::add_alignment(const Json& document, const std::string& path) {
     if (report_.title.empty()) report_.title = pair.source_name + " to " + pair.target_name;
     report_.subtitle = best_of(pair.alignments, pair.unit);
   }
+}
+
+// What lies in the folder of an experiment, by the document in it.
+void Assembly::add_experiment(const std::string& folder) {
+  const auto path_of = [&](const char* name) {
+    return (std::filesystem::path(folder) / name).string();
+  };
+  const auto text_of = [&](const char* name) {
+    FileReader file(path_of(name));
+    return read_all(file);
+  };
+  const std::string path = path_of("experiment.json");
+  if (!std::filesystem::is_regular_file(path)) {
+    throw Error(ErrorKind::kInput, folder,
+                "holds no experiment.json: no experiment was completed here", kExpected);
+  }
+  const Json document = Json::parse(text_of("experiment.json"), nullptr, false);
+  const Json kind = document.is_object() ? document.value("experiment", Json()) : Json();
+  const std::string title = report_.title;
+  inputs_.push_back(describe_file(path, common_));
+  add_input(role("experiment"), inputs_.back());
+  std::vector<TrialResult> runs = parse_runs(text_of("runs.csv"), path_of("runs.csv"));
+  if (kind == "paper") {
+    add_paper_experiment(document, folder, std::move(runs));
+  } else if (kind == "sweep") {
+    const Study study = parse_study(text_of("study.yaml"), path_of("study.yaml"));
+    add_study(report_, study, analyse_study(study, runs, {.executor = common_.executor()}), runs,
+              prefix());
+  } else {
+    throw Error(ErrorKind::kInput, path, "its experiment is neither 'paper' nor 'sweep'",
+                kExpected);
+  }
+  if (document.contains("options")) options_[folder] = document.at("options");
+  if (several_) {  // no one of them speaks for all
+    report_.title = title;
+    report_.subtitle.reset();
+  }
+}
+
+void Assembly::add_paper_experiment(const Json& document, const std::string& folder,
+                                    std::vector<TrialResult> runs) {
+  const std::string path = (std::filesystem::path(folder) / "experiment.json").string();
+  const SavedPaper saved = saved_paper(document, path);
+  PaperResults results;
+  results.runs = std::move(runs);
+  const std::size_t expected = published_experiments().size() * kPaperStrategies.size();
+  if (results.runs.size() != expected || saved.agreement.agrees.size() != expected) {
+    throw Error(ErrorKind::kInput, folder, fmt::format("{} runs", results.runs.size()),
+                fmt::format("{}", expected));
+  }
+  results.success_score = saved.success_score;
+  results.agreement = saved.agreement;
+  SavedResult place;
+  place.file = path;
+  auto source = reload(saved.source, "source", place);
+  auto target = reload(saved.target, "target", place);
+  const bool has_maps = source && target;
+  MapPair pair;
+  pair.truth = saved.truth;
+  if (has_maps) {
+    pair.source = std::move(source->map);
+    pair.target = std::move(target->map);
+  }
+  add_paper(report_,
+            {.results = &results,
+             .tolerance = saved.tolerance,
+             .source_name = file_name(saved.source.path.value_or("source")),
+             .target_name = file_name(saved.target.path.value_or("target")),
+             .pair = has_maps ? &pair : nullptr,
+             .align = saved.align,
+             .points = saved.points},
+            common_, prefix());
+  for (const auto& [name, description] : saved.inputs) add_input(role(name), description);
 }
 
 void Assembly::finish() {

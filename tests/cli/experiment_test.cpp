@@ -75,6 +75,17 @@ TEST_F(ExperimentTest, PaperAndSweepWriteReports) {
   for (const char* const page : {"paper.html", "sweep.html"}) {
     EXPECT_THAT(content(page), HasSubstr("id=\"cairn-report\"")) << page;
   }
+  // Later, from what lies in the folders.
+  answer({"report", "r", "-o", "r.html"});
+  answer({"report", "r", "s", "-o", "both.html"});
+  EXPECT_GT(content("both.html").size(), content("r.html").size());
+  EXPECT_THAT(content("r.html"), HasSubstr("<title>The paper&#39;s experiments"));
+  expect_refusal({"report", ".", "-o", "no.html"}, kBadInput, {"holds no experiment.json"});
+  std::string broken = content("r/experiment.json");
+  broken.replace(broken.find("\"success_score_m2\": "), 20, "\"success_score_m2\": \"x\", \"_\":");
+  write("r/experiment.json", broken);
+  expect_refusal({"report", "r", "-o", "no.html"}, kBadInput, {"success_score_m2 is \"x\""});
+  EXPECT_FALSE(std::filesystem::exists(path("no.html")));
 }
 
 TEST_F(ExperimentTest, PaperGivesTheSameBytesWithAnyNumberOfThreads) {

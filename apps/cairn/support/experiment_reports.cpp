@@ -10,6 +10,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/common_view.hpp"
 #include "cairn/experiments/paper_tables.hpp"
+#include "cairn/experiments/study_tables.hpp"
 #include "cairn/report/experiment_sections.hpp"
 #include "cairn/report/figures/figures.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
@@ -19,6 +20,8 @@
 #include "cairn/sequence/sequence.hpp"
 #endif
 
+#include "support/alignments.hpp"
+#include "support/reports.hpp"
 #include "support/trial_results.hpp"
 
 namespace cairn::cli {
@@ -55,7 +58,87 @@ std::optional<std::filesystem::path> image_of(const LandmarkMap& map, FrameIndex
 }
 #endif
 
+// How many runs succeed, by either measure.
+std::string count_of(const PaperResults& results, const PoseTolerance& tolerance) {
+  const auto count = [&](const auto& passes) {
+    return std::count_if(results.runs.begin(), results.runs.end(), passes);
+  };
+  std::string text =
+      fmt::format("{} of {} runs succeed by their score",
+                  count([&](const TrialResult& run) { return results.score_success(run); }),
+                  results.runs.size());
+  if (count([](const TrialResult& run) { return run.error.has_value(); }) > 0) {
+    text += fmt::format(", {} by their pose", count([&](const TrialResult& run) {
+                          return run.error && tolerance.holds(*run.error);
+                        }));
+  }
+  return text + ".";
+}
+
+void add_sections(report::Report& report, std::vector<report::Section> sections,
+                  const std::string& prefix) {
+  for (report::Section& section : sections) {
+    section.id = prefix + section.id;
+    report.sections.push_back(std::move(section));
+  }
+}
+
+void add_one_configuration(report::Report& report, const ShownPaper& shown,
+                           const CommonArguments& common, const std::string& prefix) {
+  const auto published = published_experiments();
+  const auto one =
+      std::find_if(published.begin(), published.end(), [](const PublishedExperiment& candidate) {
+        return candidate.experiment == Experiment::kNeighbors && candidate.k == AlignOptions().k;
+      });
+  std::vector<Strategy> strategies;
+  for (const std::string_view name : kPaperStrategies) {
+    cairn::Strategy strategy = strategy_named(name);
+    strategies.push_back({strategy.metric ? strategy.name : "none", std::move(strategy.metric)});
+  }
+  AlignOptions align = shown.align;
+  align.initial = one->initial.pose();
+  align.trace = true;
+  ReportedPair pair;
+  pair.source_name = shown.source_name;
+  pair.target_name = shown.target_name;
+  pair.source = &shown.pair->source;
+  pair.target = &shown.pair->target;
+  pair.point_options = shown.points;
+  pair.initial = align.initial;
+  pair.truth = shown.pair->truth;
+  pair.alignments = align_by_all(shown.pair->source, shown.pair->target, strategies, align,
+                                 shown.points, shown.pair->truth, common);
+  pair.story = fmt::format("One of the 45 configurations: initial {}, k = {}.",
+                           describe(one->initial), align.k);
+  add_pair(report, pair, prefix);
+}
+
 }  // namespace
+
+void add_paper(report::Report& report, const ShownPaper& shown, const CommonArguments& common,
+               const std::string& prefix) {
+  if (report.title.empty()) {
+    report.title =
+        fmt::format("The paper's experiments on {} and {}", shown.source_name, shown.target_name);
+  }
+  if (!report.subtitle) report.subtitle = count_of(*shown.results, shown.tolerance);
+  if (shown.pair != nullptr) add_one_configuration(report, shown, common, prefix);
+  add_sections(report, report::paper_sections(*shown.results, shown.tolerance), prefix);
+}
+
+void add_study(report::Report& report, const Study& study, const StudyAnalysis& analysis,
+               std::span<const TrialResult> runs, const std::string& prefix) {
+  const std::vector<std::string> answers = study_answers(study, analysis);
+  if (report.title.empty()) report.title = "Study " + study.name;
+  if (!report.subtitle) report.subtitle = answers.front();
+  std::string text;
+  for (const std::string& answer : answers) text += (text.empty() ? "" : "\n\n") + answer;
+  report.sections.push_back({.id = prefix + "answers",
+                             .title = "Answers",
+                             .text = std::move(text),
+                             .content = report::Text()});
+  add_sections(report, report::study_sections(study, analysis, runs), prefix);
+}
 
 void write_figures(const std::string& folder, const std::vector<report::Section>& sections) {
   for (const report::Section& section : sections) {

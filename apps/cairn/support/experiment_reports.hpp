@@ -2,15 +2,38 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "cairn/experiments/paper.hpp"
+#include "cairn/experiments/study_analysis.hpp"
 #include "cairn/report/report.hpp"
 
 #include "support/arguments.hpp"
 
 namespace cairn::cli {
+
+/// The paper's experiments on a pair of maps, as a report shows them.
+struct ShownPaper {
+  const PaperResults* results = nullptr;
+  PoseTolerance tolerance = {};
+  std::string source_name = {};  ///< for people
+  std::string target_name = {};
+  const MapPair* pair = nullptr;  ///< null: not to be had; then there is no scene
+  AlignOptions align = {};        ///< as they were run with
+  PointSetOptions points = {};
+};
+
+/// Adds one configuration in 3D, Table 1's displacement with the paper's k, by every strategy; then the
+/// figures and tables. A report without title or subtitle gets them.
+/// @param prefix of the ids, for several results in one report; may be empty
+void add_paper(report::Report& report, const ShownPaper& shown, const CommonArguments& common,
+               const std::string& prefix = {});
+
+/// Adds a study's answers, figures and tables.
+void add_study(report::Report& report, const Study& study, const StudyAnalysis& analysis,
+               std::span<const TrialResult> runs, const std::string& prefix = {});
 
 /// Writes each section that is a chart as figures/ID.svg.
 void write_figures(const std::string& folder, const std::vector<report::Section>& sections);

@@ -154,22 +154,59 @@ SavedMap map_of(const Field& input) {
   return {input["path"].optional_text(), input["hash"].optional_text()};
 }
 
+void check_version(const Field& root) {
+  const Field version = root["schema"]["version"];
+  if (version.whole(std::numeric_limits<std::uint32_t>::max()) != 1) version.refuse("1");
+}
+
+// Inputs by role, with what is said of each.
+std::vector<std::pair<std::string, Json>> described(const Field& inputs) {
+  std::vector<std::pair<std::string, Json>> list;
+  if (!inputs.json().is_object()) return list;
+  for (const auto& [role, description] : inputs.json().items())
+    list.emplace_back(role, description);
+  return list;
+}
+
 }  // namespace
+
+SavedPaper saved_paper(const Json& document, const std::string& file) {
+  const Field root(document, file, "");
+  check_version(root);
+  SavedPaper saved;
+  const Field inputs = root["inputs"];
+  saved.source = map_of(inputs["source"]);
+  saved.target = map_of(inputs["target"]);
+  saved.inputs = described(inputs);
+  saved.truth = inputs["truth"]["target_from_source"].optional_pose();
+  saved.success_score = root["success_score_m2"].number();
+  const Field agreement = root["agreement"];
+  saved.agreement.pose = agreement["pose"].whole(kMostPoints);
+  for (const Field& agrees : agreement["agrees"].items()) {
+    if (!agrees.json().is_boolean()) agrees.refuse("true or false");
+    saved.agreement.agrees.push_back(agrees.json().get<bool>());
+  }
+  const Field options = root["options"];
+  saved.tolerance.rotation_deg = options["max_rotation_deg"].number();
+  saved.tolerance.translation_m = options["max_translation_m"].number();
+  saved.align.max_iterations =
+      static_cast<int>(options["max_iterations"].whole(std::numeric_limits<int>::max()));
+  if (const auto distance = options["max_distance"].optional_number()) {
+    saved.align.max_distance = *distance;
+  }
+  saved.points.min_observations = options["min_observations"].whole(kMostPoints);
+  return saved;
+}
 
 SavedResult saved_result(const Json& document, const std::string& file) {
   const Field root(document, file, "");
-  const Field version = root["schema"]["version"];
-  if (version.whole(std::numeric_limits<std::uint32_t>::max()) != 1) version.refuse("1");
+  check_version(root);
   SavedResult saved;
   saved.file = file;
   const Field inputs = root["inputs"];
   saved.source = map_of(inputs["source"]);
   saved.target = map_of(inputs["target"]);
-  if (inputs.json().is_object()) {
-    for (const auto& [role, description] : inputs.json().items()) {
-      saved.inputs.emplace_back(role, description);
-    }
-  }
+  saved.inputs = described(inputs);
   const Field options = root["options"];
   saved.options = options.json();
   if (const Field count = options["min_observations"]; !count.is_null()) {

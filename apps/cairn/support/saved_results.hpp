@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/experiments/run.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/alignments.hpp"
@@ -38,5 +39,21 @@ struct SavedResult {
 /// @param document of one of these schemas, as parsed from `file`
 /// @throws Error (input) naming file, field, value and what was expected
 SavedResult saved_result(const Json& document, const std::string& file);
+
+/// What `cairn experiment paper` wrote besides its runs.
+struct SavedPaper {
+  SavedMap source;
+  SavedMap target;
+  std::vector<std::pair<std::string, Json>> inputs;
+  std::optional<Rigid3> truth;
+  double success_score = 0.0;
+  Agreement agreement;
+  PoseTolerance tolerance;
+  AlignOptions align;
+  PointSetOptions points;
+};
+
+/// @throws Error as saved_result()
+SavedPaper saved_paper(const Json& document, const std::string& file);
 
 }  // namespace cairn::cli

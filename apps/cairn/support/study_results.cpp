@@ -2,7 +2,6 @@
 #include "support/study_results.hpp"
 
 #include <filesystem>
-#include <iterator>
 #include <variant>
 
 #include <fmt/format.h>
@@ -145,19 +144,12 @@ void conclude_study(const Study& study, const std::string& folder, const CommonA
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
   write_text(folder, "experiment.json", to_text(json));
   write_document(json, common);
-  std::vector<report::Section> sections = report::study_sections(study, analysis, runs);
-  write_figures(folder, sections);
+  write_figures(folder, report::study_sections(study, analysis, runs));
   if (!common.report_path.empty()) {
     json.erase("tables");
-    report::Report report = begin_report("Study " + study.name, common);
-    report.subtitle = answers.front();
-    std::string text;
-    for (const std::string& answer : answers) text += (text.empty() ? "" : "\n\n") + answer;
+    report::Report report = begin_report("", common);
     set_provenance(report, json);
-    report.sections.push_back(
-        {.id = "answers", .title = "Answers", .text = text, .content = report::Text()});
-    report.sections.insert(report.sections.end(), std::make_move_iterator(sections.begin()),
-                           std::make_move_iterator(sections.end()));
+    add_study(report, study, analysis, runs);
     write_report(report, common);
   }
   std::string text = fmt::format("{}: {} runs\n\n", folder, runs.size());

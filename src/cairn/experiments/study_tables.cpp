@@ -255,13 +255,17 @@ std::vector<ResultTable> study_tables(const Study& study, const StudyAnalysis& a
 
 std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& analysis) {
   std::vector<std::string> answers;
-  answers.push_back(
-      fmt::format("{} pairs of maps ({} with a known truth), {} starts each; a success is within "
-                  "{:g} degrees and "
-                  "{:g} m of the true pose.",
-                  analysis.pairs.size(), analysis.pairs_with_truth, study.initial_count,
-                  study.success.rotation_deg, study.success.translation_m));
-  if (analysis.pairs_with_truth == 0) return answers;
+  answers.push_back(fmt::format(
+      "{} of maps ({} with a known truth), {} starts each; a success is within {:g} "
+      "degrees and {:g} m of the true pose.",
+      analysis.pairs.size() == 1 ? "1 pair" : fmt::format("{} pairs", analysis.pairs.size()),
+      analysis.pairs_with_truth, study.initial_count, study.success.rotation_deg,
+      study.success.translation_m));
+  if (analysis.pairs_with_truth == 0) {
+    answers.emplace_back(
+        "Without a truth only the score can tell success from failure, and it may well be wrong.");
+    return answers;
+  }
   if (analysis.friedman) {
     answers.push_back(fmt::format(
         "Do strategies differ at all? Friedman's test over the pairs' success rates: chi-squared "
