@@ -90,8 +90,10 @@ class Features {
     const int top = row(center.y() - radius_f);
     const int bottom = row(center.y() + radius_f);
     for (int y = top; y <= bottom; ++y) {
-      const std::size_t begin = cell_starts_[static_cast<std::size_t>(y * columns_ + left)];
-      const std::size_t end = cell_starts_[static_cast<std::size_t>(y * columns_ + right + 1)];
+      const std::size_t row_begin =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_);
+      const std::size_t begin = cell_starts_[row_begin + left];
+      const std::size_t end = cell_starts_[row_begin + right + 1];
       for (std::size_t i = begin; i < end; ++i) {
         const std::uint32_t index = in_cells_[i];
         const Eigen::Vector2f offset = keypoints_[index].pixel - center;

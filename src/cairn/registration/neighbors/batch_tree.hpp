@@ -81,7 +81,7 @@ class BatchTree::Batch {
   friend class BatchTree;
 
   static constexpr std::size_t kBlock = 256;
-  static constexpr std::size_t kParallelFrom = 2000;  // measured: fewer are not worth the threads
+  static constexpr std::size_t kParallelFrom = 2000;  // fewer are hardly worth the threads
 
   // What is known of a query.
   struct Known {
