@@ -144,8 +144,14 @@ void write_figures(const std::string& folder, const std::vector<report::Section>
   for (const report::Section& section : sections) {
     const auto* chart = std::get_if<report::Chart>(&section.content);
     if (chart == nullptr) continue;
+    report::FigureOptions options{.title = section.title};
+    if (const auto* heatmap = std::get_if<report::HeatmapChart>(chart)) {
+      constexpr double kPanelWidth = 280.0;
+      options.width =
+          std::max(options.width, kPanelWidth * static_cast<double>(heatmap->panels.size()));
+    }
     write_text(folder, "figures/" + section.id + ".svg",
-               report::chart_svg(*chart, {.title = section.title}, report::violin_density()));
+               report::chart_svg(*chart, options, report::violin_density()));
   }
 }
 
