@@ -291,7 +291,7 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
           const PairPoints& strategy_points = points.at(trial.strategy);
           return run_trial(std::move(trial), strategy_points, initial, pair.truth, align);
         },
-        [&](std::size_t, TrialResult run) {
+        [&](std::size_t, const TrialResult& run) {
           folder.append(run);
           if (options.progress) options.progress(folder.done(), end - first);
         });
@@ -313,8 +313,8 @@ void merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
                   fmt::format("is one of {} shards", identity.shard.count),
                   fmt::format("one of {}", first->shard.count));
     }
-    const auto [place, added] =
-        parts.emplace(identity.shard.index, std::pair(folder, std::move(identity)));
+    const std::size_t index = identity.shard.index;
+    const auto [place, added] = parts.emplace(index, std::pair(folder, std::move(identity)));
     if (!added) {
       throw Error(ErrorKind::kInput, folder.string(),
                   fmt::format("is shard {} as {} is", place->first, place->second.first.string()),

@@ -2,6 +2,7 @@
 #include "cairn/report/writer.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include <gmock/gmock.h>
@@ -354,7 +355,7 @@ TEST(WriteReport, WhatDoesNotFitTogetherIsRefusedByName) {
 
 TEST(GzipBase64, HeaderHoldsNoTimeAndPiecesMakeTheWhole) {
   std::string bytes;
-  for (int i = 0; i < 300000; ++i) bytes += static_cast<char>(i * i >> 3);
+  for (std::uint64_t i = 0; i < 300000; ++i) bytes += static_cast<char>(i * i >> 3);
   std::string text;
   const ByteSink sink = [&](std::string_view part) { text += part; };
   GzipBase64 encoder(sink);
