@@ -23,8 +23,8 @@ constexpr std::size_t kMost = 1'000'000;  // of whatever a study counts
 // One value of the file, with what its messages have to name.
 class Entry {
  public:
-  Entry(YAML::Node node, std::string file, std::string key)
-      : node_(std::move(node)), file_(std::move(file)), key_(std::move(key)) {}
+  Entry(const YAML::Node& node, std::string file, std::string key)
+      : node_(node), file_(std::move(file)), key_(std::move(key)) {}
 
   [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
     const YAML::Mark mark = node_.Mark();
@@ -102,7 +102,7 @@ class Entry {
 };
 
 std::string parse_name(const Entry& entry) {
-  const std::string name = entry.text();
+  std::string name = entry.text();
   const bool plain = std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
            c == '_' || c == '.';

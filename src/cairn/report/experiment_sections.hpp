@@ -15,7 +15,7 @@
 /// a file, `chart_svg` of its chart what belongs into it.
 namespace cairn::report {
 
-Section table_section(const ResultTable& table);
+Section table_section(const ResultTable& source);
 
 /// The paper's Figures 3 to 5 of these results and of the published ones, score against pose error where
 /// the truth is known, and all tables.
