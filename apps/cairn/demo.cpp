@@ -81,15 +81,6 @@ void DemoArguments::add_to(CLI::App& command) {
       "      --truth desk/truth.txt --confidence observations");
 }
 
-void write_pose(const std::filesystem::path& path, const Rigid3& pose) {
-  const Matrix4d matrix = pose.matrix();
-  std::string text;
-  for (int i = 0; i < 4; ++i) {
-    text += fmt::format("{} {} {} {}\n", matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3));
-  }
-  write_file(path, [&](const ByteSink& sink) { sink(text); });
-}
-
 // The displacement happens at the landmarks: about the source's origin, a turn would also throw the
 // map aside by the distance between the two.
 Rigid3 displaced(const Rigid3& truth, const Rigid3& displacement, const LandmarkMap& source) {

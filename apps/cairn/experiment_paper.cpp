@@ -12,7 +12,6 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/file.hpp"
 #include "cairn/experiments/paper.hpp"
 #include "cairn/experiments/paper_tables.hpp"
 #include "cairn/map/operations.hpp"
@@ -112,10 +111,7 @@ std::string PaperArguments::summary(const PaperResults& results,
       "pose within {:g} degrees and {:g} m.\n",
       source, target, results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
       options.tolerance.translation_m);
-  for (const ResultTable& table : tables) {
-    text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
-  }
-  return text;
+  return text + markdown_of(tables);
 }
 
 void PaperArguments::print(const PaperResults& results, const ResultTable& successes,
@@ -147,14 +143,10 @@ int PaperArguments::run() {
   require_outputs(common);
   MapPair pair;
   if (!truth.empty()) pair.truth = read_pose_file(truth);
-  LoadedMap source_map = load_map(source, common);
-  LoadedMap target_map = load_map(target, common);
+  LoadedMap source_map = load_map(source, common, true);
+  LoadedMap target_map = load_map(target, common, true);
   for (LoadedMap* const loaded : {&source_map, &target_map}) {
-    if (loaded->map.info().length_unit != LengthUnit::kMetres) {
-      throw Error(ErrorKind::kInput, loaded->path, "is of free scale",
-                  "a map in metres: the displacements are");
-    }
-    loaded->description["hash"] = hash_file(loaded->path);
+    require_metres(loaded->map, loaded->path);
     loaded->description["kept_landmarks"] =
         landmarks_observed(loaded->map, options.points.min_observations).size();
   }
@@ -184,7 +176,8 @@ int PaperArguments::run() {
     write_runs(output, runs, "xy_search_");
   }
   write_text(output, "summary.md", summary(results, tables));
-  write_figures(output, report::paper_sections(results, options.tolerance));
+  std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
+  write_figures(output, sections);
   write_clouds(output, pair, results, options.points);
   if (!images.empty()) {
     common.console().remark(write_common_view(output, pair, results, images[0], images[1]));
@@ -219,7 +212,8 @@ int PaperArguments::run() {
                .target_name = file_name(target),
                .pair = &pair,
                .align = options.align,
-               .points = options.points},
+               .points = options.points,
+               .sections = std::move(sections)},
               common);
     write_report(report, common);
   }

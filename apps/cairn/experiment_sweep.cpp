@@ -115,7 +115,7 @@ MapPair SweepArguments::load_pair(const StudyPair& pair) const {
       fs::create_directories(folder);
       write_map(made.source, files.source, {.native_version = 2});
       write_map(made.target, files.target, {.native_version = 2});
-      write_text(folder.string(), pair.name + "_truth.txt", matrix_text(*made.truth));
+      write_pose(*files.truth, *made.truth);
     }
   }
   MapPair loaded{pair.name, read_study_map(files.source), read_study_map(files.target), {}};
@@ -126,8 +126,7 @@ MapPair SweepArguments::load_pair(const StudyPair& pair) const {
 int SweepArguments::run() {
   const Shard part = shard();
   require_outputs(common);
-  FileReader file(study_path);
-  const std::string yaml = read_all(file);
+  const std::string yaml = read_file(study_path);
   const Study study = parse_study(yaml, study_path);
   check_pairs(study, study_path);
   const StudyPlan plan(study);
@@ -187,8 +186,7 @@ int MergeArguments::run() const {
   std::vector<fs::path> folders(shards.begin(), shards.end());
   merge_study(folders, output);
   const std::string path = (folders.front() / "study.yaml").string();
-  FileReader file(path);
-  const std::string yaml = read_all(file);
+  const std::string yaml = read_file(path);
   write_text(output, "study.yaml", yaml);
   conclude_study(parse_study(yaml, path), output, common);
   return kDone;

@@ -15,7 +15,9 @@
 #include "cairn/core/file.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
+#include "cairn/experiments/study_tables.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/report/experiment_sections.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -161,8 +163,7 @@ void Assembly::add_file(const std::string& path) {
     add_single_map(path);
     return;
   }
-  FileReader file(path);
-  const Json document = Json::parse(read_all(file), nullptr, false);
+  const Json document = Json::parse(read_file(path), nullptr, false);
   if (document.is_discarded()) {
     throw Error(ErrorKind::kInput, path, "starts like JSON but is none", kExpected);
   }
@@ -249,10 +250,7 @@ void Assembly::add_experiment(const std::string& folder) {
   const auto path_of = [&](const char* name) {
     return (std::filesystem::path(folder) / name).string();
   };
-  const auto text_of = [&](const char* name) {
-    FileReader file(path_of(name));
-    return read_all(file);
-  };
+  const auto text_of = [&](const char* name) { return read_file(path_of(name)); };
   const std::string path = path_of("experiment.json");
   if (!std::filesystem::is_regular_file(path)) {
     throw Error(ErrorKind::kInput, folder,
@@ -268,8 +266,9 @@ void Assembly::add_experiment(const std::string& folder) {
     add_paper_experiment(document, folder, std::move(runs));
   } else if (kind == "sweep") {
     const Study study = parse_study(text_of("study.yaml"), path_of("study.yaml"));
-    add_study(report_, study, analyse_study(study, runs, {.executor = common_.executor()}), runs,
-              prefix());
+    const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common_.executor()});
+    add_study(report_, study.name, study_answers(study, analysis),
+              report::study_sections(study, analysis, runs), prefix());
   } else {
     throw Error(ErrorKind::kInput, path, "its experiment is neither 'paper' nor 'sweep'",
                 kExpected);
@@ -312,7 +311,8 @@ void Assembly::add_paper_experiment(const Json& document, const std::string& fol
              .target_name = file_name(saved.target.path.value_or("target")),
              .pair = has_maps ? &pair : nullptr,
              .align = saved.align,
-             .points = saved.points},
+             .points = saved.points,
+             .sections = report::paper_sections(results, saved.tolerance)},
             common_, prefix());
   for (const auto& [name, description] : saved.inputs) add_input(role(name), description);
 }

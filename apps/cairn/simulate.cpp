@@ -14,7 +14,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/random.hpp"
 #include "cairn/map/io/camera_file.hpp"
 #include "cairn/sequence/sequence_writer.hpp"
 #include "cairn/simulation/environment.hpp"
@@ -117,9 +116,9 @@ void SimulateArguments::check() {
     throw Error(ErrorKind::kMisuse, "--color-format", printable(color_format), "png or jpeg");
   }
   environment_options.seed = common.seed;
-  const Random random = Random(common.seed).fork(environment_options.session);
-  path_options.seed = random.fork(1).draw_seed();
-  options.seed = random.fork(2).draw_seed();
+  const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
+  path_options.seed = seeds.path;
+  options.seed = seeds.noise;
   with_option_names({{"PathOptions.frames", "--frames"},
                      {"PathOptions.rate_hz", "--rate"},
                      {"EnvironmentOptions.changed_fraction", "--changed"},

@@ -9,7 +9,7 @@ import { drawing, findColor, launch, openReport, settled } from "./support/brows
 import { kSamples, writePage } from "./sample.mjs";
 
 const given = process.env.CAIRN_REPORT;
-const onSamples = { skip: given ? "a report was given" : false };
+const onSamples = { skip: given ? "a report was given: what only the samples hold was not tested" : false };
 const kSourceLight = [0, 158, 115];
 const folder = mkdtempSync(join(tmpdir(), "cairn-viewer-"));
 let browser;

@@ -149,13 +149,6 @@ std::vector<double> parse_numbers(std::string_view text, std::string_view option
   return numbers;
 }
 
-double degrees(double radians) {
-  return radians * 180.0 / std::numbers::pi;
-}
-double radians(double degrees) {
-  return degrees * std::numbers::pi / 180.0;
-}
-
 Rigid3 parse_pose(const std::string& text, std::string_view option) {
   constexpr std::string_view kExpected = "6, in one quoted argument: \"x y z roll pitch yaw\"";
   const std::vector<double> n = parse_numbers(text, option, kExpected);
@@ -167,8 +160,7 @@ Rigid3 parse_pose(const std::string& text, std::string_view option) {
 }
 
 Rigid3 read_pose_file(const std::string& path) {
-  FileReader file(path);
-  const std::string text = read_all(file);
+  const std::string text = read_file(path);
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
   const Matrix4d matrix = is_json ? matrix_of_json(path, text) : matrix_of_text(path, text);

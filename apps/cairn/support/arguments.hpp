@@ -18,6 +18,8 @@
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/executor.hpp"
+#include "cairn/experiments/run.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -130,13 +132,7 @@ struct PoseArguments {
   std::string name_;
 };
 
-/// One way to align: without confidences, or with those of a metric.
-struct Strategy {
-  std::string name;  ///< "none", or the metric's
-  std::optional<Metric> metric;
-};
-
-/// Strategies from text such as "none,covariance"; no two alike.
+/// Strategies from text such as "none,covariance"; no two alike. Base ICP is called "none".
 std::vector<Strategy> parse_strategies(const std::string& text);
 
 /// Help text that lists the metrics.
@@ -149,8 +145,5 @@ Camera parse_camera(const std::string& text);
 /// @throws Error (misuse) naming `option`
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
                                   std::string_view expected);
-
-double degrees(double radians);
-double radians(double degrees);
 
 }  // namespace cairn::cli

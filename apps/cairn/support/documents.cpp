@@ -25,19 +25,25 @@ void write_output(const std::string& text, const std::string& path) {
 
 }  // namespace
 
-LoadedMap load_map(const std::string& path, const CommonArguments& common) {
+LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash) {
   const Console console = common.console();
   MapReadOptions options;
   options.progress = console.progress("reading " + path);
   options.stop = interrupt_requests();
   options.log = console.log();
   LoadedMap loaded{path, read_map(path, options), {}};
-  loaded.description = describe_file(path, common);
+  loaded.description = describe_file(path, common, with_hash);
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();
   loaded.description["observations"] =
       loaded.map.has_observations() ? Json(loaded.map.observation_count()) : Json(nullptr);
   return loaded;
+}
+
+void require_metres(const LandmarkMap& map, const std::string& path) {
+  if (map.info().length_unit == LengthUnit::kMetres) return;
+  throw Error(ErrorKind::kInput, path, "is of free scale",
+              "a map in metres: the displacements are");
 }
 
 void require_folder_of(const std::string& path) {
@@ -96,9 +102,9 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
   }
 }
 
-Json describe_file(const std::string& path, const CommonArguments& common) {
+Json describe_file(const std::string& path, const CommonArguments& common, bool with_hash) {
   // A pipe cannot be read a second time.
-  const bool is_wanted = !common.json_path.empty() || !common.report_path.empty();
+  const bool is_wanted = with_hash || !common.json_path.empty() || !common.report_path.empty();
   const bool can_hash = is_wanted && std::filesystem::is_regular_file(path);
   return {{"path", path}, {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)}};
 }
@@ -122,6 +128,15 @@ void write_document(const Json& json, const CommonArguments& common) {
 
 void write_rows(const Csv& rows, const CommonArguments& common) {
   if (!common.csv_path.empty()) write_output(rows.text(), common.csv_path);
+}
+
+void write_pose(const std::filesystem::path& path, const Rigid3& pose) {
+  const Matrix4d matrix = pose.matrix();
+  std::string text;
+  for (int i = 0; i < 4; ++i) {
+    text += fmt::format("{} {} {} {}\n", matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3));
+  }
+  write_file(path, [&](const ByteSink& sink) { sink(text); });
 }
 
 Json to_json(const Rigid3& pose) {

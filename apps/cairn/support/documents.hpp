@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -25,7 +26,11 @@ struct LoadedMap {
   Json description;  ///< path, hash, counts
 };
 
-LoadedMap load_map(const std::string& path, const CommonArguments& common);
+/// @param with_hash even where no document or report was asked for
+LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash = false);
+
+/// @throws Error (input) for a map of free scale, whose displacements in metres mean nothing
+void require_metres(const LandmarkMap& map, const std::string& path);
 
 /// Fails before long work, rather than after it, where a file could not be written.
 /// @throws Error (storage) if `path` is a folder, or in none that exists
@@ -57,7 +62,11 @@ void write_document(const Json& json, const CommonArguments& common);
 void write_rows(const Csv& rows, const CommonArguments& common);
 
 /// What a document says of any input file: path and, where there will be a document or report, hash.
-Json describe_file(const std::string& path, const CommonArguments& common);
+/// @param with_hash even where there will be none
+Json describe_file(const std::string& path, const CommonArguments& common, bool with_hash = false);
+
+/// Writes 16 numbers, row-major, four a line, that parse back exactly.
+void write_pose(const std::filesystem::path& path, const Rigid3& pose);
 
 Json to_json(const Rigid3& pose);
 Json to_json(const Matrix4d& matrix);

@@ -10,7 +10,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/common_view.hpp"
 #include "cairn/experiments/paper_tables.hpp"
-#include "cairn/experiments/study_tables.hpp"
 #include "cairn/report/experiment_sections.hpp"
 #include "cairn/report/figures/figures.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
@@ -91,10 +90,7 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
         return candidate.experiment == Experiment::kNeighbors && candidate.k == AlignOptions().k;
       });
   std::vector<Strategy> strategies;
-  for (const std::string_view name : kPaperStrategies) {
-    cairn::Strategy strategy = strategy_named(name);
-    strategies.push_back({strategy.metric ? strategy.name : "none", std::move(strategy.metric)});
-  }
+  for (const std::string_view name : kPaperStrategies) strategies.push_back(strategy_named(name));
   AlignOptions align = shown.align;
   align.initial = one->initial.pose();
   align.trace = true;
@@ -115,7 +111,7 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
 
 }  // namespace
 
-void add_paper(report::Report& report, const ShownPaper& shown, const CommonArguments& common,
+void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& common,
                const std::string& prefix) {
   if (report.title.empty()) {
     report.title =
@@ -123,13 +119,13 @@ void add_paper(report::Report& report, const ShownPaper& shown, const CommonArgu
   }
   if (!report.subtitle) report.subtitle = count_of(*shown.results, shown.tolerance);
   if (shown.pair != nullptr) add_one_configuration(report, shown, common, prefix);
-  add_sections(report, report::paper_sections(*shown.results, shown.tolerance), prefix);
+  add_sections(report, std::move(shown.sections), prefix);
 }
 
-void add_study(report::Report& report, const Study& study, const StudyAnalysis& analysis,
-               std::span<const TrialResult> runs, const std::string& prefix) {
-  const std::vector<std::string> answers = study_answers(study, analysis);
-  if (report.title.empty()) report.title = "Study " + study.name;
+void add_study(report::Report& report, const std::string& name,
+               const std::vector<std::string>& answers, std::vector<report::Section> sections,
+               const std::string& prefix) {
+  if (report.title.empty()) report.title = "Study " + name;
   if (!report.subtitle) report.subtitle = answers.front();
   std::string text;
   for (const std::string& answer : answers) text += (text.empty() ? "" : "\n\n") + answer;
@@ -137,7 +133,7 @@ void add_study(report::Report& report, const Study& study, const StudyAnalysis& 
                              .title = "Answers",
                              .text = std::move(text),
                              .content = report::Text()});
-  add_sections(report, report::study_sections(study, analysis, runs), prefix);
+  add_sections(report, std::move(sections), prefix);
 }
 
 void write_figures(const std::string& folder, const std::vector<report::Section>& sections) {

@@ -2,12 +2,10 @@
 #pragma once
 
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "cairn/experiments/paper.hpp"
-#include "cairn/experiments/study_analysis.hpp"
 #include "cairn/report/report.hpp"
 
 #include "support/arguments.hpp"
@@ -23,17 +21,21 @@ struct ShownPaper {
   const MapPair* pair = nullptr;  ///< null: not to be had; then there is no scene
   AlignOptions align = {};        ///< as they were run with
   PointSetOptions points = {};
+  std::vector<report::Section> sections = {};  ///< paper_sections()
 };
 
 /// Adds one configuration in 3D, Table 1's displacement with the paper's k, by every strategy; then the
 /// figures and tables. A report without title or subtitle gets them.
 /// @param prefix of the ids, for several results in one report; may be empty
-void add_paper(report::Report& report, const ShownPaper& shown, const CommonArguments& common,
+void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& common,
                const std::string& prefix = {});
 
 /// Adds a study's answers, figures and tables.
-void add_study(report::Report& report, const Study& study, const StudyAnalysis& analysis,
-               std::span<const TrialResult> runs, const std::string& prefix = {});
+/// @param answers study_answers(), at least one
+/// @param sections study_sections()
+void add_study(report::Report& report, const std::string& name,
+               const std::vector<std::string>& answers, std::vector<report::Section> sections,
+               const std::string& prefix = {});
 
 /// Writes each section that is a chart as figures/ID.svg.
 void write_figures(const std::string& folder, const std::vector<report::Section>& sections);

@@ -47,8 +47,7 @@ SavedAlignments read_alignments(const std::string& path) {
   const auto refuse = [&](std::string_view what) {
     throw Error(ErrorKind::kInput, path, what, kExpected);
   };
-  FileReader file(path);
-  const json document = json::parse(read_all(file), nullptr, false);
+  const json document = json::parse(read_file(path), nullptr, false);
   if (document.is_discarded()) refuse("is no JSON");
   const auto results = value_at<json>(document, "/results");
   if (!results || !results->is_array() || results->empty()) {

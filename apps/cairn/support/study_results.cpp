@@ -8,7 +8,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/number_text.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
@@ -45,10 +44,7 @@ std::string summary(const Study& study, const std::vector<std::string>& answers,
                     const std::vector<ResultTable>& tables) {
   std::string text = fmt::format("# {}\n\n", study.name);
   for (const std::string& answer : answers) text += fmt::format("- {}\n", answer);
-  for (const ResultTable& table : tables) {
-    text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
-  }
-  return text;
+  return text + markdown_of(tables);
 }
 
 }  // namespace
@@ -98,30 +94,13 @@ LandmarkMap read_study_map(const std::string& path) {
   MapReadOptions options;
   options.stop = interrupt_requests();
   LandmarkMap map = read_map(path, options);
-  if (map.info().length_unit != LengthUnit::kMetres) {
-    throw Error(ErrorKind::kInput, path, "is of free scale",
-                "a map in metres: the displacements are");
-  }
+  require_metres(map, path);
   return map;
-}
-
-std::string matrix_text(const Rigid3& pose) {
-  std::string text;
-  const Matrix4d matrix = pose.matrix();
-  for (int i = 0; i < 4; ++i) {
-    for (int j = 0; j < 4; ++j) {
-      if (j > 0) text += ' ';
-      append_number(text, matrix(i, j));
-    }
-    text += '\n';
-  }
-  return text;
 }
 
 void conclude_study(const Study& study, const std::string& folder, const CommonArguments& common) {
   const std::string path = (fs::path(folder) / "runs.csv").string();
-  FileReader file(path);
-  const std::vector<TrialResult> runs = parse_runs(read_all(file), path);
+  const std::vector<TrialResult> runs = parse_runs(read_file(path), path);
   const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common.executor()});
   const std::vector<ResultTable> tables = study_tables(study, analysis);
   const std::vector<std::string> answers = study_answers(study, analysis);
@@ -144,12 +123,13 @@ void conclude_study(const Study& study, const std::string& folder, const CommonA
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
   write_text(folder, "experiment.json", to_text(json));
   write_document(json, common);
-  write_figures(folder, report::study_sections(study, analysis, runs));
+  std::vector<report::Section> sections = report::study_sections(study, analysis, runs);
+  write_figures(folder, sections);
   if (!common.report_path.empty()) {
     json.erase("tables");
     report::Report report = begin_report("", common);
     set_provenance(report, json);
-    add_study(report, study, analysis, runs);
+    add_study(report, study.name, answers, std::move(sections));
     write_report(report, common);
   }
   std::string text = fmt::format("{}: {} runs\n\n", folder, runs.size());

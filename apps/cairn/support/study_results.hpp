@@ -26,9 +26,6 @@ std::vector<std::string> input_lines(const Study& study, const std::string& stud
 /// @throws Error (input)
 LandmarkMap read_study_map(const std::string& path);
 
-/// 16 numbers, row-major, four a line, that parse back exactly.
-std::string matrix_text(const Rigid3& pose);
-
 /// Reads a complete study's runs.csv, and writes beside it what follows from them: tables/, summary.md
 /// and study.json; prints the answer.
 void conclude_study(const Study& study, const std::string& folder, const CommonArguments& common);

@@ -5,6 +5,8 @@
 #include <system_error>
 #include <variant>
 
+#include <fmt/format.h>
+
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/experiments/runs_file.hpp"
@@ -61,6 +63,14 @@ Json to_json(const ResultTable& table) {
           {"title", table.title},
           {"columns", std::move(columns)},
           {"rows", std::move(rows)}};
+}
+
+std::string markdown_of(const std::vector<ResultTable>& tables) {
+  std::string text;
+  for (const ResultTable& table : tables) {
+    text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
+  }
+  return text;
 }
 
 void make_result_folder(const std::string& folder) {

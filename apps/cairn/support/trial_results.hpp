@@ -15,6 +15,9 @@ namespace cairn::cli {
 Json to_json(const TrialResult& run);
 Json to_json(const ResultTable& table);
 
+/// Each table with its name and title, for a summary.
+std::string markdown_of(const std::vector<ResultTable>& tables);
+
 /// Makes the folder that results go to; refuses one that holds anything.
 /// @throws Error (storage)
 void make_result_folder(const std::string& folder);

@@ -176,6 +176,11 @@ std::string read_all(ByteSource& source) {
   return bytes;
 }
 
+std::string read_file(const std::filesystem::path& path) {
+  FileReader file(path);
+  return read_all(file);
+}
+
 LineReader::LineReader(ByteSource& source, std::size_t block_size)
     : source_(source), buffer_(block_size > 0 ? block_size : 1) {}
 

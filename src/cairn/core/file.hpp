@@ -68,6 +68,10 @@ class MemoryReader final : public ByteSource {
 /// All that is left of a source.
 std::string read_all(ByteSource& source);
 
+/// All of a file.
+/// @throws Error as FileReader
+std::string read_file(const std::filesystem::path& path);
+
 /// Hands out text line by line without a copy or an allocation per line. Holds one block, or
 /// the longest line if that is longer.
 class LineReader {

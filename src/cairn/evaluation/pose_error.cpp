@@ -3,14 +3,14 @@
 
 #include <numeric>
 
+#include "cairn/geometry/centroid.hpp"
+
 namespace cairn {
 
 PoseError pose_error(const Rigid3& estimate, const Rigid3& truth,
                      std::span<const Eigen::Vector3d> source) {
-  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& position : source) centroid += position;
-  if (!source.empty()) centroid /= static_cast<double>(source.size());
-  return {(estimate.inverse() * truth).angle(), (estimate * centroid - truth * centroid).norm()};
+  const Eigen::Vector3d centre = centroid(source);
+  return {(estimate.inverse() * truth).angle(), (estimate * centre - truth * centre).norm()};
 }
 
 }  // namespace cairn

@@ -122,7 +122,7 @@ double relative_success_score(const PaperResults& results) {
     throw Error(ErrorKind::kMisuse, "PaperOptions.success_score",
                 "base ICP from the identity found no pose that could give it", "a score");
   }
-  return *reference * (kPublishedSuccessScore / published_reference_score());
+  return success_score_above(*reference);
 }
 
 std::vector<QuadrantSearch> search_quadrants(const PaperRunner& runner, const PaperResults& results,

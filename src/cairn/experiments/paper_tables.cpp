@@ -4,11 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <functional>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn {
 namespace {
@@ -16,7 +17,6 @@ namespace {
 using Cell = ResultTable::Cell;
 
 constexpr std::size_t kStrategyCount = kPaperStrategies.size();
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 Cell cell(const std::optional<double>& value) {
   return value ? Cell(*value) : Cell();
@@ -77,7 +77,7 @@ ResultTable pose_errors(const PaperResults& results, bool rotation) {
                : "Displacement of the source's centroid from where the true pose puts it.",
       rotation ? "deg" : "m", 4, all, nullptr, [&](const TrialResult& run) -> Cell {
         if (!run.error) return {};
-        return rotation ? run.error->rotation_rad * kDegrees : run.error->translation;
+        return rotation ? degrees(run.error->rotation_rad) : run.error->translation;
       });
 }
 

@@ -130,4 +130,8 @@ double published_reference_score() {
   return identity->outcomes.front().score;
 }
 
+double success_score_above(double good_score) {
+  return good_score * (kPublishedSuccessScore / published_reference_score());
+}
+
 }  // namespace cairn

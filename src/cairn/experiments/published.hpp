@@ -54,4 +54,8 @@ std::span<const PublishedExperiment> published_experiments();
 /// (Figure 2a).
 double published_reference_score();
 
+/// A threshold for another pair of maps: as far above a score of a good alignment of theirs as the
+/// published threshold is above published_reference_score(), a factor of 1.078.
+double success_score_above(double good_score);
+
 }  // namespace cairn

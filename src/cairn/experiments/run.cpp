@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/run.hpp"
 
-#include <numbers>
 #include <utility>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/centroid.hpp"
 
 namespace cairn {
 
@@ -43,17 +44,14 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
 }
 
 bool PoseTolerance::holds(const PoseError& error) const {
-  return error.rotation_rad <= rotation_deg * std::numbers::pi / 180.0 &&
-         error.translation <= translation_m;
+  return error.rotation_rad <= radians(rotation_deg) && error.translation <= translation_m;
 }
 
 std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> poses,
                                         std::span<const Eigen::Vector3d> source,
                                         const PoseTolerance& tolerance) {
   // Displacement at the centroid is all that a translation is judged by.
-  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : source) centroid += point;
-  if (!source.empty()) centroid /= static_cast<double>(source.size());
+  const Eigen::Vector3d centre = centroid(source);
 
   std::optional<Agreement> best;
   std::size_t most = 0;
@@ -63,7 +61,7 @@ std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> p
     std::size_t count = 0;
     for (std::size_t j = 0; j < poses.size(); ++j) {
       agreement.agrees[j] =
-          poses[j] && tolerance.holds(pose_error(*poses[j], *poses[i], {&centroid, 1}));
+          poses[j] && tolerance.holds(pose_error(*poses[j], *poses[i], {&centre, 1}));
       if (agreement.agrees[j]) ++count;
     }
     if (count <= most) continue;

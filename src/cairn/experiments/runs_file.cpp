@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstdint>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
@@ -12,11 +11,10 @@
 #include "cairn/core/csv.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn {
 namespace {
-
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 constexpr std::array<std::string_view, 12> kKeys = {
     "pair", "experiment", "number", "method",   "strategy",  "k",
@@ -137,7 +135,7 @@ TrialResult parse_run(RowReader row) {
                                     Eigen::Vector3d(pose[0], pose[1], pose[2]));
   }
   if (!row.blank()) {
-    const double rotation = row.number() / kDegrees;
+    const double rotation = radians(row.number());
     run.error = PoseError{rotation, row.number()};
   }
   return run;
@@ -162,7 +160,7 @@ std::string runs_row(const TrialResult& run) {
     for (int i = 0; i < 7; ++i) row << "";
   }
   if (run.error) {
-    row << run.error->rotation_rad * kDegrees << run.error->translation;
+    row << degrees(run.error->rotation_rad) << run.error->translation;
   } else {
     row << ""
         << "";

@@ -8,9 +8,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/error_statistics.hpp"
 #include "cairn/experiments/published.hpp"
-#include "cairn/experiments/statistics/density.hpp"
-#include "cairn/experiments/statistics/effect_size.hpp"
 #include "cairn/experiments/statistics/multiple_comparisons.hpp"
 
 namespace cairn {
@@ -19,14 +18,8 @@ namespace {
 constexpr std::size_t kBasinBins = 8;
 constexpr double kRadiusLevel = 0.9;
 
-double median(std::vector<double> values) {
-  const std::size_t half = values.size() / 2;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(half),
-                   values.end());
-  if (values.size() % 2 == 1) return values[half];
-  const double lower =
-      *std::max_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(half));
-  return 0.5 * (lower + values[half]);
+double median(std::span<const double> values) {
+  return quantile(values, 0.5);
 }
 
 // A pair's name without the number that tells places of one kind apart.
@@ -35,14 +28,6 @@ std::string group_of(const std::string& pair) {
   if (end == std::string::npos || end + 1 == pair.size() || pair[end] != '_' || end == 0)
     return pair;
   return pair.substr(0, end);
-}
-
-template <class Value>
-std::size_t index_of(std::vector<Value>& values, const Value& value) {
-  const auto found = std::find(values.begin(), values.end(), value);
-  if (found != values.end()) return static_cast<std::size_t>(found - values.begin());
-  values.push_back(value);
-  return values.size() - 1;
 }
 
 // The runs by strategy; all strategies have the same starts in the same order.
@@ -90,10 +75,7 @@ class Runs {
   }
 
   double success_score(std::size_t pair) const {
-    constexpr double kRatioDenominator =
-        0.0034319;  // the paper's good example, published_reference_score
-    return study_.success_score.value_or(lowest_scores_[pair] *
-                                         (kPublishedSuccessScore / kRatioDenominator));
+    return study_.success_score.value_or(success_score_above(lowest_scores_[pair]));
   }
   bool score_success(std::size_t pair, const TrialResult& run) const {
     return run.score && *run.score < success_score(pair);
@@ -189,10 +171,10 @@ StrategySummary summarise(const Study& study, const Runs& runs, std::size_t stra
   summary.success = estimate_proportion(success, study.confidence_level);
   summary.score_success = estimate_proportion(score_success, study.confidence_level);
   summary.at_limit = estimate_proportion(at_limit, study.confidence_level);
-  summary.median_iterations = median(std::move(iterations));
+  summary.median_iterations = median(iterations);
   if (!rotations.empty()) {
-    summary.median_rotation_rad = median(std::move(rotations));
-    summary.median_translation = median(std::move(translations));
+    summary.median_rotation_rad = median(rotations);
+    summary.median_translation = median(translations);
   }
   summary.basin =
       success_table(displaced, edges.rotation, edges.translation, study.confidence_level);
@@ -302,7 +284,7 @@ ScoreJudgement judge_score(const Study& study, const Runs& runs) {
   judgement.pairs = areas.size();
   if (!areas.empty()) {
     judgement.lowest_auc = *std::min_element(areas.begin(), areas.end());
-    judgement.median_auc = median(std::move(areas));
+    judgement.median_auc = median(areas);
   }
   judgement.pooled = roc_analysis(pooled_scores, pooled_success, ScoreMeaning::kLowerIsBetter,
                                   study.confidence_level);
@@ -320,10 +302,14 @@ StudyAnalysis analyse_study(const Study& study, std::span<const TrialResult> run
   StudyAnalysis analysis;
   for (std::size_t pair = 0; pair < runs.pairs(); ++pair) {
     analysis.pairs.push_back(runs.pair_name(pair));
+    analysis.lowest_scores.push_back(runs.lowest_score(pair));
     analysis.success_scores.push_back(runs.success_score(pair));
     if (!runs.with_truth(pair)) continue;
     ++analysis.pairs_with_truth;
-    index_of(analysis.groups, group_of(runs.pair_name(pair)));
+    const std::string group = group_of(runs.pair_name(pair));
+    if (std::find(analysis.groups.begin(), analysis.groups.end(), group) == analysis.groups.end()) {
+      analysis.groups.push_back(group);
+    }
   }
   const Edges edges = basin_edges(runs);
   for (std::size_t strategy = 0; strategy < runs.strategies(); ++strategy) {

@@ -72,6 +72,7 @@ struct StudyAnalysis {
   std::size_t pairs_with_truth = 0;
   std::vector<std::string>
       groups;  ///< pairs' names without a number at the end: the kinds of place
+  std::vector<double> lowest_scores;   ///< of all runs of each pair, m²; 0 of none
   std::vector<double> success_scores;  ///< one a pair, m²
   std::vector<StrategySummary> strategies;
   std::vector<StrategyComparison> comparisons;  ///< of each two strategies

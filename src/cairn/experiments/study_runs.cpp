@@ -20,6 +20,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/experiments/runs_file.hpp"
+#include "cairn/geometry/centroid.hpp"
 
 namespace cairn {
 namespace {
@@ -29,11 +30,6 @@ namespace fs = std::filesystem;
 constexpr std::string_view kIdentity = "study.txt";
 constexpr std::string_view kRuns = "runs.csv";
 constexpr std::string_view kTimings = "timings.csv";
-
-std::string read_text(const fs::path& path) {
-  FileReader file(path);
-  return read_all(file);
-}
 
 [[noreturn]] void fail(const fs::path& path, std::string_view what) {
   throw Error(ErrorKind::kStorage, path.string(),
@@ -62,7 +58,7 @@ Identity identity_of(const StudyPlan& plan, const Shard& shard,
 
 Identity read_identity(const fs::path& folder) {
   const fs::path path = folder / kIdentity;
-  const std::string text = read_text(path);
+  const std::string text = read_file(path);
   std::vector<std::string> lines;
   std::size_t begin = 0;
   for (int i = 0; i < 3; ++i) {
@@ -123,7 +119,7 @@ class RowFile {
                   "one process a folder");
     }
     try {
-      text_ = read_text(path_);
+      text_ = read_file(path_);
       rows_ = parse_csv(text_, path_.string());
       if (rows_.empty()) {
         truncate(0);
@@ -277,17 +273,13 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
     for (const std::string& name : study.strategies) {
       points.emplace(name, pair_points(pair, strategy_named(name), study.points));
     }
-    const auto& source = points.at(study.strategies.front()).source.positions;
-    Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& point : source) centroid += point;
-    if (!source.empty()) centroid /= static_cast<double>(source.size());
-
+    const Eigen::Vector3d centre = centroid(points.at(study.strategies.front()).source.positions);
     constexpr std::size_t kAhead = 64;
     options.executor.in_order(
         pair_end - next, kAhead,
         [&](std::size_t i) {
           Trial trial = plan.trial(next + i);
-          const Rigid3 initial = displaced(trial.initial, pair.truth, centroid);
+          const Rigid3 initial = displaced(trial.initial, pair.truth, centre);
           const PairPoints& strategy_points = points.at(trial.strategy);
           return run_trial(std::move(trial), strategy_points, initial, pair.truth, align);
         },
@@ -335,7 +327,7 @@ void merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
   for (auto& [name, text] : tables) {
     for (const auto& [index, part] : parts) {
       const fs::path path = part.first / name;
-      const std::string content = read_text(path);
+      const std::string content = read_file(path);
       const std::vector<CsvRow> rows = parse_csv(content, path.string());
       const std::size_t count = rows.empty() ? 0 : rows.size() - 1;
       if (count != part.second.runs || rows.back().end != content.size()) {

@@ -2,18 +2,17 @@
 #include "cairn/experiments/study_tables.hpp"
 
 #include <algorithm>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
+
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn {
 namespace {
 
 using Cell = ResultTable::Cell;
 using Row = std::vector<Cell>;
-
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 Cell scaled(const std::optional<double>& value, double factor = 1.0) {
   return value ? Cell(factor * *value) : Cell();
@@ -51,9 +50,9 @@ ResultTable strategies(const StudyAnalysis& analysis) {
     row.push_back(scaled(strategy.score_success.estimate, kPercent));
     row.emplace_back(strategy.median_iterations);
     row.push_back(scaled(strategy.at_limit.estimate, kPercent));
-    row.push_back(scaled(strategy.median_rotation_rad, kDegrees));
+    row.push_back(scaled(strategy.median_rotation_rad, degrees(1.0)));
     row.push_back(scaled(strategy.median_translation, 1e3));
-    row.push_back(scaled(strategy.rotation_radius_rad, kDegrees));
+    row.push_back(scaled(strategy.rotation_radius_rad, degrees(1.0)));
     row.push_back(scaled(strategy.translation_radius));
     table.rows.push_back(std::move(row));
   }
@@ -140,8 +139,8 @@ ResultTable basins(const StudyAnalysis& analysis) {
         const Proportion& cell = basin.at(i, j);
         if (cell.count.trials == 0) continue;
         Row row = {strategy.name,
-                   kDegrees * basin.rotation_edges[i],
-                   kDegrees * basin.rotation_edges[i + 1],
+                   degrees(basin.rotation_edges[i]),
+                   degrees(basin.rotation_edges[i + 1]),
                    basin.translation_edges[j],
                    basin.translation_edges[j + 1],
                    static_cast<double>(cell.count.trials),

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/centroid.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
@@ -47,12 +48,6 @@ void check_points(const PointSet& points, std::string_view name) {
       refuse(fmt::format("confidence of point {} is not finite", i), "a number");
     }
   }
-}
-
-Eigen::Vector3d centroid(const Points& points) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points) sum += point;
-  return sum / static_cast<double>(points.size());
 }
 
 Points moved(const Points& points, const Rigid3& pose) {

@@ -2,7 +2,6 @@
 #include "cairn/report/experiment_sections.hpp"
 
 #include <algorithm>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
@@ -10,11 +9,11 @@
 #include "cairn/experiments/paper_tables.hpp"
 #include "cairn/experiments/statistics/density.hpp"
 #include "cairn/experiments/study_tables.hpp"
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn::report {
 namespace {
 
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kPercent = 100.0;
 
 // Ids are of lower-case letters, digits and '-'.
@@ -180,7 +179,7 @@ Section basins_chart(const StudyAnalysis& analysis) {
   chart.range = {{0.0, kPercent}};
   const SuccessTable& first = analysis.strategies.front().basin;
   chart.x = first.translation_edges;
-  for (const double edge : first.rotation_edges) chart.y.push_back(edge * kDegrees);
+  for (const double edge : first.rotation_edges) chart.y.push_back(degrees(edge));
   for (const StrategySummary& strategy : analysis.strategies) {
     HeatmapPanel panel{.name = strategy.name};
     for (std::size_t i = 0; i < strategy.basin.rows(); ++i) {
@@ -260,19 +259,13 @@ std::vector<Section> study_sections(const Study& study, const StudyAnalysis& ana
     // More points than these show no more, and weigh down the page.
     constexpr std::size_t kMostPoints = 6000;
     const std::size_t step = runs.size() / kMostPoints + 1;
-    std::vector<double> lowest(analysis.pairs.size(), std::numeric_limits<double>::infinity());
     const std::size_t runs_per_pair = runs.size() / analysis.pairs.size();
-    for (std::size_t i = 0; i < runs.size(); ++i) {
-      if (runs[i].score) {
-        lowest[i / runs_per_pair] = std::min(lowest[i / runs_per_pair], *runs[i].score);
-      }
-    }
     // Strategies take turns: an odd step takes from all of them.
     for (std::size_t i = 0; i < runs.size(); i += step | 1U) {
       const TrialResult& run = runs[i];
       if (!run.error || !run.score) continue;
       poses.push_back({run.trial.strategy, run.error->translation,
-                       *run.score / lowest[i / runs_per_pair],
+                       *run.score / analysis.lowest_scores[i / runs_per_pair],
                        fmt::format("{} {}", run.trial.pair, run.trial.number)});
     }
     if (!poses.empty()) {

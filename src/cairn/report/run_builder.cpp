@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <string_view>
 #include <utility>
 
@@ -12,16 +11,13 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn::report {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::int32_t kNoMatch = -1;
-
-double degrees(double radians) {
-  return radians * 180.0 / std::numbers::pi;
-}
 
 bool is_nan(double value) {
   return std::isnan(value);

@@ -56,8 +56,7 @@ void check_png_size(const std::filesystem::path& path, std::string_view bytes) {
 }
 
 cv::Mat read_image(const std::filesystem::path& path, int flags) {
-  FileReader file(path);
-  const std::string bytes = read_all(file);
+  const std::string bytes = read_file(path);
   check_complete(path, bytes);
   check_png_size(path, bytes);
   cv::Mat image;

@@ -23,6 +23,11 @@ Camera default_simulated_camera() {
   return {CameraId{0}, "PINHOLE", 640, 480, {525.0, 525.0, 319.5, 239.5}};
 }
 
+SessionSeeds session_seeds(std::uint64_t seed, std::uint64_t session) {
+  const Random random = Random(seed).fork(session);
+  return {random.fork(1).draw_seed(), random.fork(2).draw_seed()};
+}
+
 void SimulatorOptions::validate() const {
   const std::string defect = camera_defect(camera);
   if (!defect.empty()) {

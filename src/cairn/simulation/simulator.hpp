@@ -28,6 +28,15 @@ struct SimulatorOptions {
   void validate() const;
 };
 
+/// Seeds of what differs between the sessions of one place.
+struct SessionSeeds {
+  std::uint64_t path = 0;
+  std::uint64_t noise = 0;
+};
+
+/// @param seed of the place
+SessionSeeds session_seeds(std::uint64_t seed, std::uint64_t session);
+
 /// One frame of a simulated sequence; row by row from the top left.
 struct RgbdFrame {
   double timestamp_s = 0.0;

@@ -1,28 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/simulated_session/simulated_session.hpp"
 
-#include <algorithm>
 #include <utility>
 #include <variant>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/random.hpp"
 #include "cairn/simulation/simulator.hpp"
 
 namespace cairn {
 namespace {
 
 RgbdSimulator make_simulator(const SimulatedSessionOptions& options, const Executor& executor) {
-  const Random random = Random(options.environment.seed).fork(options.environment.session);
+  const SessionSeeds seeds = session_seeds(options.environment.seed, options.environment.session);
   Environment place = make_environment(options.environment, executor);
   Trajectory path = make_path(place, {.kind = options.path,
-                                      .seed = random.fork(1).draw_seed(),
+                                      .seed = seeds.path,
                                       .frames = options.frames,
                                       .rate_hz = options.rate_hz});
   SimulatorOptions simulator;
-  simulator.seed = random.fork(2).draw_seed();
+  simulator.seed = seeds.noise;
   return {std::move(place.scene), std::move(path), simulator, executor};
 }
 
@@ -31,18 +29,11 @@ FrameImages render(const RgbdSimulator& simulator, std::size_t index) {
   return frame_images(frame.timestamp_s, frame.width, frame.height, frame.bgr, frame.depth_m);
 }
 
-Rigid3 true_pose_at(const Trajectory& truth, double timestamp_s) {
-  const auto pose = std::lower_bound(
-      truth.poses().begin(), truth.poses().end(), timestamp_s,
-      [](const TimedPose& candidate, double time) { return candidate.timestamp_s < time; });
-  return pose->world_from_camera;
-}
-
 }  // namespace
 
 Rigid3 SimulatedSession::world_from_map() const {
   const TimedPose& first = mapped.trajectory.poses().front();
-  return true_pose_at(truth, first.timestamp_s) * first.world_from_camera.inverse();
+  return pose_at(truth, first.timestamp_s) * first.world_from_camera.inverse();
 }
 
 SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
@@ -53,7 +44,7 @@ SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
   mapping.odometry.start = {};
   if (options.in_world_frame) {
     mapping.odometry.start = [&](double timestamp_s) {
-      return true_pose_at(session.truth, timestamp_s);
+      return pose_at(session.truth, timestamp_s);
     };
   }
   session.mapped = map_frames(
