@@ -3,6 +3,7 @@ import * as Plot from "@observablehq/plot";
 import type { LinesChart, ScatterChart } from "../document/report";
 import { formatNumber } from "../math/format";
 import { seriesColor, seriesDash, seriesSymbol } from "../series_style";
+import type { Palette } from "../theme";
 import { compose, drawable, extent, plotStyle, thresholdMarks, tickFormat, type DrawOptions } from "./shared";
 
 const kMarkersUpTo = 30;
@@ -13,6 +14,45 @@ interface LinePoint {
   y: number;
   low: number;
   high: number;
+}
+
+/** Margins, scales and symbols of both kinds of chart. */
+function frame(
+  chart: LinesChart | ScatterChart,
+  xDomain: [number, number],
+  yDomain: [number, number],
+  colors: Palette,
+): Plot.PlotOptions {
+  const names = chart.series.map((series) => series.name);
+  return {
+    marginLeft: 72,
+    marginRight: 20,
+    marginBottom: 48,
+    marginTop: 16,
+    style: plotStyle(colors),
+    x: { type: chart.xScale, domain: xDomain, label: null },
+    y: { type: chart.yScale, domain: yDomain, label: null },
+    symbol: { domain: names, range: names.map(seriesSymbol) },
+  };
+}
+
+function axes(
+  chart: LinesChart | ScatterChart,
+  xDomain: [number, number],
+  yDomain: [number, number],
+  colors: Palette,
+  { xTicks, xTickSize = 6 }: { xTicks: number; xTickSize?: number },
+): Plot.Markish[] {
+  const style = { color: colors.muted, labelArrow: "none", labelAnchor: "center" } as const;
+  return [
+    Plot.axisY({
+      ...style, label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain),
+    }),
+    Plot.axisX({
+      ...style, label: chart.xLabel, ticks: xTicks, tickSize: xTickSize,
+      tickFormat: tickFormat(chart.xScale, xDomain),
+    }),
+  ];
 }
 
 export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElement {
@@ -44,24 +84,10 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
   const plot = Plot.plot({
     width: options.width,
     height: Math.round(Math.min(420, Math.max(280, options.width * 0.42))),
-    marginLeft: 72,
-    marginRight: 20,
-    marginBottom: 48,
-    marginTop: 16,
-    style: plotStyle(colors),
-    x: { type: chart.xScale, domain: xDomain, label: null },
-    y: { type: chart.yScale, domain: yDomain, label: null },
-    symbol: { domain: chart.series.map((series) => series.name), range: chart.series.map((series) => seriesSymbol(series.name)) },
+    ...frame(chart, xDomain, yDomain, colors),
     marks: [
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
-      Plot.axisY({
-        label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain),
-        color: colors.muted, labelArrow: "none", labelAnchor: "center",
-      }),
-      Plot.axisX({
-        label: chart.xLabel, tickFormat: tickFormat(chart.xScale, xDomain), color: colors.muted,
-        ticks: Math.max(4, Math.round(options.width / 90)), labelArrow: "none", labelAnchor: "center",
-      }),
+      ...axes(chart, xDomain, yDomain, colors, { xTicks: Math.max(4, Math.round(options.width / 90)) }),
       Plot.areaY(bands, { x: "x", y1: "low", y2: "high", z: "name", fill: color, fillOpacity: 0.16 }),
       ...chart.series.map((series) =>
         Plot.line(
@@ -115,28 +141,15 @@ export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGEl
   );
   const xDomain = extent([...points.map((p) => p.x), chart.xThreshold?.value ?? NaN], chart.xScale);
   const yDomain = extent([...points.map((p) => p.y), chart.yThreshold?.value ?? NaN], chart.yScale);
+  const xTicks = Math.max(4, Math.round(options.width / 110));
   const plot = Plot.plot({
     width: options.width,
     height: Math.round(Math.min(460, Math.max(300, options.width * 0.5))),
-    marginLeft: 72,
-    marginRight: 20,
-    marginBottom: 48,
-    marginTop: 16,
-    style: plotStyle(colors),
-    x: { type: chart.xScale, domain: xDomain, label: null },
-    y: { type: chart.yScale, domain: yDomain, label: null },
-    symbol: { domain: chart.series.map((series) => series.name), range: chart.series.map((series) => seriesSymbol(series.name)) },
+    ...frame(chart, xDomain, yDomain, colors),
     marks: [
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
-      Plot.gridX({ stroke: colors.rule, strokeOpacity: 1, ticks: Math.max(4, Math.round(options.width / 110)) }),
-      Plot.axisY({
-        label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain),
-        color: colors.muted, labelArrow: "none", labelAnchor: "center",
-      }),
-      Plot.axisX({
-        label: chart.xLabel, tickSize: 0, tickFormat: tickFormat(chart.xScale, xDomain), color: colors.muted,
-        ticks: Math.max(4, Math.round(options.width / 110)), labelArrow: "none", labelAnchor: "center",
-      }),
+      Plot.gridX({ stroke: colors.rule, strokeOpacity: 1, ticks: xTicks }),
+      ...axes(chart, xDomain, yDomain, colors, { xTicks, xTickSize: 0 }),
       ...thresholdMarks(chart.xThreshold, "x", colors),
       ...thresholdMarks(chart.yThreshold, "y", colors),
       Plot.dot(points, {
