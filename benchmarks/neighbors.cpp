@@ -53,8 +53,10 @@ void search_batch(benchmark::State& state, std::int64_t target, double motion) {
   const BatchTree tree(points.positions);
   const auto k = static_cast<std::size_t>(state.range(1));
   BatchTree::Batch kept = tree.batch(k);
-  const auto use = [](std::size_t, std::span<const Neighbor> found) {
-    benchmark::DoNotOptimize(found.data());
+  const auto use = [](std::size_t, const NearestList auto& nearest) {
+    for (std::size_t j = 0; j < nearest.size(); ++j) {
+      benchmark::DoNotOptimize(nearest.squared_distance(j));
+    }
   };
   const double step = motion / std::cbrt(static_cast<double>(count));
   double direction = 1.0;

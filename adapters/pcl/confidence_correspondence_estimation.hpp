@@ -118,7 +118,7 @@ class ConfidenceCorrespondenceEstimation
     std::sort(nearest.begin(), nearest.end(), [](const Neighbor& a, const Neighbor& b) {
       return std::tie(a.squared_distance, a.index) < std::tie(b.squared_distance, b.index);
     });
-    return most_confident(nearest, confidences, max_distance * max_distance);
+    return most_confident(NeighborList(nearest), confidences, max_distance * max_distance);
   }
 
   std::vector<double> target_confidences_;

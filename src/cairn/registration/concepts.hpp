@@ -36,6 +36,38 @@ struct Match {
   friend bool operator==(const Match&, const Match&) = default;
 };
 
+/// The square of a distance as a NeighborSearch computes it, to the last bit: spelt out, for Eigen is
+/// free to add in another order.
+inline double squared_distance(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  const double x = a.x() - b.x();
+  const double y = a.y() - b.y();
+  const double z = a.z() - b.z();
+  return x * x + y * y + z * z;
+}
+
+/// The points nearest to a query, nearest first, which may compute distances only when asked for them.
+template <class List>
+concept NearestList = requires(const List& nearest, std::size_t j) {
+  { nearest.size() } -> std::convertible_to<std::size_t>;
+  { nearest.index(j) } -> std::convertible_to<std::uint32_t>;
+  { nearest.squared_distance(j) } -> std::convertible_to<double>;
+};
+
+/// A NearestList of neighbours that were found.
+class NeighborList {
+ public:
+  explicit NeighborList(std::span<const Neighbor> neighbors) : neighbors_(neighbors) {}
+
+  std::size_t size() const { return neighbors_.size(); }
+  std::uint32_t index(std::size_t j) const { return neighbors_[j].index; }
+  double squared_distance(std::size_t j) const { return neighbors_[j].squared_distance; }
+
+ private:
+  std::span<const Neighbor> neighbors_;
+};
+
+static_assert(NearestList<NeighborList>);
+
 /// Finds the nearest points of a fixed set, exactly.
 ///
 /// `nearest(query, out)` fills `out` with the out.size() nearest points (all, if there are fewer),
@@ -52,16 +84,16 @@ concept NeighborSearch =
 ///
 /// `search.batch(k)` is for asking for the k nearest points of queries that move little from one call
 /// to the next; it may keep what helps it, never anything that changes an answer.
-/// `batch.for_each(queries, executor, visit)` calls `visit(i, neighbors)` once for each query, with
-/// what `nearest` would find for queries[i] and k; from several threads, in any order. A batch is not
-/// thread-safe and must not outlive its search.
+/// `batch.for_each(queries, executor, visit)` calls `visit(i, nearest)` once for each query, with
+/// what `search.nearest` would find for queries[i] and k, as a NearestList that is valid during the
+/// call; from several threads, in any order. A batch is not thread-safe and must not outlive its search.
 template <class Search>
-concept BatchSearch =
-    NeighborSearch<Search> &&
-    requires(const Search& search, std::size_t k, std::span<const Eigen::Vector3d> queries,
-             const Executor& executor, void (*visit)(std::size_t, std::span<const Neighbor>)) {
-      search.batch(k).for_each(queries, executor, visit);
-    };
+concept BatchSearch = NeighborSearch<Search> && requires(const Search& search, std::size_t k,
+                                                         std::span<const Eigen::Vector3d> queries,
+                                                         const Executor& executor) {
+  search.batch(k).for_each(queries, executor,
+                           [](std::size_t, const NearestList auto& /*nearest*/) {});
+};
 
 /// Decides which target point each source point is.
 ///

@@ -27,7 +27,7 @@ class OneByOneBatch {
       std::vector<Neighbor> found(count_);
       for (std::size_t i = begin; i < end; ++i) {
         search_->nearest(queries[i], found);
-        visit(i, std::span<const Neighbor>(found));
+        visit(i, NeighborList(found));
       }
     });
   }

@@ -21,21 +21,26 @@ namespace cairn {
 /// @param confidences of the set the candidates are from; empty: the nearest is chosen
 /// @return of equal confidences the nearer; nothing if no candidate within `max_squared_distance` has
 ///         a positive confidence
-inline std::optional<Neighbor> most_confident(std::span<const Neighbor> nearest,
-                                              std::span<const double> confidences,
-                                              double max_squared_distance) {
-  std::optional<Neighbor> best;
+template <NearestList List>
+std::optional<Neighbor> most_confident(const List& nearest, std::span<const double> confidences,
+                                       double max_squared_distance) {
+  const bool is_limited = max_squared_distance < std::numeric_limits<double>::infinity();
+  std::size_t best = nearest.size();
   double best_confidence = 0.0;
-  for (const Neighbor& candidate : nearest) {
-    if (candidate.squared_distance > max_squared_distance) break;
-    if (confidences.empty()) return candidate;
-    const double confidence = confidences[candidate.index];
+  for (std::size_t j = 0; j < nearest.size(); ++j) {
+    if (is_limited && nearest.squared_distance(j) > max_squared_distance) break;
+    if (confidences.empty()) {
+      best = j;
+      break;
+    }
+    const double confidence = confidences[nearest.index(j)];
     if (confidence > best_confidence) {
-      best = candidate;
+      best = j;
       best_confidence = confidence;
     }
   }
-  return best;
+  if (best == nearest.size()) return std::nullopt;
+  return Neighbor{nearest.index(best), nearest.squared_distance(best)};
 }
 
 /// Leaves out the share `trimmed_fraction` of the matches that is farthest apart (of equal distances
@@ -81,7 +86,7 @@ class ConfidentNeighborCorrespondence {
                                 const Rigid3& target_from_source) const {
     std::vector<Match> matches(moved_source.size());
     source_queries_.for_each(
-        moved_source, executor_, [&](std::size_t i, std::span<const Neighbor> nearest) {
+        moved_source, executor_, [&](std::size_t i, const NearestList auto& nearest) {
           const auto chosen = most_confident(nearest, target_.confidences, max_squared_distance());
           matches[i] =
               chosen ? Match{static_cast<std::uint32_t>(i), chosen->index, chosen->squared_distance}
@@ -115,8 +120,8 @@ class ConfidentNeighborCorrespondence {
         if (match == kNone) continue;
         const Eigen::Vector3d query = source_from_target * target_.positions[match.target];
         const std::size_t count = source_->search.nearest(query, found);
-        const auto back = most_confident(std::span(found).first(count), source_->confidences,
-                                         max_squared_distance());
+        const auto back = most_confident(NeighborList(std::span(found).first(count)),
+                                         source_->confidences, max_squared_distance());
         if (!back || back->index != match.source) match = kNone;
       }
     });

@@ -31,36 +31,41 @@ std::vector<std::pair<int, int>> pairs(const std::vector<Match>& matches) {
 
 TEST(MostConfident, IsTheHighestOfTheCandidates) {
   const std::vector<Neighbor> nearest = {{0, 1.0}, {1, 2.0}, {2, 3.0}};
-  EXPECT_EQ(most_confident(nearest, std::vector{1.0, 3.0, 2.0}, kAnywhere)->index, 1U);
+  EXPECT_EQ(most_confident(NeighborList(nearest), std::vector{1.0, 3.0, 2.0}, kAnywhere)->index,
+            1U);
 }
 
 TEST(MostConfident, TakesTheNearerOfEquals) {
   const std::vector<Neighbor> nearest = {{4, 1.0}, {1, 2.0}, {2, 3.0}};
-  EXPECT_EQ(most_confident(nearest, std::vector{9.0, 2.0, 2.0, 9.0, 2.0}, kAnywhere)->index, 4U);
+  EXPECT_EQ(
+      most_confident(NeighborList(nearest), std::vector{9.0, 2.0, 2.0, 9.0, 2.0}, kAnywhere)->index,
+      4U);
 }
 
 TEST(MostConfident, TakesTheLowerIndexOfEqualsAtOnePlace) {
   const std::vector<Neighbor> nearest = {{1, 1.0}, {2, 1.0}};
-  EXPECT_EQ(most_confident(nearest, std::vector{0.0, 2.0, 2.0}, kAnywhere)->index, 1U);
+  EXPECT_EQ(most_confident(NeighborList(nearest), std::vector{0.0, 2.0, 2.0}, kAnywhere)->index,
+            1U);
 }
 
 TEST(MostConfident, DoesNotCountCandidatesBeyondTheDistance) {
   const std::vector<Neighbor> nearest = {{0, 1.0}, {1, 4.0}};
   const std::vector<double> confidences = {1.0, 3.0};
-  EXPECT_EQ(most_confident(nearest, confidences, 4.0)->index, 1U) << "the bound itself counts";
-  EXPECT_EQ(most_confident(nearest, confidences, 3.9)->index, 0U);
-  EXPECT_EQ(most_confident(nearest, confidences, 0.5), std::nullopt);
+  EXPECT_EQ(most_confident(NeighborList(nearest), confidences, 4.0)->index, 1U)
+      << "the bound itself counts";
+  EXPECT_EQ(most_confident(NeighborList(nearest), confidences, 3.9)->index, 0U);
+  EXPECT_EQ(most_confident(NeighborList(nearest), confidences, 0.5), std::nullopt);
 }
 
 TEST(MostConfident, IsNothingWhereNothingIsTrusted) {
   const std::vector<Neighbor> nearest = {{0, 1.0}, {1, 4.0}};
-  EXPECT_EQ(most_confident(nearest, std::vector{0.0, -1.0}, kAnywhere), std::nullopt);
-  EXPECT_EQ(most_confident(nearest, std::vector{0.0, 1e-300}, kAnywhere)->index, 1U);
+  EXPECT_EQ(most_confident(NeighborList(nearest), std::vector{0.0, -1.0}, kAnywhere), std::nullopt);
+  EXPECT_EQ(most_confident(NeighborList(nearest), std::vector{0.0, 1e-300}, kAnywhere)->index, 1U);
 }
 
 TEST(MostConfident, IsTheNearestWithoutConfidences) {
   const std::vector<Neighbor> nearest = {{7, 1.0}, {1, 4.0}};
-  EXPECT_EQ(most_confident(nearest, {}, kAnywhere)->index, 7U);
+  EXPECT_EQ(most_confident(NeighborList(nearest), {}, kAnywhere)->index, 7U);
 }
 
 TEST(Trimmed, LeavesOutTheFarthestAndKeepsTheOrder) {

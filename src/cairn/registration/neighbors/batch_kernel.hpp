@@ -5,17 +5,25 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 namespace cairn::batch_kernel {
 
 /// Nodes have this many children, tested together.
 inline constexpr std::size_t kFanOut = 16;
-/// Queries a call at most.
-inline constexpr std::size_t kMostQueries = 256;
+/// Points in a leaf; what fills the last one up is kFarAway.
+inline constexpr std::size_t kLeafSize = 8;
+/// Farther along each axis than points and queries may be, yet its square is a number.
+inline constexpr float kFarAway = 1e18F;
+/// Queries in a block.
+inline constexpr std::size_t kBlock = 256;
 /// Candidates a query that code is made for.
-inline constexpr std::array<std::size_t, 6> kCapacities = {4, 6, 8, 12, 16, 24};
+inline constexpr std::array<std::size_t, 7> kCapacities = {2, 4, 6, 8, 12, 16, 24};
+
+// What single precision can be off by. Computing a squared distance is off by less than kRelative of
+// itself, or, where numbers are too small for that to hold, by less than kTiny.
+inline constexpr float kRelative = 1.0F / (1 << 20);
+inline constexpr float kTiny = 1e-37F;
 
 /// Bounding boxes of one level's nodes, in a multiple of kFanOut; what fills it up is infinitely far.
 struct Level {
@@ -25,24 +33,32 @@ struct Level {
 
 /// Points in the order of the leaves, about a common centre; rounded.
 struct Tree {
-  std::array<std::vector<float>, 3> points;
-  std::vector<std::uint32_t> leaf_begin;  // of each leaf, and the end of the last
-  std::vector<Level> levels;              // leaves first; the last has at most kFanOut nodes
+  std::array<std::vector<float>, 3> points;  // of all leaves, and of one more without points
+  std::vector<Level> levels;                 // leaves first; the last has at most kFanOut nodes
 };
 
-/// Queries about the same centre, close ones next to each other; and answers.
+/// What is known of the queries of a block, close ones next to each other, from one call to the next.
+struct Known {
+  std::array<float*, 3> place;  // where a query was when its candidates were found
+  float* outside;               // points that are no candidates are at least this far from there;
+                                // negative: nothing is known
+  std::uint32_t* candidates;    // [j·kBlock + i]: the j-th of query i, nearest first, as places of
+                                // points in the tree
+};
+
+/// A block's queries about the same centre, and what came of them.
 struct Queries {
   std::size_t count = 0;
-  alignas(64) std::array<std::array<float, kMostQueries>, 3> position;
-  /// Only points whose squared distance is below count. After the search, points that are no
-  /// candidates are not below.
-  alignas(64) std::array<float, kMostQueries> bound;
+  alignas(64) std::array<std::array<float, kBlock>, 3> position;
+  /// By how much a distance may be off because points and queries are rounded.
+  float rounding = 0.0F;
+  /// Not 0: the first k candidates are the k nearest points, in order.
+  alignas(64) std::array<std::uint8_t, kBlock> certain;
 };
 
-/// Finds the `capacity` points of the least squared distance, as computed in single precision.
-/// @param candidates capacity x kMostQueries: [j·kMostQueries + i] is the j-th nearest of query i, or
-///        the number of points where there are no more
-void search(const Tree& tree, std::size_t capacity, Queries& queries,
-            std::span<std::uint32_t> candidates);
+/// Brings the candidates of a block's queries up to date: orders them anew, and searches where that
+/// leaves doubt.
+/// @param capacity candidates a query, of kCapacities, more than k
+void update(const Tree& tree, std::size_t capacity, std::size_t k, Queries& queries, Known& known);
 
 }  // namespace cairn::batch_kernel

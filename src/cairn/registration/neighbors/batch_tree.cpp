@@ -14,40 +14,26 @@ namespace cairn {
 namespace {
 
 using batch_kernel::kFanOut;
+using batch_kernel::kLeafSize;
 using batch_kernel::Level;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kLeafSize = 8;  // at most
 
-// Coordinates about the centre beyond this might overflow single precision when squared.
-constexpr double kMostCoordinate = 1e18;
+// Coordinates about the centre beyond this come near what stands for no point.
+constexpr double kMostCoordinate = 1e16;
 
 // What single precision can be off by. A coordinate is rounded by at most 2⁻²⁴ of itself, so that a
 // distance between points within `extent` of the centre along each axis is off by √3·2⁻²⁴ times the
-// sum of their extents; computing its square is off by less than 2⁻²¹ of itself, or, where numbers are
-// too small for that to hold, by less than kTiny. All constants are rounded up generously.
-constexpr double kRelative = 1.0 / (1 << 20);
-constexpr double kTiny = 1e-37;
+// sum of their extents; rounded up generously.
 double coordinate_error(double extents) {
-  return 1.75 / (1 << 24) * extents + 1e-40;
+  return 1.75 / (1 << 24) * extents + 1e-38;
 }
-
-// How many times the last motion beyond the k-th neighbour a search looks.
-constexpr double kFarther = 2.5;
 
 // Relative error of what is computed in double precision, rounded up generously.
 constexpr double kRounding = 1e-13;
 
 double extent(const Eigen::Vector3d& offset) {
   return offset.cwiseAbs().maxCoeff();
-}
-
-// As NeighborSearch defines distances; spelt out, for Eigen is free to add in another order.
-double squared_distance(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  const double x = a.x() - b.x();
-  const double y = a.y() - b.y();
-  const double z = a.z() - b.z();
-  return x * x + y * y + z * z;
 }
 
 bool before(const Neighbor& a, const Neighbor& b) {
@@ -58,11 +44,13 @@ bool before(const Neighbor& a, const Neighbor& b) {
 // The best so far, in order.
 class Best {
  public:
-  explicit Best(std::span<Neighbor> out) : out_(out) {}
+  // @param farthest squared distance that is known to be enough
+  explicit Best(std::span<Neighbor> out, double farthest = kInfinity)
+      : out_(out), farthest_(farthest) {}
 
   std::size_t size() const { return count_; }
   double worst() const {
-    return count_ == out_.size() ? out_[count_ - 1].squared_distance : kInfinity;
+    return count_ == out_.size() ? out_[count_ - 1].squared_distance : farthest_;
   }
   void add(const Neighbor& neighbor) {
     const bool full = count_ == out_.size();
@@ -74,6 +62,7 @@ class Best {
 
  private:
   std::span<Neighbor> out_;
+  double farthest_;
   std::size_t count_ = 0;
 };
 
@@ -106,27 +95,15 @@ void halve(std::span<Item> items, std::size_t first) {
       [axis](const Item& a, const Item& b) { return a.position[axis] < b.position[axis]; });
 }
 
-// Halves the items along their widest axis until there are `leaves` of them, a power of two.
-void split(std::span<Item> items, std::span<const std::uint32_t> leaf_begin) {
-  const std::size_t leaves = leaf_begin.size() - 1;
-  if (leaves == 1) return;
-  const std::size_t axis = widest_axis(items);
-  const std::size_t half = leaf_begin[leaves / 2] - leaf_begin[0];
-  std::nth_element(
-      items.begin(), items.begin() + static_cast<std::ptrdiff_t>(half), items.end(),
-      [axis](const Item& a, const Item& b) { return a.position[axis] < b.position[axis]; });
-  split(items.first(half), leaf_begin.first(leaves / 2 + 1));
-  split(items.subspan(half), leaf_begin.subspan(leaves / 2));
-}
-
-// The same until there are at most `most` in each part; all but the last of them full.
-void split_evenly(std::span<Item> items, std::size_t most) {
-  if (items.size() <= most) return;
+// Parts the items into close ones, `most` to a part, only the last with fewer. Any 2ⁿ parts from a
+// multiple of 2ⁿ on are close to each other, too.
+void part(std::span<Item> items, std::size_t most) {
   const std::size_t parts = (items.size() + most - 1) / most;
-  const std::size_t half = (parts + 1) / 2 * most;
-  halve(items, half);
-  split_evenly(items.first(half), most);
-  split_evenly(items.subspan(half), most);
+  if (parts <= 1) return;
+  const std::size_t first = std::bit_ceil(parts) / 2 * most;
+  halve(items, first);
+  part(items.first(first), most);
+  part(items.subspan(first), most);
 }
 
 Level boxes_of(std::size_t count, const auto& grow_by) {
@@ -155,8 +132,7 @@ std::vector<std::uint32_t> spatial_order(std::span<const Eigen::Vector3d> points
     }
     items[i].index = static_cast<std::uint32_t>(i);
   }
-  const std::size_t packets = (points.size() + kFanOut - 1) / kFanOut;
-  if (packets > 1) split_evenly(items, kFanOut);
+  part(items, kFanOut);
   std::vector<std::uint32_t> order(points.size());
   std::transform(items.begin(), items.end(), order.begin(),
                  [](const Item& item) { return item.index; });
@@ -191,27 +167,23 @@ struct BatchTree::Nodes {
       return;
     }
 
-    const std::size_t leaves = std::bit_ceil((all.size() + kLeafSize - 1) / kLeafSize);
-    for (std::size_t i = 0; i <= leaves; ++i) {
-      tree.leaf_begin.push_back(static_cast<std::uint32_t>(all.size() * i / leaves));
+    part(items, kLeafSize);
+    const std::size_t leaves = (all.size() + kLeafSize - 1) / kLeafSize;
+    for (auto& coordinates : tree.points) {
+      coordinates.assign((leaves + 1) * kLeafSize, batch_kernel::kFarAway);
     }
-    split(items, tree.leaf_begin);
-    points.reserve(all.size() + 1);
-    index.reserve(all.size() + 1);
-    for (auto& coordinates : tree.points) coordinates.reserve(all.size());
-    for (const Item& item : items) {
-      points.push_back(all[item.index]);
-      index.push_back(item.index);
+    points.reserve(all.size());
+    index.reserve(all.size());
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      points.push_back(all[items[i].index]);
+      index.push_back(items[i].index);
       for (std::size_t axis = 0; axis < 3; ++axis) {
-        tree.points[axis].push_back(item.position[axis]);
+        tree.points[axis][i] = items[i].position[axis];
       }
     }
-    // What lanes without a candidate hold.
-    points.push_back(Eigen::Vector3d::Constant(kInfinity));
-    index.push_back(std::numeric_limits<std::uint32_t>::max());
 
     tree.levels.push_back(boxes_of(leaves, [&](std::size_t axis, std::size_t leaf, auto grow) {
-      for (std::size_t i = tree.leaf_begin[leaf]; i < tree.leaf_begin[leaf + 1]; ++i) {
+      for (std::size_t i = leaf * kLeafSize; i < std::min((leaf + 1) * kLeafSize, size()); ++i) {
         grow(tree.points[axis][i], tree.points[axis][i]);
       }
     }));
@@ -227,12 +199,13 @@ struct BatchTree::Nodes {
     }
   }
 
-  std::size_t size() const { return searchable ? tree.points[0].size() : points.size(); }
+  std::size_t size() const { return points.size(); }
 
   // In double precision alone.
-  std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
+  std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out,
+                      double farthest = kInfinity) const {
     if (out.empty() || size() == 0) return 0;
-    Best best(out);
+    Best best(out, farthest);
     const Eigen::Vector3d offset = query - centre;
     if (searchable && extent(offset) <= kMostCoordinate) {
       // The boxes hold rounded points.
@@ -278,7 +251,7 @@ struct BatchTree::Nodes {
         visit(level - 1, node * kFanOut, query, best);
         continue;
       }
-      for (std::size_t i = tree.leaf_begin[node]; i < tree.leaf_begin[node + 1]; ++i) {
+      for (std::size_t i = node * kLeafSize; i < std::min((node + 1) * kLeafSize, size()); ++i) {
         best.add({index[i], squared_distance(points[i], query.place)});
       }
     }
@@ -288,7 +261,7 @@ struct BatchTree::Nodes {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double most = 0.0;  // farthest from the centre along any axis
   bool searchable = true;
-  std::vector<Eigen::Vector3d> points;  // in the order of the leaves, and one at infinity
+  std::vector<Eigen::Vector3d> points;  // in the order of the leaves
   std::vector<std::uint32_t> index;     // of these in the set
 };
 
@@ -311,8 +284,12 @@ BatchTree::Batch BatchTree::batch(std::size_t k) const {
 }
 
 BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k)
-    : nodes_(&nodes), count_(std::min(k, nodes.size())), capacity_(0) {
-  if (!nodes.searchable) return;
+    : nodes_(&nodes),
+      points_(nodes.points.data()),
+      index_(nodes.index.data()),
+      count_(std::min(k, nodes.size())),
+      capacity_(0) {
+  if (!nodes.searchable || count_ == 0) return;
   for (const std::size_t capacity : batch_kernel::kCapacities) {
     // One more than k tells how far the others are.
     if (capacity <= count_) continue;
@@ -324,124 +301,77 @@ BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k)
 void BatchTree::Batch::prepare(std::span<const Eigen::Vector3d> queries) {
   if (order_.size() == queries.size()) return;
   order_ = spatial_order(queries);
-  known_.assign(queries.size(), {});
-  candidates_.assign(queries.size() * capacity_, 0);
+  const std::size_t slots = (queries.size() + kBlock - 1) / kBlock * kBlock;
+  for (auto& coordinates : place_) coordinates.assign(slots, 0.0F);
+  outside_.assign(slots, -1.0F);
+  candidates_.assign(slots * capacity_, 0);
 }
 
-template <std::size_t kCapacity>
-BatchTree::Batch::Ranked BatchTree::Batch::rank(std::size_t slot, const Eigen::Vector3d& query,
-                                                double outside, Neighbor* found) {
-  std::uint32_t* const candidates = candidates_.data() + slot * kCapacity;
-  const Eigen::Vector3d* const points = nodes_->points.data();
-  const std::uint32_t* const index = nodes_->index.data();
-  std::array<double, kCapacity> squared;
-  bool ordered = true;
-  for (std::size_t j = 0; j < kCapacity; ++j) {
-    squared[j] = squared_distance(points[candidates[j]], query);
+BatchTree::Batch::Answers BatchTree::Batch::answer(std::span<const Eigen::Vector3d> queries,
+                                                   std::size_t begin, std::size_t end) {
+  static_assert(kBlock == batch_kernel::kBlock);
+  Answers answers;
+  batch_kernel::Queries block;
+  block.count = end - begin;
+  double most = 0.0;
+  bool searchable = capacity_ > 0;
+  for (std::size_t i = 0; searchable && i < block.count; ++i) {
+    const Eigen::Vector3d offset = queries[order_[begin + i]] - nodes_->centre;
+    block.position[0][i] = static_cast<float>(offset.x());
+    block.position[1][i] = static_cast<float>(offset.y());
+    block.position[2][i] = static_cast<float>(offset.z());
+    most = std::max(most, extent(offset));
+    searchable = extent(offset) <= kMostCoordinate;  // which no NaN is
   }
-  for (std::size_t j = 1; j < kCapacity; ++j) ordered &= squared[j - 1] < squared[j];
-  // Candidates are kept in order, which changes little.
-  for (std::size_t j = 1; !ordered && j < kCapacity; ++j) {
-    const std::uint32_t candidate = candidates[j];
-    const double distance = squared[j];
-    const auto comes_before = [&](std::size_t other) {
-      return distance != squared[other] ? distance < squared[other]
-                                        : index[candidate] < index[candidates[other]];
-    };
-    std::size_t place = j;
-    for (; place > 0 && comes_before(place - 1); --place) {
-      squared[place] = squared[place - 1];
-      candidates[place] = candidates[place - 1];
+  if (searchable) {
+    for (auto& position : block.position) {
+      std::fill(position.begin() + static_cast<std::ptrdiff_t>(block.count), position.end(),
+                position[block.count - 1]);
     }
-    squared[place] = distance;
-    candidates[place] = candidate;
+    block.rounding = std::nextafter(static_cast<float>(coordinate_error(nodes_->most + most)),
+                                    std::numeric_limits<float>::max());
+    batch_kernel::Known known{
+        {place_[0].data() + begin, place_[1].data() + begin, place_[2].data() + begin},
+        outside_.data() + begin,
+        candidates_.data() + begin * capacity_};
+    batch_kernel::update(nodes_->tree, capacity_, count_, block, known);
+    answers.certain = block.certain;
+  } else {
+    answers.certain.fill(0);
   }
-  const double kth = squared[count_ - 1];
-  const bool exact = outside > 0.0 && kth < outside * outside * (1.0 - kRounding);
-  if (exact) {
-    for (std::size_t j = 0; j < count_; ++j) found[j] = {index[candidates[j]], squared[j]};
-  }
-  return {exact, kth, squared[kCapacity - 1]};
-}
 
-void BatchTree::Batch::answer(std::span<const Eigen::Vector3d> queries, std::size_t begin,
-                              std::size_t end, std::span<Neighbor> found) {
-  switch (capacity_) {
-    case 4:
-      return answer_with<4>(queries, begin, end, found);
-    case 6:
-      return answer_with<6>(queries, begin, end, found);
-    case 8:
-      return answer_with<8>(queries, begin, end, found);
-    case 12:
-      return answer_with<12>(queries, begin, end, found);
-    case 16:
-      return answer_with<16>(queries, begin, end, found);
-    case 24:
-      return answer_with<24>(queries, begin, end, found);
-    default:
-      for (std::size_t slot = begin; slot < end; ++slot) {
-        nodes_->nearest(queries[order_[slot]], found.subspan((slot - begin) * count_, count_));
-      }
-  }
-}
-
-template <std::size_t kCapacity>
-void BatchTree::Batch::answer_with(std::span<const Eigen::Vector3d> queries, std::size_t begin,
-                                   std::size_t end, std::span<Neighbor> found) {
-  static_assert(kBlock <= batch_kernel::kMostQueries);
-  batch_kernel::Queries search;
-  std::array<std::size_t, kBlock> slots;  // of what has to be searched
   for (std::size_t slot = begin; slot < end; ++slot) {
+    if (answers.certain[slot - begin] != 0) continue;
+    answers.settled.resize(answers.settled.size() + count_);
+    const std::span<Neighbor> found = std::span(answers.settled).last(count_);
     const Eigen::Vector3d& query = queries[order_[slot]];
-    Neighbor* const out = found.data() + (slot - begin) * count_;
-    const Eigen::Vector3d offset = query - nodes_->centre;
-    if (!(extent(offset) <= kMostCoordinate)) {
-      nodes_->nearest(query, {out, count_});
-      continue;
+    if (searchable) {
+      settle(query, slot, found);
+    } else {
+      nodes_->nearest(query, found);
     }
-    Known& known = known_[slot];
-    double bound = kInfinity;
-    if (known.outside >= 0.0) {
-      const double motion = (query - known.place).norm() * (1.0 + kRounding);
-      const Ranked ranked =
-          rank<kCapacity>(slot, query, (known.outside - motion) * (1.0 - kRounding), out);
-      if (ranked.exact) continue;
-      // Whatever the k nearest are, the k-th is no farther than these. Beyond that, only as far as
-      // lets the answer outlast another motion like this one.
-      const double reach =
-          std::min(std::sqrt(ranked.kth) + kFarther * motion, std::sqrt(ranked.last)) *
-              (1.0 + kRounding) +
-          coordinate_error(nodes_->most + extent(offset));
-      bound = reach * reach * (1.0 + kRelative) + kTiny;
-    }
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      search.position[axis][search.count] =
-          static_cast<float>(offset[static_cast<Eigen::Index>(axis)]);
-    }
-    constexpr double kMost = std::numeric_limits<float>::max();
-    search.bound[search.count] =
-        bound <= kMost ? static_cast<float>(bound) : std::numeric_limits<float>::infinity();
-    slots[search.count++] = slot;
   }
-  if (search.count == 0) return;
+  return answers;
+}
 
-  std::array<std::uint32_t, kCapacity * batch_kernel::kMostQueries> candidates;
-  batch_kernel::search(nodes_->tree, kCapacity, search, candidates);
-  for (std::size_t i = 0; i < search.count; ++i) {
-    const std::size_t slot = slots[i];
-    const Eigen::Vector3d& query = queries[order_[slot]];
-    for (std::size_t j = 0; j < kCapacity; ++j) {
-      candidates_[slot * kCapacity + j] = candidates[j * batch_kernel::kMostQueries + i];
-    }
-    const double error = coordinate_error(nodes_->most + extent(query - nodes_->centre));
-    const double squared = search.bound[i];
-    const double outside = std::sqrt(std::max(0.0, squared * (1.0 - kRelative) - kTiny)) - error;
-    known_[slot] = {query, std::max(0.0, outside) * (1.0 - kRounding)};
-    Neighbor* const out = found.data() + (slot - begin) * count_;
-    if (!rank<kCapacity>(slot, query, known_[slot].outside, out).exact)
-      nodes_->nearest(query, {out, count_});
+void BatchTree::Batch::settle(const Eigen::Vector3d& query, std::size_t slot,
+                              std::span<Neighbor> found) const {
+  Best best(found);
+  const std::uint32_t* const candidates = candidates_of(slot);
+  std::size_t count = 0;
+  for (std::size_t j = 0; j < capacity_; ++j) {
+    const std::uint32_t candidate = candidates[j * kBlock];
+    if (candidate >= nodes_->size()) continue;  // fills up a leaf
+    best.add({index_[candidate], squared_distance(points_[candidate], query)});
+    ++count;
   }
+  const Eigen::Vector3d offset = query - nodes_->centre;
+  const Eigen::Vector3d place(place_[0][slot], place_[1][slot], place_[2][slot]);
+  const double outside = outside_[slot] - (offset - place).norm() * (1.0 + kRounding) -
+                         coordinate_error(extent(place));
+  if (outside > 0.0 && best.worst() < outside * outside * (1.0 - kRounding)) return;
+  nodes_->nearest(query, found,
+                  outside_[slot] >= 0.0F && count >= count_ ? best.worst() : kInfinity);
 }
 
 }  // namespace cairn

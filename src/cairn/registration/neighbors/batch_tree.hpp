@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -50,32 +51,15 @@ class BatchTree::Batch {
   /// How many neighbours each query has: k, or all points if there are fewer.
   std::size_t count() const { return count_; }
 
-  /// Calls `visit(i, neighbors)` once for each query, from several threads and in no particular
-  /// order, with the count() points nearest to queries[i] as NeighborSearch defines them.
+  /// The points nearest to a query, as NeighborSearch defines them; distances are computed when they
+  /// are asked for. Valid only while it is visited.
+  class Nearest;
+
+  /// Calls `visit(i, nearest)` once for each query, from several threads and in no particular order,
+  /// with the count() points nearest to queries[i].
   template <class Visit>
   void for_each(std::span<const Eigen::Vector3d> queries, const Executor& executor,
-                const Visit& visit) {
-    if (count_ == 0) {
-      for (std::size_t i = 0; i < queries.size(); ++i) visit(i, std::span<const Neighbor>());
-      return;
-    }
-    prepare(queries);
-    const auto run = [&](std::size_t begin, std::size_t end) {
-      std::vector<Neighbor> found((end - begin) * count_);
-      answer(queries, begin, end, found);
-      const std::span<const Neighbor> all = found;
-      for (std::size_t slot = begin; slot < end; ++slot) {
-        visit(std::size_t{order_[slot]}, all.subspan((slot - begin) * count_, count_));
-      }
-    };
-    if (queries.size() < kParallelFrom) {
-      for (std::size_t begin = 0; begin < queries.size(); begin += kBlock) {
-        run(begin, std::min(begin + kBlock, queries.size()));
-      }
-    } else {
-      executor.for_blocks(queries.size(), kBlock, run);
-    }
-  }
+                const Visit& visit);
 
  private:
   friend class BatchTree;
@@ -83,40 +67,89 @@ class BatchTree::Batch {
   static constexpr std::size_t kBlock = 256;
   static constexpr std::size_t kParallelFrom = 2000;  // fewer are hardly worth the threads
 
-  // What is known of a query.
-  struct Known {
-    Eigen::Vector3d place;  // where it was when its candidates were found
-    double outside = -1.0;  // points that are no candidates are at least this far from there
-  };
-
-  // The candidates of a query in order.
-  struct Ranked {
-    bool exact;   // no other point can be among the nearest
-    double kth;   // squared distance of the count_-th
-    double last;  // and of the last
+  struct Answers {
+    std::array<std::uint8_t, kBlock> certain;  // not 0: the first candidates are the neighbours
+    std::vector<Neighbor> settled;             // of each query of which that is not certain
   };
 
   Batch(const Nodes& nodes, std::size_t k);
 
   // Puts new queries into spatial order and forgets what was known of others.
   void prepare(std::span<const Eigen::Vector3d> queries);
-  // The neighbours of the queries in places [begin, end) of that order.
-  void answer(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end,
-              std::span<Neighbor> found);
-  template <std::size_t kCapacity>
-  void answer_with(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end,
-                   std::span<Neighbor> found);
-  // Orders the candidates of a query by their distances; `found` if exact.
-  template <std::size_t kCapacity>
-  Ranked rank(std::size_t slot, const Eigen::Vector3d& query, double outside, Neighbor* found);
+  // Finds the neighbours of the queries in places [begin, end) of that order, which are a block.
+  Answers answer(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end);
+  // Those of one query of which the vector code is not sure.
+  void settle(const Eigen::Vector3d& query, std::size_t slot, std::span<Neighbor> found) const;
+  // The first candidate of a query; the others follow kBlock apart.
+  const std::uint32_t* candidates_of(std::size_t slot) const {
+    return candidates_.data() + slot / kBlock * kBlock * capacity_ + slot % kBlock;
+  }
 
   const Nodes* nodes_;
+  const Eigen::Vector3d* points_;  // in the order of the tree
+  const std::uint32_t* index_;     // of these in the set
   std::size_t count_;
   std::size_t capacity_;  // candidates a query; 0: more than batches are made for
   std::vector<std::uint32_t> order_;
-  std::vector<Known> known_;               // by place in the order
-  std::vector<std::uint32_t> candidates_;  // capacity_ each, places in the tree
+  // What is known of the queries, by place in the order: see batch_kernel::Known.
+  std::array<std::vector<float>, 3> place_;
+  std::vector<float> outside_;
+  std::vector<std::uint32_t> candidates_;
 };
+
+class BatchTree::Batch::Nearest {
+ public:
+  std::size_t size() const { return batch_.count_; }
+
+  std::uint32_t index(std::size_t j) const {
+    return settled_ != nullptr ? settled_[j].index : batch_.index_[candidates_[j * kBlock]];
+  }
+
+  double squared_distance(std::size_t j) const {
+    return settled_ != nullptr
+               ? settled_[j].squared_distance
+               : cairn::squared_distance(batch_.points_[candidates_[j * kBlock]], query_);
+  }
+
+ private:
+  friend class Batch;
+
+  // @param settled the answer, or null: the candidates are
+  Nearest(const Batch& batch, const Eigen::Vector3d& query, const std::uint32_t* candidates,
+          const Neighbor* settled)
+      : batch_(batch), query_(query), candidates_(candidates), settled_(settled) {}
+
+  const Batch& batch_;
+  const Eigen::Vector3d& query_;
+  const std::uint32_t* candidates_;
+  const Neighbor* settled_;
+};
+
+template <class Visit>
+void BatchTree::Batch::for_each(std::span<const Eigen::Vector3d> queries, const Executor& executor,
+                                const Visit& visit) {
+  prepare(queries);
+  const auto run = [&](std::size_t begin, std::size_t end) {
+    const Answers answers = answer(queries, begin, end);
+    const Neighbor* settled = answers.settled.data();
+    for (std::size_t slot = begin; slot < end; ++slot) {
+      const std::size_t i = order_[slot];
+      if (answers.certain[slot - begin] != 0) {
+        visit(i, Nearest(*this, queries[i], candidates_of(slot), nullptr));
+      } else {
+        visit(i, Nearest(*this, queries[i], nullptr, settled));
+        settled += count_;
+      }
+    }
+  };
+  if (queries.size() < kParallelFrom) {
+    for (std::size_t begin = 0; begin < queries.size(); begin += kBlock) {
+      run(begin, std::min(begin + kBlock, queries.size()));
+    }
+  } else {
+    executor.for_blocks(queries.size(), kBlock, run);
+  }
+}
 
 static_assert(BatchSearch<BatchTree>);
 

@@ -103,9 +103,11 @@ Answers brute_force(const Points& points, const Points& queries, std::size_t k) 
 
 Answers ask(BatchTree::Batch& batch, const Points& queries, const Executor& executor = Executor()) {
   Answers result(queries.size());
-  batch.for_each(queries, executor, [&](std::size_t i, std::span<const Neighbor> neighbors) {
+  batch.for_each(queries, executor, [&](std::size_t i, const NearestList auto& nearest) {
     EXPECT_TRUE(result[i].empty()) << "visited twice";
-    result[i].assign(neighbors.begin(), neighbors.end());
+    for (std::size_t j = 0; j < nearest.size(); ++j) {
+      result[i].push_back({nearest.index(j), nearest.squared_distance(j)});
+    }
   });
   return result;
 }

@@ -27,8 +27,8 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
   std::vector<Eigen::Vector3d> moved(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) moved[i] = rotation * points[i] + translation;
   std::vector<double> distances(points.size());
-  queries.for_each(moved, executor, [&](std::size_t i, std::span<const Neighbor> nearest) {
-    distances[i] = nearest[0].squared_distance;
+  queries.for_each(moved, executor, [&](std::size_t i, const NearestList auto& nearest) {
+    distances[i] = nearest.squared_distance(0);
   });
   return distances;
 }
