@@ -37,6 +37,7 @@ struct AlignArguments {
   std::string output;
   std::string camera;
   AlignOptions options;
+  bool stop_as_pcl = false;
   PointSetOptions point_options;
 
   void add_to(CLI::App& command);
@@ -68,6 +69,10 @@ void AlignArguments::add_to(CLI::App& command) {
            "FILE");
   add_text(command, "-o,--output", output, "Write the source map, aligned to the target", "FILE");
   add_number(command, "--max-iterations", options.max_iterations, "Limit of the iterations");
+  command.add_flag(
+      "--stop-as-pcl", stop_as_pcl,
+      "Go on where matches repeat, until the mean squared distance settles or the limit "
+      "is reached, as PCL does");
   add_number(command, "--min-observations", point_options.min_observations,
              "Leave out landmarks observed less often");
   add_number(command, "--max-distance", options.max_distance,
@@ -111,6 +116,7 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"initial", to_json(options.initial)},
           {"max_iterations", options.max_iterations},
           {"mse_change_threshold", options.mse_change_threshold},
+          {"stop_at_repetition", options.stop_at_repetition},
           {"max_distance",
            std::isfinite(options.max_distance) ? Json(options.max_distance) : Json(nullptr)},
           {"min_observations", point_options.min_observations},
@@ -199,6 +205,7 @@ int AlignArguments::run() {
   check_options();
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
   options.initial = initial.pose();
+  options.stop_at_repetition = !stop_as_pcl;
   const auto true_pose = truth.empty() ? std::nullopt : std::optional(read_pose_file(truth));
 
   LoadedMap source_map = load_map(source, common);

@@ -136,6 +136,10 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"initial_score", to_json(result.initial_score)},
       {"iterations", result.iterations},
       {"stop_reason", to_string(result.stop_reason)},
+      {"repetition", result.repetition ? Json{{"first_iteration", result.repetition->cycle.first},
+                                              {"length", result.repetition->cycle.length},
+                                              {"best_iteration", result.repetition->best_iteration}}
+                                       : Json(nullptr)},
       {"matches", result.matches.size()},
       {"overlap", result.overlap ? Json{{"source", result.overlap->source},
                                         {"target", result.overlap->target},

@@ -32,6 +32,7 @@ Json to_json(const TrialResult& run) {
                {"status", to_string(run.status)},
                {"stop_reason", to_string(run.stop_reason)},
                {"iterations", run.iterations},
+               {"cycle_length", run.cycle_length ? Json(*run.cycle_length) : Json(nullptr)},
                {"initial_score_m2", to_json(run.initial_score)},
                {"score_m2", to_json(run.score)}};
   json["target_from_source"] = run.target_from_source ? to_json(*run.target_from_source) : nullptr;

@@ -24,6 +24,7 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
                       const std::optional<Rigid3>& truth, AlignOptions options) {
   options.initial = initial;
   options.k = trial.k;
+  options.stop_at_repetition = false;
   const AlignResult result = align(points.source, points.target, options);
   if (result.status == AlignStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "experiment", "cancelled", "");
@@ -33,6 +34,7 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
   run.status = result.status;
   run.stop_reason = result.stop_reason;
   run.iterations = result.iterations;
+  if (result.repetition) run.cycle_length = result.repetition->cycle.length;
   run.initial_score = result.initial_score;
   run.score = result.score;
   run.duration_s = result.duration_s;

@@ -62,6 +62,7 @@ struct TrialResult {
   AlignStatus status = AlignStatus::kFailed;
   StopReason stop_reason = StopReason::kTooFewMatches;
   int iterations = 0;
+  std::optional<int> cycle_length;           ///< of matches that came back; 1: a fixed point
   std::optional<double> initial_score;       ///< Eq. 5, m²
   std::optional<double> score;               ///< Eq. 5, m²
   std::optional<Rigid3> target_from_source;  ///< nothing of a failure
@@ -69,7 +70,8 @@ struct TrialResult {
   double duration_s = 0.0;                   ///< the one thing that differs from time to time
 };
 
-/// Aligns. Of the options, `initial` and `k` are the trial's own.
+/// Aligns, to the end as PCL would: an experiment counts iterations, and compares them with published
+/// ones. Of the options, `initial` and `k` are the trial's own.
 /// @param initial target_from_source to start from
 /// @throws Error (cancelled) if options.stop asks for it
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,

@@ -20,9 +20,10 @@ constexpr std::array<std::string_view, 12> kKeys = {
     "pair", "experiment", "number", "method",   "strategy",  "k",
     "x_m",  "y_m",        "z_m",    "roll_deg", "pitch_deg", "yaw_deg"};
 
-constexpr std::array<std::string_view, 14> kResults = {"status",
+constexpr std::array<std::string_view, 15> kResults = {"status",
                                                        "stop_reason",
                                                        "iterations",
+                                                       "cycle_length",
                                                        "initial_score_m2",
                                                        "score_m2",
                                                        "tx",
@@ -37,7 +38,8 @@ constexpr std::array<std::string_view, 14> kResults = {"status",
 
 constexpr std::array kStatuses = {AlignStatus::kAligned, AlignStatus::kFailed,
                                   AlignStatus::kCancelled};
-constexpr std::array kStopReasons = {StopReason::kMseChange, StopReason::kNoMotion,
+constexpr std::array kStopReasons = {StopReason::kMseChange,      StopReason::kNoMotion,
+                                     StopReason::kFixedPoint,     StopReason::kCycle,
                                      StopReason::kIterationLimit, StopReason::kTooFewMatches,
                                      StopReason::kCancelled};
 
@@ -124,6 +126,11 @@ TrialResult parse_run(RowReader row) {
   run.status = row.named(kStatuses);
   run.stop_reason = row.named(kStopReasons);
   run.iterations = static_cast<int>(row.whole(kMost));
+  if (!row.blank()) {
+    run.cycle_length = static_cast<int>(row.whole(kMost));
+  } else {
+    row.skip(1);
+  }
   run.initial_score = row.number_or_nothing();
   run.score = row.number_or_nothing();
   if (row.blank()) {
@@ -151,7 +158,13 @@ std::string runs_row(const TrialResult& run) {
   Csv row;
   add_key(row, run.trial);
   row << to_string(run.status) << to_string(run.stop_reason)
-      << static_cast<std::uint64_t>(run.iterations) << run.initial_score << run.score;
+      << static_cast<std::uint64_t>(run.iterations);
+  if (run.cycle_length) {
+    row << static_cast<std::uint64_t>(*run.cycle_length);
+  } else {
+    row << "";
+  }
+  row << run.initial_score << run.score;
   if (run.target_from_source) {
     const Eigen::Vector3d& t = run.target_from_source->translation();
     const Eigen::Quaterniond q = run.target_from_source->quaternion();

@@ -24,6 +24,7 @@ TrialResult full_run() {
   run.status = AlignStatus::kAligned;
   run.stop_reason = StopReason::kMseChange;
   run.iterations = 87;
+  run.cycle_length = 3;
   run.initial_score = 1.0 / 3.0;
   run.score = 0.0034319;
   run.target_from_source = Rigid3(Eigen::Quaterniond(0.9, 0.1, -0.2, 0.3), {1, 2, 1.0 / 7.0});
@@ -46,6 +47,7 @@ TEST(RunsFile, ReadsBackWhatItWrote) {
   EXPECT_EQ(runs[0].status, AlignStatus::kAligned);
   EXPECT_EQ(runs[0].stop_reason, StopReason::kMseChange);
   EXPECT_EQ(runs[0].iterations, 87);
+  EXPECT_EQ(runs[0].cycle_length, 3);
   EXPECT_EQ(runs[0].score, full_run().score);
   EXPECT_EQ(runs[0].initial_score, full_run().initial_score);
   EXPECT_TRUE(runs[0].target_from_source->matrix().isApprox(full_run().target_from_source->matrix(),
@@ -53,6 +55,7 @@ TEST(RunsFile, ReadsBackWhatItWrote) {
   EXPECT_NEAR(runs[0].error->rotation_rad, 0.5, 1e-15);
   EXPECT_EQ(runs[0].error->translation, 0.25);
   EXPECT_EQ(runs[1].trial, failed_run().trial);
+  EXPECT_FALSE(runs[1].cycle_length);
   EXPECT_FALSE(runs[1].score);
   EXPECT_FALSE(runs[1].target_from_source);
   EXPECT_FALSE(runs[1].error);

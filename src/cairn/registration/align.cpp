@@ -65,6 +65,45 @@ std::vector<double> non_negative(std::vector<double> weights) {
   return weights;
 }
 
+// Watches for matches that come back.
+class Repetition {
+ public:
+  void add(const Iteration& iteration) {
+    if (cycle_) return;
+    cycle_ = history_.add(iteration.matches);
+    iterations_.push_back({iteration.target_from_source, iteration.mean_squared_distance});
+  }
+
+  const std::optional<MatchCycle>& cycle() const { return cycle_; }
+
+  std::optional<RepeatedMatches> result() const {
+    if (!cycle_) return {};
+    return RepeatedMatches{*cycle_, best_iteration()};
+  }
+
+  const Rigid3& best_pose() const { return iterations_[best_iteration() - 1].pose; }
+
+ private:
+  struct Known {
+    Rigid3 pose;        // after the iteration
+    double mse_before;  // of its matches, before its step
+  };
+
+  // What an iteration's pose is worth shows when the next one has found its matches.
+  int best_iteration() const {
+    const auto last = static_cast<int>(iterations_.size());
+    int best = last - cycle_->length;
+    for (int i = best + 1; i < last; ++i) {
+      if (iterations_[i].mse_before < iterations_[best].mse_before) best = i;
+    }
+    return best;
+  }
+
+  MatchHistory history_;
+  std::optional<MatchCycle> cycle_;
+  std::vector<Known> iterations_;
+};
+
 // One alignment. All work is done in a frame centred on the target, with the source brought near it
 // by the initial pose, so that coordinates far from the origin cost no precision.
 class Alignment {
@@ -95,17 +134,26 @@ class Alignment {
       return matches;
     };
     const PointToPointEstimation estimate_step(target_, weights_);
-    const PclCriteria converged{options_.max_iterations, options_.mse_change_threshold};
+    const PclCriteria as_pcl{options_.max_iterations, options_.mse_change_threshold};
+    Repetition repetition;
+    const auto converged = [&](const IterationState& state) -> std::optional<StopReason> {
+      if (const auto reason = as_pcl(state)) return reason;
+      if (!options_.stop_at_repetition || !repetition.cycle()) return {};
+      return repetition.cycle()->length == 1 ? StopReason::kFixedPoint : StopReason::kCycle;
+    };
     // The score asks for neighbours of the same points as the matches do.
     BatchTree::Batch& queries = find_any_matches.source_queries();
     result.initial_score = score(Rigid3(), queries);
-    const IcpRun icp = run_icp(source_, Rigid3(), find_matches, estimate_step, converged,
-                               options_.stop, [&](Iteration iteration) {
-                                 result.history.push_back(record(std::move(iteration), queries));
-                                 report_progress(result.history.size());
-                               });
+    IcpRun icp = run_icp(source_, Rigid3(), find_matches, estimate_step, converged, options_.stop,
+                         [&](Iteration iteration) {
+                           repetition.add(iteration);
+                           result.history.push_back(record(std::move(iteration), queries));
+                           report_progress(result.history.size());
+                         });
     result.iterations = icp.iterations;
     result.stop_reason = icp.stop_reason;
+    result.repetition = repetition.result();
+    if (icp.stop_reason == StopReason::kCycle) icp.target_from_source = repetition.best_pose();
     result.target_from_source = uncentred(icp.target_from_source);
     const Points moved_source = moved(source_, icp.target_from_source);
     result.matches = find_matches(moved_source, icp.target_from_source);
@@ -198,6 +246,15 @@ std::string sentence(const AlignResult& result, std::size_t source_size, std::si
     case StopReason::kNoMotion:
       return fmt::format("converged after {} iterations: nothing moved any more",
                          result.iterations);
+    case StopReason::kFixedPoint:
+      return fmt::format("converged after {} iterations: the matches settled", result.iterations);
+    case StopReason::kCycle:
+      return fmt::format(
+          "stopped after {} iterations: from iteration {} on the matches repeat every {}; taken is "
+          "the "
+          "best of the poses in that cycle, after iteration {}",
+          result.iterations, result.repetition->cycle.first, result.repetition->cycle.length,
+          result.repetition->best_iteration);
     case StopReason::kIterationLimit:
       return fmt::format("stopped at the limit of {} iterations", result.iterations);
     case StopReason::kCancelled:
@@ -268,6 +325,10 @@ std::string_view to_string(StopReason reason) {
       return "mse_change";
     case StopReason::kNoMotion:
       return "no_motion";
+    case StopReason::kFixedPoint:
+      return "fixed_point";
+    case StopReason::kCycle:
+      return "cycle";
     case StopReason::kIterationLimit:
       return "iteration_limit";
     case StopReason::kTooFewMatches:

@@ -12,6 +12,7 @@
 #include "cairn/core/executor.hpp"
 #include "cairn/core/progress.hpp"
 #include "cairn/registration/concepts.hpp"
+#include "cairn/registration/convergence/match_history.hpp"
 #include "cairn/registration/estimation/pose_covariance.hpp"
 #include "cairn/registration/point_set.hpp"
 
@@ -24,6 +25,10 @@ struct AlignOptions {
   int max_iterations = 150;  ///< at least 1
   /// Stop below this change of the mean squared match distance.
   double mse_change_threshold = 1e-12;
+  /// Stop as soon as matches come back, when all that would follow is known (see MatchHistory). Without
+  /// it an alignment goes on, as PCL's does, until the change or the limit above ends it: in a limit
+  /// cycle at whichever of its poses the limit falls upon.
+  bool stop_at_repetition = true;
   double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
   bool reciprocal = false;        ///< keep only matches that hold both ways
   double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
@@ -64,6 +69,13 @@ struct Overlap {
   double target = 0.0;
 };
 
+/// Matches that came back, and the poses they lead to for ever.
+struct RepeatedMatches {
+  MatchCycle cycle;
+  /// After this iteration of the cycle the mean squared match distance was least.
+  int best_iteration = 0;
+};
+
 struct AlignResult {
   AlignStatus status = AlignStatus::kFailed;
   StopReason stop_reason = StopReason::kTooFewMatches;
@@ -72,6 +84,9 @@ struct AlignResult {
   std::optional<double> initial_score;  ///< Eq. 5 at the initial pose; nothing of no points
   std::optional<double> score;          ///< Eq. 5 at the final pose
   int iterations = 0;
+  /// If matches came back, whether that ended the alignment or not; of a cycle that did, the pose is
+  /// the best iteration's.
+  std::optional<RepeatedMatches> repetition;
   std::vector<Match> matches;  ///< at the final pose
   std::vector<IterationRecord> history;
   std::optional<Matrix6d> covariance;  ///< see PoseUncertainty; nothing if unknown

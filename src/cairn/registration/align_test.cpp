@@ -359,5 +359,80 @@ TEST(Align, RefusesMisuseByName) {
   EXPECT_THAT(message_of({points.positions, {}}, points, weigh), HasSubstr("no confidences"));
 }
 
+// Points without structure, of random confidence: weighted matches among them do not settle for long.
+PointSet confusing_points(std::size_t count, Random& random) {
+  PointSet points;
+  for (std::size_t i = 0; i < count; ++i) {
+    points.positions.emplace_back(random.uniform(), random.uniform(), random.uniform());
+    points.confidences.push_back(random.uniform());
+  }
+  return points;
+}
+
+TEST(AlignWhereMatchesComeBack, StopsWithAPoseOfTheCycle) {
+  Random random(21);
+  int fixed_points = 0;
+  int cycles = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const PointSet source = confusing_points(60, random);
+    const PointSet target = confusing_points(60, random);
+    AlignOptions options;
+    options.stop_at_repetition = false;
+    options.mse_change_threshold = 0.0;
+    options.max_iterations = 200;
+    const AlignResult through = align(source, target, options);
+    options.stop_at_repetition = true;
+    const AlignResult stopped = align(source, target, options);
+    if (!through.repetition) {
+      EXPECT_EQ(stopped.iterations, through.iterations);
+      continue;
+    }
+    ASSERT_TRUE(stopped.repetition);
+    const auto [cycle, best] = *stopped.repetition;
+    EXPECT_EQ(cycle.first, through.repetition->cycle.first);
+    EXPECT_EQ(cycle.length, through.repetition->cycle.length);
+    EXPECT_EQ(stopped.iterations, cycle.first + cycle.length);
+    ASSERT_LT(stopped.iterations, through.iterations);
+    EXPECT_EQ(stopped.status, AlignStatus::kAligned);
+
+    // From there on every pose is one of the cycle's.
+    const auto pose = [&](int iteration) {
+      return through.history[iteration - 1].target_from_source.matrix();
+    };
+    for (int i = cycle.first; i + cycle.length <= through.iterations; ++i) {
+      ASSERT_TRUE(pose(i).isApprox(pose(i + cycle.length), 1e-9));
+    }
+    EXPECT_TRUE(stopped.target_from_source.matrix().isApprox(pose(best), 1e-9));
+    // After the best iteration the next one's matches are the closest.
+    for (int i = cycle.first; i < cycle.first + cycle.length; ++i) {
+      EXPECT_LE(through.history[best].mean_squared_distance,
+                through.history[i].mean_squared_distance + 1e-12);
+    }
+    if (cycle.length == 1) {
+      ++fixed_points;
+      EXPECT_EQ(stopped.stop_reason, StopReason::kFixedPoint);
+    } else {
+      ++cycles;
+      EXPECT_EQ(stopped.stop_reason, StopReason::kCycle);
+      EXPECT_THAT(stopped.reason, HasSubstr("repeat"));
+    }
+  }
+  EXPECT_GT(fixed_points, 5);
+  EXPECT_GT(cycles, 3);
+}
+
+TEST(AlignWhereMatchesComeBack, GoesOnAsPclDoesIfAsked) {
+  Random random(22);
+  PointSet points = confusing_points(200, random);
+  points.confidences.clear();
+  AlignOptions options;
+  options.initial = Rigid3::from_roll_pitch_yaw({0.01, 0, 0}, 0, 0, 0.02);
+  EXPECT_EQ(align(points, points, options).stop_reason, StopReason::kFixedPoint);
+  options.stop_at_repetition = false;
+  const AlignResult through = align(points, points, options);
+  EXPECT_EQ(through.stop_reason, StopReason::kMseChange);
+  EXPECT_EQ(through.repetition->cycle.length, 1);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -121,6 +121,8 @@ concept TransformEstimation =
 enum class StopReason {
   kMseChange,       ///< the mean squared match distance hardly changed any more
   kNoMotion,        ///< a step without any motion
+  kFixedPoint,      ///< the matches are those of the iteration before: the pose is final
+  kCycle,           ///< the matches are those of an earlier iteration, and so for ever
   kIterationLimit,  ///< the limit, which counts as converged as in PCL
   kTooFewMatches,   ///< fewer than three matches determine no pose
   kCancelled,       ///< the caller asked to stop

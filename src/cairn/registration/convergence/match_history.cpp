@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/convergence/match_history.hpp"
+
+#include <algorithm>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+namespace cairn {
+
+std::optional<MatchCycle> MatchHistory::add(std::span<const Match> matches) {
+  std::vector<std::uint32_t> pairs;
+  pairs.reserve(2 * matches.size());
+  for (const Match& match : matches) {
+    pairs.push_back(match.source);
+    pairs.push_back(match.target);
+  }
+  const XXH128_hash_t digest = XXH3_128bits(pairs.data(), pairs.size() * sizeof(std::uint32_t));
+  const Hash hash = {digest.high64, digest.low64};
+  // The latest first: a fixed point is by far the most frequent.
+  const auto found = std::find(seen_.rbegin(), seen_.rend(), hash);
+  std::optional<MatchCycle> cycle;
+  if (found != seen_.rend()) {
+    const auto length = static_cast<int>(found - seen_.rbegin()) + 1;
+    cycle = MatchCycle{static_cast<int>(seen_.size()) + 1 - length, length};
+  }
+  seen_.push_back(hash);
+  return cycle;
+}
+
+}  // namespace cairn
