@@ -11,9 +11,9 @@
 namespace cairn {
 
 /// The map formats Cairn reads and writes (docs/formats.md).
-enum class MapFormat { kNative, kPly, kPcd };
+enum class MapFormat { kNative, kBinary, kPly, kPcd };
 
-/// By the extension of a path (.map and .txt, .ply, .pcd); nothing if unknown.
+/// By the extension of a path (.map and .txt, .cairn, .ply, .pcd); nothing if unknown.
 std::optional<MapFormat> format_of_extension(const std::filesystem::path& path);
 
 /// Reads a map in any format, recognised by the file's first bytes.
