@@ -61,6 +61,10 @@ std::optional<MapFormat> format_of_extension(const std::filesystem::path& path) 
   return std::nullopt;
 }
 
+bool holds_whole_map(MapFormat format) {
+  return format == MapFormat::kNative || format == MapFormat::kBinary;
+}
+
 LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options) {
   FileReader file(path);
   std::string first_bytes(8, '\0');

@@ -16,6 +16,9 @@ enum class MapFormat { kNative, kBinary, kPly, kPcd };
 /// By the extension of a path (.map and .txt, .cairn, .ply, .pcd); nothing if unknown.
 std::optional<MapFormat> format_of_extension(const std::filesystem::path& path);
 
+/// Whether a format holds all of a map; if not, its landmarks only.
+bool holds_whole_map(MapFormat format);
+
 /// Reads a map in any format, recognised by the file's first bytes.
 /// @throws Error (input) naming the file, line or byte, field, value and what was expected
 LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options = {});
