@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/memory.hpp"
 
+#include <cstddef>
 #include <cstdint>
 
 #include <sys/mman.h>
@@ -11,11 +12,11 @@ namespace cairn {
 void populate([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE  // Linux 5.14
   // The pages that lie wholly inside: the rest may be another's.
-  static const auto page = static_cast<std::uintptr_t>(::sysconf(_SC_PAGESIZE));
-  const auto address = reinterpret_cast<std::uintptr_t>(memory);
-  const std::uintptr_t begin = (address + page - 1) / page * page;
-  const std::uintptr_t end = (address + bytes) / page * page;
-  if (begin < end) ::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_POPULATE_WRITE);
+  static const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(memory) % page) % page;
+  if (bytes < before + page) return;
+  ::madvise(static_cast<char*>(memory) + before, (bytes - before) / page * page,
+            MADV_POPULATE_WRITE);
 #endif
 }
 

@@ -16,7 +16,8 @@ namespace {
 bool is_plainly_one(const Eigen::Matrix3d& m) {
   const double sum = m.cwiseAbs().sum();  // at most 9 times the largest entry
   // Products of three entries neither overflow nor underflow; NaN fails too.
-  if (!(sum > 1e-90 && sum < 1e90)) return false;
+  const bool can_multiply = sum > 1e-90 && sum < 1e90;
+  if (!can_multiply) return false;
   const double slack = 1e-7 * sum;  // at most 0.9 times the tolerance
   if (std::abs(m(0, 1) - m(1, 0)) > slack || std::abs(m(0, 2) - m(2, 0)) > slack ||
       std::abs(m(1, 2) - m(2, 1)) > slack) {
