@@ -54,7 +54,7 @@ struct AlignArguments {
 };
 
 void AlignArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "source", source, "Map to move: .map, .txt, .cairn, .ply or .pcd")->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "--confidence", confidence,
            "Trust in landmarks: " + confidence_help() +

@@ -56,9 +56,9 @@ FrameRange parse_frames(const std::string& text) {
 }
 
 void ConvertArguments::add_to(CLI::App& command) {
-  add_text(command, "input", input, "Map to read: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "input", input, "Map to read: .map, .txt, .cairn, .ply or .pcd")->required();
   add_text(command, "output", output,
-           "Map to write; the extension names the format: .map, .txt, .ply or .pcd")
+           "Map to write; the extension names the format: .map, .txt, .cairn, .ply or .pcd")
       ->required();
   add_text(
       command, "--frames", frames,
@@ -88,16 +88,16 @@ void ConvertArguments::add_to(CLI::App& command) {
 
 void ConvertArguments::check_format() const {
   require_map_path(output, "output");
-  const bool native = format_of_extension(output) == MapFormat::kNative;
-  if (format_version && !native) {
+  const MapFormat format = format_of_extension(output).value();
+  if (format_version && format != MapFormat::kNative) {
     throw Error(ErrorKind::kMisuse, "--format-version", output + " is not in the text format",
                 "an output that ends in .map or .txt");
   }
   if (format_version && *format_version != 1 && *format_version != 2) {
     throw Error(ErrorKind::kMisuse, "--format-version", std::to_string(*format_version), "1 or 2");
   }
-  if (ascii && native) {
-    throw Error(ErrorKind::kMisuse, "--ascii", output + " is text anyway",
+  if (ascii && holds_whole_map(format)) {
+    throw Error(ErrorKind::kMisuse, "--ascii", output + " is neither PLY nor PCD",
                 "an output that ends in .ply or .pcd");
   }
 }
@@ -136,7 +136,7 @@ int ConvertArguments::run() {
   options.double_precision = double_precision;
   save_map(map, output, common, options);
 
-  const bool has_frames = format_of_extension(output) == MapFormat::kNative;
+  const bool has_frames = holds_whole_map(format_of_extension(output).value());
   Json json = document("convert", common, {{"map", loaded.description}},
                        {{"frames", text_or_null(frames)},
                         {"min_observations", min_observations},

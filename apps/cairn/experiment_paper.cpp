@@ -49,7 +49,7 @@ struct PaperArguments {
 };
 
 void PaperArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "source", source, "Map to move: .map, .txt, .cairn, .ply or .pcd")->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "-o,--output", output, "New folder for the results", "FOLDER")->required();
   add_text(command, "--truth", truth,

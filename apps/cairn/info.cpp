@@ -35,7 +35,7 @@ struct InfoArguments {
 };
 
 void InfoArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to read: .map, .txt, .ply or .pcd")->required();
+  add_text(command, "map", input, "Map to read: .map, .txt, .cairn, .ply or .pcd")->required();
   add_text(command, "--camera", camera,
            "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
   common.add_to(command);

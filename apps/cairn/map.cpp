@@ -71,9 +71,10 @@ void MapArguments::add_to(CLI::App& command) {
   add_text(command, "sequence", sequence,
            "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images they name")
       ->required();
-  add_text(command, "-o,--output", output,
-           "Map to write: .map, .txt, .ply or .pcd; with --mini-map-length a folder. Required",
-           "FILE");
+  add_text(
+      command, "-o,--output", output,
+      "Map to write: .map, .txt, .cairn, .ply or .pcd; with --mini-map-length a folder. Required",
+      "FILE");
   add_text(command, "--trajectory", trajectory,
            "Also write where the camera was, in TUM format: timestamp tx ty tz qx qy qz qw a line",
            "FILE");

@@ -31,8 +31,7 @@ namespace {
 
 constexpr std::string_view kExpected =
     "the JSON of 'cairn align' or 'cairn demo', the folder of an experiment, or a map (.map, .txt, "
-    ".ply "
-    "or .pcd)";
+    ".cairn, .ply or .pcd)";
 
 struct ReportArguments {
   CommonArguments common;

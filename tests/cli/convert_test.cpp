@@ -23,6 +23,62 @@ TEST_F(ConvertTest, NativeToNativeKeepsEveryBit) {
   EXPECT_THAT(read_map(path("copy.map")), EqualsMap(full_map()));
 }
 
+TEST_F(ConvertTest, BinaryMapsKeepEveryBit) {
+  write_map(full_map(), path("full.map"));
+  EXPECT_EQ(answer({"convert", "full.map", "full.cairn"}), "full.cairn: 3 frames, 4 landmarks\n");
+  EXPECT_EQ(content("full.cairn").substr(0, 8),
+            "\x89"
+            "CAIRN\r\n");
+  answer({"convert", "full.cairn", "back.map"});
+  EXPECT_EQ(content("back.map"), content("full.map"));
+  answer({"convert", "back.map", "again.cairn"});
+  EXPECT_EQ(content("again.cairn"), content("full.cairn"));
+  EXPECT_EQ(cairn({"convert", "full.map", "full.cairn"}).errors, "") << "nothing is left out";
+}
+
+TEST_F(ConvertTest, BinaryMapsAreReadWhereOthersAre) {
+  write_pair();
+  answer({"convert", "source.map", "source.cairn"});
+  answer({"convert", "target.map", "target.cairn"});
+  Json from_text = document({"info", "source.map"});
+  Json from_binary = document({"info", "source.cairn"});
+  from_text.erase("inputs");
+  from_binary.erase("inputs");
+  EXPECT_EQ(from_binary, from_text);
+  const auto pose = [&](const char* source, const char* target) {
+    return document({"align", source, target, "--initial-matrix", "start.txt"})
+        .at("results")
+        .at(0)
+        .at("target_from_source");
+  };
+  EXPECT_EQ(pose("source.cairn", "target.cairn"), pose("source.map", "target.map"));
+}
+
+TEST_F(ConvertTest, DamagedBinaryMapIsRefused) {
+  write_plain();
+  answer({"convert", "plain.map", "plain.cairn"});
+  const std::string whole = content("plain.cairn");
+  write("cut.cairn", whole.substr(0, whole.size() / 2));
+  expect_refusal({"convert", "cut.cairn", "out.map"}, kBadInput,
+                 {fmt::format("cut.cairn: byte 16: size: the file ends after {} bytes; expected {} "
+                              "bytes, as it states",
+                              whole.size() / 2, whole.size())});
+  std::string damaged = whole;
+  damaged[whole.size() / 2] ^= 1;
+  write("damaged.cairn", damaged);
+  expect_refusal({"info", "damaged.cairn"}, kBadInput,
+                 {"damaged.cairn: byte ", "checksum: the bytes before are damaged"});
+  EXPECT_FALSE(files().contains("out.map"));
+}
+
+TEST_F(ConvertTest, OptionsOfOtherFormatsAreRefusedForBinaryMaps) {
+  write_plain();
+  expect_refusal({"convert", "plain.map", "out.cairn", "--ascii"}, kWrongUsage,
+                 {"--ascii: out.cairn is neither PLY nor PCD"});
+  expect_refusal({"convert", "plain.map", "out.cairn", "--format-version", "2"}, kWrongUsage,
+                 {"--format-version: out.cairn is not in the text format"});
+}
+
 TEST_F(ConvertTest, PointCloudsKeepPositionsAndCovariances) {
   const LandmarkMap map = write_pair().source;
   const std::vector<std::pair<const char*, Words>> outputs = {{"a.ply", {}},

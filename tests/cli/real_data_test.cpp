@@ -50,6 +50,13 @@ TEST_F(RealDataTest, InfoCountsTheDeskMap) {
   EXPECT_THAT(text, HasSubstr("warning: landmarks without any observation: 630\n"));
 }
 
+TEST_F(RealDataTest, BinaryFormLosesNothing) {
+  answer({"convert", map_, "desk.map"});
+  answer({"convert", "desk.map", "desk.cairn"});
+  answer({"convert", "desk.cairn", "back.map"});
+  EXPECT_EQ(content("back.map"), content("desk.map"));
+}
+
 TEST_F(RealDataTest, CutIntoHalvesGivesTheMiniMapsOfThePaper) {
   cut();
   EXPECT_EQ(document({"info", "earlier.map"}).at("observed_twice_or_more"), 3050);

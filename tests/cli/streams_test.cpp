@@ -24,6 +24,14 @@ TEST_F(StreamsTest, MapIsReadFromAPipe) {
   EXPECT_TRUE(input.at("hash").is_null()) << "a pipe cannot be read twice";
 }
 
+TEST_F(StreamsTest, BinaryMapIsReadFromAPipe) {
+  write_map(full_map(), path("full.cairn"));
+  const CommandResult result =
+      cairn({"convert", "/dev/stdin", "copy.cairn"}, {.input = content("full.cairn")});
+  ASSERT_EQ(result.exit_code, kDone) << result.errors;
+  EXPECT_EQ(content("copy.cairn"), content("full.cairn"));
+}
+
 TEST_F(StreamsTest, BrokenMapFromAPipeIsRefused) {
   const CommandResult result = cairn({"info", "/dev/stdin"}, {.input = "FRAME 1\n"});
   EXPECT_EQ(result.exit_code, kBadInput);

@@ -79,7 +79,7 @@ void require_outputs(const CommonArguments& common) {
 void require_map_path(const std::string& path, const std::string& option) {
   if (!format_of_extension(path)) {
     throw Error(ErrorKind::kMisuse, option, path + " names no map format",
-                "a name that ends in .map, .txt, .ply or .pcd");
+                "a name that ends in .map, .txt, .cairn, .ply or .pcd");
   }
   require_folder_of(path);
 }
@@ -95,7 +95,7 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
     if (show) show(share);
   };
   write_map(map, path, options);
-  if (format_of_extension(path) != MapFormat::kNative && map.frame_count() > 0) {
+  if (!holds_whole_map(format_of_extension(path).value()) && map.frame_count() > 0) {
     console.remark(
         fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
                     map.frame_count(), map.observation_count()));

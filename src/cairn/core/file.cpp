@@ -5,20 +5,17 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <memory>
 #include <mutex>
 #include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "cairn/core/error.hpp"
-
-// Header-only use: no library to link, hence nothing for consumers to find.
-#define XXH_INLINE_ALL
-#include <xxhash.h>
+#include "cairn/core/hash.hpp"
 
 namespace cairn {
 namespace {
@@ -137,6 +134,7 @@ FileReader::FileReader(const std::filesystem::path& path) : name_(path.string())
 }
 
 FileReader::~FileReader() {
+  if (!mapped_.empty()) ::munmap(const_cast<char*>(mapped_.data()), mapped_.size());
   if (descriptor_ >= 0) ::close(descriptor_);
 }
 
@@ -150,6 +148,16 @@ std::size_t FileReader::read(char* buffer, std::size_t capacity) {
 
 void FileReader::rewind() {
   if (::lseek(descriptor_, 0, SEEK_SET) != 0) fail_reading(name_, errno);
+}
+
+std::optional<std::string_view> FileReader::mapped() {
+  if (!size_) return std::nullopt;
+  if (mapped_.empty() && *size_ > 0) {
+    void* const bytes = ::mmap(nullptr, *size_, PROT_READ, MAP_PRIVATE, descriptor_, 0);
+    if (bytes == MAP_FAILED) return std::nullopt;
+    mapped_ = {static_cast<const char*>(bytes), *size_};
+  }
+  return mapped_;
 }
 
 MemoryReader::MemoryReader(std::string_view bytes, std::string name)
@@ -238,15 +246,12 @@ void sync_files(const std::filesystem::path& folder) {
 
 std::string hash_file(const std::filesystem::path& path) {
   FileReader file(path);
-  const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(),
-                                                                       &XXH3_freeState);
-  XXH3_128bits_reset(state.get());
+  Hasher hasher;
   std::vector<char> block(kBlockSize);
   while (const std::size_t count = file.read(block.data(), block.size())) {
-    XXH3_128bits_update(state.get(), block.data(), count);
+    hasher.update({block.data(), count});
   }
-  const XXH128_hash_t hash = XXH3_128bits_digest(state.get());
-  return fmt::format("xxh3:{:016x}{:016x}", hash.high64, hash.low64);
+  return "xxh3:" + to_string(hasher.digest());
 }
 
 }  // namespace cairn

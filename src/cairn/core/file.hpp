@@ -29,6 +29,10 @@ class ByteSource {
   virtual std::size_t read(char* buffer, std::size_t capacity) = 0;
   /// Back to the start; only where size() is known.
   virtual void rewind() = 0;
+  /// All bytes from the start, where they lie in memory or can be mapped into it; valid as long as the
+  /// source. Nothing where they must be read. A file that another program cuts short while it is
+  /// mapped kills the process on access; write_file replaces files and never does that.
+  virtual std::optional<std::string_view> mapped() { return std::nullopt; }
 };
 
 /// A file, pipe or device opened for reading; a directory is refused.
@@ -42,11 +46,13 @@ class FileReader final : public ByteSource {
   std::optional<std::uint64_t> size() const override { return size_; }
   std::size_t read(char* buffer, std::size_t capacity) override;
   void rewind() override;
+  std::optional<std::string_view> mapped() override;
 
  private:
   std::string name_;
   int descriptor_ = -1;
   std::optional<std::uint64_t> size_;
+  std::string_view mapped_;
 };
 
 /// Bytes that are in memory already; they must outlive the reader.
@@ -58,6 +64,7 @@ class MemoryReader final : public ByteSource {
   std::optional<std::uint64_t> size() const override { return bytes_.size(); }
   std::size_t read(char* buffer, std::size_t capacity) override;
   void rewind() override { position_ = 0; }
+  std::optional<std::string_view> mapped() override { return bytes_; }
 
  private:
   std::string name_;

@@ -39,6 +39,32 @@ TEST(CovarianceDefect, NamesWhatIsWrong) {
   EXPECT_THAT(covariance_defect(Eigen::Matrix3d::Constant(std::nan(""))), HasSubstr("not finite"));
 }
 
+// The quick test against eigenvalues, near the edge of what is accepted.
+TEST(CovarianceDefect, AgreesWithTheEigenvalues) {
+  Random random(4);
+  int accepted = 0;
+  int refused = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Eigen::Matrix3d axes =
+        Eigen::Quaterniond(random.normal(), random.normal(), random.normal(), random.normal())
+            .normalized()
+            .toRotationMatrix();
+    const double scale = std::pow(10.0, random.normal() * 20.0);
+    const double middle = std::pow(random.uniform(), 4.0);
+    const double smallest = random.normal() * 1e-6;
+    Eigen::Matrix3d matrix =
+        scale * axes * Eigen::Vector3d(smallest, middle, 1.0).asDiagonal() * axes.transpose();
+    matrix = (0.5 * (matrix + matrix.transpose())).eval();
+    const double tolerance = 1e-6 * matrix.cwiseAbs().maxCoeff() / scale;
+    if (std::abs(smallest + tolerance) < 1e-7) continue;  // within what rounding makes of it
+    const bool is_one = covariance_defect(matrix).empty();
+    EXPECT_EQ(is_one, smallest > -tolerance) << matrix;
+    (is_one ? accepted : refused) += 1;
+  }
+  EXPECT_GT(accepted, 1000);
+  EXPECT_GT(refused, 1000);
+}
+
 TEST(SpectralNorm, IsTheLargestSingularValue) {
   Random random(2);
   const Eigen::Matrix3d a = random_matrix(random);

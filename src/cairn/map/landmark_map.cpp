@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -15,43 +16,298 @@
 namespace cairn {
 namespace {
 
-[[noreturn]] void refuse(std::string_view where, std::string_view what, std::string_view expected) {
-  throw Error(ErrorKind::kInput, where, what, expected);
-}
-
-template <class Id>
-std::string entry(std::string_view kind, const std::vector<Id>& ids, std::size_t i) {
-  return fmt::format("{} {}", kind, ids[i].value);
-}
-
 void check_size(std::string_view column, std::size_t size, std::size_t rows, bool optional) {
   if (size == rows || (optional && size == 0)) return;
-  refuse(column, fmt::format("{} entries", size), fmt::format("{}, one a row", rows));
+  throw Error(ErrorKind::kInput, column, fmt::format("{} entries", size),
+              fmt::format("{}, one a row", rows));
 }
 
-// Positions sorted by id, or nothing if sorted already. Refuses ids that occur twice.
-template <class Id>
-std::vector<std::uint32_t> sorted_by_id(std::string_view kind, const std::vector<Id>& ids) {
-  if (ids.size() > std::numeric_limits<std::uint32_t>::max()) {
-    refuse(kind, fmt::format("{} of them", ids.size()), "fewer than 2^32");
-  }
-  const auto not_ascending = [](Id a, Id b) { return a >= b; };
-  if (std::adjacent_find(ids.begin(), ids.end(), not_ascending) == ids.end()) return {};
-  std::vector<std::uint32_t> order(ids.size());
-  std::iota(order.begin(), order.end(), 0U);
-  if (std::adjacent_find(ids.begin(), ids.end(), [](Id a, Id b) { return a <= b; }) == ids.end()) {
-    std::reverse(order.begin(), order.end());
+std::string text_of(const Eigen::Vector3d& v) {
+  return fmt::format("({}, {}, {})", v.x(), v.y(), v.z());
+}
+
+bool is_plain_name(std::string_view name) {
+  return !name.empty() &&
+         std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < '\x7f'; });
+}
+
+// Checks what the tables of a map state of themselves.
+class Checks {
+ public:
+  Checks(const MapTables& tables, const EntryPlace& place) : tables_(tables), place_(place) {}
+
+  /// Positions sorted by id, or nothing if sorted already. Refuses ids that occur twice.
+  template <class Id>
+  std::vector<std::uint32_t> sorted_by_id(MapColumn column, std::string_view kind,
+                                          const std::vector<Id>& ids) const {
+    if (ids.size() > kNoRow) {
+      refuse(column, kNoRow, kind, fmt::format("{} of them", ids.size()), "fewer than 2^32");
+    }
+    const auto not_ascending = [](Id a, Id b) { return a >= b; };
+    if (std::adjacent_find(ids.begin(), ids.end(), not_ascending) == ids.end()) return {};
+    const auto refuse_repeated = [&](std::size_t row) {
+      refuse(column, row, fmt::format("{} {}", kind, ids[row].value), "the id occurs twice",
+             "distinct ids");
+    };
+    const auto [lowest, highest] = std::minmax_element(ids.begin(), ids.end());
+    const std::uint64_t span = highest->value - lowest->value;
+    std::vector<std::uint32_t> order;
+    order.reserve(ids.size());
+    constexpr std::uint64_t kMostPlacesEach = 4;
+    if (span / kMostPlacesEach < ids.size()) {
+      // Most ids come from a counter: a table of them is sorted in one pass.
+      std::vector<std::uint32_t> row_of(span + 1, kNoRow);
+      for (std::uint32_t row = 0; row < ids.size(); ++row) {
+        std::uint32_t& place = row_of[ids[row].value - lowest->value];
+        if (place != kNoRow) refuse_repeated(row);
+        place = row;
+      }
+      std::copy_if(row_of.begin(), row_of.end(), std::back_inserter(order),
+                   [](std::uint32_t row) { return row != kNoRow; });
+      return order;
+    }
+    order.resize(ids.size());
+    std::iota(order.begin(), order.end(), 0U);
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return ids[a] != ids[b] ? ids[a] < ids[b] : a < b;
+    });
+    std::uint32_t first = kNoRow;
+    for (std::size_t i = 1; i < order.size(); ++i) {
+      if (ids[order[i]] == ids[order[i - 1]]) first = std::min(first, order[i]);
+    }
+    if (first != kNoRow) refuse_repeated(first);
     return order;
   }
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return ids[a] != ids[b] ? ids[a] < ids[b] : a < b;
-  });
-  const auto twice =
-      std::adjacent_find(order.begin(), order.end(),
-                         [&](std::uint32_t a, std::uint32_t b) { return ids[a] == ids[b]; });
-  if (twice != order.end()) refuse(entry(kind, ids, *twice), "the id occurs twice", "distinct ids");
-  return order;
-}
+
+  void run() const {
+    check_info();
+    check_cameras();
+    check_frames();
+    check_landmarks();
+    check_observations();
+  }
+
+ private:
+  static constexpr std::uint32_t kNoRow = std::numeric_limits<std::uint32_t>::max();
+
+  [[noreturn]] void refuse(MapColumn column, std::size_t row, std::string_view entry,
+                           std::string_view what, std::string_view expected) const {
+    throw Error(ErrorKind::kInput,
+                place_ ? fmt::format("{}: {}", place_(column, row), entry) : std::string(entry),
+                what, expected);
+  }
+
+  [[noreturn]] void refuse_frame(MapColumn column, std::size_t row, std::string_view what,
+                                 std::string_view expected) const {
+    refuse(column, row, fmt::format("frame {}", tables_.frames.ids[row].value), what, expected);
+  }
+
+  [[noreturn]] void refuse_landmark(MapColumn column, std::size_t row, std::string_view what,
+                                    std::string_view expected, std::size_t landmark) const {
+    refuse(column, row, fmt::format("landmark {}", tables_.landmarks.ids[landmark].value), what,
+           expected);
+  }
+
+  [[noreturn]] void refuse_observation(MapColumn column, std::size_t row, std::string_view what,
+                                       std::string_view expected) const {
+    const auto& offsets = tables_.observations.offsets;
+    const auto after = std::upper_bound(offsets.begin(), offsets.end(), row);
+    refuse_landmark(column, row, what, expected,
+                    static_cast<std::size_t>(after - offsets.begin()) - 1);
+  }
+
+  void check_info() const {
+    const auto& gravity = tables_.info.gravity;
+    if (gravity && !(std::abs(gravity->norm() - 1.0) < 1e-3)) {
+      refuse(MapColumn::kGravity, 0, "gravity",
+             fmt::format("{} is not a unit vector", text_of(*gravity)), "norm 1 within 1e-3");
+    }
+  }
+
+  void check_cameras() const {
+    std::vector<CameraId> ids;
+    for (std::size_t i = 0; i < tables_.cameras.size(); ++i) {
+      const Camera& camera = tables_.cameras[i];
+      const std::string defect = camera_defect(camera);
+      if (!defect.empty()) {
+        refuse(MapColumn::kCameras, i, fmt::format("camera {}", camera.id.value), defect,
+               "a usable camera");
+      }
+      ids.push_back(camera.id);
+    }
+    sorted_by_id(MapColumn::kCameras, "camera", ids);  // refuses an id that occurs twice
+  }
+
+  void check_frames() const {
+    const FrameTable& frames = tables_.frames;
+    const std::size_t count = frames.ids.size();
+    check_size("frame translations", frames.translations.size(), count, false);
+    check_size("frame quaternions", frames.quaternions.size(), count, false);
+    check_size("frame cameras", frames.cameras.size(), count, true);
+    check_size("frame timestamps", frames.timestamps_s.size(), count, true);
+    check_size("frame image names", frames.image_names.size(), count, true);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!frames.translations[i].allFinite()) {
+        refuse_frame(MapColumn::kTranslations, i,
+                     fmt::format("translation {} is not finite", text_of(frames.translations[i])),
+                     "numbers");
+      }
+      const auto& q = frames.quaternions[i];
+      const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+      if (!(std::abs(norm - 1.0) <= 1e-3)) {
+        refuse_frame(MapColumn::kQuaternions, i, fmt::format("quaternion of norm {:.6g}", norm),
+                     "norm 1 within 1e-3");
+      }
+      if (!frames.cameras.empty() && frames.cameras[i] &&
+          frames.cameras[i]->value >= tables_.cameras.size()) {
+        refuse_frame(MapColumn::kFrameCameras, i, "refers to a camera that the map does not have",
+                     "the index of a camera");
+      }
+      if (!frames.timestamps_s.empty() && frames.timestamps_s[i] &&
+          !std::isfinite(*frames.timestamps_s[i])) {
+        refuse_frame(MapColumn::kTimestamps, i, "timestamp is not finite", "seconds");
+      }
+    }
+  }
+
+  void check_descriptors(const DescriptorColumn& descriptors) const {
+    const auto refuse_kind = [&](std::string_view what, std::string_view expected) {
+      refuse(MapColumn::kDescriptorKind, 0, "landmark descriptors", what, expected);
+    };
+    const std::size_t count = tables_.landmarks.ids.size();
+    check_size("landmark descriptors", descriptors.known.size(), count, false);
+    if (descriptors.bytes_each == 0 || descriptors.bytes_each > kMostDescriptorBytes) {
+      refuse_kind(fmt::format("of {} bytes", descriptors.bytes_each),
+                  fmt::format("1 to {}", kMostDescriptorBytes));
+    }
+    if (!is_plain_name(descriptors.kind)) {
+      refuse_kind("kind is not a name", "visible ASCII, no blanks");
+    }
+    check_size("descriptor bytes", descriptors.bytes.size(), count * descriptors.bytes_each, false);
+    auto bytes = descriptors.bytes.begin();
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto end = bytes + static_cast<std::ptrdiff_t>(descriptors.bytes_each);
+      const std::uint8_t known = descriptors.known[i];
+      if (known > 1 ||
+          (known == 0 && std::any_of(bytes, end, [](auto byte) { return byte != 0; }))) {
+        refuse_landmark(MapColumn::kKnownDescriptors, i, "descriptor is neither known nor zero",
+                        "1 for known, or 0 and all its bytes zero", i);
+      }
+      bytes = end;
+    }
+  }
+
+  void check_named_columns() const {
+    const auto& columns = tables_.landmarks.columns;
+    const std::size_t count = tables_.landmarks.ids.size();
+    if (columns.size() > kMostNamedColumns) {
+      refuse(MapColumn::kColumnNames, kMostNamedColumns, "named columns",
+             fmt::format("{} of them", columns.size()),
+             fmt::format("at most {}", kMostNamedColumns));
+    }
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const NamedColumn& column = columns[i];
+      const std::string name = "column " + printable(column.name);
+      check_size(name, column.values.size(), count, false);
+      if (!is_plain_name(column.name)) {
+        refuse(MapColumn::kColumnNames, i, name, "not a name", "visible ASCII, no blanks");
+      }
+      for (std::size_t j = 0; j < i; ++j) {
+        if (columns[j].name == column.name) {
+          refuse(MapColumn::kColumnNames, i, name, "occurs twice", "distinct names");
+        }
+      }
+      for (std::size_t j = 0; j < count; ++j) {
+        if (std::isinf(column.values[j])) {
+          refuse_landmark(MapColumn::kColumnValues, i * count + j, "infinite in " + name,
+                          "a number, or NaN where unknown", j);
+        }
+      }
+    }
+  }
+
+  void check_landmarks() const {
+    const LandmarkTable& landmarks = tables_.landmarks;
+    const std::size_t count = landmarks.ids.size();
+    check_size("landmark positions", landmarks.positions.size(), count, false);
+    check_size("landmark covariances", landmarks.covariances.size(), count, true);
+    check_size("landmark colors", landmarks.colors.size(), count, true);
+    if (landmarks.descriptors) check_descriptors(*landmarks.descriptors);
+    check_named_columns();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!landmarks.positions[i].allFinite()) {
+        refuse_landmark(MapColumn::kPositions, i,
+                        fmt::format("position {} is not finite", text_of(landmarks.positions[i])),
+                        "numbers", i);
+      }
+    }
+    for (std::size_t i = 0; i < landmarks.covariances.size(); ++i) {
+      const Eigen::Matrix3d& covariance = landmarks.covariances[i];
+      if (std::isnan(covariance(0, 0))) continue;
+      const std::string defect = covariance_defect(covariance);
+      if (!defect.empty()) {
+        refuse_landmark(MapColumn::kCovariances, i, "covariance is " + defect,
+                        "a symmetric positive semi-definite matrix", i);
+      }
+    }
+  }
+
+  void check_offsets() const {
+    const auto& offsets = tables_.observations.offsets;
+    const std::size_t count = tables_.observations.frames.size();
+    const auto refuse_offset = [&](std::size_t row) {
+      refuse(MapColumn::kOffsets, row, "observation offsets",
+             "do not cut the observations into one range a landmark",
+             "ascending from 0 to their number, one more than there are landmarks");
+    };
+    if (offsets.size() != tables_.landmarks.ids.size() + 1 || offsets.front() != 0)
+      refuse_offset(0);
+    const auto unsorted = std::is_sorted_until(offsets.begin(), offsets.end());
+    if (unsorted != offsets.end()) {
+      refuse_offset(static_cast<std::size_t>(unsorted - offsets.begin()));
+    }
+    if (offsets.back() != count) refuse_offset(offsets.size() - 1);
+  }
+
+  void check_observations() const {
+    const ObservationTable& observations = tables_.observations;
+    const std::size_t count = observations.frames.size();
+    check_size("observation pixels", observations.pixels.size(), count, false);
+    check_size("observation keypoints", observations.keypoints.size(), count, true);
+    check_size("observation depths", observations.depths.size(), count, true);
+    check_size("observation octaves", observations.octaves.size(), count, true);
+    if (observations.offsets.empty()) {
+      if (count > 0) {
+        refuse(MapColumn::kOffsets, 0, "observation offsets", "missing",
+               "one a landmark and one more");
+      }
+      return;
+    }
+    check_offsets();
+    const std::size_t frame_count = tables_.frames.ids.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (observations.frames[i].value >= frame_count) {
+        refuse_observation(MapColumn::kObservingFrames, i,
+                           "observed by a frame that the map does not have",
+                           "the index of a frame");
+      }
+      const Pixel& pixel = observations.pixels[i];
+      if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
+        refuse_observation(MapColumn::kPixels, i,
+                           fmt::format("pixel ({}, {}) is not finite", pixel.u, pixel.v),
+                           "numbers");
+      }
+    }
+    for (std::size_t i = 0; i < observations.depths.size(); ++i) {
+      if (observations.depths[i] && !std::isfinite(*observations.depths[i])) {
+        refuse_observation(MapColumn::kDepths, i, "depth is not finite", "metres");
+      }
+    }
+  }
+
+  const MapTables& tables_;
+  const EntryPlace& place_;
+};
 
 template <class Index, class Id>
 std::optional<Index> find_sorted(const std::vector<Id>& ids,
@@ -99,165 +355,14 @@ void drop_unknown_columns(MapTables& tables) {
   if (tables.landmarks.ids.empty()) tables.observations.offsets.clear();
 }
 
-bool is_plain_name(std::string_view name) {
-  return !name.empty() &&
-         std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < '\x7f'; });
-}
-
-void check_info(const MapInfo& info) {
-  if (info.gravity && !(std::abs(info.gravity->norm() - 1.0) < 1e-3)) {
-    refuse("gravity", "not a unit vector", "norm 1 within 1e-3");
-  }
-}
-
-void check_frames(const FrameTable& frames, std::size_t camera_count) {
-  const std::size_t count = frames.ids.size();
-  check_size("frame translations", frames.translations.size(), count, false);
-  check_size("frame quaternions", frames.quaternions.size(), count, false);
-  check_size("frame cameras", frames.cameras.size(), count, true);
-  check_size("frame timestamps", frames.timestamps_s.size(), count, true);
-  check_size("frame image names", frames.image_names.size(), count, true);
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto where = [&] { return entry("frame", frames.ids, i); };
-    if (!frames.translations[i].allFinite())
-      refuse(where(), "translation is not finite", "numbers");
-    const auto& q = frames.quaternions[i];
-    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(std::abs(norm - 1.0) <= 1e-3)) {
-      refuse(where(), fmt::format("quaternion of norm {}", norm), "norm 1 within 1e-3");
-    }
-    if (!frames.cameras.empty() && frames.cameras[i] && frames.cameras[i]->value >= camera_count) {
-      refuse(where(), "refers to a camera that the map does not have", "the index of a camera");
-    }
-    if (!frames.timestamps_s.empty() && frames.timestamps_s[i] &&
-        !std::isfinite(*frames.timestamps_s[i])) {
-      refuse(where(), "timestamp is not finite", "seconds");
-    }
-  }
-}
-
-void check_descriptors(const DescriptorColumn& descriptors, const std::vector<LandmarkId>& ids) {
-  auto bytes = descriptors.bytes.begin();
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    const auto end = bytes + static_cast<std::ptrdiff_t>(descriptors.bytes_each);
-    const std::uint8_t known = descriptors.known[i];
-    if (known > 1 || (known == 0 && std::any_of(bytes, end, [](auto byte) { return byte != 0; }))) {
-      refuse(entry("landmark", ids, i), "descriptor is neither known nor zero",
-             "1 for known, or 0 and all its bytes zero");
-    }
-    bytes = end;
-  }
-}
-
-void check_landmarks(const LandmarkTable& landmarks) {
-  const std::size_t count = landmarks.ids.size();
-  check_size("landmark positions", landmarks.positions.size(), count, false);
-  check_size("landmark covariances", landmarks.covariances.size(), count, true);
-  check_size("landmark colors", landmarks.colors.size(), count, true);
-  if (const auto& descriptors = landmarks.descriptors) {
-    check_size("landmark descriptors", descriptors->known.size(), count, false);
-    if (descriptors->bytes_each == 0 || descriptors->bytes_each > kMostDescriptorBytes) {
-      refuse("landmark descriptors", fmt::format("of {} bytes", descriptors->bytes_each),
-             fmt::format("1 to {}", kMostDescriptorBytes));
-    }
-    if (!is_plain_name(descriptors->kind)) {
-      refuse("landmark descriptors", "kind is not a name", "visible ASCII, no blanks");
-    }
-    check_size("descriptor bytes", descriptors->bytes.size(), count * descriptors->bytes_each,
-               false);
-    check_descriptors(*descriptors, landmarks.ids);
-  }
-  if (landmarks.columns.size() > kMostNamedColumns) {
-    refuse("named columns", fmt::format("{} of them", landmarks.columns.size()),
-           fmt::format("at most {}", kMostNamedColumns));
-  }
-  for (std::size_t i = 0; i < landmarks.columns.size(); ++i) {
-    const NamedColumn& column = landmarks.columns[i];
-    check_size("column " + printable(column.name), column.values.size(), count, false);
-    if (!is_plain_name(column.name)) {
-      refuse("column " + printable(column.name), "not a name", "visible ASCII, no blanks");
-    }
-    for (std::size_t j = 0; j < i; ++j) {
-      if (landmarks.columns[j].name == column.name) {
-        refuse("column " + printable(column.name), "occurs twice", "distinct names");
-      }
-    }
-    for (std::size_t j = 0; j < count; ++j) {
-      if (std::isinf(column.values[j])) {
-        refuse(entry("landmark", landmarks.ids, j), "infinite in column " + printable(column.name),
-               "a number, or NaN where unknown");
-      }
-    }
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!landmarks.positions[i].allFinite()) {
-      refuse(entry("landmark", landmarks.ids, i), "position is not finite", "numbers");
-    }
-  }
-  for (std::size_t i = 0; i < landmarks.covariances.size(); ++i) {
-    const Eigen::Matrix3d& covariance = landmarks.covariances[i];
-    if (std::isnan(covariance(0, 0))) continue;
-    const std::string defect = covariance_defect(covariance);
-    if (!defect.empty()) {
-      refuse(entry("landmark", landmarks.ids, i), "covariance is " + defect,
-             "a symmetric positive semi-definite matrix");
-    }
-  }
-}
-
-void check_observations(const ObservationTable& observations, const LandmarkTable& landmarks,
-                        std::size_t frame_count) {
-  const std::size_t count = observations.frames.size();
-  check_size("observation pixels", observations.pixels.size(), count, false);
-  check_size("observation keypoints", observations.keypoints.size(), count, true);
-  check_size("observation depths", observations.depths.size(), count, true);
-  check_size("observation octaves", observations.octaves.size(), count, true);
-  const auto& offsets = observations.offsets;
-  if (offsets.empty()) {
-    if (count > 0) refuse("observation offsets", "missing", "one a landmark and one more");
-    return;
-  }
-  if (offsets.size() != landmarks.ids.size() + 1 || offsets.front() != 0 ||
-      offsets.back() != count || !std::is_sorted(offsets.begin(), offsets.end())) {
-    refuse("observation offsets", "do not cut the observations into one range a landmark",
-           "ascending from 0 to their number, one more than there are landmarks");
-  }
-  for (std::size_t i = 0; i < landmarks.ids.size(); ++i) {
-    for (std::uint64_t j = offsets[i]; j < offsets[i + 1]; ++j) {
-      const auto where = [&] { return entry("landmark", landmarks.ids, i); };
-      if (observations.frames[j].value >= frame_count) {
-        refuse(where(), "observed by a frame that the map does not have", "the index of a frame");
-      }
-      const Pixel& pixel = observations.pixels[j];
-      if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
-        refuse(where(), "pixel is not finite", "numbers");
-      }
-      if (!observations.depths.empty() && observations.depths[j] &&
-          !std::isfinite(*observations.depths[j])) {
-        refuse(where(), "depth is not finite", "metres");
-      }
-    }
-  }
-}
-
 }  // namespace
 
-LandmarkMap::LandmarkMap(MapTables tables)
-    : tables_(std::move(tables)),
-      frames_by_id_(sorted_by_id("frame", tables_.frames.ids)),
-      landmarks_by_id_(sorted_by_id("landmark", tables_.landmarks.ids)) {
-  check_info(tables_.info);
-  std::vector<CameraId> camera_ids;
-  for (const Camera& camera : tables_.cameras) {
-    const std::string defect = camera_defect(camera);
-    if (!defect.empty())
-      refuse(fmt::format("camera {}", camera.id.value), defect, "a usable camera");
-    camera_ids.push_back(camera.id);
-  }
-  sorted_by_id("camera", camera_ids);  // refuses an id that occurs twice
-  check_frames(tables_.frames, tables_.cameras.size());
-  check_landmarks(tables_.landmarks);
-  check_observations(tables_.observations, tables_.landmarks, frame_count());
+LandmarkMap::LandmarkMap(MapTables tables, const EntryPlace& place) : tables_(std::move(tables)) {
+  const Checks checks(tables_, place);
+  frames_by_id_ = checks.sorted_by_id(MapColumn::kFrameIds, "frame", tables_.frames.ids);
+  landmarks_by_id_ =
+      checks.sorted_by_id(MapColumn::kLandmarkIds, "landmark", tables_.landmarks.ids);
+  checks.run();
   drop_unknown_columns(tables_);
 }
 

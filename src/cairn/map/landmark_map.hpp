@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -104,6 +105,41 @@ struct MapTables {
   ObservationTable observations;
 };
 
+/// What MapTables hold, column by column. The numbers are those of the sections of the binary format
+/// (docs/formats.md): they never change.
+enum class MapColumn : std::uint8_t {
+  kWorldFrame = 1,
+  kGravity = 2,
+  kUuid = 3,
+  kProvenance = 4,
+  kCameras = 5,
+  kFrameIds = 6,
+  kTranslations = 7,
+  kQuaternions = 8,
+  kFrameCameras = 9,
+  kTimestamps = 10,
+  kImageNames = 11,
+  kLandmarkIds = 12,
+  kPositions = 13,
+  kCovariances = 14,
+  kColors = 15,
+  kDescriptorKind = 16,
+  kKnownDescriptors = 17,
+  kDescriptors = 18,
+  kColumnNames = 19,
+  kColumnValues = 20,
+  kOffsets = 21,
+  kObservingFrames = 22,
+  kPixels = 23,
+  kKeypoints = 24,
+  kDepths = 25,
+  kOctaves = 26,
+};
+
+/// Says where an entry of a column was read from, for messages, e.g. "desk.map:12: field 2 (id)". The
+/// rows of kColumnValues are those of the first named column, then those of the second, and so on.
+using EntryPlace = std::function<std::string(MapColumn column, std::size_t row)>;
+
 /// A landmark map: keyframes, landmarks and which of them saw which where. Valid and immutable. An
 /// optional column in which nothing is known is absent; descriptors and named columns are kept.
 class LandmarkMap {
@@ -111,11 +147,11 @@ class LandmarkMap {
   /// An empty map.
   LandmarkMap() = default;
   /// Checks and takes the columns over, in their order.
+  /// @param place where entries were read from; messages begin with it
   /// @throws Error (input) naming the entry that breaks what the tables state: sizes, ids that
-  /// occur
-  ///         twice, indices out of range, numbers that are not finite, quaternions off norm 1 by
-  ///         more than 1e-3, matrices that are no covariance, cameras with a defect
-  explicit LandmarkMap(MapTables tables);
+  ///         occur twice, indices out of range, numbers that are not finite, quaternions off norm 1
+  ///         by more than 1e-3, matrices that are no covariance, cameras with a defect
+  explicit LandmarkMap(MapTables tables, const EntryPlace& place = {});
 
   const MapInfo& info() const { return tables_.info; }
   std::span<const Camera> cameras() const { return tables_.cameras; }

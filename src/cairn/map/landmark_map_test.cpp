@@ -2,12 +2,14 @@
 #include "cairn/map/landmark_map.hpp"
 
 #include <array>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -70,7 +72,7 @@ TEST(LandmarkMap, RefusesBrokenFrames) {
       {"image names short", [](MapTables& t) { t.frames.image_names.pop_back(); },
        "frame image names: 2 entries; expected 3, one a row"},
       {"translation NaN", [](MapTables& t) { t.frames.translations[2].y() = kNan; },
-       "frame 3: translation is not finite; expected numbers"},
+       "frame 3: translation (1e-310, nan, 0.3333333333333333) is not finite; expected numbers"},
       {"quaternion zero",
        [](MapTables& t) {
          t.frames.quaternions[0] = {0, 0, 0, 0};
@@ -100,9 +102,9 @@ TEST(LandmarkMap, RefusesBrokenCamerasAndInfo) {
       {"camera id twice", [](MapTables& t) { t.cameras[1].id = t.cameras[0].id; },
        "camera 5: the id occurs twice; expected distinct ids"},
       {"gravity long", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, 0, -9.81); },
-       "gravity: not a unit vector; expected norm 1 within 1e-3"},
+       "gravity: (0, 0, -9.81) is not a unit vector; expected norm 1 within 1e-3"},
       {"gravity NaN", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, kNan, 1); },
-       "gravity: not a unit vector; expected norm 1 within 1e-3"},
+       "gravity: (0, nan, 1) is not a unit vector; expected norm 1 within 1e-3"},
   });
 }
 
@@ -117,7 +119,7 @@ TEST(LandmarkMap, RefusesBrokenLandmarks) {
       {"colors long", [](MapTables& t) { t.landmarks.colors.emplace_back(); },
        "landmark colors: 5 entries; expected 4, one a row"},
       {"position infinite", [](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; },
-       "landmark 10: position is not finite; expected numbers"},
+       "landmark 10: position (-1, 0.25, inf) is not finite; expected numbers"},
       {"covariance not finite", [](MapTables& t) { t.landmarks.covariances[0](1, 1) = kInfinity; },
        "landmark 30: covariance is an entry is not finite; expected a symmetric positive "
        "semi-definite matrix"},
@@ -199,10 +201,54 @@ TEST(LandmarkMap, RefusesBrokenObservations) {
        "landmark 20: observed by a frame that the map does not have; expected the index of a "
        "frame"},
       {"pixel NaN", [](MapTables& t) { t.observations.pixels[2].v = kNan; },
-       "landmark 10: pixel is not finite; expected numbers"},
+       "landmark 10: pixel (0.1, nan) is not finite; expected numbers"},
       {"depth NaN", [](MapTables& t) { t.observations.depths[0] = kNan; },
        "landmark 30: depth is not finite; expected metres"},
   });
+}
+
+TEST(LandmarkMap, SaysWhereABrokenEntryWasReadFrom) {
+  const auto refusal = [](const std::function<void(MapTables&)>& breach) -> std::string {
+    MapTables tables = full_tables();
+    breach(tables);
+    try {
+      const LandmarkMap map(std::move(tables), [](MapColumn column, std::size_t row) {
+        return fmt::format("column {} row {}", static_cast<int>(column), row);
+      });
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(
+      refusal([](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; }),
+      "column 13 row 1: landmark 10: position (-1, 0.25, inf) is not finite; expected numbers");
+  EXPECT_EQ(
+      refusal([](MapTables& t) { t.landmarks.columns[1].values[2] = kInfinity; }),
+      "column 20 row 6: landmark 9223372036854775808: infinite in column 'never_set'; expected "
+      "a number, or NaN where unknown");
+  EXPECT_EQ(refusal([](MapTables& t) { t.observations.pixels[3].v = kNan; }),
+            "column 23 row 3: landmark 20: pixel (1e-05, nan) is not finite; expected numbers");
+}
+
+// Ids of a counter are sorted otherwise than ids from afar.
+TEST(LandmarkMap, FindsTheSecondOfTheFirstRepeatedId) {
+  for (const std::uint64_t step : {std::uint64_t{1}, std::uint64_t{1} << 40}) {
+    MapTables tables;
+    for (const std::uint64_t id : {5, 1, 9, 2, 5, 1}) {
+      tables.landmarks.ids.push_back(LandmarkId{id * step});
+    }
+    tables.landmarks.positions.resize(6, Eigen::Vector3d::Zero());
+    try {
+      const LandmarkMap map(std::move(tables),
+                            [](MapColumn, std::size_t row) { return fmt::format("row {}", row); });
+      ADD_FAILURE() << "accepted";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.what(), fmt::format("row 4: landmark {}: the id occurs twice; expected "
+                                          "distinct ids",
+                                          5 * step));
+    }
+  }
 }
 
 TEST(LandmarkMap, HoldsWhatItWasMadeOf) {
@@ -277,7 +323,8 @@ TEST(LandmarkMap, FindsByIdInAnyOrderOfIds) {
   for (const std::vector<std::uint64_t>& ids :
        {std::vector<std::uint64_t>{2, 5, 9, 18446744073709551615U},
         std::vector<std::uint64_t>{18446744073709551615U, 9, 5, 2},
-        std::vector<std::uint64_t>{9, 2, 18446744073709551615U, 5}}) {
+        std::vector<std::uint64_t>{9, 2, 18446744073709551615U, 5},
+        std::vector<std::uint64_t>{9, 2, 12, 5}}) {
     MapTables tables;
     for (const std::uint64_t id : ids) {
       tables.frames.ids.push_back(FrameId{id});

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <new>
 #include <string>
 #include <string_view>
@@ -16,7 +17,10 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/hash.hpp"
+#include "cairn/map/io/binary.hpp"
 #include "cairn/map/io/native.hpp"
+#include "cairn/map/synthetic.hpp"
 
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
@@ -74,13 +78,13 @@ struct Usage {
   std::string refusal;
 };
 
-Usage read(std::string_view text) {
+Usage read(std::string_view text, const auto& read_format) {
   Usage usage;
   MemoryReader source(text, "desk.map");
   const std::size_t before = in_use;
   peak = before;
   try {
-    const LandmarkMap map = read_native(source);
+    const LandmarkMap map = read_format(source);
     usage.peak = peak - before;
     usage.kept = in_use - before;
   } catch (const Error& error) {
@@ -88,6 +92,14 @@ Usage read(std::string_view text) {
     usage.refusal = error.what();
   }
   return usage;
+}
+
+Usage read(std::string_view text) {
+  return read(text, [](ByteSource& source) { return read_native(source); });
+}
+
+Usage read_as_binary(std::string_view bytes) {
+  return read(bytes, [](ByteSource& source) { return read_binary(source); });
 }
 
 constexpr std::size_t kMegabyte = std::size_t{1} << 20;
@@ -154,6 +166,39 @@ TEST_F(MapMemory, IsNotDecidedByTheCountOfObservations) {
         fmt::format("FRAME 1 0 0 0 1 0 0 0\nLANDMARK 1 0 0 0 0 0 0 0 0 0 0 0 0 {} 1 1 1\n", count));
     EXPECT_NE(usage.refusal.find("the record ends after 1 of"), std::string::npos) << usage.refusal;
     EXPECT_LE(usage.peak, 4 * kMegabyte);
+  }
+}
+
+TEST_F(MapMemory, OfReadingTheBinaryFormIsThatOfTheMap) {
+  std::string bytes;
+  write_binary(synthetic_map({.seed = 1, .landmarks = 20000}),
+               [&](std::string_view piece) { bytes += piece; });
+  const Usage usage = read_as_binary(bytes);
+  ASSERT_EQ(usage.refusal, "");
+  // Optional numbers take twice the room in memory.
+  EXPECT_LE(usage.kept, 2 * bytes.size());
+  EXPECT_LE(static_cast<double>(usage.peak), 1.1 * static_cast<double>(usage.kept));
+}
+
+TEST_F(MapMemory, IsNotDecidedByTheCountsOfTheBinaryForm) {
+  std::string intact;
+  write_binary(synthetic_map({.seed = 1, .landmarks = 100}),
+               [&](std::string_view piece) { intact += piece; });
+  // The header's counts, and the first sections' places and sizes.
+  for (std::size_t byte = 24; byte < 24 + 8 * 20; byte += 8) {
+    for (const std::uint64_t count :
+         {~std::uint64_t{0}, std::uint64_t{1} << 60, std::uint64_t{1} << 31, intact.size() / 20}) {
+      std::string bytes = intact;
+      std::memcpy(bytes.data() + byte, &count, sizeof count);
+      Hasher hasher;
+      hasher.update(std::string_view(bytes).substr(0, bytes.size() - 16));
+      const Hash128 hash = hasher.digest();
+      std::memcpy(bytes.data() + bytes.size() - 16, &hash, sizeof hash);
+      const Usage usage = read_as_binary(bytes);
+      EXPECT_NE(usage.refusal, "") << byte << " " << count;
+      EXPECT_EQ(usage.refusal.find(": checksum: "), std::string::npos) << usage.refusal;
+      EXPECT_LE(usage.peak, kMegabyte);
+    }
   }
 }
 

@@ -7,6 +7,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/map/io/binary.hpp"
 #include "cairn/map/io/native.hpp"
 #include "cairn/map/io/pcd.hpp"
 #include "cairn/map/io/ply.hpp"
@@ -31,6 +32,7 @@ class PrefixedSource final : public ByteSource {
     rest_.rewind();
     position_ = prefix_.size();
   }
+  std::optional<std::string_view> mapped() override { return rest_.mapped(); }
 
  private:
   std::string prefix_;
@@ -39,6 +41,8 @@ class PrefixedSource final : public ByteSource {
 };
 
 MapFormat format_of_content(std::string_view first_bytes) {
+  // Up to the line end: that of a damaged file may be another.
+  if (first_bytes.starts_with(kBinaryMagic.substr(0, 6))) return MapFormat::kBinary;
   if (first_bytes.starts_with("ply\n") || first_bytes.starts_with("ply\r")) return MapFormat::kPly;
   if (first_bytes.starts_with("# .PCD") || first_bytes.starts_with("VERSION")) {
     return MapFormat::kPcd;
@@ -51,9 +55,14 @@ MapFormat format_of_content(std::string_view first_bytes) {
 std::optional<MapFormat> format_of_extension(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".map" || extension == ".txt") return MapFormat::kNative;
+  if (extension == ".cairn") return MapFormat::kBinary;
   if (extension == ".ply") return MapFormat::kPly;
   if (extension == ".pcd") return MapFormat::kPcd;
   return std::nullopt;
+}
+
+bool holds_whole_map(MapFormat format) {
+  return format == MapFormat::kNative || format == MapFormat::kBinary;
 }
 
 LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options) {
@@ -69,6 +78,8 @@ LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& op
   const MapFormat format = format_of_content(first_bytes);
   PrefixedSource source(std::move(first_bytes), file);
   switch (format) {
+    case MapFormat::kBinary:
+      return read_binary(source, options);
     case MapFormat::kPly:
       return read_ply(source, options);
     case MapFormat::kPcd:
@@ -85,12 +96,15 @@ void write_map(const LandmarkMap& map, const std::filesystem::path& path,
   if (!format) {
     throw Error(ErrorKind::kMisuse, path.string(),
                 "the extension " + printable(path.extension().string()) + " names no map format",
-                ".map, .txt, .ply or .pcd");
+                ".map, .txt, .cairn, .ply or .pcd");
   }
   write_file(path, [&](const ByteSink& sink) {
     switch (*format) {
       case MapFormat::kNative:
         write_native(map, sink, options.native_version, options.progress);
+        break;
+      case MapFormat::kBinary:
+        write_binary(map, sink, options.progress);
         break;
       case MapFormat::kPly:
         write_ply(map, sink, {.ascii = options.ascii});

@@ -11,10 +11,13 @@
 namespace cairn {
 
 /// The map formats Cairn reads and writes (docs/formats.md).
-enum class MapFormat { kNative, kPly, kPcd };
+enum class MapFormat { kNative, kBinary, kPly, kPcd };
 
-/// By the extension of a path (.map and .txt, .ply, .pcd); nothing if unknown.
+/// By the extension of a path (.map and .txt, .cairn, .ply, .pcd); nothing if unknown.
 std::optional<MapFormat> format_of_extension(const std::filesystem::path& path);
+
+/// Whether a format holds all of a map; if not, its landmarks only.
+bool holds_whole_map(MapFormat format);
 
 /// Reads a map in any format, recognised by the file's first bytes.
 /// @throws Error (input) naming the file, line or byte, field, value and what was expected

@@ -16,9 +16,9 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/memory.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/geometry/covariance.hpp"
 
 namespace cairn {
 namespace {
@@ -138,7 +138,7 @@ class Fields {
     begin_field(name);
     double value = 0.0;
     const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
-    const auto [stop, error] = std::from_chars(begin, end_, value);
+    const auto [stop, error] = read_number(begin, end_, value);
     const bool whole = error == std::errc{} && (stop == end_ || is_blank(*stop));
     if (!whole || !std::isfinite(value) || (begin != next_ && *begin == '-')) {
       refuse_field("is not a number", "a finite decimal number");
@@ -285,25 +285,6 @@ class RowLines {
   std::vector<std::pair<std::uint64_t, std::uint64_t>> runs_;
 };
 
-// The row of the second landmark of the first id that occurs twice, if any. Frames are checked as
-// they come; landmarks are many and mostly in order, so they are checked at the end.
-std::optional<std::size_t> first_repeated(const std::vector<LandmarkId>& ids) {
-  if (std::adjacent_find(ids.begin(), ids.end(), std::greater_equal<>()) == ids.end() ||
-      std::adjacent_find(ids.begin(), ids.end(), std::less_equal<>()) == ids.end()) {
-    return std::nullopt;
-  }
-  std::vector<std::uint32_t> order(ids.size());
-  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return ids[a] != ids[b] ? ids[a] < ids[b] : a < b;
-  });
-  std::optional<std::size_t> first;
-  for (std::size_t i = 1; i < order.size(); ++i) {
-    if (ids[order[i]] == ids[order[i - 1]] && (!first || order[i] < *first)) first = order[i];
-  }
-  return first;
-}
-
 class NativeReader {
  public:
   NativeReader(ByteSource& source, const MapReadOptions& options)
@@ -338,16 +319,16 @@ class NativeReader {
 
  private:
   void reserve(const RecordCounts& counts) {
-    tables_.frames.ids.reserve(counts.frames);
-    tables_.frames.translations.reserve(counts.frames);
-    tables_.frames.quaternions.reserve(counts.frames);
+    reserve_populated(tables_.frames.ids, counts.frames);
+    reserve_populated(tables_.frames.translations, counts.frames);
+    reserve_populated(tables_.frames.quaternions, counts.frames);
     frame_index_.reserve(counts.frames);
-    tables_.landmarks.ids.reserve(counts.landmarks);
-    tables_.landmarks.positions.reserve(counts.landmarks);
-    tables_.landmarks.covariances.reserve(counts.landmarks);
-    tables_.observations.offsets.reserve(counts.landmarks + 1);
-    tables_.observations.frames.reserve(counts.observations);
-    tables_.observations.pixels.reserve(counts.observations);
+    reserve_populated(tables_.landmarks.ids, counts.landmarks);
+    reserve_populated(tables_.landmarks.positions, counts.landmarks);
+    reserve_populated(tables_.landmarks.covariances, counts.landmarks);
+    reserve_populated(tables_.observations.offsets, counts.landmarks + 1);
+    reserve_populated(tables_.observations.frames, counts.observations);
+    reserve_populated(tables_.observations.pixels, counts.observations);
   }
 
   void read_line(std::string_view line, const LineReader& lines) {
@@ -398,16 +379,8 @@ class NativeReader {
     const double z = fields.number("tz");
     std::array<double, 4> q{};
     constexpr std::array<const char*, 4> kNames = {"qw", "qx", "qy", "qz"};
-    double squared_norm = 0.0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      q[i] = fields.number(kNames[i]);
-      squared_norm += q[i] * q[i];
-    }
-    if (!(std::abs(std::sqrt(squared_norm) - 1.0) <= 1e-3)) {
-      fields.refuse_line(fmt::format("fields 6-9 (qw qx qy qz): quaternion of norm {:.6g}",
-                                     std::sqrt(squared_norm)),
-                         "norm 1 within 1e-3");
-    }
+    for (std::size_t i = 0; i < 4; ++i) q[i] = fields.number(kNames[i]);
+    frame_lines_.add(frames.ids.size(), line_);
     frames.ids.push_back(id);
     frames.translations.emplace_back(x, y, z);
     frames.quaternions.push_back(q);
@@ -440,11 +413,6 @@ class NativeReader {
     Eigen::Matrix3d covariance;
     for (int i = 0; i < 9; ++i) {
       covariance(i / 3, i % 3) = fields.number(kNames[static_cast<std::size_t>(i)]);
-    }
-    const std::string defect = covariance_defect(covariance);
-    if (!defect.empty()) {
-      fields.refuse_line("fields 6-14 (c00 ... c22): covariance is " + defect,
-                         "a symmetric positive semi-definite matrix");
     }
     covariances.push_back(covariance);
   }
@@ -533,9 +501,7 @@ class NativeReader {
       const double y = fields.number("y");
       const double z = fields.number("z");
       info.gravity = Eigen::Vector3d(x, y, z);
-      if (!(std::abs(info.gravity->norm() - 1.0) < 1e-3)) {
-        fields.refuse_line("gravity is not a unit vector", "norm 1 within 1e-3");
-      }
+      gravity_line_ = line_;
     } else if (key == "uuid") {
       refuse_second(info.uuid.has_value(), fields);
       info.uuid = unescaped(fields.rest("uuid"), fields);
@@ -706,12 +672,6 @@ class NativeReader {
     FrameTable& frames = tables_.frames;
     LandmarkTable& landmarks = tables_.landmarks;
     ObservationTable& observations = tables_.observations;
-    if (const auto row = first_repeated(landmarks.ids)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}:{}: field 2 (id)", source_.name(), landmark_lines_.line_of(*row)),
-                  fmt::format("landmark {} stands above already", landmarks.ids[*row].value),
-                  "distinct ids");
-    }
     const auto fill = [](auto& column, std::size_t rows) {
       if (!column.empty()) column.resize(rows);
     };
@@ -728,7 +688,26 @@ class NativeReader {
       descriptors->bytes.resize(landmarks.ids.size() * descriptors->bytes_each);
     }
     if (observations_unknown_) observations.offsets = {};
-    return LandmarkMap(std::move(tables_));
+    return LandmarkMap(std::move(tables_),
+                       [this](MapColumn column, std::size_t row) { return place_of(column, row); });
+  }
+
+  // Of what is left to LandmarkMap to check.
+  std::string place_of(MapColumn column, std::size_t row) const {
+    switch (column) {
+      case MapColumn::kGravity:
+        return fmt::format("{}:{}: fields 3-5 (x y z)", source_.name(), gravity_line_);
+      case MapColumn::kQuaternions:
+        return fmt::format("{}:{}: fields 6-9 (qw qx qy qz)", source_.name(),
+                           frame_lines_.line_of(row));
+      case MapColumn::kLandmarkIds:
+        return fmt::format("{}:{}: field 2 (id)", source_.name(), landmark_lines_.line_of(row));
+      case MapColumn::kCovariances:
+        return fmt::format("{}:{}: fields 6-14 (c00 ... c22)", source_.name(),
+                           landmark_lines_.line_of(row));
+      default:
+        return source_.name();
+    }
   }
 
   ByteSource& source_;
@@ -739,6 +718,8 @@ class NativeReader {
   bool length_unit_known_ = false;
   bool observations_unknown_ = false;
   std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was
+  std::uint64_t gravity_line_ = 0;
+  RowLines frame_lines_;
   RowLines landmark_lines_;
   std::unordered_map<FrameId, FrameIndex> frame_index_;
   std::unordered_map<CameraId, CameraIndex> camera_index_;

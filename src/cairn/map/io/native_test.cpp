@@ -335,15 +335,19 @@ TEST(ReadNative, RefusesBrokenFrames) {
       {frame_line("7 0 0 0 1 0 0 0"),
        "desk.map:3: field 2 (id): frame 7 stands above already; expected distinct ids"},
       {frame_line("8 0 0 0 1 0.05 0 0"),
-       "desk.map:3: fields 6-9 (qw qx qy qz): quaternion of norm 1.00125; expected norm 1 within "
+       "desk.map:3: fields 6-9 (qw qx qy qz): frame 8: quaternion of norm 1.00125; expected norm 1 "
+       "within "
        "1e-3"},
       {frame_line("8 0 0 0 0.998 0 0 0"),
-       "desk.map:3: fields 6-9 (qw qx qy qz): quaternion of norm 0.998; expected norm 1 within "
+       "desk.map:3: fields 6-9 (qw qx qy qz): frame 8: quaternion of norm 0.998; expected norm 1 "
+       "within "
        "1e-3"},
       {frame_line("8 0 0 0 0 0 0 0"),
-       "desk.map:3: fields 6-9 (qw qx qy qz): quaternion of norm 0; expected norm 1 within 1e-3"},
+       "desk.map:3: fields 6-9 (qw qx qy qz): frame 8: quaternion of norm 0; expected norm 1 "
+       "within 1e-3"},
       {frame_line("8 0 0 0 1e200 0 0 0"),
-       "desk.map:3: fields 6-9 (qw qx qy qz): quaternion of norm inf; expected norm 1 within 1e-3"},
+       "desk.map:3: fields 6-9 (qw qx qy qz): frame 8: quaternion of norm inf; expected norm 1 "
+       "within 1e-3"},
   });
 }
 
@@ -408,14 +412,17 @@ TEST(ReadNative, RefusesBrokenLandmarks) {
        "desk.map:2: field 16 (observing frame): frame 8 is unknown; expected the id of a FRAME "
        "record above"},
       {landmark_with(7, "1e-5"),
-       "desk.map:2: fields 6-14 (c00 ... c22): covariance is not symmetric: opposite entries "
+       "desk.map:2: fields 6-14 (c00 ... c22): landmark 3: covariance is not symmetric: opposite "
+       "entries "
        "differ by 1e-05; expected a symmetric positive semi-definite matrix"},
       {landmark_with(10, "-0.25"),
-       "desk.map:2: fields 6-14 (c00 ... c22): covariance is indefinite: its smallest eigenvalue "
+       "desk.map:2: fields 6-14 (c00 ... c22): landmark 3: covariance is indefinite: its smallest "
+       "eigenvalue "
        "is -0.25; expected a symmetric positive semi-definite matrix"},
   });
-  EXPECT_THAT(refusal("LANDMARK 1 0 0 0 1 2 0 2 1 0 0 0 1 0\n"),
-              StartsWith("desk.map:1: fields 6-14 (c00 ... c22): covariance is indefinite"));
+  EXPECT_THAT(
+      refusal("LANDMARK 1 0 0 0 1 2 0 2 1 0 0 0 1 0\n"),
+      StartsWith("desk.map:1: fields 6-14 (c00 ... c22): landmark 1: covariance is indefinite"));
 }
 
 TEST(ReadNative, NamesTheSecondLineOfALandmarkThatOccursTwice) {
@@ -434,7 +441,7 @@ TEST(ReadNative, NamesTheSecondLineOfALandmarkThatOccursTwice) {
       spread += fmt::format("\n \nLANDMARK {} 0 0 0 0 0 0 0 0 0 0 0 0 0\n", id);
     }
     const std::string rest = fmt::format(
-        ": field 2 (id): landmark {} stands above already; expected distinct ids", repeated);
+        ": field 2 (id): landmark {}: the id occurs twice; expected distinct ids", repeated);
     EXPECT_EQ(refusal(text), fmt::format("desk.map:{}{}", line, rest));
     EXPECT_EQ(refusal(spread), fmt::format("desk.map:{}{}", 3 * line, rest));
   }
@@ -594,7 +601,9 @@ TEST(ReadNative, RefusesBrokenMeta) {
       {meta("META gravity 0 0 1\nMETA gravity 0 0 1"), fmt::format("desk.map:3: {}", kSecond)},
       {meta("META gravity 0 0"), fmt::format("desk.map:2: field 5 (z): {}", kMissing)},
       {meta("META gravity 0 0 -9.81"),
-       "desk.map:2: gravity is not a unit vector; expected norm 1 within 1e-3"},
+       "desk.map:2: fields 3-5 (x y z): gravity: (0, 0, -9.81) is not a unit vector; expected norm "
+       "1 "
+       "within 1e-3"},
       {meta("META provenance"), fmt::format("desk.map:2: field 3 (provenance): {}", kMissing)},
   });
   for (const std::string_view text : {"%", "a%", "a%2", "%2 b", "%g0", "%0g", "%%25", "100 %"}) {

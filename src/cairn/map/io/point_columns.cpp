@@ -755,11 +755,7 @@ LandmarkMap PointTable::finish() && {
   landmarks.columns = std::move(columns_);
   take_ids(landmarks);
   if (options_.progress) options_.progress(1.0);
-  try {
-    return LandmarkMap(std::move(tables));
-  } catch (const Error& error) {
-    throw Error(error.kind(), source_, error.what(), "");
-  }
+  return LandmarkMap(std::move(tables), [this](MapColumn, std::size_t) { return source_; });
 }
 
 void PointTable::refuse(std::uint64_t line, std::uint64_t token, std::string_view field,
