@@ -2,9 +2,8 @@
 #include "cairn/registration/convergence/match_history.hpp"
 
 #include <algorithm>
-
-#define XXH_INLINE_ALL
-#include <xxhash.h>
+#include <cstdint>
+#include <string_view>
 
 namespace cairn {
 
@@ -15,8 +14,10 @@ std::optional<MatchCycle> MatchHistory::add(std::span<const Match> matches) {
     pairs.push_back(match.source);
     pairs.push_back(match.target);
   }
-  const XXH128_hash_t digest = XXH3_128bits(pairs.data(), pairs.size() * sizeof(std::uint32_t));
-  const Hash hash = {digest.high64, digest.low64};
+  Hasher hasher;
+  hasher.update(std::string_view(reinterpret_cast<const char*>(pairs.data()),
+                                 pairs.size() * sizeof(std::uint32_t)));
+  const Hash128 hash = hasher.digest();
   // The latest first: a fixed point is by far the most frequent.
   const auto found = std::find(seen_.rbegin(), seen_.rend(), hash);
   std::optional<MatchCycle> cycle;

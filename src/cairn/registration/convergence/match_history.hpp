@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "cairn/core/hash.hpp"
 #include "cairn/registration/concepts.hpp"
 
 namespace cairn {
@@ -30,9 +29,7 @@ class MatchHistory {
   std::optional<MatchCycle> add(std::span<const Match> matches);
 
  private:
-  using Hash = std::array<std::uint64_t, 2>;
-
-  std::vector<Hash> seen_;  // by iteration
+  std::vector<Hash128> seen_;  // by iteration
 };
 
 }  // namespace cairn
