@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/map/io/binary.hpp"
 
+#include <bit>
 #include <cstdint>
 #include <cstring>
 #include <functional>
@@ -174,7 +175,7 @@ TEST(WriteBinary, AndTheTextFormatLoseNothingToEachOther) {
 
 TEST(WriteBinary, HasOneFormForUnknown) {
   MapTables tables = full_tables();
-  const double odd = std::bit_cast<double>(std::uint64_t{0xfff8000000000123});
+  const auto odd = std::bit_cast<double>(std::uint64_t{0xfff8000000000123});
   tables.landmarks.covariances[1](0, 0) = odd;
   tables.landmarks.covariances[1](2, 1) = 7.0;
   tables.landmarks.columns[0].values[1] = odd;
@@ -560,12 +561,12 @@ TEST(ReadBinary, RefusesBrokenLandmarks) {
                                 "covariances: landmark 30: covariance is not symmetric: opposite "
                                 "entries differ by 1e-05; expected a symmetric positive "
                                 "semi-definite matrix"},
-      {covariance(2 * 72, -0.25), byte_of(MapColumn::kCovariances, 2 * 72) +
-                                      "covariances: landmark 9223372036854775808: covariance is "
-                                      "indefinite: its smallest eigenvalue is -0.25; expected a "
-                                      "symmetric positive semi-definite matrix"},
-      {covariance(2 * 72 + 32, kInfinity),
-       byte_of(MapColumn::kCovariances, 2 * 72) +
+      {covariance(144, -0.25), byte_of(MapColumn::kCovariances, 144) +
+                                   "covariances: landmark 9223372036854775808: covariance is "
+                                   "indefinite: its smallest eigenvalue is -0.25; expected a "
+                                   "symmetric positive semi-definite matrix"},
+      {covariance(144 + 32, kInfinity),
+       byte_of(MapColumn::kCovariances, 144) +
            "covariances: landmark 9223372036854775808: covariance is an entry is not finite; "
            "expected a symmetric positive semi-definite matrix"},
       {covariance(72 + 40, 0.5), byte_of(MapColumn::kCovariances, 72 + 40) +
