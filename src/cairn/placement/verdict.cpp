@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/verdict.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace cairn {
+namespace {
+
+// By how much a support stands clear of another: so many times as much, and so many standard
+// deviations of the difference of two counts. Found on simulated pairs; see docs/method.md.
+struct Clearance {
+  double ratio;
+  double deviations;
+};
+constexpr Clearance kOfRunnerUp = {1.25, 3.0};
+// The support nearby was not optimised, so that of any optimum exceeds it.
+constexpr Clearance kOfChance = {1.25, 3.0};
+constexpr Clearance kOfChanceIfAmbiguous = {2.0, 5.0};
+
+bool clear(double support, double other, std::size_t landmarks, const Clearance& clearance) {
+  const auto count = static_cast<double>(landmarks);
+  const double deviation = std::sqrt((support + other) / count);
+  return support >= clearance.ratio * other && support - other >= clearance.deviations * deviation;
+}
+
+std::string percent(double share) {
+  return fmt::format("{:.1f} %", 100.0 * share);
+}
+
+}  // namespace
+
+std::string_view to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kAligned:
+      return "aligned";
+    case Verdict::kAmbiguous:
+      return "ambiguous";
+    case Verdict::kRejected:
+      return "rejected";
+  }
+  return "unknown";
+}
+
+Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
+                double radius) {
+  if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
+  const PlacementCandidate& best = candidates.front();
+  double second = 0.0;
+  for (const PlacementCandidate& other : candidates.subspan(1)) {
+    second = std::max(second, other.support);
+  }
+  const std::string found =
+      fmt::format("the best pose matches {} of {} landmarks one to one within {:.3g}",
+                  percent(best.support), landmarks, radius);
+  const bool clear_of_second = clear(best.support, second, landmarks, kOfRunnerUp);
+  if (clear_of_second && clear(best.support, best.chance, landmarks, kOfChance)) {
+    return {Verdict::kAligned, fmt::format("{}, the next {}, and {} match nearby by chance", found,
+                                           percent(second), percent(best.chance))};
+  }
+  if (!clear_of_second && clear(best.support, best.chance, landmarks, kOfChanceIfAmbiguous)) {
+    const auto alike = std::count_if(
+        candidates.begin(), candidates.end(), [&](const PlacementCandidate& candidate) {
+          return !clear(best.support, candidate.support, landmarks, kOfRunnerUp);
+        });
+    return {Verdict::kAmbiguous,
+            fmt::format("{}, but {} poses are about as good: the next matches {}", found, alike,
+                        percent(second))};
+  }
+  return {Verdict::kRejected,
+          fmt::format("{}, which is not clear of the {} that the next pose matches and the {} that "
+                      "match nearby by chance",
+                      found, percent(second), percent(best.chance))};
+}
+
+}  // namespace cairn
