@@ -266,6 +266,10 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     refinement.stop = options.stop;
     refinement.trace = options.trace;
     result.alignment = refine(source, target, refinement);
+    if (result.alignment.status != AlignStatus::kAligned) {
+      result.verdict = Verdict::kRejected;
+      result.reason = result.alignment.reason;
+    }
   }
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

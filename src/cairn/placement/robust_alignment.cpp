@@ -49,7 +49,6 @@ RobustAlignment::Equations& RobustAlignment::Equations::operator+=(const Equatio
   scatter += other.scatter;
   curvature += other.curvature;
   weight += other.weight;
-  fit += other.fit;
   return *this;
 }
 
@@ -107,7 +106,6 @@ void RobustAlignment::add(const Eigen::Vector3d& moved, const Match& match,
   // Second derivative of the kernel: where it bends back, a match says less.
   sum.curvature += evidence - 4.0 * weight * kernel * pull * pull.transpose();
   sum.weight += weight;
-  sum.fit += trust * kernel;
 }
 
 RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vector3d> moved,
@@ -177,13 +175,6 @@ IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
 std::vector<Match> RobustAlignment::matches(const Rigid3& pose) const {
   BatchTree::Batch queries = target_tree_.batch(1);
   return find_matches(moved_points(pair_.source().positions, pose), queries);
-}
-
-double RobustAlignment::fit(const Rigid3& pose, double scale) const {
-  const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
-  BatchTree::Batch queries = target_tree_.batch(1);
-  return equations(moved, find_matches(moved, queries), pose, scale, 1.0).fit /
-         static_cast<double>(moved.size());
 }
 
 PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) const {

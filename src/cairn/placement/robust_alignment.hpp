@@ -37,9 +37,6 @@ class RobustAlignment {
 
   std::vector<Match> matches(const Rigid3& pose) const;
 
-  /// How well a centred pose fits: the mean of the trusted 1 - kernel, 1/(1 + m²), over the source.
-  double fit(const Rigid3& pose, double scale) const;
-
   /// Of a centred pose that is an optimum at this scale.
   PoseUncertainty uncertainty(const Rigid3& pose, double scale) const;
 
@@ -51,7 +48,6 @@ class RobustAlignment {
     Matrix6d scatter = Matrix6d::Zero();
     Matrix6d curvature = Matrix6d::Zero();
     double weight = 0.0;
-    double fit = 0.0;
 
     Equations& operator+=(const Equations& other);
   };

@@ -48,10 +48,7 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
                 double radius) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();
-  double second = 0.0;
-  for (const PlacementCandidate& other : candidates.subspan(1)) {
-    second = std::max(second, other.support);
-  }
+  const double second = candidates.size() > 1 ? candidates[1].support : 0.0;
   const std::string found =
       fmt::format("the best pose matches {} of {} landmarks one to one within {:.3g}",
                   percent(best.support), landmarks, radius);

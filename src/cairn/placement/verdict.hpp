@@ -23,9 +23,6 @@ std::string_view to_string(Verdict verdict);
 /// A pose that explains the maps to some extent, distinct from the others.
 struct PlacementCandidate {
   Rigid3 target_from_source;
-  /// Mean of 1/(1 + m²) over the smaller map's landmarks, the robust objective of refine(): by it
-  /// poses are ranked.
-  double fit = 0.0;
   /// Share of the smaller map's landmarks that are matched, one to one.
   double support = 0.0;
   /// The most support there is close by, where landmarks that are one no longer meet but surfaces
@@ -40,11 +37,11 @@ struct Judgement {
 
 /// Judges the first of some candidates by the others.
 ///
-/// The next best pose has been optimised as the best was, so its support is the best that a wrong
-/// pose reaches in this very pair of maps. The best stands clear of it if it has half as much again,
-/// or less if ... see verdict.cpp for the numbers.
+/// The next best pose has been optimised as the best was, so its support is the most that a wrong pose
+/// reaches in this very pair of maps; a right one must stand clear of it, by a factor and by what
+/// counting landmarks leaves to chance.
 ///
-/// @param candidates best fit first
+/// @param candidates best support first
 /// @param landmarks  of the smaller map, whose share the support is
 /// @param radius     within which landmarks were matched, for the sentence
 Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
