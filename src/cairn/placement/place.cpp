@@ -30,10 +30,10 @@ constexpr std::size_t kShortPoints = 1000;    // of the source, in the first loo
 constexpr int kShortIterations = 8;
 constexpr int kFinalIterations = 40;
 constexpr std::size_t kFinalists = 10;
-constexpr std::ptrdiff_t kVariants =
-    3;  // of one finalist: the better of two optima shows at the end
+constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
+constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
 constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
 constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
 
@@ -112,7 +112,8 @@ class Placement {
         {.coarse = scales_.coarse,
          .fine = scales_.fine,
          .executor = options_.executor,
-         .stop = options_.stop});
+         .stop = options_.stop,
+         .progress = options_.progress});
     std::vector<PlacementCandidate> poses;
     for (const SearchCandidate& candidate : found) {
       poses.push_back({.target_from_source = candidate.target_from_source});
@@ -256,9 +257,10 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     result.verdict = judgement.verdict;
     result.reason = std::move(judgement.reason);
     RefineOptions refinement;
-    if (!result.candidates.empty())
+    if (!result.candidates.empty()) {
       refinement.initial = result.candidates.front().target_from_source;
-    refinement.coarse = 3.0 * found.fine;
+    }
+    refinement.coarse = kReopened * found.fine;
     refinement.fine = found.fine;
     refinement.use_covariances = options.use_covariances;
     refinement.overlap_radius = options.overlap_radius.value_or(result.radius);

@@ -263,7 +263,8 @@ TEST(Place, ReturnsWhenAskedToStop) {
   EXPECT_EQ(result.verdict, Verdict::kRejected);
 }
 
-// The two halves of the authors' map: real drift, and most landmarks of one not in the other.
+// The two halves of the authors' map: real drift, and most landmarks of one not in the other. Too few
+// match for the verdict to be sure; the pose must be the same all the same.
 TEST(Place, FindsOnePoseForTheHalvesOfARealMapWhateverItSees) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
@@ -272,7 +273,6 @@ TEST(Place, FindsOnePoseForTheHalvesOfARealMapWhateverItSees) {
   const LandmarkMap source = cut_frames(map, FrameId{120}, FrameId{1'000'000});
   const PlacementResult whole =
       place(landmark_cloud(source), landmark_cloud(target), two_threads());
-  EXPECT_EQ(whole.verdict, Verdict::kAligned) << whole.reason;
   const auto part = [](const LandmarkMap& all, Random& random) {
     std::vector<LandmarkIndex> kept;
     for (const LandmarkIndex landmark : landmarks_observed(all, 2)) {

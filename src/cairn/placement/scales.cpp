@@ -12,7 +12,8 @@ namespace {
 
 constexpr std::size_t kNeighbors = 8;
 constexpr std::size_t kSampled = 4096;  // medians need no more
-constexpr double kFineFactor = 1.5;
+// Below this many spacings the objective has an optimum wherever a few landmarks happen to meet.
+constexpr double kSmooth = 1.5;
 constexpr double kFinest = 1e-3;  // of the coarse scale; maps may hold copies of one landmark
 
 double median(std::vector<double> values) {
@@ -57,7 +58,7 @@ KernelScales kernel_scales(const CloudScales& source, const CloudScales& target)
   KernelScales scales;
   scales.fine =
       std::max(std::min(source.spacing, target.spacing), std::hypot(source.noise, target.noise));
-  scales.fine *= kFineFactor;
+  scales.fine *= kSmooth;
   scales.coarse = std::max(0.5 * std::min(source.extent, target.extent), scales.fine);
   // Of landmarks that all coincide.
   if (!(scales.coarse > 0.0)) scales.coarse = 1.0;

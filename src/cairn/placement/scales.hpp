@@ -27,8 +27,8 @@ CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
 /// Where the kernel of a robust alignment begins and ends.
 struct KernelScales {
   double coarse = 0.0;  ///< half the extent of the smaller cloud: what one start can still reach
-  double fine = 0.0;  ///< what landmarks that are one differ by: the finer spacing, or the noise of
-                      ///< both if that is more
+  double fine = 0.0;    ///< one and a half times the finer spacing, or the noise of a match if that
+                        ///< is more
 };
 
 KernelScales kernel_scales(const CloudScales& source, const CloudScales& target);

@@ -108,7 +108,9 @@ class Search {
   std::vector<SearchCandidate> run(std::span<const Eigen::Quaterniond> rotations) const {
     double scale = options_.coarse;
     std::vector<SearchCandidate> poses = scout(rotations, field(scale));
+    double done = 1.0;
     for (const Round& round : kRounds) {
+      if (options_.progress) options_.progress(done++ / (kRounds.size() + 1.0));
       keep_best(poses, round.entrants);
       const double start = scale;
       scale = options_.coarse * std::pow(options_.fine / options_.coarse, round.scale);

@@ -38,6 +38,7 @@ struct SearchOptions {
   std::size_t candidates = 32;
   Executor executor = Executor();
   std::stop_token stop = {};
+  Progress progress = {};
 };
 
 /// Poses that bring the source points close to target points: from each rotation with many
