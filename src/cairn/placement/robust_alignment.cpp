@@ -19,8 +19,8 @@ constexpr double kCooling = 0.75;
 // A step below this share of the fine scale changes nothing worth knowing.
 constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
-// The kernel's weight at 5 scales is 0.0015: what is farther may as well not match.
-constexpr double kFarthest = 5.0;
+// A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
+constexpr double kNegligible = 1.0 / 26.0;
 
 std::vector<Eigen::Vector3d> moved_points(std::span<const Eigen::Vector3d> points,
                                           const Rigid3& pose) {
@@ -49,6 +49,7 @@ RobustAlignment::Equations& RobustAlignment::Equations::operator+=(const Equatio
   scatter += other.scatter;
   curvature += other.curvature;
   weight += other.weight;
+  count += other.count;
   return *this;
 }
 
@@ -81,7 +82,7 @@ std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d
 
 void RobustAlignment::add(const Eigen::Vector3d& moved, const Match& match,
                           const Eigen::Matrix3d& rotation, const Eigen::Vector3d& pivot,
-                          double scale, double length, Equations& sum) const {
+                          double scale, double length, bool for_uncertainty, Equations& sum) const {
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
   Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
@@ -93,6 +94,7 @@ void RobustAlignment::add(const Eigen::Vector3d& moved, const Match& match,
   const Eigen::Vector3d residual = target.positions[match.target] - moved;
   const Eigen::Vector3d weighted = information * residual;
   const double kernel = 1.0 / (1.0 + residual.dot(weighted));
+  if (kernel < kNegligible) return;
   const double trust = source.weight(match.source) * target.weight(match.target);
   const double weight = trust * kernel * kernel;
   const Eigen::Vector3d arm = moved - pivot;
@@ -102,23 +104,27 @@ void RobustAlignment::add(const Eigen::Vector3d& moved, const Match& match,
   const Matrix6d evidence = weight * jacobian.transpose() * information * jacobian;
   sum.information += evidence;
   sum.gradient += weight * pull;
-  sum.scatter += weight * weight * pull * pull.transpose();
-  // Second derivative of the kernel: where it bends back, a match says less.
-  sum.curvature += evidence - 4.0 * weight * kernel * pull * pull.transpose();
   sum.weight += weight;
+  ++sum.count;
+  if (!for_uncertainty) return;
+  const Matrix6d outer = pull * pull.transpose();
+  sum.scatter += weight * weight * outer;
+  // Second derivative of the kernel: where it bends back, a match says less.
+  sum.curvature += evidence - 4.0 * weight * kernel * outer;
 }
 
 RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vector3d> moved,
                                                       std::span<const Match> matches,
                                                       const Rigid3& pose, double scale,
-                                                      double length) const {
+                                                      double length, bool for_uncertainty) const {
   constexpr std::size_t kBlock = 1024;
   const Eigen::Matrix3d rotation = pose.rotation();
   std::vector<Equations> parts((matches.size() + kBlock - 1) / kBlock);
   executor_.for_blocks(matches.size(), kBlock, [&](std::size_t begin, std::size_t end) {
     Equations& part = parts[begin / kBlock];
     for (std::size_t i = begin; i < end; ++i) {
-      add(moved[matches[i].source], matches[i], rotation, pose.translation(), scale, length, part);
+      add(moved[matches[i].source], matches[i], rotation, pose.translation(), scale, length,
+          for_uncertainty, part);
     }
   });
   // In the order of the blocks, so that rounding does not depend on the threads.
@@ -145,9 +151,9 @@ IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
     }
     const std::vector<Eigen::Vector3d> moved = moved_points(source, run.target_from_source);
     std::vector<Match> matches = find_matches(moved, queries);
-    Equations sum = equations(moved, matches, run.target_from_source, scale, length);
+    Equations sum = equations(moved, matches, run.target_from_source, scale, length, false);
     // Fewer matches than these would be free to turn.
-    if (matches.size() < kFewestMatches || !(sum.weight > 0.0)) {
+    if (sum.count < kFewestMatches || !(sum.weight > 0.0)) {
       run.stop_reason = StopReason::kTooFewMatches;
       break;
     }
@@ -180,18 +186,15 @@ std::vector<Match> RobustAlignment::matches(const Rigid3& pose) const {
 PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) const {
   const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
   BatchTree::Batch queries = target_tree_.batch(1);
-  std::vector<Match> near = find_matches(moved, queries);
-  std::erase_if(near, [&](const Match& match) {
-    return match.squared_distance > kFarthest * kFarthest * scale * scale;
-  });
-  if (near.size() < kFewestMatches) return {};
   PoseEvidence evidence;
   evidence.pivot = pose.translation();
   evidence.length = radius(moved.size());
-  const Equations sum = equations(moved, near, pose, scale, evidence.length);
+  const Equations sum =
+      equations(moved, find_matches(moved, queries), pose, scale, evidence.length, true);
+  if (sum.count < kFewestMatches) return {};
   evidence.information = sum.curvature;
   evidence.scatter = sum.scatter;
-  evidence.count = static_cast<double>(near.size());
+  evidence.count = static_cast<double>(sum.count);
   return pose_uncertainty(pose, evidence);
 }
 

@@ -45,9 +45,10 @@ class RobustAlignment {
   struct Equations {
     Matrix6d information = Matrix6d::Zero();
     Vector6d gradient = Vector6d::Zero();
-    Matrix6d scatter = Matrix6d::Zero();
-    Matrix6d curvature = Matrix6d::Zero();
     double weight = 0.0;
+    std::size_t count = 0;
+    Matrix6d scatter = Matrix6d::Zero();    // for the uncertainty, as is
+    Matrix6d curvature = Matrix6d::Zero();  // the objective's second derivative
 
     Equations& operator+=(const Equations& other);
   };
@@ -55,9 +56,10 @@ class RobustAlignment {
   std::vector<Match> find_matches(std::span<const Eigen::Vector3d> moved,
                                   BatchTree::Batch& queries) const;
   Equations equations(std::span<const Eigen::Vector3d> moved, std::span<const Match> matches,
-                      const Rigid3& pose, double scale, double length) const;
+                      const Rigid3& pose, double scale, double length, bool for_uncertainty) const;
   void add(const Eigen::Vector3d& moved, const Match& match, const Eigen::Matrix3d& rotation,
-           const Eigen::Vector3d& pivot, double scale, double length, Equations& sum) const;
+           const Eigen::Vector3d& pivot, double scale, double length, bool for_uncertainty,
+           Equations& sum) const;
   double radius(std::size_t points) const;
 
   const CentredPair& pair_;

@@ -38,8 +38,8 @@ struct Judgement {
 /// Judges the first of some candidates by the others.
 ///
 /// The next best pose has been optimised as the best was, so its support is the most that a wrong pose
-/// reaches in this very pair of maps; a right one must stand clear of it, by a factor and by what
-/// counting landmarks leaves to chance.
+/// reaches in this very pair of maps; a right one must stand clear of it, by a share of the landmarks and
+/// by what counting them leaves to chance.
 ///
 /// @param candidates best support first
 /// @param landmarks  of the smaller map, whose share the support is

@@ -43,7 +43,7 @@ TEST(Verdict, RejectedIfNotClearOfChance) {
 }
 
 TEST(Verdict, RejectedIfFewLandmarksCouldMatchByChance) {
-  const std::vector<PlacementCandidate> poses = {candidate(0.25, 0.1), candidate(0.12, 0.1)};
+  const std::vector<PlacementCandidate> poses = {candidate(0.3, 0.1), candidate(0.12, 0.1)};
   EXPECT_EQ(verdict_of(poses, 3000).verdict, Verdict::kAligned);
   EXPECT_EQ(verdict_of(poses, 60).verdict, Verdict::kRejected);
 }
