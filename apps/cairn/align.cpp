@@ -39,6 +39,9 @@ struct AlignArguments {
   AlignOptions options;
   bool stop_as_pcl = false;
   PointSetOptions point_options;
+  std::string method = "icp";
+  bool gravity = false;
+  RobustMethod robust;
 
   void add_to(CLI::App& command);
   int run();
@@ -82,6 +85,13 @@ void AlignArguments::add_to(CLI::App& command) {
              "Share of the matches, the farthest apart, to leave out");
   command.add_flag("--weight-by-confidence", options.weight_by_source_confidence,
                    "Weigh matches in the estimate by the source landmark's confidence");
+  add_text(command, "--method", method,
+           "icp (the paper's) or robust (graduated kernel, landmark covariances; confidences are "
+           "weights)",
+           "METHOD")
+      ->capture_default_str();
+  command.add_flag("--one-to-one", robust.one_to_one,
+                   "With --method robust: match no target landmark twice");
   add_number(
       command, "--overlap-radius", options.overlap_radius,
       fmt::format("Distance within which landmarks overlap, in the maps' unit (default: {:g} "
@@ -93,7 +103,25 @@ void AlignArguments::add_to(CLI::App& command) {
                    "Keep score and matches of each iteration in the JSON");
   common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
   common.add_to(command);
+  auto* const anywhere = command.add_flag(
+      "--anywhere", robust.anywhere,
+      "Align from no initial pose, robustly, and judge: aligned, ambiguous or rejected");
+  for (const char* const other :
+       {"--initial", "--initial-matrix", "--method", "--neighbors", "--max-iterations",
+        "--max-distance", "--reciprocal", "--trim", "--weight-by-confidence", "--one-to-one"}) {
+    anywhere->excludes(command.get_option(other));
+  }
+  command
+      .add_flag("--gravity", gravity,
+                "With --anywhere: only turn about the vertical, and tilt a little; a map that does "
+                "not know where down is has z upwards")
+      ->needs(anywhere);
+  add_number(command, "--effort", robust.placement.effort,
+             "With --anywhere: work in units of the default's, 1/16 to 64")
+      ->needs(anywhere);
   command.footer(
+      "Example: align two maps of one place of which nothing else is known\n"
+      "  cairn align later.map earlier.map --anywhere\n"
       "Example: align two maps from a guess, by two strategies, and keep the result\n"
       "  cairn align later.map earlier.map --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
@@ -104,14 +132,27 @@ void AlignArguments::check_options() const {
                      {"AlignOptions.max_iterations", "--max-iterations"},
                      {"AlignOptions.max_distance", "--max-distance"},
                      {"AlignOptions.trimmed_fraction", "--trim"},
-                     {"AlignOptions.overlap_radius", "--overlap-radius"}},
-                    [&] { options.validate(); });
+                     {"AlignOptions.overlap_radius", "--overlap-radius"},
+                     {"PlaceOptions.effort", "--effort"}},
+                    [&] {
+                      options.validate();
+                      robust.placement.validate();
+                    });
+  if (method != "icp" && method != "robust") {
+    throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
+                "icp or robust");
+  }
 }
 
 Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const {
   Json names = Json::array();
   for (const Strategy& strategy : strategies) names.push_back(strategy.name);
   return {{"confidence", std::move(names)},
+          {"method", robust.anywhere ? "robust" : method},
+          {"anywhere", robust.anywhere},
+          {"gravity", gravity},
+          {"effort", robust.anywhere ? Json(robust.placement.effort) : Json(nullptr)},
+          {"one_to_one", robust.one_to_one},
           {"k", options.k},
           {"initial", to_json(options.initial)},
           {"max_iterations", options.max_iterations},
@@ -160,8 +201,10 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   console.print("\n" + alignment_table(alignments, options, unit));
   for (const Alignment& alignment : alignments) {
     const AlignResult& result = alignment.result;
-    console.print(fmt::format("\n{}: {}\n", alignment.confidence, result.reason));
-    if (result.status != AlignStatus::kAligned) continue;
+    const std::string verdict =
+        alignment.placement ? std::string(to_string(alignment.placement->verdict)) + ": " : "";
+    console.print(fmt::format("\n{}: {}{}\n", alignment.confidence, verdict, result.reason));
+    if (!is_aligned(alignment)) continue;
     const Eigen::Vector3d& t = result.target_from_source.translation();
     const Eigen::Vector3d angles = result.target_from_source.roll_pitch_yaw();
     console.print(fmt::format(
@@ -174,7 +217,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
                       result.unobservable.size()));
     }
   }
-  if (!output.empty() && alignments.front().result.status == AlignStatus::kAligned) {
+  if (!output.empty() && is_aligned(alignments.front())) {
     console.print(fmt::format("\nwrote {}\n", output));
   }
 }
@@ -189,6 +232,13 @@ LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
                 "maps of one scale");
   }
   return unit;
+}
+
+GravityPrior gravity_of(const LandmarkMap& source, const LandmarkMap& target) {
+  GravityPrior gravity;
+  gravity.source = source.info().gravity.value_or(gravity.source);
+  gravity.target = target.info().gravity.value_or(gravity.target);
+  return gravity;
 }
 
 int AlignArguments::run() {
@@ -221,13 +271,17 @@ int AlignArguments::run() {
   }
   AlignOptions traced = options;
   traced.trace = options.trace || !common.report_path.empty();
-  const std::vector<Alignment> alignments = align_by_all(source_map.map, target_map.map, strategies,
-                                                         traced, point_options, true_pose, common);
+  const bool is_robust = robust.anywhere || method == "robust";
+  robust.placement.seed = common.seed;
+  if (gravity) robust.placement.gravity = gravity_of(source_map.map, target_map.map);
+  const std::vector<Alignment> alignments =
+      align_by_all(source_map.map, target_map.map, strategies, traced, point_options, true_pose,
+                   common, is_robust ? std::optional(robust) : std::nullopt);
 
   if (!output.empty()) {
-    const AlignResult& result = alignments.front().result;
-    if (result.status == AlignStatus::kAligned) {
-      save_map(transformed(source_map.map, result.target_from_source), output, common);
+    if (is_aligned(alignments.front())) {
+      save_map(transformed(source_map.map, alignments.front().result.target_from_source), output,
+               common);
     } else {
       common.console().remark(output + " is not written: there is no pose to move the source by");
     }
@@ -244,9 +298,7 @@ int AlignArguments::run() {
   if (!common.report_path.empty()) {
     write_report(make_report(source_map, target_map, alignments, unit, true_pose, json), common);
   }
-  const bool all_aligned = std::all_of(
-      alignments.begin(), alignments.end(),
-      [](const Alignment& alignment) { return alignment.result.status == AlignStatus::kAligned; });
+  const bool all_aligned = std::all_of(alignments.begin(), alignments.end(), is_aligned);
   return all_aligned ? kDone : kNoTrustworthyAlignment;
 }
 

@@ -290,5 +290,70 @@ TEST_F(AlignTest, BaseIsAnotherNameForNone) {
   EXPECT_EQ(json.at("results").at(0).at("confidence"), "none");
 }
 
+TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
+  const SyntheticPair maps = write_pair();
+  const Json json = document({"align", "source.map", "target.map", "--anywhere", "--truth",
+                              "truth.txt", "-o", "aligned.map"});
+  const Json& result = json.at("results").at(0);
+  EXPECT_EQ(result.at("status"), "aligned");
+  EXPECT_EQ(result.at("verdict"), "aligned");
+  EXPECT_EQ(result.at("method"), "robust");
+  EXPECT_THAT(result.at("reason").get<std::string>(), HasSubstr("one to one"));
+  EXPECT_LT(result.at("error").at("rotation_deg").get<double>(), 0.5);
+  EXPECT_LT(result.at("error").at("translation").get<double>(), 0.005);
+  EXPECT_TRUE(result.at("probability").is_null());
+  EXPECT_EQ(result.at("covariance").size(), 6U);
+  const Json& candidates = result.at("candidates");
+  ASSERT_GE(candidates.size(), 1U);
+  EXPECT_GT(candidates.at(0).at("support").get<double>(), 0.2);
+  EXPECT_TRUE(files().contains("aligned.map"));
+  const std::string text = answer({"align", "source.map", "target.map", "--anywhere"});
+  EXPECT_THAT(text, HasSubstr("none: aligned: the best pose matches"));
+}
+
+TEST_F(AlignTest, AnywhereRefusesMapsOfDifferentScenes) {
+  write_map(synthetic_map({.seed = 21, .landmarks = 600, .frames = 20}), path("source.map"));
+  write_map(synthetic_map({.seed = 22, .landmarks = 600, .frames = 20}), path("target.map"));
+  const Json json =
+      document({"align", "source.map", "target.map", "--anywhere", "-o", "no.map"}, kNoAlignment);
+  const Json& result = json.at("results").at(0);
+  EXPECT_EQ(result.at("verdict"), "rejected");
+  EXPECT_TRUE(result.at("target_from_source").is_null());
+  EXPECT_TRUE(result.at("covariance").is_null());
+  EXPECT_FALSE(result.at("candidates").empty());
+  EXPECT_FALSE(files().contains("no.map"));
+}
+
+TEST_F(AlignTest, AnywhereIsTheSameForAnyNumberOfThreads) {
+  write_pair();
+  const auto pose = [&](const char* threads) {
+    return document({"align", "source.map", "target.map", "--anywhere", "--threads", threads})
+        .at("results")
+        .at(0)
+        .at("target_from_source");
+  };
+  EXPECT_EQ(pose("1"), pose("2"));
+}
+
+TEST_F(AlignTest, RobustMethodRefinesAGuess) {
+  write_pair();
+  const Json result =
+      document(pair({"--method", "robust", "--truth", "truth.txt"})).at("results").at(0);
+  EXPECT_EQ(result.at("method"), "robust");
+  EXPECT_EQ(result.at("verdict"), "none");
+  EXPECT_TRUE(result.at("candidates").is_null());
+  EXPECT_LT(result.at("error").at("translation").get<double>(), 0.005);
+}
+
+TEST_F(AlignTest, RefusesWhatDoesNotGoWithAnywhere) {
+  write_pair();
+  expect_refusal(pair({"--anywhere"}), kWrongUsage, {"--initial-matrix", "--anywhere"});
+  expect_refusal({"align", "source.map", "target.map", "--gravity"}, kWrongUsage, {"--anywhere"});
+  expect_refusal({"align", "source.map", "target.map", "--anywhere", "--effort", "0"}, kWrongUsage,
+                 {"--effort", "1/16"});
+  expect_refusal({"align", "source.map", "target.map", "--method", "magic"}, kWrongUsage,
+                 {"--method", "robust"});
+}
+
 }  // namespace
 }  // namespace cairn::testing

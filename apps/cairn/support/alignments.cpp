@@ -2,10 +2,12 @@
 #include "support/alignments.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/placement/refine.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/table.hpp"
@@ -46,13 +48,59 @@ Json json_of(const std::vector<IterationRecord>& history, bool trace) {
   return list;
 }
 
+Json json_of(const std::vector<PlacementCandidate>& candidates) {
+  Json list = Json::array();
+  for (const PlacementCandidate& candidate : candidates) {
+    list.push_back({{"target_from_source", to_json(candidate.target_from_source)},
+                    {"support", candidate.support},
+                    {"chance", candidate.chance}});
+  }
+  return list;
+}
+
+std::string_view status_of(const Alignment& alignment) {
+  return alignment.placement ? to_string(alignment.placement->verdict)
+                             : to_string(alignment.result.status);
+}
+
+AlignResult refine_by(const RobustMethod& method, const LandmarkCloud& source,
+                      const LandmarkCloud& target, const AlignOptions& options) {
+  RefineOptions refinement;
+  refinement.initial = options.initial;
+  refinement.one_to_one = method.one_to_one;
+  refinement.max_iterations = options.max_iterations;
+  refinement.overlap_radius = options.overlap_radius;
+  refinement.trace = options.trace;
+  refinement.executor = options.executor;
+  refinement.stop = options.stop;
+  refinement.progress = options.progress;
+  return refine(source, target, refinement);
+}
+
+PlacementResult place_by(const RobustMethod& method, const LandmarkCloud& source,
+                         const LandmarkCloud& target, const AlignOptions& options) {
+  PlaceOptions placement = method.placement;
+  placement.overlap_radius = options.overlap_radius;
+  placement.trace = options.trace;
+  placement.executor = options.executor;
+  placement.stop = options.stop;
+  placement.progress = options.progress;
+  return place(source, target, placement);
+}
+
 }  // namespace
+
+bool is_aligned(const Alignment& alignment) {
+  return alignment.placement ? alignment.placement->verdict == Verdict::kAligned
+                             : alignment.result.status == AlignStatus::kAligned;
+}
 
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
                                     const std::vector<Strategy>& strategies, AlignOptions options,
                                     const PointSetOptions& point_options,
                                     const std::optional<Rigid3>& truth,
-                                    const CommonArguments& common) {
+                                    const CommonArguments& common,
+                                    const std::optional<RobustMethod>& robust) {
   options.executor = common.executor();
   options.stop = interrupt_requests();
   std::vector<Alignment> alignments;
@@ -62,12 +110,26 @@ std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap
     options.progress = common.console().progress("aligning, confidence " + strategy.name);
     Alignment alignment;
     alignment.confidence = strategy.name;
-    alignment.k = strategy.metric ? options.k : 1;
-    alignment.result = align(source_points, target_points, options);
+    if (robust) {
+      const LandmarkCloud from = landmark_cloud(source, strategy.metric, point_options);
+      const LandmarkCloud to = landmark_cloud(target, strategy.metric, point_options);
+      alignment.method = "robust";
+      if (robust->anywhere) {
+        alignment.placement = place_by(*robust, from, to, options);
+        alignment.result = std::move(alignment.placement->alignment);
+        alignment.result.reason = alignment.placement->reason;
+        alignment.result.duration_s = alignment.placement->duration_s;
+      } else {
+        alignment.result = refine_by(*robust, from, to, options);
+      }
+    } else {
+      alignment.k = strategy.metric ? options.k : 1;
+      alignment.result = align(source_points, target_points, options);
+    }
     if (alignment.result.status == AlignStatus::kCancelled) {
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
     }
-    if (truth && alignment.result.status == AlignStatus::kAligned) {
+    if (truth && is_aligned(alignment)) {
       alignment.error =
           pose_error(alignment.result.target_from_source, *truth, source_points.positions);
     }
@@ -91,7 +153,7 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const Alig
     const AlignResult& result = alignment.result;
     std::vector<std::string> row = {alignment.confidence,
                                     std::to_string(alignment.k),
-                                    std::string(to_string(result.status)),
+                                    std::string(status_of(alignment)),
                                     std::to_string(result.iterations),
                                     number(result.initial_score, 4),
                                     number(result.score, 4)};
@@ -121,14 +183,17 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const Alig
 
 Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit unit) {
   const AlignResult& result = alignment.result;
-  const bool has_pose = result.status != AlignStatus::kFailed;
+  const auto& placement = alignment.placement;
+  // The best pose of a rejected pair is wrong more often than not; the candidates list it.
+  const bool has_pose = result.status != AlignStatus::kFailed &&
+                        !(placement && placement->verdict == Verdict::kRejected);
   Json json = {
-      {"status", to_string(result.status)},
-      {"verdict", "none"},
+      {"status", status_of(alignment)},
+      {"verdict", placement ? to_string(placement->verdict) : "none"},
       {"reason", result.reason},
       {"target_from_source", has_pose ? to_json(result.target_from_source) : Json(nullptr)},
       {"scale", has_pose ? Json(1.0) : Json(nullptr)},
-      {"method", "icp"},
+      {"method", alignment.method},
       {"confidence", alignment.confidence},
       {"k", alignment.k},
       {"length_unit", to_string(unit)},
@@ -146,9 +211,10 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
                                         {"radius", *options.overlap_radius}}
                                  : Json(nullptr)},
       {"probability", nullptr},
-      {"covariance", result.covariance ? to_json(*result.covariance) : Json(nullptr)},
+      {"covariance", has_pose && result.covariance ? to_json(*result.covariance) : Json(nullptr)},
       {"unobservable", has_pose ? json_of(result.unobservable) : Json(nullptr)},
-      {"candidates", nullptr},
+      {"candidates", placement ? json_of(placement->candidates) : Json(nullptr)},
+      {"support_radius", placement ? Json(placement->radius) : Json(nullptr)},
       {"duration_s", result.duration_s},
   };
   json["error"] = nullptr;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/placement/place.hpp"
 #include "cairn/registration/align.hpp"
 
 #include "support/arguments.hpp"
@@ -13,21 +14,35 @@
 
 namespace cairn::cli {
 
+/// How a pair is aligned, other than by ICP.
+struct RobustMethod {
+  bool one_to_one = false;
+  bool anywhere = false;   ///< from no initial pose, with a verdict
+  PlaceOptions placement;  ///< for anywhere; what AlignOptions have too is taken from there
+};
+
 /// One pair of maps aligned by one strategy.
 struct Alignment {
   std::string confidence;  ///< name of the strategy
-  std::size_t k = 1;       ///< candidates it chose among
+  std::string method = "icp";
+  std::size_t k = 1;  ///< candidates it chose among
   AlignResult result;
-  std::optional<PoseError> error;  ///< against the truth, where that is known
+  std::optional<PlacementResult> placement;  ///< without its alignment, which is `result`
+  std::optional<PoseError> error;            ///< against the truth, where that is known
 };
 
+/// Whether there is a pose to be trusted as far as the method can tell.
+bool is_aligned(const Alignment& alignment);
+
 /// Aligns two maps by each strategy in turn, with progress and until interrupted.
+/// @param robust nothing: by ICP
 /// @throws Error (cancelled)
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
                                     const std::vector<Strategy>& strategies, AlignOptions options,
                                     const PointSetOptions& point_options,
                                     const std::optional<Rigid3>& truth,
-                                    const CommonArguments& common);
+                                    const CommonArguments& common,
+                                    const std::optional<RobustMethod>& robust = {});
 
 /// One row a strategy, and what the columns mean.
 std::string alignment_table(const std::vector<Alignment>& alignments, const AlignOptions& options,

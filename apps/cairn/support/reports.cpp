@@ -139,7 +139,7 @@ std::string best_of(const std::vector<Alignment>& alignments, LengthUnit unit) {
   const Alignment* nearest = nullptr;
   const Alignment* closest = nullptr;
   for (const Alignment& alignment : alignments) {
-    if (alignment.result.status != AlignStatus::kAligned) continue;
+    if (!is_aligned(alignment)) continue;
     const auto& error = alignment.error;
     if (error && (nearest == nullptr || error->translation < nearest->error->translation)) {
       nearest = &alignment;

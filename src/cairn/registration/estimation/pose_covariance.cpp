@@ -16,6 +16,29 @@ constexpr double kOpen = 1e-9;
 
 }  // namespace
 
+PoseUncertainty pose_uncertainty(const Rigid3& target_from_source, const PoseEvidence& evidence) {
+  PoseUncertainty result;
+  const double length = evidence.length;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(evidence.information);
+  for (int i = 0; i < 6; ++i) {
+    if (eigen.eigenvalues()[i] > kOpen * eigen.eigenvalues()[5]) continue;
+    const Vector6d direction = eigen.eigenvectors().col(i);
+    result.unobservable.push_back({direction.head<3>(), direction.tail<3>() / length});
+  }
+  if (!result.unobservable.empty()) return result;
+
+  const Matrix6d inverse = evidence.information.inverse();
+  const Matrix6d about_pivot =
+      evidence.count / (evidence.count - 2.0) * inverse * evidence.scatter * inverse;
+  // δt = δpivot - δφ × (pivot - t), and undo the scaling of the rotation.
+  Matrix6d to_pose = Matrix6d::Identity();
+  to_pose.topRightCorner<3, 3>() = skew(evidence.pivot - target_from_source.translation()) / length;
+  to_pose.bottomRightCorner<3, 3>() /= length;
+  const Matrix6d covariance = to_pose * about_pivot * to_pose.transpose();
+  result.covariance = 0.5 * (covariance + covariance.transpose());
+  return result;
+}
+
 PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
                                  std::span<const Eigen::Vector3d> moved_source,
                                  std::span<const Eigen::Vector3d> target,
@@ -39,39 +62,21 @@ PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
     radius += weight(match) * (moved_source[match.source] - centroid).squaredNorm();
   }
   radius = std::sqrt(radius / total);
-  const double length = radius > 0.0 ? radius : 1.0;
 
-  // Parameters: motion of the centroid, and rotation about it times `length`, so that all six are
-  // lengths and eigenvalues compare.
-  Matrix6d information = Matrix6d::Zero();
-  Matrix6d scatter = Matrix6d::Zero();
+  PoseEvidence evidence;
+  evidence.pivot = centroid;
+  evidence.length = radius > 0.0 ? radius : 1.0;
+  evidence.count = static_cast<double>(matches.size());
   for (const Match& match : matches) {
     const Eigen::Vector3d arm = moved_source[match.source] - centroid;
     const Eigen::Vector3d residual = moved_source[match.source] - target[match.target];
     Jacobian jacobian;
-    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length;
+    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / evidence.length;
     const Vector6d gradient = weight(match) * jacobian.transpose() * residual;
-    information += weight(match) * jacobian.transpose() * jacobian;
-    scatter += gradient * gradient.transpose();
+    evidence.information += weight(match) * jacobian.transpose() * jacobian;
+    evidence.scatter += gradient * gradient.transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(information);
-  for (int i = 0; i < 6; ++i) {
-    if (eigen.eigenvalues()[i] > kOpen * eigen.eigenvalues()[5]) continue;
-    const Vector6d direction = eigen.eigenvectors().col(i);
-    result.unobservable.push_back({direction.head<3>(), direction.tail<3>() / length});
-  }
-  if (!result.unobservable.empty()) return result;
-
-  const auto count = static_cast<double>(matches.size());
-  const Matrix6d inverse = information.inverse();
-  const Matrix6d about_centroid = count / (count - 2.0) * inverse * scatter * inverse;
-  // δt = δcentroid - δφ × (centroid - t), and undo the scaling of the rotation.
-  Matrix6d to_pose = Matrix6d::Identity();
-  to_pose.topRightCorner<3, 3>() = skew(centroid - target_from_source.translation()) / length;
-  to_pose.bottomRightCorner<3, 3>() /= length;
-  const Matrix6d covariance = to_pose * about_centroid * to_pose.transpose();
-  result.covariance = 0.5 * (covariance + covariance.transpose());
-  return result;
+  return pose_uncertainty(target_from_source, evidence);
 }
 
 }  // namespace cairn

@@ -24,6 +24,19 @@ struct PoseUncertainty {
   std::vector<OpenDirection> unobservable;
 };
 
+/// What matches tell of a small motion of the moved source: its parameters are the translation of a
+/// pivot, and the rotation about it times a length, so that all six are lengths and compare.
+struct PoseEvidence {
+  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< in the target frame
+  double length = 1.0;                              ///< of the order of the matched points' spread
+  Matrix6d information = Matrix6d::Zero();          ///< A = Σ w·JᵀJ
+  Matrix6d scatter = Matrix6d::Zero();              ///< Σ (w·Jᵀr)(w·Jᵀr)ᵀ
+  double count = 0.0;                               ///< of the matches; above 2
+};
+
+/// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations.
+PoseUncertainty pose_uncertainty(const Rigid3& target_from_source, const PoseEvidence& evidence);
+
 /// Covariance of a point-to-point pose from the scatter of its own residuals: the
 /// heteroscedasticity-consistent ("sandwich") estimator A⁻¹·B·A⁻¹ with A = Σ w·JᵀJ and
 /// B = n/(n-2)·Σ (w·Jᵀr)(w·Jᵀr)ᵀ (White 1980; the factor is for 6 parameters from 3n residuals).

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/centred_pair.hpp"
+
+#include <utility>
+
+#include "cairn/geometry/centroid.hpp"
+
+namespace cairn {
+namespace {
+
+LandmarkCloud moved(LandmarkCloud cloud, const Eigen::Vector3d& by) {
+  for (Eigen::Vector3d& position : cloud.positions) position += by;
+  return cloud;
+}
+
+Rigid3 translation(const Eigen::Vector3d& by) {
+  return Rigid3(Eigen::Quaterniond::Identity(), by);
+}
+
+}  // namespace
+
+CentredPair::CentredPair(LandmarkCloud source, LandmarkCloud target)
+    : source_centre_(centroid(source.positions)),
+      target_centre_(centroid(target.positions)),
+      source_(moved(std::move(source), -source_centre_)),
+      target_(moved(std::move(target), -target_centre_)) {}
+
+Rigid3 CentredPair::centred(const Rigid3& target_from_source) const {
+  return translation(-target_centre_) * target_from_source * translation(source_centre_);
+}
+
+Rigid3 CentredPair::uncentred(const Rigid3& pose) const {
+  return translation(target_centre_) * pose * translation(-source_centre_);
+}
+
+Matrix6d CentredPair::uncentred(const Matrix6d& covariance, const Rigid3& pose) const {
+  // The translations differ by R·source_centre and a constant: a rotation error acts on that arm too.
+  Matrix6d jacobian = Matrix6d::Identity();
+  jacobian.topRightCorner<3, 3>() = skew(pose.quaternion() * source_centre_);
+  const Matrix6d result = jacobian * covariance * jacobian.transpose();
+  return 0.5 * (result + result.transpose());
+}
+
+}  // namespace cairn

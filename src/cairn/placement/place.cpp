@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/place.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/placement/refine.hpp"
+#include "cairn/placement/robust_alignment.hpp"
+#include "cairn/placement/rotations.hpp"
+#include "cairn/placement/search.hpp"
+#include "cairn/placement/support.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kFewestLandmarks = 20;  // fewer cannot tell a pose from chance
+constexpr std::size_t kSample = 4096;         // landmarks of each map that the search sees
+constexpr double kRotations = 4608;           // at effort 1: about 15 degrees apart
+constexpr double kTurns = 72;                 // and about a known vertical: 5 degrees apart
+constexpr std::size_t kShortPoints = 1000;    // of the source, in the first look at each candidate
+constexpr int kShortIterations = 8;
+constexpr int kFinalIterations = 40;
+constexpr std::size_t kFinalists = 10;
+constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
+// In units of the fine scale:
+constexpr double kSame = 0.35;     // what optima that are one differ by at most
+constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
+constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
+constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
+
+template <class Value>
+void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
+  if (valid) return;
+  throw Error(ErrorKind::kMisuse, fmt::format("PlaceOptions.{}", field), fmt::format("{}", value),
+              expected);
+}
+
+// At most kSample landmarks in random order, the likelier and earlier the more they weigh (Efraimidis
+// and Spirakis 2006), so that the first n of them are such a sample, too.
+LandmarkCloud sample(const LandmarkCloud& cloud, Random random) {
+  std::vector<std::pair<double, std::size_t>> keys(cloud.size());
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    keys[i] = {std::log1p(-random.uniform()) / std::max(cloud.weight(i), 1e-9), i};
+  }
+  std::sort(keys.begin(), keys.end(), std::greater<>());
+  keys.resize(std::min(keys.size(), kSample));
+  LandmarkCloud result;
+  for (const auto& [key, i] : keys) {
+    result.positions.push_back(cloud.positions[i]);
+    if (!cloud.covariances.empty()) result.covariances.push_back(cloud.covariances[i]);
+    if (!cloud.weights.empty()) result.weights.push_back(cloud.weights[i]);
+  }
+  return result;
+}
+
+std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
+  if (options.gravity) {
+    return rotations_about(options.gravity->source, options.gravity->target,
+                           static_cast<std::size_t>(std::ceil(kTurns * options.effort)));
+  }
+  // Another seed looks from elsewhere.
+  Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
+  turn.normalize();
+  std::vector<Eigen::Quaterniond> all =
+      all_rotations(static_cast<std::size_t>(std::ceil(kRotations * options.effort)));
+  for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
+  return all;
+}
+
+// The search on samples of both maps, for a source that is no larger than the target: most of it has
+// its place there, if they overlap.
+class Placement {
+ public:
+  Placement(const LandmarkCloud& source, const LandmarkCloud& target, const PlaceOptions& options)
+      : options_(options),
+        pair_(sample(source, Random(options.seed).fork(1)),
+              sample(target, Random(options.seed).fork(2))),
+        source_tree_(pair_.source().positions),
+        target_tree_(pair_.target().positions),
+        scales_(kernel_scales(cloud_scales(pair_.source(), source_tree_, options.executor),
+                              cloud_scales(pair_.target(), target_tree_, options.executor))),
+        support_(pair_, source_tree_, target_tree_) {
+    distance_.radius = 0.0;
+    for (const Eigen::Vector3d& point : pair_.source().positions) {
+      distance_.radius += point.squaredNorm();
+    }
+    distance_.radius = std::sqrt(distance_.radius / static_cast<double>(pair_.source().size()));
+  }
+
+  double fine() const { return scales_.fine; }
+  double radius() const { return kMatched * scales_.fine; }
+
+  std::vector<PlacementCandidate> candidates() const {
+    const auto accept = [&](const Rigid3& pose) {
+      if (!options_.gravity) return true;
+      const Eigen::Vector3d down = pose.quaternion() * options_.gravity->source.normalized();
+      return down.dot(options_.gravity->target.normalized()) >=
+             std::cos(options_.gravity->max_tilt_rad);
+    };
+    const std::vector<SearchCandidate> found = search_poses(
+        pair_.source().positions, pair_.source().weights, pair_.target().positions,
+        pair_.target().weights, rotations(options_, Random(options_.seed).fork(3)), accept,
+        {.coarse = scales_.coarse,
+         .fine = scales_.fine,
+         .executor = options_.executor,
+         .stop = options_.stop,
+         .progress = options_.progress});
+    std::vector<PlacementCandidate> poses;
+    for (const SearchCandidate& candidate : found) {
+      poses.push_back({.target_from_source = candidate.target_from_source});
+    }
+    refine_all(poses, kShortPoints, kShortIterations);
+    poses = distinct(std::move(poses), kVariants);
+    refine_all(poses, pair_.source().size(), kFinalIterations);
+    poses = distinct(std::move(poses), 1);
+    for (PlacementCandidate& pose : poses) {
+      pose.chance = chance(pose.target_from_source);
+      pose.target_from_source = pair_.uncentred(pose.target_from_source);
+    }
+    return poses;
+  }
+
+ private:
+  // Moves each pose to the optimum near it.
+  void refine_all(std::vector<PlacementCandidate>& poses, std::size_t points,
+                  int iterations) const {
+    // The candidates run beside each other, each on one thread.
+    const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
+                                    Executor());
+    options_.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        Rigid3& pose = poses[i].target_from_source;
+        pose = alignment
+                   .run(pose,
+                        {.coarse = scales_.fine,
+                         .fine = scales_.fine,
+                         .max_iterations = iterations,
+                         .points = points},
+                        options_.stop)
+                   .target_from_source;
+        poses[i].support = support_(pose, radius()).mutual;
+      }
+    });
+  }
+
+  // The best of the poses, with at most so many variants of what people would call one.
+  std::vector<PlacementCandidate> distinct(std::vector<PlacementCandidate> poses,
+                                           std::ptrdiff_t variants) const {
+    std::stable_sort(poses.begin(), poses.end(),
+                     [](const PlacementCandidate& a, const PlacementCandidate& b) {
+                       return a.support > b.support;
+                     });
+    std::vector<PlacementCandidate> kept;
+    for (const PlacementCandidate& pose : poses) {
+      const auto within = [&](double radii) {
+        return std::count_if(kept.begin(), kept.end(), [&](const PlacementCandidate& other) {
+          return distance_(pose.target_from_source, other.target_from_source) <
+                 radii * scales_.fine;
+        });
+      };
+      if (within(kSame) == 0 && within(kDistinct) < variants) kept.push_back(pose);
+      if (kept.size() == kFinalists) break;
+    }
+    return kept;
+  }
+
+  // The best support next to a pose, a few radii along the target's main directions: landmarks that
+  // are one no longer meet there, but surfaces still do.
+  double chance(const Rigid3& pose) const {
+    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+    for (const Eigen::Vector3d& point : pair_.target().positions) {
+      scatter += point * point.transpose();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
+    double best = 0.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double sign : {-1.0, 1.0}) {
+        const Eigen::Vector3d shift =
+            sign * kDistinct * scales_.fine * eigen.eigenvectors().col(axis);
+        const Rigid3 beside(pose.quaternion(), pose.translation() + shift);
+        best = std::max(best, support_(beside, radius()).mutual);
+      }
+    }
+    return best;
+  }
+
+  const PlaceOptions& options_;
+  CentredPair pair_;
+  BatchTree source_tree_;
+  BatchTree target_tree_;
+  KernelScales scales_;
+  SupportCounter support_;
+  PoseDistance distance_;
+};
+
+struct Found {
+  std::vector<PlacementCandidate> candidates;
+  double fine = 0.0;
+  double radius = 0.0;
+};
+
+Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
+                      PlaceOptions options) {
+  const bool inverted = cloud_extent(source) > cloud_extent(target);
+  if (inverted && options.gravity) std::swap(options.gravity->source, options.gravity->target);
+  const Placement placement(inverted ? target : source, inverted ? source : target, options);
+  Found found{placement.candidates(), placement.fine(), placement.radius()};
+  if (inverted) {
+    for (PlacementCandidate& pose : found.candidates) {
+      pose.target_from_source = pose.target_from_source.inverse();
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+void PlaceOptions::validate() const {
+  require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
+  require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
+          "overlap_radius", overlap_radius.value_or(0.0), "a positive number");
+  if (!gravity) return;
+  for (const Eigen::Vector3d& down : {gravity->source, gravity->target}) {
+    require(down.allFinite() && down.norm() > 0.0, "gravity", "no direction", "a vector downwards");
+  }
+  require(gravity->max_tilt_rad > 0.0 && gravity->max_tilt_rad <= std::numbers::pi,
+          "gravity.max_tilt_rad", gravity->max_tilt_rad, "above 0 and at most pi");
+}
+
+PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
+                      const PlaceOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  options.validate();
+  source.validate("source");
+  target.validate("target");
+  PlacementResult result;
+  if (std::min(source.size(), target.size()) < kFewestLandmarks) {
+    result.reason =
+        fmt::format("{} source and {} target landmarks: a pose is told from chance by at least {}",
+                    source.size(), target.size(), kFewestLandmarks);
+    result.alignment.reason = result.reason;
+  } else {
+    Found found = find_candidates(source, target, options);
+    result.candidates = std::move(found.candidates);
+    result.radius = found.radius;
+    Judgement judgement =
+        judge(result.candidates, std::min({source.size(), target.size(), kSample}), result.radius);
+    result.verdict = judgement.verdict;
+    result.reason = std::move(judgement.reason);
+    RefineOptions refinement;
+    if (!result.candidates.empty()) {
+      refinement.initial = result.candidates.front().target_from_source;
+    }
+    refinement.coarse = kReopened * found.fine;
+    refinement.fine = found.fine;
+    refinement.use_covariances = options.use_covariances;
+    refinement.overlap_radius = options.overlap_radius.value_or(result.radius);
+    refinement.executor = options.executor;
+    refinement.stop = options.stop;
+    refinement.trace = options.trace;
+    result.alignment = refine(source, target, refinement);
+    if (result.alignment.status != AlignStatus::kAligned) {
+      result.verdict = Verdict::kRejected;
+      result.reason = result.alignment.reason;
+    }
+  }
+  result.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/core/progress.hpp"
+#include "cairn/placement/landmark_cloud.hpp"
+#include "cairn/placement/verdict.hpp"
+#include "cairn/registration/align.hpp"
+
+namespace cairn {
+
+/// A known downward direction in both maps, which leaves open the turn about it and a small tilt.
+struct GravityPrior {
+  Eigen::Vector3d source = -Eigen::Vector3d::UnitZ();  ///< downwards, in the source's frame
+  Eigen::Vector3d target = -Eigen::Vector3d::UnitZ();  ///< and in the target's
+  double max_tilt_rad = 0.17;                          ///< most that the two may differ; in (0, π]
+};
+
+/// How to place a map from no initial pose.
+struct PlaceOptions {
+  std::uint64_t seed = 0;
+  /// Work in units of the default's: how many rotations are tried; from 1/16 to 64.
+  double effort = 1.0;
+  std::optional<GravityPrior> gravity = {};
+  bool use_covariances = true;  ///< in the final refinement; see RefineOptions
+  /// Within which distance the refined result's landmarks count as overlapping; nothing: the
+  /// placement's own radius.
+  std::optional<double> overlap_radius = {};
+  bool trace = false;  ///< keep score and matches of every iteration of the final refinement
+
+  Executor executor = Executor();
+  std::stop_token stop = {};
+  Progress progress = {};
+
+  /// @throws Error (misuse) naming the field, its value and what it may be
+  void validate() const;
+};
+
+struct PlacementResult {
+  Verdict verdict = Verdict::kRejected;
+  std::string reason;  ///< one sentence for people, with its numbers
+  /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if
+  /// there is none. Its status says nothing of how right the pose is: the verdict does.
+  AlignResult alignment;
+  /// Best first: the first is what was refined, the second the runner-up.
+  std::vector<PlacementCandidate> candidates;
+  double radius = 0.0;      ///< within which landmarks count as matched
+  double duration_s = 0.0;  ///< wall time of the whole call
+};
+
+/// Aligns two maps from no initial pose, and says whether the pose can be trusted.
+///
+/// Search: from thousands of evenly spread rotations, each with the translations that put parts of the
+/// source on parts of the target, a tournament of robust refinements (search.hpp) on samples of both
+/// maps leaves a few distinct poses. These are refined against all landmarks of the samples and ranked
+/// by their support. The best is refined once more with all landmarks and their covariances.
+///
+/// Lengths come from the maps: their extents, the spacing of their landmarks, their covariances. An
+/// expected failure (too few landmarks, nothing in common) is a verdict. Same input and seed, same
+/// result, whatever the executor's number of threads.
+///
+/// @throws Error (misuse) for invalid options or clouds
+PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
+                      const PlaceOptions& options = {});
+
+}  // namespace cairn

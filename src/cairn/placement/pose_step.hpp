@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn {
+
+/// Normal equations of a small motion (δt, δφ) of matched points: x moves by δt + δφ × x. Sums in a
+/// form in which a match costs a few multiplications; for matches of one weight in all directions.
+class PoseStep {
+ public:
+  /// @param x        where the point is, from the pivot of the motion
+  /// @param residual from there to where it should be
+  void add(const Eigen::Vector3d& x, const Eigen::Vector3d& residual, double weight) {
+    const Eigen::Vector3d weighted = weight * x;
+    weight_ += weight;
+    first_ += weighted;
+    second_.noalias() += weighted * x.transpose();
+    force_ += weight * residual;
+    torque_ += weighted.cross(residual);
+  }
+
+  double weight() const { return weight_; }
+
+  /// The motion of least squares; slightly damped, so that what the matches leave open does not move.
+  Vector6d solve() const {
+    Eigen::Matrix<double, 6, 6> information;
+    information.topLeftCorner<3, 3>() = weight_ * Eigen::Matrix3d::Identity();
+    information.topRightCorner<3, 3>() = -skew(first_);
+    information.bottomLeftCorner<3, 3>() = skew(first_);
+    information.bottomRightCorner<3, 3>() = second_.trace() * Eigen::Matrix3d::Identity() - second_;
+    information.diagonal().array() *= 1.0 + kDamping;
+    Eigen::Matrix<double, 6, 1> gradient;
+    gradient << force_, torque_;
+    return information.ldlt().solve(gradient);
+  }
+
+ private:
+  static constexpr double kDamping = 1e-6;
+
+  double weight_ = 0.0;
+  Eigen::Vector3d first_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d second_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d force_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace cairn

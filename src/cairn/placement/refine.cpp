@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/refine.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/placement/robust_alignment.hpp"
+#include "cairn/registration/score/fitness.hpp"
+
+namespace cairn {
+namespace {
+
+template <class Value>
+void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
+  if (valid) return;
+  throw Error(ErrorKind::kMisuse, fmt::format("RefineOptions.{}", field), fmt::format("{}", value),
+              expected);
+}
+
+std::string sentence(const AlignResult& result, double fine) {
+  switch (result.stop_reason) {
+    case StopReason::kNoMotion:
+      return fmt::format("converged after {} iterations at a kernel scale of {:.3g}",
+                         result.iterations, fine);
+    case StopReason::kCancelled:
+      return fmt::format("cancelled after {} iterations", result.iterations);
+    case StopReason::kTooFewMatches:
+      return fmt::format("fewer than {} landmarks match", kFewestMatches);
+    default:
+      return fmt::format("stopped at the limit of {} iterations", result.iterations);
+  }
+}
+
+void run(const CentredPair& pair, const RefineOptions& options, AlignResult& result) {
+  const BatchTree source_tree(pair.source().positions);
+  const BatchTree target_tree(pair.target().positions);
+  const KernelScales own =
+      kernel_scales(cloud_scales(pair.source(), source_tree, options.executor),
+                    cloud_scales(pair.target(), target_tree, options.executor));
+  const double fine = options.fine.value_or(std::min(own.fine, options.coarse.value_or(own.fine)));
+  const double coarse = options.coarse.value_or(std::max(own.coarse, fine));
+  const RobustAlignment alignment(pair, target_tree, options.use_covariances, options.one_to_one,
+                                  options.executor);
+  const auto distances = [&](const Rigid3& pose) {
+    return nearest_squared_distances(pair.source().positions, pose, target_tree, options.executor);
+  };
+  const Rigid3 initial = pair.centred(options.initial);
+  result.initial_score = fitness_score(distances(initial));
+  const IcpRun icp = alignment.run(
+      initial, {.coarse = coarse, .fine = fine, .max_iterations = options.max_iterations},
+      options.stop, [&](Iteration iteration) {
+        IterationRecord record;
+        record.target_from_source = pair.uncentred(iteration.target_from_source);
+        record.mean_squared_distance = iteration.mean_squared_distance;
+        record.match_count = iteration.matches.size();
+        if (options.trace) {
+          record.score = fitness_score(distances(iteration.target_from_source));
+          record.matches = std::move(iteration.matches);
+        }
+        result.history.push_back(std::move(record));
+        if (options.progress) {
+          options.progress(static_cast<double>(result.history.size()) / options.max_iterations);
+        }
+      });
+  const Rigid3& pose = icp.target_from_source;
+  result.iterations = icp.iterations;
+  result.stop_reason = icp.stop_reason;
+  result.target_from_source = pair.uncentred(pose);
+  result.matches = alignment.matches(pose);
+  const std::vector<double> to_target = distances(pose);
+  result.score = fitness_score(to_target);
+  if (options.overlap_radius) {
+    const std::vector<double> to_source = nearest_squared_distances(
+        pair.target().positions, pose.inverse(), source_tree, options.executor);
+    result.overlap = Overlap{*share_within(to_target, *options.overlap_radius),
+                             *share_within(to_source, *options.overlap_radius)};
+  }
+  PoseUncertainty uncertainty = alignment.uncertainty(pose, fine);
+  result.unobservable = std::move(uncertainty.unobservable);
+  if (uncertainty.covariance) result.covariance = pair.uncentred(*uncertainty.covariance, pose);
+  result.reason = sentence(result, fine);
+}
+
+}  // namespace
+
+void RefineOptions::validate() const {
+  const auto require_length = [](const std::optional<double>& length, std::string_view field) {
+    require(!length || (*length > 0.0 && std::isfinite(*length)), field, length.value_or(0.0),
+            "a positive number");
+  };
+  require(initial.matrix().allFinite(), "initial", "not finite", "a rigid transform");
+  require_length(coarse, "coarse");
+  require_length(fine, "fine");
+  require(!coarse || !fine || *fine <= *coarse, "fine", fine.value_or(0.0), "at most coarse");
+  require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
+  require_length(overlap_radius, "overlap_radius");
+}
+
+AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                   const RefineOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  options.validate();
+  source.validate("source");
+  target.validate("target");
+  AlignResult result;
+  result.target_from_source = options.initial;
+  if (source.size() < kFewestMatches || target.size() < kFewestMatches) {
+    result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
+                                source.size(), target.size(), kFewestMatches);
+  } else {
+    run(CentredPair(source, target), options, result);
+  }
+  result.status = result.stop_reason == StopReason::kTooFewMatches ? AlignStatus::kFailed
+                  : result.stop_reason == StopReason::kCancelled   ? AlignStatus::kCancelled
+                                                                   : AlignStatus::kAligned;
+  result.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace cairn

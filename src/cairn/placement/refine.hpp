@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <stop_token>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/core/progress.hpp"
+#include "cairn/placement/landmark_cloud.hpp"
+#include "cairn/registration/align.hpp"
+
+namespace cairn {
+
+/// How to refine a pose robustly. Lengths are in the maps' unit.
+struct RefineOptions {
+  Rigid3 initial = {};  ///< target_from_source to start from
+  /// Scale of the kernel in the beginning: matches much farther apart hardly count. Nothing: half the
+  /// extent of the smaller cloud, from which a pose far off is still drawn in.
+  std::optional<double> coarse = {};
+  /// Scale in the end, at most `coarse`. Nothing: what landmarks that are one differ by, from their
+  /// spacing and covariances.
+  std::optional<double> fine = {};
+  bool use_covariances = true;  ///< weigh residuals by the landmarks' covariances, where known
+  bool one_to_one = false;  ///< match a target landmark only with the source landmark closest to it
+  int max_iterations = 100;  ///< at least 1
+  /// Within which distance landmarks count as overlapping; nothing: overlap is not computed.
+  std::optional<double> overlap_radius = {};
+  bool trace = false;  ///< keep score and matches of every iteration
+
+  Executor executor = Executor();
+  std::stop_token stop = {};
+  Progress progress = {};
+
+  /// @throws Error (misuse) naming the field, its value and what it may be
+  void validate() const;
+};
+
+/// Robust probabilistic refinement of a pose: iteratively reweighted least squares.
+///
+/// A source landmark is matched with the nearest target landmark. The residual r of a match counts by
+/// its Mahalanobis distance, m² = rᵀ·(R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both
+/// landmarks, under the kernel of Geman and McClure, m²/(1 + m²), whose scale σ falls from coarse to
+/// fine as the iteration proceeds (graduated non-convexity; Black and Rangarajan 1996).
+///
+/// The covariance of the pose is the sandwich estimator (see PoseEvidence) of that M-estimate.
+/// An expected failure (too few landmarks or matches) is a status. Same input, same result, whatever
+/// the executor's number of threads.
+///
+/// @throws Error (misuse) for invalid options or clouds
+AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                   const RefineOptions& options = {});
+
+}  // namespace cairn

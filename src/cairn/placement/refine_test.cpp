@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/refine.hpp"
+
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include <Eigen/Cholesky>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/map/synthetic.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+double distance(const Rigid3& a, const Rigid3& b) {
+  return a.difference_to(b).norm();
+}
+
+struct Pair {
+  LandmarkCloud source;
+  LandmarkCloud target;
+  Rigid3 truth;
+};
+
+Pair synthetic(const SyntheticOptions& options) {
+  const SyntheticPair pair = synthetic_pair(options);
+  return {landmark_cloud(pair.source), landmark_cloud(pair.target), pair.target_from_source};
+}
+
+// Points with noise whose covariance is stated, seen by both; and as many seen by one only.
+Pair noisy(std::uint64_t seed, double shared) {
+  Random random(seed);
+  Pair pair;
+  pair.truth = Rigid3(rotation_exp({0.4, -0.3, 0.9}), {5.0, -3.0, 2.0});
+  const Rigid3 back = pair.truth.inverse();
+  const auto place = [&] {
+    return Eigen::Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-0.5, 0.5));
+  };
+  const auto add = [&](LandmarkCloud& cloud, const Eigen::Vector3d& at) {
+    const Eigen::Vector3d axis =
+        Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
+    const Eigen::Matrix3d covariance =
+        1e-6 * Eigen::Matrix3d::Identity() + 1e-4 * axis * axis.transpose();
+    const Eigen::Matrix3d root = covariance.llt().matrixL();
+    cloud.positions.push_back(
+        at + root * Eigen::Vector3d(random.normal(), random.normal(), random.normal()));
+    cloud.covariances.push_back(covariance);
+  };
+  for (int i = 0; i < 300; ++i) {
+    const Eigen::Vector3d point = place();
+    const bool both = random.chance(shared);
+    add(pair.source, back * point);
+    add(pair.target, both ? point : place());
+  }
+  return pair;
+}
+
+TEST(Refine, FindsTheTruthFromAFewDegreesAway) {
+  const Pair pair = synthetic({.seed = 3, .outlier_fraction = 0.1});
+  RefineOptions options;
+  options.initial = Rigid3::from_roll_pitch_yaw({0.1, -0.1, 0.05}, 0.05, 0.05, -0.1) * pair.truth;
+  const AlignResult result = refine(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, AlignStatus::kAligned) << result.reason;
+  EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
+  ASSERT_TRUE(result.covariance);
+  EXPECT_LT(*result.score, *result.initial_score);
+}
+
+TEST(Refine, IsCloserWithCovariances) {
+  double with = 0.0;
+  double without = 0.0;
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    const Pair pair = noisy(seed, 0.6);
+    RefineOptions options;
+    options.initial = pair.truth;
+    options.coarse = options.fine = 0.02;
+    with += distance(refine(pair.source, pair.target, options).target_from_source, pair.truth);
+    options.use_covariances = false;
+    without += distance(refine(pair.source, pair.target, options).target_from_source, pair.truth);
+  }
+  EXPECT_LT(with, without);
+}
+
+TEST(Refine, CovarianceCoversTheErrorWhereMatchesAreRight) {
+  constexpr int kTrials = 200;
+  double sum = 0.0;
+  for (std::uint64_t seed = 0; seed < kTrials; ++seed) {
+    const Pair pair = noisy(1000 + seed, 1.0);
+    RefineOptions options;
+    options.initial = pair.truth;
+    options.coarse = options.fine = 0.03;
+    const AlignResult result = refine(pair.source, pair.target, options);
+    ASSERT_TRUE(result.covariance);
+    const Vector6d error = pair.truth.difference_to(result.target_from_source);
+    sum += error.dot(Eigen::Matrix<double, 6, 6>(*result.covariance)
+                         .ldlt()
+                         .solve(Eigen::Matrix<double, 6, 1>(error)));
+  }
+  // The mean of chi-squared with 6 degrees of freedom is 6; its deviation here 0.25.
+  EXPECT_NEAR(sum / kTrials, 6.0, 1.0);
+}
+
+TEST(Refine, MovesWithTheMaps) {
+  const Pair pair = synthetic({.seed = 4, .landmarks = 800});
+  RefineOptions options;
+  options.initial = Rigid3::from_roll_pitch_yaw({0.02, 0.01, 0.0}, 0.0, 0.01, 0.02) * pair.truth;
+  const AlignResult still = refine(pair.source, pair.target, options);
+  const Rigid3 motion(rotation_exp({0.5, 2.0, -1.0}), {300.0, -200.0, 100.0});
+  LandmarkCloud moved = pair.target;
+  for (auto& position : moved.positions) position = motion * position;
+  for (auto& covariance : moved.covariances) {
+    covariance = motion.rotation() * covariance * motion.rotation().transpose();
+  }
+  options.initial = motion * options.initial;
+  const AlignResult result = refine(pair.source, moved, options);
+  EXPECT_LT((motion * still.target_from_source).difference_to(result.target_from_source).norm(),
+            1e-5);
+}
+
+TEST(Refine, IsTheSameForAnyNumberOfThreads) {
+  const Pair pair = synthetic({.seed = 5});
+  RefineOptions options;
+  options.initial = pair.truth;
+  const AlignResult one = refine(pair.source, pair.target, options);
+  options.executor = Executor(2);
+  const AlignResult two = refine(pair.source, pair.target, options);
+  EXPECT_EQ(one.target_from_source.matrix(), two.target_from_source.matrix());
+  EXPECT_EQ(*one.covariance, *two.covariance);
+}
+
+TEST(Refine, MatchesOneToOneOnDemand) {
+  const Pair pair = synthetic({.seed = 6});
+  RefineOptions options;
+  options.initial = pair.truth;
+  options.one_to_one = true;
+  const AlignResult result = refine(pair.source, pair.target, options);
+  EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
+  std::set<std::uint32_t> taken;
+  for (const Match& match : result.matches) EXPECT_TRUE(taken.insert(match.target).second);
+}
+
+TEST(Refine, NamesTheMotionThatMatchesLeaveOpen) {
+  // Points on a line may turn about it.
+  LandmarkCloud line;
+  for (int i = 0; i < 50; ++i) line.positions.emplace_back(0.01 * i * i, 0.0, 0.0);
+  RefineOptions options;
+  options.coarse = options.fine = 0.05;
+  const AlignResult result = refine(line, line, options);
+  ASSERT_EQ(result.unobservable.size(), 1U);
+  EXPECT_FALSE(result.covariance);
+  const Eigen::Vector3d axis = result.unobservable[0].rotation.normalized();
+  EXPECT_NEAR(std::abs(axis.x()), 1.0, 1e-6);
+}
+
+TEST(Refine, FailsWithTooFewLandmarks) {
+  LandmarkCloud two;
+  two.positions = {{0, 0, 0}, {1, 0, 0}};
+  const AlignResult result = refine(two, two);
+  EXPECT_EQ(result.status, AlignStatus::kFailed);
+  EXPECT_THAT(result.reason, HasSubstr("2 source and 2 target"));
+}
+
+TEST(Refine, SurvivesLandmarksThatCoincide) {
+  LandmarkCloud same;
+  same.positions.assign(30, Eigen::Vector3d(1, 2, 3));
+  const AlignResult result = refine(same, same);
+  EXPECT_TRUE(result.target_from_source.matrix().allFinite());
+}
+
+TEST(Refine, RefusesInvalidOptionsByName) {
+  const auto refused = [](const RefineOptions& options, const char* field) {
+    try {
+      options.validate();
+      ADD_FAILURE() << field;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
+      EXPECT_THAT(error.what(), HasSubstr(field));
+    }
+  };
+  refused({.coarse = 0.0}, "RefineOptions.coarse");
+  refused({.fine = -1.0}, "RefineOptions.fine");
+  refused({.coarse = 0.1, .fine = 0.2}, "RefineOptions.fine");
+  refused({.max_iterations = 0}, "RefineOptions.max_iterations");
+  refused({.overlap_radius = std::numeric_limits<double>::infinity()},
+          "RefineOptions.overlap_radius");
+}
+
+TEST(Refine, RefusesCloudsWithDefects) {
+  LandmarkCloud cloud;
+  cloud.positions.assign(5, Eigen::Vector3d::Zero());
+  cloud.weights = {1.0, 1.0};
+  EXPECT_THROW(refine(cloud, cloud), Error);
+  cloud.weights.assign(5, -1.0);
+  EXPECT_THROW(refine(cloud, cloud), Error);
+  cloud.weights.clear();
+  cloud.positions[2].x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(refine(cloud, cloud), Error);
+}
+
+}  // namespace
+}  // namespace cairn

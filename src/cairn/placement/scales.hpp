@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "cairn/core/executor.hpp"
+#include "cairn/placement/landmark_cloud.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+
+namespace cairn {
+
+/// Lengths that a cloud itself gives.
+struct CloudScales {
+  /// Median distance from the centroid: half the size of the cloud, strays aside.
+  double extent = 0.0;
+  /// Median distance to the eighth nearest landmark: within it, chance offers several matches.
+  double spacing = 0.0;
+  /// Median standard deviation of a landmark along an axis, by its covariance; 0 where unknown.
+  double noise = 0.0;
+};
+
+/// CloudScales::extent alone.
+double cloud_extent(const LandmarkCloud& cloud);
+
+/// @param tree of the cloud's positions
+CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
+                         const Executor& executor);
+
+/// Where the kernel of a robust alignment begins and ends.
+struct KernelScales {
+  double coarse = 0.0;  ///< half the extent of the smaller cloud: what one start can still reach
+  double fine = 0.0;    ///< one and a half times the finer spacing, or the noise of a match if that
+                        ///< is more
+};
+
+KernelScales kernel_scales(const CloudScales& source, const CloudScales& target);
+
+}  // namespace cairn
