@@ -63,8 +63,8 @@ double RobustAlignment::radius(std::size_t points) const {
 std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d> moved,
                                                  BatchTree::Batch& queries) const {
   std::vector<Match> matches(moved.size());
-  queries.for_each(moved, executor_, [&](std::size_t i, std::span<const Neighbor> nearest) {
-    matches[i] = {static_cast<std::uint32_t>(i), nearest[0].index, nearest[0].squared_distance};
+  queries.for_each(moved, executor_, [&](std::size_t i, const NearestList auto& nearest) {
+    matches[i] = {static_cast<std::uint32_t>(i), nearest.index(0), nearest.squared_distance(0)};
   });
   if (!one_to_one_) return matches;
   // Whom each target landmark keeps: the closest; of equally close ones, the first.

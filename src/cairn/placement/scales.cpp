@@ -48,8 +48,8 @@ CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
   }
   std::vector<double> spacings(sample.size());
   tree.batch(kNeighbors + 1)
-      .for_each(sample, executor, [&](std::size_t i, std::span<const Neighbor> neighbors) {
-        spacings[i] = std::sqrt(neighbors.back().squared_distance);
+      .for_each(sample, executor, [&](std::size_t i, const NearestList auto& nearest) {
+        spacings[i] = std::sqrt(nearest.squared_distance(nearest.size() - 1));
       });
   return {cloud_extent(cloud), median(std::move(spacings)), median(std::move(deviations))};
 }

@@ -17,8 +17,8 @@ std::vector<Neighbor> nearest_of_each(const std::vector<Eigen::Vector3d>& points
     moved.emplace_back(rotation * point + pose.translation());
   }
   std::vector<Neighbor> found(points.size());
-  tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, std::span<const Neighbor> nearest) {
-    found[i] = nearest[0];
+  tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
+    found[i] = {nearest.index(0), nearest.squared_distance(0)};
   });
   return found;
 }
