@@ -30,7 +30,7 @@ constexpr double kTurns = 72;                 // and about a known vertical: 5 d
 constexpr std::size_t kShortPoints = 1000;    // of the source, in the first look at each candidate
 constexpr int kShortIterations = 8;
 constexpr int kFinalIterations = 60;
-constexpr std::size_t kFinalists = 10;
+constexpr std::size_t kFinalists = 8;
 constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
