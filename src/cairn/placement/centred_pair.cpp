@@ -14,7 +14,7 @@ LandmarkCloud moved(LandmarkCloud cloud, const Eigen::Vector3d& by) {
 }
 
 Rigid3 translation(const Eigen::Vector3d& by) {
-  return Rigid3(Eigen::Quaterniond::Identity(), by);
+  return {Eigen::Quaterniond::Identity(), by};
 }
 
 }  // namespace

@@ -59,47 +59,43 @@ NearestField::NearestField(std::span<const Eigen::Vector3f> points, const Box& b
   per_length_ = 1.0F / edge;
   const Eigen::Array3f cells = (extent / edge).ceil();
   limit_ = cells;
-  for (int axis = 0; axis < 3; ++axis)
-    size_[static_cast<std::size_t>(axis)] = static_cast<int>(cells[axis]);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    size_[axis] = static_cast<std::size_t>(cells[static_cast<Eigen::Index>(axis)]);
+  }
 
   const auto total = static_cast<std::size_t>(cells.prod());
   nearest_.assign(total, kNone);
   std::vector<float> distance(total, std::numeric_limits<float>::infinity());
   for (std::uint32_t i = 0; i < points.size(); ++i) {
-    const Eigen::Array3f cell = (points[i] - low_).array() * per_length_;
-    if (!((cell >= 0.0F).all() && (cell < limit_).all())) continue;
-    const Eigen::Array3i index = cell.cast<int>();
-    const auto place =
-        static_cast<std::size_t>((index.z() * size_[1] + index.y()) * size_[0] + index.x());
+    const std::size_t place = voxel_of(points[i]);
+    if (place == kOutside) continue;
     // The first of several; the field is no finer than its voxels.
     if (nearest_[place] != kNone) continue;
     nearest_[place] = i;
     distance[place] = 0.0F;
   }
 
-  const std::array<std::size_t, 3> size = {static_cast<std::size_t>(size_[0]),
-                                           static_cast<std::size_t>(size_[1]),
-                                           static_cast<std::size_t>(size_[2])};
-  const std::array<std::size_t, 3> stride = {1, size[0], size[0] * size[1]};
-  const std::size_t longest = *std::max_element(size.begin(), size.end());
+  const std::array<std::size_t, 3> stride = {1, size_[0], size_[0] * size_[1]};
+  const std::size_t longest = *std::max_element(size_.begin(), size_.end());
   Envelope envelope(longest);
   std::vector<float> height(longest);
   std::vector<std::uint32_t> owner(longest);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::size_t a = (axis + 1) % 3;
     const std::size_t b = (axis + 2) % 3;
-    for (std::size_t i = 0; i < size[a]; ++i) {
-      for (std::size_t j = 0; j < size[b]; ++j) {
+    for (std::size_t i = 0; i < size_[a]; ++i) {
+      for (std::size_t j = 0; j < size_[b]; ++j) {
         const std::size_t begin = i * stride[a] + j * stride[b];
-        for (std::size_t k = 0; k < size[axis]; ++k) {
+        for (std::size_t k = 0; k < size_[axis]; ++k) {
           height[k] = distance[begin + k * stride[axis]];
           owner[k] = nearest_[begin + k * stride[axis]];
         }
-        envelope.lowest(std::span(height).first(size[axis]), [&](std::size_t to, std::size_t from) {
-          const auto offset = static_cast<float>(to) - static_cast<float>(from);
-          distance[begin + to * stride[axis]] = height[from] + offset * offset;
-          nearest_[begin + to * stride[axis]] = owner[from];
-        });
+        envelope.lowest(std::span(height).first(size_[axis]),
+                        [&](std::size_t to, std::size_t from) {
+                          const auto offset = static_cast<float>(to) - static_cast<float>(from);
+                          distance[begin + to * stride[axis]] = height[from] + offset * offset;
+                          nearest_[begin + to * stride[axis]] = owner[from];
+                        });
       }
     }
   }

@@ -34,19 +34,25 @@ class NearestField {
 
   /// Index of a point near `x`; kNone if `x` is outside the box or no point is inside.
   std::uint32_t nearest(const Eigen::Vector3f& x) const {
-    const Eigen::Array3f cell = (x - low_).array() * per_length_;
-    // Negated, so that what is not a number is outside as well.
-    if (!((cell >= 0.0F).all() && (cell < limit_).all())) return kNone;
-    const Eigen::Array3i index = cell.cast<int>();
-    return nearest_[static_cast<std::size_t>((index.z() * size_[1] + index.y()) * size_[0] +
-                                             index.x())];
+    const std::size_t voxel = voxel_of(x);
+    return voxel == kOutside ? kNone : nearest_[voxel];
   }
 
  private:
+  static constexpr std::size_t kOutside = std::numeric_limits<std::size_t>::max();
+
+  std::size_t voxel_of(const Eigen::Vector3f& x) const {
+    const Eigen::Array3f cell = (x - low_).array() * per_length_;
+    // Negated, so that what is not a number is outside as well.
+    if (!((cell >= 0.0F).all() && (cell < limit_).all())) return kOutside;
+    const auto along = [&cell](int axis) { return static_cast<std::size_t>(cell[axis]); };
+    return (along(2) * size_[1] + along(1)) * size_[0] + along(0);
+  }
+
   Eigen::Vector3f low_;
   float per_length_ = 0.0F;
   Eigen::Array3f limit_;
-  std::array<int, 3> size_{};
+  std::array<std::size_t, 3> size_{};
   std::vector<std::uint32_t> nearest_;
 };
 

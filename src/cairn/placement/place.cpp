@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include <Eigen/Eigenvalues>
@@ -23,13 +24,13 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kFewestLandmarks = 20;  // fewer cannot tell a pose from chance
-constexpr std::size_t kSample = 4096;         // landmarks of each map that the search sees
+constexpr std::size_t kSample = 4096;         // landmarks of a map that are looked for in the other
 constexpr double kRotations = 4608;           // at effort 1: about 15 degrees apart
 constexpr double kTurns = 72;                 // and about a known vertical: 5 degrees apart
 constexpr std::size_t kShortPoints = 1000;    // of the source, in the first look at each candidate
 constexpr int kShortIterations = 8;
-constexpr int kFinalIterations = 40;
-constexpr std::size_t kFinalists = 10;
+constexpr int kFinalIterations = 60;
+constexpr std::size_t kFinalists = 8;
 constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
@@ -44,15 +45,14 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-// At most kSample landmarks in random order, the likelier and earlier the more they weigh (Efraimidis
-// and Spirakis 2006), so that the first n of them are such a sample, too.
-LandmarkCloud sample(const LandmarkCloud& cloud, Random random) {
+// The landmarks in random order, the likelier early the more they weigh (Efraimidis and Spirakis 2006):
+// the first n are a sample of all.
+LandmarkCloud shuffled(const LandmarkCloud& cloud, Random random) {
   std::vector<std::pair<double, std::size_t>> keys(cloud.size());
   for (std::size_t i = 0; i < keys.size(); ++i) {
     keys[i] = {std::log1p(-random.uniform()) / std::max(cloud.weight(i), 1e-9), i};
   }
   std::sort(keys.begin(), keys.end(), std::greater<>());
-  keys.resize(std::min(keys.size(), kSample));
   LandmarkCloud result;
   for (const auto& [key, i] : keys) {
     result.positions.push_back(cloud.positions[i]);
@@ -60,6 +60,23 @@ LandmarkCloud sample(const LandmarkCloud& cloud, Random random) {
     if (!cloud.weights.empty()) result.weights.push_back(cloud.weights[i]);
   }
   return result;
+}
+
+template <class Value>
+std::span<const Value> sample_of(const std::vector<Value>& column) {
+  return std::span(column).first(std::min(column.size(), kSample));
+}
+
+// Of the sample alone, whose landmarks are farther apart; `all` if it is the whole cloud.
+CloudScales sample_scales(const LandmarkCloud& cloud, const CloudScales& all,
+                          const Executor& executor) {
+  if (cloud.size() <= kSample) return all;
+  LandmarkCloud part;
+  const auto positions = sample_of(cloud.positions);
+  part.positions.assign(positions.begin(), positions.end());
+  CloudScales scales = cloud_scales(part, BatchTree(part.positions), executor);
+  scales.noise = all.noise;
+  return scales;
 }
 
 std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
@@ -82,13 +99,16 @@ class Placement {
  public:
   Placement(const LandmarkCloud& source, const LandmarkCloud& target, const PlaceOptions& options)
       : options_(options),
-        pair_(sample(source, Random(options.seed).fork(1)),
-              sample(target, Random(options.seed).fork(2))),
+        pair_(shuffled(source, Random(options.seed).fork(1)),
+              shuffled(target, Random(options.seed).fork(2))),
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
-        scales_(kernel_scales(cloud_scales(pair_.source(), source_tree_, options.executor),
-                              cloud_scales(pair_.target(), target_tree_, options.executor))),
-        support_(pair_, source_tree_, target_tree_) {
+        support_(pair_, source_tree_, target_tree_, kSample) {
+    const CloudScales source_scales = cloud_scales(pair_.source(), source_tree_, options.executor);
+    const CloudScales target_scales = cloud_scales(pair_.target(), target_tree_, options.executor);
+    scales_ = kernel_scales(source_scales, target_scales);
+    sample_scales_ = kernel_scales(sample_scales(pair_.source(), source_scales, options.executor),
+                                   sample_scales(pair_.target(), target_scales, options.executor));
     distance_.radius = 0.0;
     for (const Eigen::Vector3d& point : pair_.source().positions) {
       distance_.radius += point.squaredNorm();
@@ -118,10 +138,11 @@ class Placement {
     for (const SearchCandidate& candidate : found) {
       poses.push_back({.target_from_source = candidate.target_from_source});
     }
-    refine_all(poses, kShortPoints, kShortIterations);
-    poses = distinct(std::move(poses), kVariants);
-    refine_all(poses, pair_.source().size(), kFinalIterations);
-    poses = distinct(std::move(poses), 1);
+    const double rough = sample_scales_.fine;
+    refine_all(poses, rough, kShortPoints, kShortIterations);
+    poses = distinct(std::move(poses), rough, kVariants);
+    refine_all(poses, scales_.fine, kSample, kFinalIterations);
+    poses = distinct(std::move(poses), scales_.fine, 1);
     for (PlacementCandidate& pose : poses) {
       pose.chance = chance(pose.target_from_source);
       pose.target_from_source = pair_.uncentred(pose.target_from_source);
@@ -130,8 +151,8 @@ class Placement {
   }
 
  private:
-  // Moves each pose to the optimum near it.
-  void refine_all(std::vector<PlacementCandidate>& poses, std::size_t points,
+  // Moves each pose to the optimum near it at the scale, and counts its support there.
+  void refine_all(std::vector<PlacementCandidate>& poses, double scale, std::size_t points,
                   int iterations) const {
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
@@ -141,19 +162,19 @@ class Placement {
         Rigid3& pose = poses[i].target_from_source;
         pose = alignment
                    .run(pose,
-                        {.coarse = scales_.fine,
-                         .fine = scales_.fine,
+                        {.coarse = sample_scales_.fine,
+                         .fine = scale,
                          .max_iterations = iterations,
                          .points = points},
                         options_.stop)
                    .target_from_source;
-        poses[i].support = support_(pose, radius()).mutual;
+        poses[i].support = support_(pose, kMatched * scale);
       }
     });
   }
 
   // The best of the poses, with at most so many variants of what people would call one.
-  std::vector<PlacementCandidate> distinct(std::vector<PlacementCandidate> poses,
+  std::vector<PlacementCandidate> distinct(std::vector<PlacementCandidate> poses, double scale,
                                            std::ptrdiff_t variants) const {
     std::stable_sort(poses.begin(), poses.end(),
                      [](const PlacementCandidate& a, const PlacementCandidate& b) {
@@ -163,8 +184,7 @@ class Placement {
     for (const PlacementCandidate& pose : poses) {
       const auto within = [&](double radii) {
         return std::count_if(kept.begin(), kept.end(), [&](const PlacementCandidate& other) {
-          return distance_(pose.target_from_source, other.target_from_source) <
-                 radii * scales_.fine;
+          return distance_(pose.target_from_source, other.target_from_source) < radii * scale;
         });
       };
       if (within(kSame) == 0 && within(kDistinct) < variants) kept.push_back(pose);
@@ -187,7 +207,7 @@ class Placement {
         const Eigen::Vector3d shift =
             sign * kDistinct * scales_.fine * eigen.eigenvectors().col(axis);
         const Rigid3 beside(pose.quaternion(), pose.translation() + shift);
-        best = std::max(best, support_(beside, radius()).mutual);
+        best = std::max(best, support_(beside, radius()));
       }
     }
     return best;
@@ -197,8 +217,9 @@ class Placement {
   CentredPair pair_;
   BatchTree source_tree_;
   BatchTree target_tree_;
-  KernelScales scales_;
   SupportCounter support_;
+  KernelScales scales_;         // of all landmarks
+  KernelScales sample_scales_;  // of those that the search sees
   PoseDistance distance_;
 };
 

@@ -15,7 +15,7 @@ namespace {
 using Jacobian = Eigen::Matrix<double, 3, 6>;
 
 // The scale falls by this a step: slower gains nothing, faster leaves the basin now and then.
-constexpr double kCooling = 0.75;
+constexpr double kCooling = 0.85;
 // A step below this share of the fine scale changes nothing worth knowing.
 constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;

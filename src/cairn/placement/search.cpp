@@ -129,7 +129,7 @@ class Search {
  private:
   NearestField field(double scale) const {
     const auto sigma = static_cast<float>(scale);
-    return NearestField(target_, robust_box(target_, sigma), sigma / kVoxelsPerScale, kMostVoxels);
+    return {target_, robust_box(target_, sigma), sigma / kVoxelsPerScale, kMostVoxels};
   }
 
   // Each rotation with the best of its translations.

@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace cairn {
 namespace {
 
-std::vector<Neighbor> nearest_of_each(const std::vector<Eigen::Vector3d>& points,
-                                      const Rigid3& pose, const BatchTree& tree) {
+std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points, const Rigid3& pose,
+                                      const BatchTree& tree) {
   const Eigen::Matrix3d rotation = pose.rotation();
   std::vector<Eigen::Vector3d> moved;
   moved.reserve(points.size());
@@ -23,29 +24,29 @@ std::vector<Neighbor> nearest_of_each(const std::vector<Eigen::Vector3d>& points
   return found;
 }
 
-double share_within(const std::vector<Neighbor>& found, double squared_radius) {
-  const auto count = std::count_if(found.begin(), found.end(), [&](const Neighbor& neighbor) {
-    return neighbor.squared_distance <= squared_radius;
-  });
-  return static_cast<double>(count) / static_cast<double>(found.size());
-}
-
 }  // namespace
 
-PoseSupport SupportCounter::operator()(const Rigid3& pose, double radius) const {
-  const std::vector<Neighbor> to_target =
-      nearest_of_each(pair_.source().positions, pose, target_tree_);
-  const std::vector<Neighbor> to_source =
-      nearest_of_each(pair_.target().positions, pose.inverse(), source_tree_);
-  const double squared = radius * radius;
-  std::size_t mutual = 0;
-  for (std::uint32_t i = 0; i < to_target.size(); ++i) {
-    const Neighbor& neighbor = to_target[i];
-    if (neighbor.squared_distance <= squared && to_source[neighbor.index].index == i) ++mutual;
+double SupportCounter::operator()(const Rigid3& pose, double radius) const {
+  const LandmarkCloud& source = pair_.source();
+  const LandmarkCloud& target = pair_.target();
+  const std::size_t count = std::min(sample_, source.size());
+  const std::vector<Neighbor> there =
+      nearest_of_each(std::span(source.positions).first(count), pose, target_tree_);
+  std::vector<std::uint32_t> asking;
+  std::vector<Eigen::Vector3d> met;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (there[i].squared_distance > radius * radius) continue;
+    asking.push_back(i);
+    met.push_back(target.positions[there[i].index]);
   }
-  const std::size_t smaller = std::min(to_target.size(), to_source.size());
-  return {static_cast<double>(mutual) / static_cast<double>(smaller),
-          {share_within(to_target, squared), share_within(to_source, squared)}};
+  const std::vector<Neighbor> back = nearest_of_each(met, pose.inverse(), source_tree_);
+  std::size_t mutual = 0;
+  for (std::size_t i = 0; i < asking.size(); ++i) {
+    if (back[i].index == asking[i]) ++mutual;
+  }
+  const auto of_source = static_cast<double>(mutual) / static_cast<double>(count);
+  return of_source * static_cast<double>(source.size()) /
+         static_cast<double>(std::min(source.size(), target.size()));
 }
 
 }  // namespace cairn
