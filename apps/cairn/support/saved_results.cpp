@@ -134,6 +134,12 @@ Alignment alignment_of(const Field& field) {
   result.initial_score = field["initial_score"].optional_number();
   result.score = field["score"].optional_number();
   result.iterations = static_cast<int>(field["iterations"].whole(std::numeric_limits<int>::max()));
+  if (const Field repetition = field["repetition"]; !repetition.is_null()) {
+    const auto count = [&](const char* name) {
+      return static_cast<int>(repetition[name].whole(result.iterations));
+    };
+    result.repetition = {{count("first_iteration"), count("length")}, count("best_iteration")};
+  }
   if (const Field overlap = field["overlap"]; !overlap.is_null()) {
     result.overlap = Overlap{overlap["source"].number(), overlap["target"].number()};
   }

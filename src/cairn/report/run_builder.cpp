@@ -124,17 +124,27 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
   run.target_from_source = {options.initial};
   run.mean_squared_distance = {kNan};
   run.scores = {result.initial_score.value_or(kNan)};
-  bool traced = !result.history.empty();
-  for (const IterationRecord& iteration : result.history) {
+  std::vector<IterationRecord> history = result.history;
+  const std::size_t best =
+      result.repetition ? static_cast<std::size_t>(result.repetition->best_iteration) : 0;
+  if (result.stop_reason == StopReason::kCycle && best < history.size()) {
+    // The pose taken comes last; its matches are those that the iteration after it began with.
+    IterationRecord taken = history[best];
+    taken.target_from_source = result.target_from_source;
+    taken.score = result.score;
+    history.push_back(std::move(taken));
+  }
+  bool traced = !history.empty();
+  for (const IterationRecord& iteration : history) {
     run.target_from_source.push_back(iteration.target_from_source);
     run.mean_squared_distance.push_back(iteration.mean_squared_distance);
     run.scores.push_back(iteration.score.value_or(kNan));
     traced = traced && !iteration.matches.empty();
   }
-  if (!result.history.empty()) run.scores.back() = result.score.value_or(run.scores.back());
+  if (!history.empty()) run.scores.back() = result.score.value_or(run.scores.back());
   if (std::all_of(run.scores.begin(), run.scores.end(), is_nan)) run.scores.clear();
   if (options.truth) add_errors(run, *options.truth, source.positions);
-  if (traced) run.matches = delta_coded(result.history, source, target);
+  if (traced) run.matches = delta_coded(history, source, target);
 
   const bool has_pose = result.status != AlignStatus::kFailed;
   const bool has_error = has_pose && !run.rotation_error_deg.empty();

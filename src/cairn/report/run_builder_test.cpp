@@ -45,6 +45,7 @@ struct Aligned {
     pair.source = shuffled(pair.source);
     pair.target = shuffled(pair.target);
     options.trace = trace;
+    options.stop_at_repetition = false;
     options.initial =
         Rigid3::from_roll_pitch_yaw({0.1, -0.1, 0.05}, 0.02, -0.03, 0.1) * pair.target_from_source;
     result = align(pair.source, pair.target, observations_metric(), options, point_options);
@@ -92,6 +93,21 @@ TEST(MakeRun, PosesBeginWithTheInitialOne) {
   const PoseError error = pose_error(aligned.result.target_from_source,
                                      aligned.pair.target_from_source, source.positions);
   EXPECT_EQ(run.translation_error.back(), error.translation);
+}
+
+TEST(MakeRun, APoseTakenFromACycleComesLast) {
+  Aligned aligned;
+  aligned.options.stop_at_repetition = true;
+  aligned.result = align(aligned.pair.source, aligned.pair.target, observations_metric(),
+                         aligned.options, aligned.point_options);
+  ASSERT_EQ(aligned.result.stop_reason, StopReason::kCycle) << "or this shows nothing";
+  const auto source = ShownPoints::among_all(aligned.pair.source, aligned.point_options);
+  const auto target = ShownPoints::among_all(aligned.pair.target, aligned.point_options);
+  const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
+  ASSERT_THAT(run.target_from_source, SizeIs(aligned.result.history.size() + 2));
+  EXPECT_EQ(run.target_from_source.back().matrix(), aligned.result.target_from_source.matrix());
+  EXPECT_EQ(run.scores.back(), aligned.result.score);
+  EXPECT_THAT(run.matches->change_counts, SizeIs(aligned.result.history.size()));
 }
 
 // The points of a match are where its landmarks are, whichever landmarks the report shows.
