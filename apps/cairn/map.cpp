@@ -59,7 +59,7 @@ struct MapArguments {
  private:
   CameraFile load_camera() const;
   MapSequenceOptions options() const;
-  MappedSequence map(const Camera& camera, const SequenceOptions& sequence_options) const;
+  MappedSequence map(const Camera& model, const SequenceOptions& sequence_options) const;
   void write(const MappedSequence& mapped) const;
   void write_mini_maps(const MappedSequence& mapped) const;
   Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,

@@ -185,8 +185,8 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
   const AlignResult& result = alignment.result;
   const auto& placement = alignment.placement;
   // The best pose of a rejected pair is wrong more often than not; the candidates list it.
-  const bool has_pose = result.status != AlignStatus::kFailed &&
-                        !(placement && placement->verdict == Verdict::kRejected);
+  const bool is_rejected = placement && placement->verdict == Verdict::kRejected;
+  const bool has_pose = result.status != AlignStatus::kFailed && !is_rejected;
   Json json = {
       {"status", status_of(alignment)},
       {"verdict", placement ? to_string(placement->verdict) : "none"},

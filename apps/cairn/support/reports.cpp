@@ -23,7 +23,7 @@ std::string strategy_name(const std::string& confidence) {
   return confidence == "none" ? "base" : confidence;
 }
 
-std::string text_of(Json json) {
+std::string text_of(const Json& json) {
   // Text from files may be any bytes; JSON must be UTF-8.
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

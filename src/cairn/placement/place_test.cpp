@@ -124,7 +124,7 @@ TEST(Place, IsTheSameForAnyNumberOfThreads) {
 
 TEST(Place, FindsASmallMapInALargeOneAndTheOtherWayRound) {
   const SyntheticPair pair = synthetic_pair({.seed = 12, .overlap = 0.8});
-  const LandmarkCloud target = landmark_cloud(pair.target);
+  const LandmarkCloud whole = landmark_cloud(pair.target);
   const LandmarkCloud all = landmark_cloud(pair.source);
   const Eigen::Vector3d middle = centroid(all.positions);
   LandmarkCloud part;
@@ -134,11 +134,11 @@ TEST(Place, FindsASmallMapInALargeOneAndTheOtherWayRound) {
     part.covariances.push_back(all.covariances[i]);
   }
   ASSERT_GT(part.size(), 100U);
-  const PlacementResult there = place(part, target, two_threads());
+  const PlacementResult there = place(part, whole, two_threads());
   EXPECT_LT(
       difference(there.alignment.target_from_source, pair.target_from_source, part).translation,
       0.01);
-  const PlacementResult back = place(target, part, two_threads());
+  const PlacementResult back = place(whole, part, two_threads());
   EXPECT_LT(difference(back.alignment.target_from_source.inverse(), pair.target_from_source, part)
                 .translation,
             0.01);
