@@ -287,8 +287,7 @@ BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k)
     : nodes_(&nodes),
       points_(nodes.points.data()),
       index_(nodes.index.data()),
-      count_(std::min(k, nodes.size())),
-      capacity_(0) {
+      count_(std::min(k, nodes.size())) {
   if (!nodes.searchable || count_ == 0) return;
   for (const std::size_t capacity : batch_kernel::kCapacities) {
     // One more than k tells how far the others are.

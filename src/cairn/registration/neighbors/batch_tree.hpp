@@ -89,7 +89,7 @@ class BatchTree::Batch {
   const Eigen::Vector3d* points_;  // in the order of the tree
   const std::uint32_t* index_;     // of these in the set
   std::size_t count_;
-  std::size_t capacity_;  // candidates a query; 0: more than batches are made for
+  std::size_t capacity_ = 0;  // candidates a query; 0: more than batches are made for
   std::vector<std::uint32_t> order_;
   // What is known of the queries, by place in the order: see batch_kernel::Known.
   std::array<std::vector<float>, 3> place_;
