@@ -22,7 +22,7 @@ constexpr const char* kNoViewer =
 
 class ReportTest : public CliTest {
  protected:
-  Words align(const Words& more) const {
+  static Words align(const Words& more) {
     Words words = {"align", "source.map", "target.map", "--initial-matrix", "start.txt"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
