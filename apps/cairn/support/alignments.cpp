@@ -63,28 +63,30 @@ std::string_view status_of(const Alignment& alignment) {
                              : to_string(alignment.result.status);
 }
 
+// What all methods take alike.
+template <class Options>
+void take_common(const AlignOptions& from, Options& to) {
+  to.overlap_radius = from.overlap_radius;
+  to.trace = from.trace;
+  to.executor = from.executor;
+  to.stop = from.stop;
+  to.progress = from.progress;
+}
+
 AlignResult refine_by(const RobustMethod& method, const LandmarkCloud& source,
                       const LandmarkCloud& target, const AlignOptions& options) {
   RefineOptions refinement;
   refinement.initial = options.initial;
   refinement.one_to_one = method.one_to_one;
   refinement.max_iterations = options.max_iterations;
-  refinement.overlap_radius = options.overlap_radius;
-  refinement.trace = options.trace;
-  refinement.executor = options.executor;
-  refinement.stop = options.stop;
-  refinement.progress = options.progress;
+  take_common(options, refinement);
   return refine(source, target, refinement);
 }
 
 PlacementResult place_by(const RobustMethod& method, const LandmarkCloud& source,
                          const LandmarkCloud& target, const AlignOptions& options) {
   PlaceOptions placement = method.placement;
-  placement.overlap_radius = options.overlap_radius;
-  placement.trace = options.trace;
-  placement.executor = options.executor;
-  placement.stop = options.stop;
-  placement.progress = options.progress;
+  take_common(options, placement);
   return place(source, target, placement);
 }
 

@@ -93,6 +93,12 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
   return all;
 }
 
+Eigen::Matrix3d main_axes(std::span<const Eigen::Vector3d> centred_points) {
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& point : centred_points) scatter += point * point.transpose();
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvectors();
+}
+
 // The search on samples of both maps, for a source that is no larger than the target: most of it has
 // its place there, if they overlap.
 class Placement {
@@ -103,7 +109,8 @@ class Placement {
               shuffled(target, Random(options.seed).fork(2))),
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
-        support_(pair_, source_tree_, target_tree_, kSample) {
+        support_(pair_, source_tree_, target_tree_, kSample),
+        target_axes_(main_axes(pair_.target().positions)) {
     const CloudScales source_scales = cloud_scales(pair_.source(), source_tree_, options.executor);
     const CloudScales target_scales = cloud_scales(pair_.target(), target_tree_, options.executor);
     scales_ = kernel_scales(source_scales, target_scales);
@@ -196,16 +203,10 @@ class Placement {
   // The best support next to a pose, a few radii along the target's main directions: landmarks that
   // are one no longer meet there, but surfaces still do.
   double chance(const Rigid3& pose) const {
-    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-    for (const Eigen::Vector3d& point : pair_.target().positions) {
-      scatter += point * point.transpose();
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
     double best = 0.0;
     for (int axis = 0; axis < 3; ++axis) {
       for (const double sign : {-1.0, 1.0}) {
-        const Eigen::Vector3d shift =
-            sign * kDistinct * scales_.fine * eigen.eigenvectors().col(axis);
+        const Eigen::Vector3d shift = sign * kDistinct * scales_.fine * target_axes_.col(axis);
         const Rigid3 beside(pose.quaternion(), pose.translation() + shift);
         best = std::max(best, support_(beside, radius()));
       }
@@ -221,6 +222,7 @@ class Placement {
   KernelScales scales_;         // of all landmarks
   KernelScales sample_scales_;  // of those that the search sees
   PoseDistance distance_;
+  Eigen::Matrix3d target_axes_;  // main directions of the target, by column
 };
 
 struct Found {

@@ -16,6 +16,7 @@
 #include "cairn/map/synthetic.hpp"
 
 #include "support/real_data.hpp"
+#include "support/refusal.hpp"
 
 namespace cairn {
 namespace {
@@ -235,13 +236,8 @@ TEST(Place, SurvivesLandmarksThatCoincide) {
 
 TEST(Place, RefusesInvalidOptionsByName) {
   const auto refused = [](const PlaceOptions& options, const char* field) {
-    try {
-      options.validate();
-      ADD_FAILURE() << field;
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
-      EXPECT_THAT(error.what(), HasSubstr(field));
-    }
+    EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
+                HasSubstr(field));
   };
   refused({.effort = 0.0}, "PlaceOptions.effort");
   refused({.effort = 1000.0}, "PlaceOptions.effort");

@@ -38,9 +38,12 @@ std::string sentence(const AlignResult& result, double fine) {
 void run(const CentredPair& pair, const RefineOptions& options, AlignResult& result) {
   const BatchTree source_tree(pair.source().positions);
   const BatchTree target_tree(pair.target().positions);
+  // Asked of the clouds only where the caller has not said.
   const KernelScales own =
-      kernel_scales(cloud_scales(pair.source(), source_tree, options.executor),
-                    cloud_scales(pair.target(), target_tree, options.executor));
+      options.fine && options.coarse
+          ? KernelScales{}
+          : kernel_scales(cloud_scales(pair.source(), source_tree, options.executor),
+                          cloud_scales(pair.target(), target_tree, options.executor));
   const double fine = options.fine.value_or(std::min(own.fine, options.coarse.value_or(own.fine)));
   const double coarse = options.coarse.value_or(std::max(own.coarse, fine));
   const RobustAlignment alignment(pair, target_tree, options.use_covariances, options.one_to_one,
@@ -114,9 +117,7 @@ AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
   } else {
     run(CentredPair(source, target), options, result);
   }
-  result.status = result.stop_reason == StopReason::kTooFewMatches ? AlignStatus::kFailed
-                  : result.stop_reason == StopReason::kCancelled   ? AlignStatus::kCancelled
-                                                                   : AlignStatus::kAligned;
+  result.status = status_of(result.stop_reason);
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

@@ -13,6 +13,8 @@
 #include "cairn/core/random.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -175,13 +177,8 @@ TEST(Refine, SurvivesLandmarksThatCoincide) {
 
 TEST(Refine, RefusesInvalidOptionsByName) {
   const auto refused = [](const RefineOptions& options, const char* field) {
-    try {
-      options.validate();
-      ADD_FAILURE() << field;
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
-      EXPECT_THAT(error.what(), HasSubstr(field));
-    }
+    EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
+                HasSubstr(field));
   };
   refused({.coarse = 0.0}, "RefineOptions.coarse");
   refused({.fine = -1.0}, "RefineOptions.fine");

@@ -9,6 +9,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "cairn/geometry/moved_points.hpp"
+
 namespace cairn {
 namespace {
 
@@ -21,17 +23,6 @@ constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
 // A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
 constexpr double kNegligible = 1.0 / 26.0;
-
-std::vector<Eigen::Vector3d> moved_points(std::span<const Eigen::Vector3d> points,
-                                          const Rigid3& pose) {
-  const Eigen::Matrix3d rotation = pose.rotation();
-  std::vector<Eigen::Vector3d> moved;
-  moved.reserve(points.size());
-  for (const Eigen::Vector3d& point : points) {
-    moved.emplace_back(rotation * point + pose.translation());
-  }
-  return moved;
-}
 
 }  // namespace
 

@@ -6,17 +6,14 @@
 #include <span>
 #include <vector>
 
+#include "cairn/geometry/moved_points.hpp"
+
 namespace cairn {
 namespace {
 
 std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points, const Rigid3& pose,
                                       const BatchTree& tree) {
-  const Eigen::Matrix3d rotation = pose.rotation();
-  std::vector<Eigen::Vector3d> moved;
-  moved.reserve(points.size());
-  for (const Eigen::Vector3d& point : points) {
-    moved.emplace_back(rotation * point + pose.translation());
-  }
+  const std::vector<Eigen::Vector3d> moved = moved_points(points, pose);
   std::vector<Neighbor> found(points.size());
   tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
     found[i] = {nearest.index(0), nearest.squared_distance(0)};

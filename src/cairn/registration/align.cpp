@@ -9,6 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
@@ -48,16 +49,6 @@ void check_points(const PointSet& points, std::string_view name) {
       refuse(fmt::format("confidence of point {} is not finite", i), "a number");
     }
   }
-}
-
-Points moved(const Points& points, const Rigid3& pose) {
-  const Eigen::Matrix3d rotation = pose.rotation();
-  Points result;
-  result.reserve(points.size());
-  for (const Eigen::Vector3d& point : points) {
-    result.push_back(rotation * point + pose.translation());
-  }
-  return result;
 }
 
 std::vector<double> non_negative(std::vector<double> weights) {
@@ -112,8 +103,8 @@ class Alignment {
       : options_(options),
         centre_(centroid(target.positions)),
         centred_from_source_(Rigid3(Eigen::Quaterniond::Identity(), -centre_) * options.initial),
-        source_(moved(source.positions, centred_from_source_)),
-        target_(moved(target.positions, Rigid3(Eigen::Quaterniond::Identity(), -centre_))),
+        source_(moved_points(source.positions, centred_from_source_)),
+        target_(moved_points(target.positions, Rigid3(Eigen::Quaterniond::Identity(), -centre_))),
         target_tree_(target_),
         source_confidences_(source.confidences),
         target_confidences_(target.confidences) {
@@ -155,7 +146,7 @@ class Alignment {
     result.repetition = repetition.result();
     if (icp.stop_reason == StopReason::kCycle) icp.target_from_source = repetition.best_pose();
     result.target_from_source = uncentred(icp.target_from_source);
-    const Points moved_source = moved(source_, icp.target_from_source);
+    const Points moved_source = moved_points(source_, icp.target_from_source);
     result.matches = find_matches(moved_source, icp.target_from_source);
     describe_final_pose(icp.target_from_source, moved_source, queries, result);
     return result;
@@ -251,8 +242,7 @@ std::string sentence(const AlignResult& result, std::size_t source_size, std::si
     case StopReason::kCycle:
       return fmt::format(
           "stopped after {} iterations: from iteration {} on the matches repeat every {}; taken is "
-          "the "
-          "best of the poses in that cycle, after iteration {}",
+          "the best of the poses in that cycle, after iteration {}",
           result.iterations, result.repetition->cycle.first, result.repetition->cycle.length,
           result.repetition->best_iteration);
     case StopReason::kIterationLimit:
@@ -267,12 +257,6 @@ std::string sentence(const AlignResult& result, std::size_t source_size, std::si
   }
   return fmt::format("fewer than {} matches between {} source and {} target landmarks",
                      kFewestMatches, source_size, target_size);
-}
-
-AlignStatus status_of(StopReason reason) {
-  if (reason == StopReason::kTooFewMatches) return AlignStatus::kFailed;
-  if (reason == StopReason::kCancelled) return AlignStatus::kCancelled;
-  return AlignStatus::kAligned;
 }
 
 }  // namespace
@@ -337,6 +321,12 @@ std::string_view to_string(StopReason reason) {
       return "cancelled";
   }
   return "unknown";
+}
+
+AlignStatus status_of(StopReason reason) {
+  if (reason == StopReason::kTooFewMatches) return AlignStatus::kFailed;
+  if (reason == StopReason::kCancelled) return AlignStatus::kCancelled;
+  return AlignStatus::kAligned;
 }
 
 std::string_view to_string(AlignStatus status) {

@@ -55,6 +55,9 @@ enum class AlignStatus {
 /// "aligned" and so on: the names in results.
 std::string_view to_string(AlignStatus status);
 
+/// What an iteration that ended for this reason has come to.
+AlignStatus status_of(StopReason reason);
+
 struct IterationRecord {
   Rigid3 target_from_source;           ///< after the iteration
   double mean_squared_distance = 0.0;  ///< of its matches, before its step

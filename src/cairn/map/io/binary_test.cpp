@@ -25,6 +25,7 @@
 #include "support/maps.hpp"
 #include "support/point_clouds.hpp"
 #include "support/real_data.hpp"
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -60,13 +61,8 @@ LandmarkMap read(std::string_view bytes) {
 }
 
 std::string refusal(std::string_view bytes) {
-  try {
-    read(bytes);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "accepted";
+  const std::string message = testing::refusal(ErrorKind::kInput, [&] { read(bytes); });
+  return message.empty() ? "accepted" : message;
 }
 
 // A file taken to pieces: what is said of it here is from docs/formats.md, not from the code.

@@ -17,6 +17,7 @@
 #include "cairn/core/error.hpp"
 
 #include "support/point_clouds.hpp"
+#include "support/refusal.hpp"
 
 namespace cairn {
 namespace {
@@ -48,13 +49,7 @@ std::string written(const LandmarkMap& map, bool ascii) {
 
 // The message with which `bytes` are refused; empty if they are not.
 std::string refusal(std::string_view bytes) {
-  try {
-    read(bytes);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return {};
+  return testing::refusal(ErrorKind::kInput, [&] { read(bytes); });
 }
 
 // PCD data is little-endian.

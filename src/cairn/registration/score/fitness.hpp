@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/concepts.hpp"
 #include "cairn/registration/query_batch.hpp"
 
@@ -22,10 +23,7 @@ template <class Batch>
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
                                               const Rigid3& search_from_points, Batch&& queries,
                                               const Executor& executor) {
-  const Eigen::Matrix3d rotation = search_from_points.rotation();
-  const Eigen::Vector3d& translation = search_from_points.translation();
-  std::vector<Eigen::Vector3d> moved(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) moved[i] = rotation * points[i] + translation;
+  const std::vector<Eigen::Vector3d> moved = moved_points(points, search_from_points);
   std::vector<double> distances(points.size());
   queries.for_each(moved, executor, [&](std::size_t i, const NearestList auto& nearest) {
     distances[i] = nearest.squared_distance(0);

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn::testing {
+
+/// The message of the error that `act` throws, which must be of that kind; empty if it throws none.
+template <class Act>
+std::string refusal(ErrorKind kind, const Act& act) {
+  try {
+    act();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), kind);
+    return error.what();
+  }
+  return {};
+}
+
+}  // namespace cairn::testing
