@@ -51,9 +51,13 @@ Json json_of(const std::vector<IterationRecord>& history, bool trace) {
 Json json_of(const std::vector<PlacementCandidate>& candidates) {
   Json list = Json::array();
   for (const PlacementCandidate& candidate : candidates) {
-    list.push_back({{"target_from_source", to_json(candidate.target_from_source)},
-                    {"support", candidate.support},
-                    {"chance", candidate.chance}});
+    list.push_back(
+        {{"target_from_source", to_json(candidate.target_from_source)},
+         {"support", candidate.support},
+         {"chance", candidate.chance},
+         {"evidence", candidate.evidence},
+         {"contradicted", candidate.contradicted ? Json(*candidate.contradicted) : Json(nullptr)},
+         {"probability", candidate.probability}});
   }
   return list;
 }
@@ -212,7 +216,7 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
                                         {"target", result.overlap->target},
                                         {"radius", *options.overlap_radius}}
                                  : Json(nullptr)},
-      {"probability", nullptr},
+      {"probability", placement ? Json(placement->probability) : Json(nullptr)},
       {"covariance", has_pose && result.covariance ? to_json(*result.covariance) : Json(nullptr)},
       {"unobservable", has_pose ? json_of(result.unobservable) : Json(nullptr)},
       {"candidates", placement ? json_of(placement->candidates) : Json(nullptr)},

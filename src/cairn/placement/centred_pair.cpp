@@ -10,6 +10,7 @@ namespace {
 
 LandmarkCloud moved(LandmarkCloud cloud, const Eigen::Vector3d& by) {
   for (Eigen::Vector3d& position : cloud.positions) position += by;
+  for (LandmarkView& view : cloud.views) view.centre += by;
   return cloud;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -12,6 +13,35 @@
 #include "cairn/core/error.hpp"
 
 namespace cairn {
+namespace {
+
+constexpr std::size_t kViews = 24;         // of a map: more tell the same again
+constexpr std::size_t kFewestInView = 20;  // fewer hardly tell what a camera saw
+
+// Keyframes evenly spread over those that see enough.
+std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const LandmarkIndex> kept) {
+  if (!map.has_observations()) return {};
+  std::vector<LandmarkView> all(map.frame_count());
+  for (std::uint32_t i = 0; i < kept.size(); ++i) {
+    for (const FrameIndex frame : map.observing_frames(kept[i])) {
+      all[frame.value].landmarks.push_back(i);
+    }
+  }
+  std::vector<std::uint32_t> seeing;
+  for (std::uint32_t frame = 0; frame < all.size(); ++frame) {
+    if (all[frame].landmarks.size() >= kFewestInView) seeing.push_back(frame);
+  }
+  std::vector<LandmarkView> views;
+  const std::size_t count = std::min(kViews, seeing.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint32_t frame = seeing[(2 * i + 1) * seeing.size() / (2 * count)];
+    views.push_back(std::move(all[frame]));
+    views.back().centre = map.frames().translations[frame];
+  }
+  return views;
+}
+
+}  // namespace
 
 void LandmarkCloud::validate(std::string_view name) const {
   const auto require = [&](bool valid, std::string_view what, std::string_view expected) {
@@ -31,6 +61,13 @@ void LandmarkCloud::validate(std::string_view name) const {
     require(weight(i) >= 0.0 && std::isfinite(weight(i)),
             fmt::format("weight of landmark {} is {}", i, weight(i)), "0 or a positive number");
   }
+  for (const LandmarkView& view : views) {
+    require(view.centre.allFinite(), "centre of a view is not finite", "numbers");
+    for (const std::uint32_t landmark : view.landmarks) {
+      require(landmark < size(), fmt::format("a view of landmark {} of {}", landmark, size()),
+              "indices of landmarks");
+    }
+  }
 }
 
 LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>& weights,
@@ -44,9 +81,11 @@ LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>
   if (total > 0.0) {
     for (double& weight : cloud.weights) weight *= static_cast<double>(cloud.size()) / total;
   }
+  const std::vector<LandmarkIndex> kept = landmarks_to_align(map, options);
+  cloud.views = views_of(map, kept);
   if (map.has_covariances()) {
     cloud.covariances.reserve(cloud.size());
-    for (const LandmarkIndex landmark : landmarks_to_align(map, options)) {
+    for (const LandmarkIndex landmark : kept) {
       cloud.covariances.push_back(
           map.covariance(landmark).value_or(Eigen::Matrix3d(Eigen::Matrix3d::Zero())));
     }

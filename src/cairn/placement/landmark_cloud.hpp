@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,19 +15,28 @@
 
 namespace cairn {
 
-/// Landmarks as placement sees them: where they are, how exactly, and how far each is trusted.
+/// What one keyframe saw.
+struct LandmarkView {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of its camera
+  std::vector<std::uint32_t> landmarks;              ///< indices in the cloud
+};
+
+/// Landmarks as placement sees them: where they are, how exactly, how far each is trusted, and from
+/// where they were seen.
 struct LandmarkCloud {
   std::vector<Eigen::Vector3d> positions;
   /// Of the positions: one a landmark, zero where unknown; or empty.
   std::vector<Eigen::Matrix3d> covariances;
   /// One a landmark, not negative, of mean 1; or empty: all alike.
   std::vector<double> weights;
+  /// A few keyframes that stand for all; empty where nothing is known of them.
+  std::vector<LandmarkView> views;
 
   std::size_t size() const { return positions.size(); }
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }
 
-  /// @throws Error (misuse) for columns of different lengths, and for numbers that are not finite or
-  ///         weights that are negative
+  /// @throws Error (misuse) for columns of different lengths, for numbers that are not finite, weights
+  ///         that are negative and views of landmarks that are not there
   /// @param name of the cloud, for the message
   void validate(std::string_view name) const;
 };

@@ -14,10 +14,12 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/placement/probability.hpp"
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/robust_alignment.hpp"
 #include "cairn/placement/rotations.hpp"
 #include "cairn/placement/search.hpp"
+#include "cairn/placement/sight.hpp"
 #include "cairn/placement/support.hpp"
 
 namespace cairn {
@@ -31,7 +33,9 @@ constexpr std::size_t kShortPoints = 1000;    // of the source, in the first loo
 constexpr int kShortIterations = 8;
 constexpr int kFinalIterations = 60;
 constexpr std::size_t kFinalists = 8;
-constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
+constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each view of the other
+constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
+constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
@@ -54,10 +58,16 @@ LandmarkCloud shuffled(const LandmarkCloud& cloud, Random random) {
   }
   std::sort(keys.begin(), keys.end(), std::greater<>());
   LandmarkCloud result;
+  std::vector<std::uint32_t> place(cloud.size());
   for (const auto& [key, i] : keys) {
+    place[i] = static_cast<std::uint32_t>(result.positions.size());
     result.positions.push_back(cloud.positions[i]);
     if (!cloud.covariances.empty()) result.covariances.push_back(cloud.covariances[i]);
     if (!cloud.weights.empty()) result.weights.push_back(cloud.weights[i]);
+  }
+  result.views = cloud.views;
+  for (LandmarkView& view : result.views) {
+    for (std::uint32_t& landmark : view.landmarks) landmark = place[landmark];
   }
   return result;
 }
@@ -109,7 +119,8 @@ class Placement {
               shuffled(target, Random(options.seed).fork(2))),
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
-        support_(pair_, source_tree_, target_tree_, kSample),
+        support_(pair_, source_tree_, target_tree_, kSample, options.executor),
+        sight_(pair_, kSightPoints),
         target_axes_(main_axes(pair_.target().positions)) {
     const CloudScales source_scales = cloud_scales(pair_.source(), source_tree_, options.executor);
     const CloudScales target_scales = cloud_scales(pair_.target(), target_tree_, options.executor);
@@ -125,6 +136,10 @@ class Placement {
 
   double fine() const { return scales_.fine; }
   double radius() const { return kMatched * scales_.fine; }
+  /// Of the smaller cloud, as far as they are looked at.
+  std::size_t landmarks() const {
+    return std::min({pair_.source().size(), pair_.target().size(), kSample});
+  }
 
   std::vector<PlacementCandidate> candidates() const {
     const auto accept = [&](const Rigid3& pose) {
@@ -152,8 +167,19 @@ class Placement {
     poses = distinct(std::move(poses), scales_.fine, 1);
     for (PlacementCandidate& pose : poses) {
       pose.chance = chance(pose.target_from_source);
+      const SightCounts sight = sight_(pose.target_from_source);
+      if (sight.total() >= kFewestSights) {
+        pose.contradicted =
+            static_cast<double>(sight.in_front) / static_cast<double>(sight.total());
+      }
       pose.target_from_source = pair_.uncentred(pose.target_from_source);
     }
+    const std::vector<double> likely = probabilities(poses, landmarks());
+    for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
+    std::stable_sort(poses.begin(), poses.end(),
+                     [](const PlacementCandidate& a, const PlacementCandidate& b) {
+                       return a.probability > b.probability;
+                     });
     return poses;
   }
 
@@ -175,9 +201,18 @@ class Placement {
                          .points = points},
                         options_.stop)
                    .target_from_source;
-        poses[i].support = support_(pose, kMatched * scale);
+        const Support support = support_(pose, kMatched * scale);
+        poses[i].support = support.share;
+        poses[i].evidence = support.evidence;
       }
     });
+  }
+
+  // By which poses go on. Most wrong ones have no evidence at all; a few landmarks that happen to meet
+  // must not outweigh a tenth of all.
+  static double merit(const PlacementCandidate& pose) {
+    constexpr double kSupport = 50.0;
+    return pose.evidence + kSupport * pose.support;
   }
 
   // The best of the poses, with at most so many variants of what people would call one.
@@ -185,7 +220,7 @@ class Placement {
                                            std::ptrdiff_t variants) const {
     std::stable_sort(poses.begin(), poses.end(),
                      [](const PlacementCandidate& a, const PlacementCandidate& b) {
-                       return a.support > b.support;
+                       return merit(a) > merit(b);
                      });
     std::vector<PlacementCandidate> kept;
     for (const PlacementCandidate& pose : poses) {
@@ -208,7 +243,7 @@ class Placement {
       for (const double sign : {-1.0, 1.0}) {
         const Eigen::Vector3d shift = sign * kDistinct * scales_.fine * target_axes_.col(axis);
         const Rigid3 beside(pose.quaternion(), pose.translation() + shift);
-        best = std::max(best, support_(beside, radius()));
+        best = std::max(best, support_(beside, radius()).share);
       }
     }
     return best;
@@ -219,6 +254,7 @@ class Placement {
   BatchTree source_tree_;
   BatchTree target_tree_;
   SupportCounter support_;
+  SightChecker sight_;
   KernelScales scales_;         // of all landmarks
   KernelScales sample_scales_;  // of those that the search sees
   PoseDistance distance_;
@@ -229,6 +265,7 @@ struct Found {
   std::vector<PlacementCandidate> candidates;
   double fine = 0.0;
   double radius = 0.0;
+  std::size_t landmarks = 0;  // of the smaller cloud
 };
 
 Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
@@ -236,7 +273,7 @@ Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
   const bool inverted = cloud_extent(source) > cloud_extent(target);
   if (inverted && options.gravity) std::swap(options.gravity->source, options.gravity->target);
   const Placement placement(inverted ? target : source, inverted ? source : target, options);
-  Found found{placement.candidates(), placement.fine(), placement.radius()};
+  Found found{placement.candidates(), placement.fine(), placement.radius(), placement.landmarks()};
   if (inverted) {
     for (PlacementCandidate& pose : found.candidates) {
       pose.target_from_source = pose.target_from_source.inverse();
@@ -275,12 +312,12 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     Found found = find_candidates(source, target, options);
     result.candidates = std::move(found.candidates);
     result.radius = found.radius;
-    Judgement judgement =
-        judge(result.candidates, std::min({source.size(), target.size(), kSample}), result.radius);
+    Judgement judgement = judge(result.candidates, found.landmarks, result.radius);
     result.verdict = judgement.verdict;
     result.reason = std::move(judgement.reason);
     RefineOptions refinement;
     if (!result.candidates.empty()) {
+      result.probability = result.candidates.front().probability;
       refinement.initial = result.candidates.front().target_from_source;
     }
     refinement.coarse = kReopened * found.fine;

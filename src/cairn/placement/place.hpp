@@ -49,10 +49,11 @@ struct PlacementResult {
   /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if
   /// there is none. Its status says nothing of how right the pose is: the verdict does.
   AlignResult alignment;
-  /// Best first: the first is what was refined, the second the runner-up.
+  /// Likeliest first: the first is what was refined, the second the runner-up.
   std::vector<PlacementCandidate> candidates;
-  double radius = 0.0;      ///< within which landmarks count as matched
-  double duration_s = 0.0;  ///< wall time of the whole call
+  double probability = 0.0;  ///< that the pose is right: that of the first candidate
+  double radius = 0.0;       ///< within which landmarks count as matched
+  double duration_s = 0.0;   ///< wall time of the whole call
 };
 
 /// Aligns two maps from no initial pose, and says whether the pose can be trusted.
@@ -60,7 +61,9 @@ struct PlacementResult {
 /// Search: from thousands of evenly spread rotations, each with the translations that put parts of the
 /// source on parts of the target, a tournament of robust refinements (search.hpp) on samples of both
 /// maps leaves a few distinct poses. These are refined against all landmarks of the samples and ranked
-/// by their support. The best is refined once more with all landmarks and their covariances.
+/// by how likely they are right (probability.hpp), from their support and from what the keyframes of
+/// either map say of the other's landmarks. The best is refined once more with all landmarks and their
+/// covariances.
 ///
 /// Lengths come from the maps: their extents, the spacing of their landmarks, their covariances. An
 /// expected failure (too few landmarks, nothing in common) is a verdict. Same input and seed, same

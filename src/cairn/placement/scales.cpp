@@ -10,7 +10,6 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kNeighbors = 8;
 constexpr std::size_t kSampled = 4096;  // medians need no more
 // Below this many spacings the objective has an optimum wherever a few landmarks happen to meet.
 constexpr double kSmooth = 1.5;
@@ -35,6 +34,16 @@ double cloud_extent(const LandmarkCloud& cloud) {
   return median(std::move(distances));
 }
 
+std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
+                                      const BatchTree& tree, const Executor& executor) {
+  std::vector<double> spacings(points.size());
+  tree.batch(kSpacingNeighbors + 1)
+      .for_each(points, executor, [&](std::size_t i, const NearestList auto& nearest) {
+        spacings[i] = std::sqrt(nearest.squared_distance(nearest.size() - 1));
+      });
+  return spacings;
+}
+
 CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
                          const Executor& executor) {
   const std::size_t stride = 1 + cloud.size() / kSampled;
@@ -46,12 +55,8 @@ CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
       deviations.push_back(std::sqrt(cloud.covariances[i].trace() / 3.0));
     }
   }
-  std::vector<double> spacings(sample.size());
-  tree.batch(kNeighbors + 1)
-      .for_each(sample, executor, [&](std::size_t i, const NearestList auto& nearest) {
-        spacings[i] = std::sqrt(nearest.squared_distance(nearest.size() - 1));
-      });
-  return {cloud_extent(cloud), median(std::move(spacings)), median(std::move(deviations))};
+  return {cloud_extent(cloud), median(landmark_spacings(sample, tree, executor)),
+          median(std::move(deviations))};
 }
 
 KernelScales kernel_scales(const CloudScales& source, const CloudScales& target) {

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
+#include <span>
+#include <vector>
+
 #include "cairn/core/executor.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
@@ -19,6 +23,15 @@ struct CloudScales {
 
 /// CloudScales::extent alone.
 double cloud_extent(const LandmarkCloud& cloud);
+
+/// How many neighbours a landmark's spacing reaches over.
+inline constexpr std::size_t kSpacingNeighbors = 8;
+
+/// Distance of each point to its eighth neighbour in a cloud that it is part of; to the farthest in one
+/// of fewer landmarks.
+/// @param tree of the cloud's positions
+std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
+                                      const BatchTree& tree, const Executor& executor);
 
 /// @param tree of the cloud's positions
 CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,

@@ -2,11 +2,12 @@
 #include "cairn/placement/support.hpp"
 
 #include <algorithm>
-#include <cstdint>
+#include <cmath>
 #include <span>
 #include <vector>
 
 #include "cairn/geometry/moved_points.hpp"
+#include "cairn/placement/scales.hpp"
 
 namespace cairn {
 namespace {
@@ -21,29 +22,61 @@ std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points, c
   return found;
 }
 
+// Logarithm of the likelihood ratio for the best share of pairs that are one landmark.
+double mixture_evidence(std::span<const double> chances) {
+  double best = 0.0;
+  for (const double share : {0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8}) {
+    double sum = 0.0;
+    for (const double chance : chances) {
+      sum += std::log1p(share * (0.5 / std::sqrt(chance) - 1.0));
+    }
+    best = std::max(best, sum);
+  }
+  return best;
+}
+
 }  // namespace
 
-double SupportCounter::operator()(const Rigid3& pose, double radius) const {
+SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
+                               const BatchTree& target_tree, std::size_t sample,
+                               const Executor& executor)
+    : pair_(pair),
+      source_tree_(source_tree),
+      target_tree_(target_tree),
+      sample_(std::min(sample, pair.source().size())),
+      source_spacings_(landmark_spacings(std::span(pair.source().positions).first(sample_),
+                                         source_tree, executor)),
+      target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)) {}
+
+Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
+  // What is farther than this, in units of its spacing, is by chance; closer than the other, copies of
+  // a landmark must not decide alone.
+  constexpr double kFarthest = 3.0;
+  constexpr double kLeastChance = 1e-6;
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
-  const std::size_t count = std::min(sample_, source.size());
   const std::vector<Neighbor> there =
-      nearest_of_each(std::span(source.positions).first(count), pose, target_tree_);
-  std::vector<std::uint32_t> asking;
+      nearest_of_each(std::span(source.positions).first(sample_), pose, target_tree_);
   std::vector<Eigen::Vector3d> met;
-  for (std::uint32_t i = 0; i < count; ++i) {
-    if (there[i].squared_distance > radius * radius) continue;
-    asking.push_back(i);
-    met.push_back(target.positions[there[i].index]);
-  }
+  met.reserve(sample_);
+  for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
   const std::vector<Neighbor> back = nearest_of_each(met, pose.inverse(), source_tree_);
-  std::size_t mutual = 0;
-  for (std::size_t i = 0; i < asking.size(); ++i) {
-    if (back[i].index == asking[i]) ++mutual;
+  std::size_t within = 0;
+  std::vector<double> chances;
+  for (std::size_t i = 0; i < sample_; ++i) {
+    if (back[i].index != i) continue;
+    const double squared = there[i].squared_distance;
+    if (squared <= radius * radius) ++within;
+    const double spacing = source_spacings_[i] * target_spacings_[there[i].index];
+    const double ratio =
+        spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
+    chances.push_back(
+        std::max(-std::expm1(-static_cast<double>(kSpacingNeighbors) * ratio), kLeastChance));
   }
-  const auto of_source = static_cast<double>(mutual) / static_cast<double>(count);
-  return of_source * static_cast<double>(source.size()) /
-         static_cast<double>(std::min(source.size(), target.size()));
+  const auto of_source = static_cast<double>(within) / static_cast<double>(sample_);
+  return {of_source * static_cast<double>(source.size()) /
+              static_cast<double>(std::min(source.size(), target.size())),
+          mixture_evidence(chances)};
 }
 
 }  // namespace cairn

@@ -2,30 +2,47 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
+#include "cairn/core/executor.hpp"
 #include "cairn/placement/centred_pair.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 
+/// What two clouds have in common at a pose.
+struct Support {
+  /// Pairs of landmarks that are each other's nearest and within the radius, as a share of the smaller
+  /// cloud: what a pose cannot gain by moving many landmarks onto one.
+  double share = 0.0;
+  /// By how much likelier their distances are if some of these pairs are one landmark, seen twice, than
+  /// if only surfaces meet: logarithm of the ratio, at least 0.
+  double evidence = 0.0;
+};
+
 /// Counts what two clouds have in common at centred poses.
+///
+/// Where landmarks lie on surfaces independently of each other, the distance d to the nearest is within
+/// a given one with probability u = 1 - exp(-8·d²/h²), h being the distance to the eighth: u is spread
+/// evenly over 0 to 1. Landmarks that are one are far closer than that; their u is taken to have the
+/// density 1 / (2·√u). The evidence is that of the mixture with the likeliest share of such pairs. It
+/// asks for no radius, and a match counts by how little it is to be expected where it is.
 class SupportCounter {
  public:
   /// @param pair, trees of its positions; must outlive this
   /// @param sample the first of the source that are looked at; in random order, they stand for all
   SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
-                 const BatchTree& target_tree, std::size_t sample)
-      : pair_(pair), source_tree_(source_tree), target_tree_(target_tree), sample_(sample) {}
+                 const BatchTree& target_tree, std::size_t sample, const Executor& executor);
 
-  /// Pairs of landmarks that are each other's nearest and within the radius, as a share of the smaller
-  /// cloud: what a pose cannot gain by moving many landmarks onto one.
-  double operator()(const Rigid3& pose, double radius) const;
+  Support operator()(const Rigid3& pose, double radius) const;
 
  private:
   const CentredPair& pair_;
   const BatchTree& source_tree_;
   const BatchTree& target_tree_;
   std::size_t sample_;
+  std::vector<double> source_spacings_;  // of the sample
+  std::vector<double> target_spacings_;
 };
 
 }  // namespace cairn

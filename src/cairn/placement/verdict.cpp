@@ -2,27 +2,26 @@
 #include "cairn/placement/verdict.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include <fmt/format.h>
 
 namespace cairn {
 namespace {
 
-// By how much more of the landmarks a pose must match to stand clear of another. Between simulated
-// scenes that have nothing but their kind in common the best pose matched up to 5 % more than the next,
-// and up to 7 % more than there is beside it; see docs/method.md.
-constexpr double kMargin = 0.08;
-// And by how many standard deviations of the difference of two counts.
-constexpr double kDeviations = 4.0;
-
-bool clear(double support, double other, std::size_t landmarks) {
-  const double deviation = std::sqrt((support + other) / static_cast<double>(landmarks));
-  return support - other >= std::max(kMargin, kDeviations * deviation);
-}
+// A wrong pose that is accepted costs more than a right one that is refused.
+constexpr double kBeyondDoubt = 0.99;
+// Share of the best pose's probability that makes another a rival.
+constexpr double kRival = 0.05;
 
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
+}
+
+// A probability is never said to be one, nor nought.
+std::string probability_text(double probability) {
+  if (probability > 0.9999) return "over 99.99 %";
+  if (probability < 0.0001) return "below 0.01 %";
+  return fmt::format("{:.2f} %", 100.0 * probability);
 }
 
 }  // namespace
@@ -43,26 +42,33 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
                 double radius) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();
-  const double second = candidates.size() > 1 ? candidates[1].support : 0.0;
-  const std::string found =
-      fmt::format("the best pose matches {} of {} landmarks one to one within {:.3g}",
-                  percent(best.support), landmarks, radius);
-  if (!clear(best.support, best.chance, landmarks)) {
-    return {Verdict::kRejected,
-            fmt::format("{}, not clearly more than the {} beside it, where only "
-                        "the scene's shape can match; the next pose has {}",
-                        found, percent(best.chance), percent(second))};
+  double any = 0.0;
+  for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
+  std::string found = fmt::format(
+      "the best pose matches {} of {} landmarks one to one within {:.3g} ({} beside it by chance, ",
+      percent(best.support), landmarks, radius, percent(best.chance));
+  found += candidates.size() > 1
+               ? fmt::format("{} at the next pose)", percent(candidates[1].support))
+               : "no other pose)";
+  if (best.contradicted) {
+    found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
   }
-  if (clear(best.support, second, landmarks)) {
-    return {Verdict::kAligned, fmt::format("{}, the next pose {}, and {} match beside it by chance",
-                                           found, percent(second), percent(best.chance))};
+  if (best.probability >= kBeyondDoubt) {
+    return {Verdict::kAligned, fmt::format("{}: right with a probability of {}", found,
+                                           probability_text(best.probability))};
   }
-  const auto alike =
-      std::count_if(candidates.begin(), candidates.end(), [&](const PlacementCandidate& candidate) {
-        return !clear(best.support, candidate.support, landmarks);
-      });
-  return {Verdict::kAmbiguous, fmt::format("{}, but {} poses are about as good: the next has {}",
-                                           found, alike, percent(second))};
+  if (any >= kBeyondDoubt) {
+    const auto rivals = std::count_if(candidates.begin(), candidates.end(),
+                                      [&](const PlacementCandidate& candidate) {
+                                        return candidate.probability >= kRival * best.probability;
+                                      });
+    return {Verdict::kAmbiguous,
+            fmt::format(
+                "{}, but {} poses are about as good: this one is right with a probability of {}",
+                found, rivals, probability_text(best.probability))};
+  }
+  return {Verdict::kRejected, fmt::format("{}: right with a probability of {} only", found,
+                                          probability_text(best.probability))};
 }
 
 }  // namespace cairn

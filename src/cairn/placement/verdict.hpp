@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -12,9 +13,9 @@ namespace cairn {
 
 /// What is to be thought of the best of several poses.
 enum class Verdict {
-  kAligned,    ///< it stands clear of chance and of every other pose
-  kAmbiguous,  ///< it stands clear of chance, but another pose explains the maps about as well
-  kRejected,   ///< it does not stand clear of chance
+  kAligned,    ///< it is right beyond doubt
+  kAmbiguous,  ///< one of several poses is right beyond doubt, but which?
+  kRejected,   ///< perhaps none is right
 };
 
 /// "aligned" and so on: the names in results.
@@ -28,6 +29,13 @@ struct PlacementCandidate {
   /// The most support there is close by, where landmarks that are one no longer meet but surfaces
   /// still do: what the shape of the scene gives alone.
   double chance = 0.0;
+  /// By how much likelier the distances of the matches are if some are one landmark: see Support.
+  double evidence = 0.0;
+  /// Share of the lines of sight of either map's cameras on which the other map has a landmark in front
+  /// of what they saw; nothing where too few were looked at to say. See SightChecker.
+  std::optional<double> contradicted = {};
+  /// That it is the right pose; what is missing to 1 over all candidates is that none is.
+  double probability = 0.0;
 };
 
 struct Judgement {
@@ -35,14 +43,10 @@ struct Judgement {
   std::string reason;  ///< one sentence for people, with its numbers
 };
 
-/// Judges the first of some candidates by the others.
+/// Judges the best of some candidates by their probabilities.
 ///
-/// The next best pose has been optimised as the best was, so its support is the most that a wrong pose
-/// reaches in this very pair of maps; a right one must stand clear of it, by a share of the landmarks and
-/// by what counting them leaves to chance.
-///
-/// @param candidates best support first
-/// @param landmarks  of the smaller map, whose share the support is
+/// @param candidates likeliest first
+/// @param landmarks  of the smaller map, whose share the supports are
 /// @param radius     within which landmarks were matched, for the sentence
 Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
                 double radius);

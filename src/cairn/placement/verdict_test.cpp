@@ -16,36 +16,41 @@ Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
   return judge(candidates, landmarks, 0.02);
 }
 
-PlacementCandidate candidate(double support, double chance) {
-  return {.target_from_source = {}, .support = support, .chance = chance};
+PlacementCandidate candidate(double probability, double support = 0.4) {
+  return {.target_from_source = {},
+          .support = support,
+          .chance = 0.1,
+          .contradicted = 0.015,
+          .probability = probability};
 }
 
-TEST(Verdict, AlignedIfClearOfChanceAndOfTheNext) {
-  const Judgement judgement = verdict_of({candidate(0.4, 0.1), candidate(0.15, 0.1)});
+TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
+  const Judgement judgement = verdict_of({candidate(0.996), candidate(0.001, 0.15)});
   EXPECT_EQ(judgement.verdict, Verdict::kAligned);
   EXPECT_THAT(judgement.reason, HasSubstr("40.0 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("15.0 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("10.0 %"));
+  EXPECT_THAT(judgement.reason, HasSubstr("1.5 %"));
+  EXPECT_THAT(judgement.reason, HasSubstr("99.60 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("3000"));
 }
 
-TEST(Verdict, AmbiguousIfAnotherIsAboutAsGoodAndBothClearOfChance) {
-  const Judgement judgement = verdict_of(
-      {candidate(0.4, 0.1), candidate(0.38, 0.1), candidate(0.37, 0.1), candidate(0.1, 0.1)});
+TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
+  const Judgement judgement =
+      verdict_of({candidate(0.4), candidate(0.35), candidate(0.24), candidate(0.005)});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
 }
 
-TEST(Verdict, RejectedIfNotClearOfChance) {
-  EXPECT_EQ(verdict_of({candidate(0.12, 0.1), candidate(0.05, 0.04)}).verdict, Verdict::kRejected);
-  EXPECT_EQ(verdict_of({candidate(0.12, 0.1), candidate(0.11, 0.1)}).verdict, Verdict::kRejected);
+TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
+  EXPECT_EQ(verdict_of({candidate(0.9), candidate(0.05)}).verdict, Verdict::kRejected);
+  EXPECT_EQ(verdict_of({candidate(1e-7)}).verdict, Verdict::kRejected);
   EXPECT_EQ(verdict_of({}).verdict, Verdict::kRejected);
 }
 
-TEST(Verdict, RejectedIfFewLandmarksCouldMatchByChance) {
-  const std::vector<PlacementCandidate> poses = {candidate(0.3, 0.1), candidate(0.12, 0.1)};
-  EXPECT_EQ(verdict_of(poses, 3000).verdict, Verdict::kAligned);
-  EXPECT_EQ(verdict_of(poses, 60).verdict, Verdict::kRejected);
+TEST(Verdict, NeverSaysThatAPoseIsCertain) {
+  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("over 99.99 %"));
+  EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("below 0.01 %"));
 }
 
 }  // namespace

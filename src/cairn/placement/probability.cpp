@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/probability.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+// What the logarithm of the odds is linear in.
+struct Weights {
+  double constant;
+  double evidence;      // of the logarithm of 1 and the evidence
+  double beside;        // of the logarithm of the support's ratio to that beside the pose
+  double others;        // and to that of other candidates
+  double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
+};
+
+// Made by benchmarks/fit_placement_model.
+constexpr Weights kWithSight = {-12.0, 2.0, 1.0, 1.0, -1.0};
+constexpr Weights kWithoutSight = {-8.0, 2.0, 1.0, 1.0, 0.0};
+
+double log_ratio(double count, double other) {
+  return std::log((count + 2.0) / (other + 2.0));
+}
+
+double log_odds(double share) {
+  return std::log((share + 0.002) / (1.002 - share));
+}
+
+// Median support of all candidates but one: those are wrong, or at least most of them.
+double others_support(std::span<const PlacementCandidate> candidates, std::size_t but) {
+  std::vector<double> supports;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (i != but) supports.push_back(candidates[i].support);
+  }
+  if (supports.empty()) return candidates[but].chance;
+  std::sort(supports.begin(), supports.end());
+  return 0.5 * (supports[(supports.size() - 1) / 2] + supports[supports.size() / 2]);
+}
+
+}  // namespace
+
+std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
+                                  std::size_t landmarks) {
+  const auto count = static_cast<double>(landmarks);
+  std::vector<double> result;
+  double highest = 0.0;  // of the alternative that none is right
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const PlacementCandidate& candidate = candidates[i];
+    const Weights& weights = candidate.contradicted ? kWithSight : kWithoutSight;
+    const double matched = count * candidate.support;
+    result.push_back(weights.constant + weights.evidence * std::log1p(candidate.evidence) +
+                     weights.beside * log_ratio(matched, count * candidate.chance) +
+                     weights.others * log_ratio(matched, count * others_support(candidates, i)) +
+                     weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
+    highest = std::max(highest, result.back());
+  }
+  double sum = std::exp(-highest);
+  for (double& value : result) {
+    value = std::exp(value - highest);
+    sum += value;
+  }
+  for (double& value : result) value /= sum;
+  return result;
+}
+
+}  // namespace cairn

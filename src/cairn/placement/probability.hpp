@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "cairn/placement/verdict.hpp"
+
+namespace cairn {
+
+/// How likely each of some candidates is to be the right pose; what is missing to 1 is the probability
+/// that none of them is.
+///
+/// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its
+/// evidence, with the ratio of its support to what there is beside it and at the other candidates, and
+/// fall with the share of lines of sight that contradict it. Fitted to simulated sessions
+/// of which half the pairs are of different places (docs/method.md); where far fewer of a user's maps
+/// overlap, the odds are lower by as much.
+///
+/// @param landmarks of the smaller map, whose shares the supports are
+std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
+                                  std::size_t landmarks);
+
+}  // namespace cairn

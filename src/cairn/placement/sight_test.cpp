@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/sight.hpp"
+
+#include <cmath>
+#include <numeric>
+
+#include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
+#include "cairn/map/synthetic.hpp"
+
+namespace cairn {
+namespace {
+
+// A wall at x = 2, seen by a camera at the origin; a landmark every 2 cm.
+LandmarkCloud wall() {
+  LandmarkCloud cloud;
+  for (int i = -40; i <= 40; ++i) {
+    for (int j = -40; j <= 40; ++j) cloud.positions.emplace_back(2.0, 0.02 * i, 0.02 * j);
+  }
+  LandmarkView& view = cloud.views.emplace_back();
+  view.landmarks.resize(cloud.size());
+  std::iota(view.landmarks.begin(), view.landmarks.end(), 0U);
+  return cloud;
+}
+
+SightCounts counts(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& pose) {
+  const CentredPair pair(source, target);
+  return SightChecker(pair, 100'000)(pair.centred(pose));
+}
+
+Rigid3 shifted(double x, double y) {
+  return {Eigen::Quaterniond::Identity(), Eigen::Vector3d(x, y, 0.0)};
+}
+
+TEST(Sight, AgreesWhereSurfacesMeet) {
+  const SightCounts same = counts(wall(), wall(), Rigid3());
+  EXPECT_EQ(same.agree, same.total());
+  EXPECT_EQ(same.total(), 2 * wall().size());
+  const SightCounts along = counts(wall(), wall(), shifted(0.0, 0.3));
+  EXPECT_EQ(along.agree, along.total());
+}
+
+TEST(Sight, TellsFrontFromBehind) {
+  LandmarkCloud blind = wall();
+  blind.views.clear();
+  // The source's wall in front of the target's is where the target's camera looked through.
+  const SightCounts front = counts(blind, wall(), shifted(-0.5, 0.0));
+  EXPECT_EQ(front.in_front, front.total());
+  EXPECT_GT(front.total(), 0U);
+  const SightCounts behind = counts(blind, wall(), shifted(0.5, 0.0));
+  EXPECT_EQ(behind.behind, behind.total());
+  EXPECT_GT(behind.total(), 0U);
+  // Asked from the other side, what the source's camera saw: the pose's inverse.
+  const SightCounts back = counts(wall(), blind, shifted(0.5, 0.0));
+  EXPECT_EQ(back.in_front, back.total());
+  EXPECT_GT(back.total(), 0U);
+}
+
+TEST(Sight, SaysNothingOfWhatNoCameraLookedAt) {
+  EXPECT_EQ(counts(wall(), wall(), shifted(0.0, 50.0)).total(), 0U);
+  LandmarkCloud blind = wall();
+  blind.views.clear();
+  EXPECT_EQ(counts(blind, blind, Rigid3()).total(), 0U);
+}
+
+TEST(Sight, DoesNotDependOnTheFrames) {
+  const SyntheticPair pair = synthetic_pair({.seed = 4, .landmarks = 800});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  ASSERT_FALSE(source.views.empty());
+  const SightCounts right = counts(source, target, pair.target_from_source);
+  EXPECT_GT(static_cast<double>(right.agree), 0.9 * static_cast<double>(right.total()));
+  const SightCounts turned = counts(
+      source, target,
+      pair.target_from_source * Rigid3(rotation_exp({0.0, 0.0, 1.0}), Eigen::Vector3d::Zero()));
+  EXPECT_LT(static_cast<double>(turned.agree) / static_cast<double>(turned.total()),
+            static_cast<double>(right.agree) / static_cast<double>(right.total()));
+}
+
+}  // namespace
+}  // namespace cairn
