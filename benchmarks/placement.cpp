@@ -46,7 +46,7 @@ class Bench {
 
   void header() const {
     std::puts(
-        "group,trial,verdict,rotation_deg,translation_m,support,chance,runner_up,radius,"
+        "group,trial,verdict,rotation_deg,translation_m,support,probability,runner_up,radius,"
         "processor_s,wall_s");
   }
 
@@ -76,8 +76,8 @@ class Bench {
                 static_cast<unsigned long long>(trial),
                 std::string(to_string(result.verdict)).c_str(), degrees(error.rotation_rad),
                 error.translation, poses.empty() ? 0.0 : poses[0].support,
-                poses.empty() ? 0.0 : poses[0].chance, poses.size() < 2 ? 0.0 : poses[1].support,
-                result.radius, used, result.duration_s);
+                poses.empty() ? 0.0 : poses[0].probability,
+                poses.size() < 2 ? 0.0 : poses[1].support, result.radius, used, result.duration_s);
     std::fflush(stdout);
   }
 

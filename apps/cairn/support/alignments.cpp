@@ -54,8 +54,8 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
     list.push_back(
         {{"target_from_source", to_json(candidate.target_from_source)},
          {"support", candidate.support},
-         {"chance", candidate.chance},
          {"evidence", candidate.evidence},
+         {"spread_evidence", candidate.spread_evidence},
          {"contradicted", candidate.contradicted ? Json(*candidate.contradicted) : Json(nullptr)},
          {"probability", candidate.probability}});
   }

@@ -38,17 +38,7 @@ LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std:
                           rows(landmarks.colors, kept),
                           std::nullopt,
                           {}};
-  if (const auto& descriptors = landmarks.descriptors) {
-    result.descriptors = {
-        descriptors->kind, descriptors->bytes_each, rows(descriptors->known, kept), {}};
-    for (const std::uint32_t row : kept) {
-      const auto begin =
-          descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(row * descriptors->bytes_each);
-      result.descriptors->bytes.insert(
-          result.descriptors->bytes.end(), begin,
-          begin + static_cast<std::ptrdiff_t>(descriptors->bytes_each));
-    }
-  }
+  if (landmarks.descriptors) result.descriptors = descriptor_rows(*landmarks.descriptors, kept);
   for (const NamedColumn& column : landmarks.columns) {
     result.columns.push_back({column.name, rows(column.values, kept)});
   }
@@ -102,6 +92,21 @@ MapTables copied_tables(const LandmarkMap& map) {
 }
 
 }  // namespace
+
+DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
+                                 std::span<const std::uint32_t> rows) {
+  DescriptorColumn result = {descriptors.kind, descriptors.bytes_each, {}, {}};
+  result.known.reserve(rows.size());
+  result.bytes.reserve(rows.size() * descriptors.bytes_each);
+  for (const std::uint32_t row : rows) {
+    result.known.push_back(descriptors.known[row]);
+    const auto begin =
+        descriptors.bytes.begin() + static_cast<std::ptrdiff_t>(row * descriptors.bytes_each);
+    result.bytes.insert(result.bytes.end(), begin,
+                        begin + static_cast<std::ptrdiff_t>(descriptors.bytes_each));
+  }
+  return result;
+}
 
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count) {
   std::vector<LandmarkIndex> result;

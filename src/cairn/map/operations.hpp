@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,6 +17,10 @@ namespace cairn {
 /// Landmarks with at least `count` observations; all of them if the map does not know its
 /// observations.
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
+
+/// Some rows of a column of descriptors, in the given order.
+DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
+                                 std::span<const std::uint32_t> rows);
 
 /// Only these landmarks, with their observations, in the given order; all frames.
 /// @throws Error (misuse) for an index that the map does not have, (input) for one given twice

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -53,6 +54,12 @@ void LandmarkCloud::validate(std::string_view name) const {
   require(weights.empty() || weights.size() == size(),
           fmt::format("{} weights of {} landmarks", weights.size(), size()),
           "one a landmark, or none");
+  if (descriptors) {
+    require(descriptors->known.size() == size() &&
+                descriptors->bytes.size() == size() * descriptors->bytes_each,
+            fmt::format("{} descriptors of {} landmarks", descriptors->known.size(), size()),
+            "one a landmark, each of bytes_each bytes");
+  }
   for (std::size_t i = 0; i < size(); ++i) {
     require(positions[i].allFinite(), fmt::format("position of landmark {} is not finite", i),
             "numbers");
@@ -83,6 +90,12 @@ LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>
   }
   const std::vector<LandmarkIndex> kept = landmarks_to_align(map, options);
   cloud.views = views_of(map, kept);
+  if (map.landmarks().descriptors) {
+    std::vector<std::uint32_t> rows;
+    rows.reserve(kept.size());
+    for (const LandmarkIndex landmark : kept) rows.push_back(landmark.value);
+    cloud.descriptors = descriptor_rows(*map.landmarks().descriptors, rows);
+  }
   if (map.has_covariances()) {
     cloud.covariances.reserve(cloud.size());
     for (const LandmarkIndex landmark : kept) {

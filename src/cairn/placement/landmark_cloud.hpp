@@ -31,6 +31,8 @@ struct LandmarkCloud {
   std::vector<double> weights;
   /// A few keyframes that stand for all; empty where nothing is known of them.
   std::vector<LandmarkView> views;
+  /// What the landmarks look like: one entry a landmark; nothing where that is unknown.
+  std::optional<DescriptorColumn> descriptors;
 
   std::size_t size() const { return positions.size(); }
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }

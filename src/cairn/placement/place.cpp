@@ -9,11 +9,12 @@
 #include <span>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/placement/descriptor_poses.hpp"
 #include "cairn/placement/probability.hpp"
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/robust_alignment.hpp"
@@ -58,13 +59,16 @@ LandmarkCloud shuffled(const LandmarkCloud& cloud, Random random) {
   }
   std::sort(keys.begin(), keys.end(), std::greater<>());
   LandmarkCloud result;
+  std::vector<std::uint32_t> order;
   std::vector<std::uint32_t> place(cloud.size());
   for (const auto& [key, i] : keys) {
-    place[i] = static_cast<std::uint32_t>(result.positions.size());
+    place[i] = static_cast<std::uint32_t>(order.size());
+    order.push_back(static_cast<std::uint32_t>(i));
     result.positions.push_back(cloud.positions[i]);
     if (!cloud.covariances.empty()) result.covariances.push_back(cloud.covariances[i]);
     if (!cloud.weights.empty()) result.weights.push_back(cloud.weights[i]);
   }
+  if (cloud.descriptors) result.descriptors = descriptor_rows(*cloud.descriptors, order);
   result.views = cloud.views;
   for (LandmarkView& view : result.views) {
     for (std::uint32_t& landmark : view.landmarks) landmark = place[landmark];
@@ -103,12 +107,6 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
   return all;
 }
 
-Eigen::Matrix3d main_axes(std::span<const Eigen::Vector3d> centred_points) {
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& point : centred_points) scatter += point * point.transpose();
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvectors();
-}
-
 // The search on samples of both maps, for a source that is no larger than the target: most of it has
 // its place there, if they overlap.
 class Placement {
@@ -120,8 +118,7 @@ class Placement {
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
         support_(pair_, source_tree_, target_tree_, kSample, options.executor),
-        sight_(pair_, kSightPoints),
-        target_axes_(main_axes(pair_.target().positions)) {
+        sight_(pair_, kSightPoints) {
     const CloudScales source_scales = cloud_scales(pair_.source(), source_tree_, options.executor);
     const CloudScales target_scales = cloud_scales(pair_.target(), target_tree_, options.executor);
     scales_ = kernel_scales(source_scales, target_scales);
@@ -160,13 +157,18 @@ class Placement {
     for (const SearchCandidate& candidate : found) {
       poses.push_back({.target_from_source = candidate.target_from_source});
     }
+    DescriptorPoseOptions descriptors;
+    descriptors.tolerance = scales_.fine;
+    descriptors.executor = options_.executor;
+    for (const Rigid3& pose : descriptor_poses(pair_, Random(options_.seed).fork(4), descriptors)) {
+      if (accept(pose)) poses.push_back({.target_from_source = pose});
+    }
     const double rough = sample_scales_.fine;
     refine_all(poses, rough, kShortPoints, kShortIterations);
     poses = distinct(std::move(poses), rough, kVariants);
     refine_all(poses, scales_.fine, kSample, kFinalIterations);
     poses = distinct(std::move(poses), scales_.fine, 1);
     for (PlacementCandidate& pose : poses) {
-      pose.chance = chance(pose.target_from_source);
       const SightCounts sight = sight_(pose.target_from_source);
       if (sight.total() >= kFewestSights) {
         pose.contradicted =
@@ -204,6 +206,7 @@ class Placement {
         const Support support = support_(pose, kMatched * scale);
         poses[i].support = support.share;
         poses[i].evidence = support.evidence;
+        poses[i].spread_evidence = support.spread_evidence;
       }
     });
   }
@@ -212,7 +215,7 @@ class Placement {
   // must not outweigh a tenth of all.
   static double merit(const PlacementCandidate& pose) {
     constexpr double kSupport = 50.0;
-    return pose.evidence + kSupport * pose.support;
+    return pose.spread_evidence + kSupport * pose.support;
   }
 
   // The best of the poses, with at most so many variants of what people would call one.
@@ -235,20 +238,6 @@ class Placement {
     return kept;
   }
 
-  // The best support next to a pose, a few radii along the target's main directions: landmarks that
-  // are one no longer meet there, but surfaces still do.
-  double chance(const Rigid3& pose) const {
-    double best = 0.0;
-    for (int axis = 0; axis < 3; ++axis) {
-      for (const double sign : {-1.0, 1.0}) {
-        const Eigen::Vector3d shift = sign * kDistinct * scales_.fine * target_axes_.col(axis);
-        const Rigid3 beside(pose.quaternion(), pose.translation() + shift);
-        best = std::max(best, support_(beside, radius()).share);
-      }
-    }
-    return best;
-  }
-
   const PlaceOptions& options_;
   CentredPair pair_;
   BatchTree source_tree_;
@@ -258,7 +247,6 @@ class Placement {
   KernelScales scales_;         // of all landmarks
   KernelScales sample_scales_;  // of those that the search sees
   PoseDistance distance_;
-  Eigen::Matrix3d target_axes_;  // main directions of the target, by column
 };
 
 struct Found {

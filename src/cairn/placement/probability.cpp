@@ -11,14 +11,13 @@ namespace {
 struct Weights {
   double constant;
   double evidence;      // of the logarithm of 1 and the evidence
-  double beside;        // of the logarithm of the support's ratio to that beside the pose
-  double others;        // and to that of other candidates
+  double others;        // of the logarithm of the support's ratio to that of other candidates
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
 // Made by benchmarks/fit_placement_model.
-constexpr Weights kWithSight = {-12.0, 2.0, 1.0, 1.0, -1.0};
-constexpr Weights kWithoutSight = {-8.0, 2.0, 1.0, 1.0, 0.0};
+constexpr Weights kWithSight = {-12.0, 2.3, 3.0, -1.8};
+constexpr Weights kWithoutSight = {-6.0, 2.2, 3.0, 0.0};
 
 double log_ratio(double count, double other) {
   return std::log((count + 2.0) / (other + 2.0));
@@ -34,7 +33,8 @@ double others_support(std::span<const PlacementCandidate> candidates, std::size_
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (i != but) supports.push_back(candidates[i].support);
   }
-  if (supports.empty()) return candidates[but].chance;
+  // Of a single one: as if there were another, clearly worse.
+  if (supports.empty()) return 0.5 * candidates[but].support;
   std::sort(supports.begin(), supports.end());
   return 0.5 * (supports[(supports.size() - 1) / 2] + supports[supports.size() / 2]);
 }
@@ -50,8 +50,7 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
     const PlacementCandidate& candidate = candidates[i];
     const Weights& weights = candidate.contradicted ? kWithSight : kWithoutSight;
     const double matched = count * candidate.support;
-    result.push_back(weights.constant + weights.evidence * std::log1p(candidate.evidence) +
-                     weights.beside * log_ratio(matched, count * candidate.chance) +
+    result.push_back(weights.constant + weights.evidence * std::log1p(candidate.spread_evidence) +
                      weights.others * log_ratio(matched, count * others_support(candidates, i)) +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
     highest = std::max(highest, result.back());

@@ -14,8 +14,8 @@ PlacementCandidate candidate(double support, double evidence,
                              std::optional<double> contradicted = std::nullopt) {
   return {.target_from_source = {},
           .support = support,
-          .chance = 0.08,
-          .evidence = evidence,
+          .evidence = 1.2 * evidence,
+          .spread_evidence = evidence,
           .contradicted = contradicted};
 }
 

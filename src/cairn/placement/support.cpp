@@ -2,12 +2,14 @@
 #include "cairn/placement/support.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <vector>
 
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/placement/scales.hpp"
+#include "cairn/placement/spatial_groups.hpp"
 
 namespace cairn {
 namespace {
@@ -22,17 +24,32 @@ std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points, c
   return found;
 }
 
-// Logarithm of the likelihood ratio for the best share of pairs that are one landmark.
-double mixture_evidence(std::span<const double> chances) {
-  double best = 0.0;
+constexpr std::size_t kGroups = 16;
+
+// A pair of landmarks that are each other's nearest.
+struct Pair {
+  double chance;      // of being as close, if they are not one
+  std::size_t group;  // of the source landmark
+};
+
+double log_ratio(const Pair& pair, double share) {
+  return std::log1p(share * (0.5 / std::sqrt(pair.chance) - 1.0));
+}
+
+// For the likeliest share of pairs that are one landmark.
+void add_evidence(std::span<const Pair> pairs, Support& support) {
+  double likeliest = 0.0;
   for (const double share : {0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8}) {
     double sum = 0.0;
-    for (const double chance : chances) {
-      sum += std::log1p(share * (0.5 / std::sqrt(chance) - 1.0));
-    }
-    best = std::max(best, sum);
+    for (const Pair& pair : pairs) sum += log_ratio(pair, share);
+    if (sum <= support.evidence) continue;
+    support.evidence = sum;
+    likeliest = share;
   }
-  return best;
+  std::array<double, kGroups> by_group{};
+  for (const Pair& pair : pairs) by_group[pair.group] += log_ratio(pair, likeliest);
+  support.spread_evidence =
+      std::max(support.evidence - *std::max_element(by_group.begin(), by_group.end()), 0.0);
 }
 
 }  // namespace
@@ -46,6 +63,7 @@ SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_
       sample_(std::min(sample, pair.source().size())),
       source_spacings_(landmark_spacings(std::span(pair.source().positions).first(sample_),
                                          source_tree, executor)),
+      source_groups_(spatial_groups(std::span(pair.source().positions).first(sample_), kGroups)),
       target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)) {}
 
 Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
@@ -53,6 +71,9 @@ Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
   // a landmark must not decide alone.
   constexpr double kFarthest = 3.0;
   constexpr double kLeastChance = 1e-6;
+  // Where two are each other's nearest, the circles about both are empty: together they are larger than
+  // one by this factor, (4·π/3 + √3/2) / π.
+  constexpr double kBothEmpty = 1.609;
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
   const std::vector<Neighbor> there =
@@ -62,7 +83,7 @@ Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
   for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
   const std::vector<Neighbor> back = nearest_of_each(met, pose.inverse(), source_tree_);
   std::size_t within = 0;
-  std::vector<double> chances;
+  std::vector<Pair> pairs;
   for (std::size_t i = 0; i < sample_; ++i) {
     if (back[i].index != i) continue;
     const double squared = there[i].squared_distance;
@@ -70,13 +91,15 @@ Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
     const double spacing = source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
-    chances.push_back(
-        std::max(-std::expm1(-static_cast<double>(kSpacingNeighbors) * ratio), kLeastChance));
+    const double chance = -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * ratio);
+    pairs.push_back({std::max(chance, kLeastChance), source_groups_[i]});
   }
-  const auto of_source = static_cast<double>(within) / static_cast<double>(sample_);
-  return {of_source * static_cast<double>(source.size()) /
-              static_cast<double>(std::min(source.size(), target.size())),
-          mixture_evidence(chances)};
+  Support support;
+  support.share = static_cast<double>(within) / static_cast<double>(sample_) *
+                  static_cast<double>(source.size()) /
+                  static_cast<double>(std::min(source.size(), target.size()));
+  add_evidence(pairs, support);
+  return support;
 }
 
 }  // namespace cairn

@@ -18,13 +18,16 @@ struct Support {
   /// By how much likelier their distances are if some of these pairs are one landmark, seen twice, than
   /// if only surfaces meet: logarithm of the ratio, at least 0.
   double evidence = 0.0;
+  /// The same without the part of the source, a sixteenth, that has the most of it: what one thing that
+  /// stands in both places does not give.
+  double spread_evidence = 0.0;
 };
 
 /// Counts what two clouds have in common at centred poses.
 ///
-/// Where landmarks lie on surfaces independently of each other, the distance d to the nearest is within
-/// a given one with probability u = 1 - exp(-8·d²/h²), h being the distance to the eighth: u is spread
-/// evenly over 0 to 1. Landmarks that are one are far closer than that; their u is taken to have the
+/// Where landmarks of both lie on a surface independently of each other, two that are each other's nearest
+/// are within a distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the
+/// eighth neighbour (the geometric mean of both maps'): u is spread evenly over 0 to 1. Landmarks that are one are far closer than that; their u is taken to have the
 /// density 1 / (2·√u). The evidence is that of the mixture with the likeliest share of such pairs. It
 /// asks for no radius, and a match counts by how little it is to be expected where it is.
 class SupportCounter {
@@ -42,6 +45,7 @@ class SupportCounter {
   const BatchTree& target_tree_;
   std::size_t sample_;
   std::vector<double> source_spacings_;  // of the sample
+  std::vector<std::size_t> source_groups_;
   std::vector<double> target_spacings_;
 };
 

@@ -45,11 +45,10 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
   double any = 0.0;
   for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
   std::string found = fmt::format(
-      "the best pose matches {} of {} landmarks one to one within {:.3g} ({} beside it by chance, ",
-      percent(best.support), landmarks, radius, percent(best.chance));
-  found += candidates.size() > 1
-               ? fmt::format("{} at the next pose)", percent(candidates[1].support))
-               : "no other pose)";
+      "the best pose matches {} of {} landmarks one to one within {:.3g}, {}",
+      percent(best.support), landmarks, radius,
+      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support))
+                            : "there is no other");
   if (best.contradicted) {
     found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
   }

@@ -26,11 +26,9 @@ struct PlacementCandidate {
   Rigid3 target_from_source;
   /// Share of the smaller map's landmarks that are matched, one to one.
   double support = 0.0;
-  /// The most support there is close by, where landmarks that are one no longer meet but surfaces
-  /// still do: what the shape of the scene gives alone.
-  double chance = 0.0;
   /// By how much likelier the distances of the matches are if some are one landmark: see Support.
   double evidence = 0.0;
+  double spread_evidence = 0.0;  ///< without the part of the source that has the most of it
   /// Share of the lines of sight of either map's cameras on which the other map has a landmark in front
   /// of what they saw; nothing where too few were looked at to say. See SightChecker.
   std::optional<double> contradicted = {};

@@ -19,7 +19,6 @@ Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
 PlacementCandidate candidate(double probability, double support = 0.4) {
   return {.target_from_source = {},
           .support = support,
-          .chance = 0.1,
           .contradicted = 0.015,
           .probability = probability};
 }
@@ -29,7 +28,6 @@ TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
   EXPECT_EQ(judgement.verdict, Verdict::kAligned);
   EXPECT_THAT(judgement.reason, HasSubstr("40.0 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("15.0 %"));
-  EXPECT_THAT(judgement.reason, HasSubstr("10.0 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("1.5 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("99.60 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("3000"));
