@@ -11,7 +11,8 @@ namespace cairn::testing {
 /// skip, saying kNoRealData.
 inline std::optional<std::filesystem::path> real_data() {
   const char* const folder = std::getenv("CAIRN_DATA");
-  return folder == nullptr ? std::nullopt : std::optional<std::filesystem::path>(folder);
+  if (folder == nullptr || *folder == '\0') return std::nullopt;
+  return std::filesystem::path(folder);
 }
 
 inline constexpr const char* kNoRealData =
