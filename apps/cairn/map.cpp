@@ -334,7 +334,7 @@ LandmarkCounts count_landmarks(std::span<const LandmarkMap> maps) {
   return counts;
 }
 
-Json to_json(const LandmarkCounts& landmarks) {
+Json counts_json(const LandmarkCounts& landmarks) {
   return {{"all", landmarks.all},
           {"observed_again", landmarks.observed_again},
           {"mean_observations", landmarks.mean_observations}};
@@ -382,7 +382,7 @@ Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& 
   }
   json["maps"] = mapped.maps.size();
   json["keyframes"] = mapped.keyframes;
-  json["landmarks"] = to_json(landmarks);
+  json["landmarks"] = counts_json(landmarks);
   json["mean_tracked_landmarks"] = mapped.mean_tracked_landmarks;
   json["median_reprojection_error_px"] = to_json(mapped.median_reprojection_error);
   json["path_length_m"] = mapped.trajectory.length();
@@ -516,7 +516,7 @@ Json MapArguments::describe(const MapAtPoses& mapped, const LandmarkCounts& land
                     {"unreadable", mapped.unreadable}};
   json["maps"] = 1;
   json["keyframes"] = mapped.map.frame_count();
-  json["landmarks"] = to_json(landmarks);
+  json["landmarks"] = counts_json(landmarks);
   json["path_length_m"] = mapped.trajectory.length();
   return json;
 }

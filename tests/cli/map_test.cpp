@@ -185,7 +185,7 @@ TEST_F(MapCliTest, PosesThatDoNotServeAreRefused) {
                  {"late.txt", "poses from 100.000000 to 101.000000 s", "frames from 0.000000"});
   write("none.txt", "# nothing\n");
   expect_refusal({"map", "s", "-o", "out.map", "--poses", "none.txt"}, kBadInput,
-                 {"none.txt", "there is none"});
+                 {"none.txt", "no poses"});
   expect_refusal({"map", "s", "-o", "out.map", "--poses", "missing.txt"}, kBadInput,
                  {"missing.txt"});
   expect_refusal(
