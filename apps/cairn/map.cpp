@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,6 +15,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/map/io/camera_file.hpp"
 #include "cairn/map/io/map_file.hpp"
+#include "cairn/odometry/map_at_poses.hpp"
 #include "cairn/odometry/map_sequence.hpp"
 #include "cairn/sequence/sequence.hpp"
 #include "cairn/trajectory/tum.hpp"
@@ -30,6 +33,16 @@ namespace fs = std::filesystem;
 
 constexpr double kTumDepthUnits = 5000.0;
 
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
 struct LandmarkCounts {
   std::size_t all = 0;
   std::size_t observed_again = 0;  // by two keyframes or more
@@ -46,6 +59,7 @@ struct MapArguments {
   double max_time_difference = SequenceOptions().max_time_difference_s;
   std::string start_pose;
   std::string start_from;
+  std::string poses;
   std::string mini_map_length;
   std::string covariance = "recursive";
   std::size_t min_observations = MapOptions().min_observations;
@@ -62,9 +76,19 @@ struct MapArguments {
   MappedSequence map(const Camera& model, const SequenceOptions& sequence_options) const;
   void write(const MappedSequence& mapped) const;
   void write_mini_maps(const MappedSequence& mapped) const;
+  void write_trajectory(const Trajectory& camera_path) const;
+  Json describe(std::size_t frames, const CameraFile& camera_file) const;
   Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
                 const CameraFile& camera_file) const;
   void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
+  void run_odometry(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
+
+  MapAtPosesOptions options_at_poses() const;
+  MapAtPoses map_at_given_poses(const Camera& model, const SequenceOptions& sequence_options) const;
+  Json describe(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
+                const CameraFile& camera_file) const;
+  void print(const MapAtPoses& mapped, const LandmarkCounts& landmarks, double seconds) const;
+  void run_at_poses(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
 };
 
 void MapArguments::add_to(CLI::App& command) {
@@ -89,12 +113,20 @@ void MapArguments::add_to(CLI::App& command) {
   auto* const pose = add_text(command, "--start-pose", start_pose,
                               "Pose of the first camera, world_from_camera (default: the identity)",
                               "\"tx ty tz qw qx qy qz\"");
-  add_text(command, "--start-from", start_from,
-           "The same, from a trajectory in TUM format at the time of the first frame", "FILE")
-      ->excludes(pose);
-  add_text(command, "--mini-map-length", mini_map_length,
-           "Cut into mini-maps, each in its own frame: so many metres of path, or frames",
-           "1m|50f");
+  auto* const from =
+      add_text(command, "--start-from", start_from,
+               "The same, from a trajectory in TUM format at the time of the first frame", "FILE")
+          ->excludes(pose);
+  auto* const length = add_text(
+      command, "--mini-map-length", mini_map_length,
+      "Cut into mini-maps, each in its own frame: so many metres of path, or frames", "1m|50f");
+  add_text(command, "--poses", poses,
+           "Poses world_from_camera, known from elsewhere, as a trajectory in TUM format: nothing "
+           "is estimated but the landmarks, in that world",
+           "FILE")
+      ->excludes(pose)
+      ->excludes(from)
+      ->excludes(length);
   add_text(command, "--covariance", covariance,
            "How landmark covariances are found: recursive, observation by observation, or "
            "marginal, from the whole least-squares problem")
@@ -110,7 +142,10 @@ void MapArguments::add_to(CLI::App& command) {
       "Example: the map of a TUM sequence in the frame of its ground truth, and how good it is\n"
       "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum \\\n"
       "    --start-from rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
-      "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt");
+      "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
+      "The same where motion capture, or another SLAM, says where the camera was\n"
+      "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map \\\n"
+      "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt");
 }
 
 CameraFile MapArguments::load_camera() const {
@@ -170,6 +205,20 @@ Rigid3 parse_start_pose(const std::string& text) {
   return {rotation, {n[0], n[1], n[2]}};
 }
 
+using MappingProgressSink = std::function<void(const MappingProgress&)>;
+
+// Nothing where no progress is shown.
+MappingProgressSink progress_of(const Console& console, const std::string& items,
+                                std::function<std::string(const MappingProgress&)> detail) {
+  const auto show = console.detailed_progress("mapping");
+  if (!show) return {};
+  return [=, watch = Stopwatch()](const MappingProgress& now) {
+    show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
+         fmt::format("{:.0f} {}/s, {}", static_cast<double>(now.frame) / watch.seconds(), items,
+                     detail(now)));
+  };
+}
+
 MapSequenceOptions MapArguments::options() const {
   MapSequenceOptions options;
   options.odometry.features.count = features;
@@ -193,18 +242,10 @@ MapSequenceOptions MapArguments::options() const {
   options.skip_unreadable = skip_unreadable;
   options.executor = common.executor();
   options.stop = interrupt_requests();
-  const Console console = common.console();
-  options.log = console.log();
-  if (const auto show = console.detailed_progress("mapping")) {
-    options.progress = [show,
-                        start = std::chrono::steady_clock::now()](const MappingProgress& now) {
-      const double seconds =
-          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
-           fmt::format("{:.0f} frames/s, {} landmarks tracked, {} frames lost",
-                       static_cast<double>(now.frame) / seconds, now.landmarks, now.lost));
-    };
-  }
+  options.log = common.console().log();
+  options.progress = progress_of(common.console(), "frames", [](const MappingProgress& now) {
+    return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
+  });
   return options;
 }
 
@@ -266,13 +307,15 @@ void MapArguments::write(const MappedSequence& mapped) const {
   } else {
     write_mini_maps(mapped);
   }
-  if (!trajectory.empty()) {
-    write_file(trajectory,
-               [&](const ByteSink& sink) { write_tum_trajectory(mapped.trajectory, sink); });
-  }
+  write_trajectory(mapped.trajectory);
 }
 
-LandmarkCounts count_landmarks(const std::vector<LandmarkMap>& maps) {
+void MapArguments::write_trajectory(const Trajectory& camera_path) const {
+  if (trajectory.empty()) return;
+  write_file(trajectory, [&](const ByteSink& sink) { write_tum_trajectory(camera_path, sink); });
+}
+
+LandmarkCounts count_landmarks(std::span<const LandmarkMap> maps) {
   LandmarkCounts counts;
   std::size_t observations = 0;
   for (const LandmarkMap& map : maps) {
@@ -291,10 +334,16 @@ LandmarkCounts count_landmarks(const std::vector<LandmarkMap>& maps) {
   return counts;
 }
 
-Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
-                            const CameraFile& camera_file) const {
+Json counts_json(const LandmarkCounts& landmarks) {
+  return {{"all", landmarks.all},
+          {"observed_again", landmarks.observed_again},
+          {"mean_observations", landmarks.mean_observations}};
+}
+
+// What was asked for.
+Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) const {
   Json json =
-      document("map", common, {{"sequence", {{"path", sequence}, {"frames", mapped.frames}}}},
+      document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
                {{"camera",
                  {{"model", camera_file.camera.model},
                   {"width", camera_file.camera.width},
@@ -305,6 +354,7 @@ Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& 
                 {"max_time_difference_s", max_time_difference},
                 {"start_pose", text_or_null(start_pose)},
                 {"start_from", text_or_null(start_from)},
+                {"poses", text_or_null(poses)},
                 {"mini_map_length", text_or_null(mini_map_length)},
                 {"covariance", covariance},
                 {"min_observations", min_observations},
@@ -312,6 +362,12 @@ Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& 
                 {"descriptors", !no_descriptors},
                 {"skip_unreadable", skip_unreadable}});
   json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
+  return json;
+}
+
+Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
+                            const CameraFile& camera_file) const {
+  Json json = describe(mapped.frames, camera_file);
   json["frames"] = {{"all", mapped.frames},
                     {"tracked", mapped.tracked},
                     {"waiting", mapped.waiting},
@@ -326,13 +382,18 @@ Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& 
   }
   json["maps"] = mapped.maps.size();
   json["keyframes"] = mapped.keyframes;
-  json["landmarks"] = {{"all", landmarks.all},
-                       {"observed_again", landmarks.observed_again},
-                       {"mean_observations", landmarks.mean_observations}};
+  json["landmarks"] = counts_json(landmarks);
   json["mean_tracked_landmarks"] = mapped.mean_tracked_landmarks;
   json["median_reprojection_error_px"] = to_json(mapped.median_reprojection_error);
   json["path_length_m"] = mapped.trajectory.length();
   return json;
+}
+
+std::string summary(std::size_t keyframes, const LandmarkCounts& landmarks) {
+  return fmt::format(
+      "{} keyframes, {} landmarks, {} of them observed by two or more keyframes ({:.1f} on "
+      "average)\n",
+      keyframes, landmarks.all, landmarks.observed_again, landmarks.mean_observations);
 }
 
 void MapArguments::print(const MappedSequence& mapped, const LandmarkCounts& landmarks,
@@ -340,10 +401,7 @@ void MapArguments::print(const MappedSequence& mapped, const LandmarkCounts& lan
   const Console console = common.console();
   std::string text = fmt::format("{}: ", output);
   if (!mini_map_length.empty()) text += fmt::format("{} mini-maps, ", mapped.maps.size());
-  text += fmt::format(
-      "{} keyframes, {} landmarks, {} of them observed by two or more keyframes ({:.1f} on "
-      "average)\n",
-      mapped.keyframes, landmarks.all, landmarks.observed_again, landmarks.mean_observations);
+  text += summary(mapped.keyframes, landmarks);
   text +=
       fmt::format("{} of {} frames tracked over {:.2f} m, {:.0f} landmarks a frame", mapped.tracked,
                   mapped.frames, mapped.trajectory.length(), mapped.mean_tracked_landmarks);
@@ -392,10 +450,19 @@ int MapArguments::run() {
                      {"SequenceOptions.max_time_difference_s", "--max-time-difference"}},
                     [&] { sequence_options.validate(); });
 
-  const auto start = std::chrono::steady_clock::now();
+  if (poses.empty()) {
+    run_odometry(camera_file, sequence_options);
+  } else {
+    run_at_poses(camera_file, sequence_options);
+  }
+  return kDone;
+}
+
+void MapArguments::run_odometry(const CameraFile& camera_file,
+                                const SequenceOptions& sequence_options) const {
+  const Stopwatch watch;
   const MappedSequence mapped = map(camera_file.camera, sequence_options);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = watch.seconds();
   if (mapped.maps.empty()) {
     throw Error(ErrorKind::kInput, sequence,
                 fmt::format("none of {} frames could be tracked", mapped.frames),
@@ -407,7 +474,81 @@ int MapArguments::run() {
   json["duration_s"] = seconds;
   write_document(json, common);
   print(mapped, landmarks, seconds);
-  return kDone;
+}
+
+MapAtPosesOptions MapArguments::options_at_poses() const {
+  MapAtPosesOptions options;
+  options.features.count = features;
+  options.map.covariance = parse_covariance(covariance);
+  options.map.min_observations = min_observations;
+  options.map.descriptors = !no_descriptors;
+  options.skip_unreadable = skip_unreadable;
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  options.log = common.console().log();
+  options.progress = progress_of(common.console(), "keyframes", [](const MappingProgress& now) {
+    return fmt::format("{} landmarks observed", now.landmarks);
+  });
+  return options;
+}
+
+MapAtPoses MapArguments::map_at_given_poses(const Camera& model,
+                                            const SequenceOptions& sequence_options) const {
+  FileReader file(poses);
+  const Trajectory given = read_tum_trajectory(file);
+  const RgbdSequence images(sequence, sequence_options, common.console().log());
+  std::optional<MapAtPoses> mapped;
+  with_option_names({{"FeatureOptions.count", "--features"},
+                     {"MapOptions.min_observations", "--min-observations"},
+                     {"MapAtPosesOptions.map.covariance", "--covariance"},
+                     {"poses", poses},
+                     {"sequence", sequence}},
+                    [&] { mapped = map_at_poses(images, given, model, options_at_poses()); });
+  return std::move(*mapped);
+}
+
+Json MapArguments::describe(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
+                            const CameraFile& camera_file) const {
+  Json json = describe(mapped.frames, camera_file);
+  json["frames"] = {{"all", mapped.frames},
+                    {"without_pose", mapped.without_pose},
+                    {"without_depth", mapped.without_depth},
+                    {"unreadable", mapped.unreadable}};
+  json["maps"] = 1;
+  json["keyframes"] = mapped.map.frame_count();
+  json["landmarks"] = counts_json(landmarks);
+  json["path_length_m"] = mapped.trajectory.length();
+  return json;
+}
+
+void MapArguments::print(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
+                         double seconds) const {
+  std::string text = fmt::format("{}: {}", output, summary(mapped.map.frame_count(), landmarks));
+  text += fmt::format("{} of {} frames have a pose, over {:.2f} m; {:.1f} frames a second\n",
+                      mapped.trajectory.size(), mapped.frames, mapped.trajectory.length(),
+                      static_cast<double>(mapped.frames) / seconds);
+  if (mapped.without_pose > 0) {
+    text += fmt::format("{} frames have no pose near in time: left out\n", mapped.without_pose);
+  }
+  if (mapped.without_depth > 0) {
+    text += fmt::format("{} frames have a pose but no depth image near in time\n",
+                        mapped.without_depth);
+  }
+  common.console().print(text);
+}
+
+void MapArguments::run_at_poses(const CameraFile& camera_file,
+                                const SequenceOptions& sequence_options) const {
+  const Stopwatch watch;
+  const MapAtPoses mapped = map_at_given_poses(camera_file.camera, sequence_options);
+  const double seconds = watch.seconds();
+  save_map(mapped.map, output, common);
+  write_trajectory(mapped.trajectory);
+  const LandmarkCounts landmarks = count_landmarks({&mapped.map, 1});
+  Json json = describe(mapped, landmarks, camera_file);
+  json["duration_s"] = seconds;
+  write_document(json, common);
+  print(mapped, landmarks, seconds);
 }
 
 }  // namespace

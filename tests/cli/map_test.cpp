@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // cairn map, on a short sequence that cairn simulate made, and on real ones.
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "cairn/map/io/map_file.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/trajectory/trajectory_error.hpp"
 #include "cairn/trajectory/tum.hpp"
 
@@ -135,6 +140,64 @@ TEST_F(MapCliTest, OptionsChooseWhatTheMapHolds) {
   EXPECT_LT(few.landmark_count(), all.landmark_count());
   EXPECT_EQ(few.frames().translations.front(), Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(all.frames().translations.front(), Eigen::Vector3d::Zero());
+}
+
+TEST_F(MapCliTest, AtGivenPosesOnlyLandmarksAreEstimated) {
+  const std::string text = answer({"map", "s", "-o", "out.map", "--poses", "s/groundtruth.txt",
+                                   "--trajectory", "out.tum", "--json", "out.json"});
+  EXPECT_THAT(text, HasSubstr("16 of 16 frames have a pose"));
+  const Json json = Json::parse(content("out.json"));
+  EXPECT_EQ(json.at("schema").at("name"), "cairn.map");
+  EXPECT_EQ(json.at("options").at("poses"), "s/groundtruth.txt");
+  EXPECT_EQ(json.at("frames").at("all"), 16);
+  EXPECT_EQ(json.at("frames").at("without_pose"), 0);
+  EXPECT_EQ(json.at("frames").at("without_depth"), 0);
+  EXPECT_EQ(json.at("frames").at("unreadable"), 0);
+  const LandmarkMap map = read_map(path("out.map"));
+  EXPECT_EQ(json.at("landmarks").at("all"), map.landmark_count());
+  EXPECT_EQ(json.at("keyframes"), map.frame_count());
+  EXPECT_GT(json.at("landmarks").at("observed_again"), 100);
+  EXPECT_TRUE(map.landmarks().descriptors);
+  EXPECT_TRUE(map.has_covariances());
+  const Trajectory truth = trajectory("s/groundtruth.txt");
+  const Trajectory taken = trajectory("out.tum");
+  const auto error =
+      absolute_error(taken, truth, associate(taken, truth), TrajectoryAlignment::kNone);
+  ASSERT_TRUE(error);
+  EXPECT_LT(error->translation.highest, 1e-9);
+  answer({"map", "s", "-o", "one.map", "--poses", "s/groundtruth.txt", "--threads", "1"});
+  EXPECT_EQ(content("one.map"), content("out.map"));
+}
+
+TEST_F(MapCliTest, FramesWithoutAGivenPoseAreCounted) {
+  const Trajectory truth = trajectory("s/groundtruth.txt");
+  const std::vector<TimedPose> some(truth.poses().begin(), truth.poses().begin() + 10);
+  write_file(path("some.tum"),
+             [&](const ByteSink& sink) { write_tum_trajectory(Trajectory(some), sink); });
+  const std::string text = answer({"map", "s", "-o", "out.map", "--poses", "some.tum"});
+  EXPECT_THAT(text, HasSubstr("10 of 16 frames have a pose"));
+  EXPECT_THAT(text, HasSubstr("6 frames have no pose near in time"));
+}
+
+TEST_F(MapCliTest, PosesThatDoNotServeAreRefused) {
+  write("late.txt", "100.0 0 0 0 0 0 0 1\n101.0 0 0 0 0 0 0 1\n");
+  expect_refusal({"map", "s", "-o", "out.map", "--poses", "late.txt"}, kBadInput,
+                 {"late.txt", "poses from 100.000000 to 101.000000 s", "frames from 0.000000"});
+  write("none.txt", "# nothing\n");
+  expect_refusal({"map", "s", "-o", "out.map", "--poses", "none.txt"}, kBadInput,
+                 {"none.txt", "no poses"});
+  expect_refusal({"map", "s", "-o", "out.map", "--poses", "missing.txt"}, kBadInput,
+                 {"missing.txt"});
+  expect_refusal(
+      {"map", "s", "-o", "out.map", "--poses", "s/groundtruth.txt", "--covariance", "marginal"},
+      kWrongUsage, {"--covariance", "recursive"});
+  for (const auto& [option, value] : {std::pair{"--start-pose", "0 0 0 1 0 0 0"},
+                                      {"--start-from", "s/groundtruth.txt"},
+                                      {"--mini-map-length", "1m"}}) {
+    expect_refusal({"map", "s", "-o", "out.map", "--poses", "s/groundtruth.txt", option, value},
+                   kWrongUsage, {"--poses", option});
+  }
+  EXPECT_FALSE(fs::exists(path("out.map")));
 }
 
 TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
@@ -400,6 +463,49 @@ TEST_F(RealMapTest, XyzIsNearTheTruth) {
   RecordProperty("ate_m", std::to_string(ate));
   EXPECT_LE(ate, 0.012);
   EXPECT_EQ(json.at("frames").at("lost"), 0);
+}
+
+// How far the landmarks of one map are from the nearest of another, in the middle; metres.
+double median_distance(const LandmarkMap& from, const LandmarkMap& to) {
+  const auto positions_of = [](const LandmarkMap& map) {
+    std::vector<Eigen::Vector3d> positions;
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      if (map.observation_count(LandmarkIndex{i}) < 3) continue;
+      positions.push_back(map.landmarks().positions[i]);
+    }
+    return positions;
+  };
+  const auto targets = positions_of(to);
+  std::vector<double> distances;
+  for (const Eigen::Vector3d& position : positions_of(from)) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& target : targets) {
+      nearest = std::min(nearest, (target - position).squaredNorm());
+    }
+    distances.push_back(std::sqrt(nearest));
+  }
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
+}
+
+// Both sequences are in the motion capture's world, so their maps lie on each other as they are.
+TEST_F(RealMapTest, MapsAtThePosesOfMotionCaptureCoincide) {
+  std::vector<LandmarkMap> maps;
+  for (const std::string name : {"tum_fr1_xyz", "tum_fr1_desk"}) {
+    const Json json = map_sequence(name, {"--poses", data_ + "/" + name + "/groundtruth.txt"});
+    RecordProperty(name + "_observed_again", json.at("landmarks").at("observed_again").get<int>());
+    EXPECT_GE(json.at("landmarks").at("observed_again"), 1000) << name;
+    EXPECT_LT(json.at("frames").at("without_pose"), 40) << name;
+    maps.push_back(read_map(path("out.map")));
+  }
+  const double there = median_distance(maps[0], maps[1]);
+  const double aside = median_distance(
+      maps[0], transformed(maps[1], Rigid3::from_roll_pitch_yaw({0.1, 0.1, 0.1}, 0, 0, 0)));
+  RecordProperty("median_m", std::to_string(there));
+  RecordProperty("median_aside_m", std::to_string(aside));
+  EXPECT_LT(there, 0.02);
+  EXPECT_LT(there, 0.7 * aside);
 }
 
 }  // namespace

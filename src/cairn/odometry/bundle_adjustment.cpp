@@ -213,33 +213,6 @@ void carry_along(LandmarkGraph& graph, std::uint32_t keyframe, const Rigid3& bef
   }
 }
 
-void drop_outliers(LandmarkGraph& graph, const Scope& scope) {
-  const SensorModel& sensor = graph.sensor();
-  for (const LandmarkIndex index : scope.landmarks) {
-    const std::vector<KeypointReference> observations = graph.landmark(index).observations;
-    for (const KeypointReference& reference : observations) {
-      Keyframe& keyframe = graph.keyframes()[reference.keyframe];
-      const Eigen::Vector3d x_in_camera =
-          keyframe.world_from_camera.inverse() * graph.landmark(index).position;
-      bool explained = x_in_camera.z() >= kNearestDepth;
-      if (explained) {
-        const PointMeasurement measured =
-            sensor.measurement(keyframe.features.keypoints()[reference.keypoint]);
-        const PointResidual residual = point_residual(sensor.pinhole(), measured, x_in_camera);
-        explained = residual.squared_pixel() <= kPixel99;
-        keyframe.depth_disagrees[reference.keypoint] = residual.squared_depth() > kDepth99;
-      }
-      if (!explained) graph.forget(reference);
-    }
-    // One that is left alone with a depth that never fitted is nothing.
-    const auto& left = graph.landmark(index).observations;
-    if (left.size() == 1 && observations.size() > 1 && !graph.measurement(left[0]).has_depth()) {
-      graph.remove(index);
-    }
-    graph.refresh(index);
-  }
-}
-
 }  // namespace
 
 void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
@@ -311,7 +284,50 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
   for (std::size_t i = 0; i < points.size(); ++i) {
     graph.landmark(scope.landmarks[i]).position = points[i];
   }
-  drop_outliers(graph, scope);
+  drop_outliers(graph, scope.landmarks);
+}
+
+void adjust_landmarks(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks) {
+  const std::vector<bool> none_moves(graph.keyframes().size(), false);
+  for (const LandmarkIndex index : landmarks) {
+    constexpr int kMostSteps = 5;
+    constexpr double kSmall = 1e-5;  // m
+    for (int step = 0; step < kMostSteps; ++step) {
+      const auto measured = fixed_measurements(graph, index, none_moves);
+      if (!measured) break;
+      const Eigen::Vector3d move = measured->l.triangularView<Eigen::Upper>().solve(-measured->r);
+      graph.landmark(index).position += move;
+      if (move.norm() < kSmall) break;
+    }
+    graph.refresh(index);
+  }
+}
+
+void drop_outliers(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks) {
+  const SensorModel& sensor = graph.sensor();
+  for (const LandmarkIndex index : landmarks) {
+    const std::vector<KeypointReference> observations = graph.landmark(index).observations;
+    for (const KeypointReference& reference : observations) {
+      Keyframe& keyframe = graph.keyframes()[reference.keyframe];
+      const Eigen::Vector3d x_in_camera =
+          keyframe.world_from_camera.inverse() * graph.landmark(index).position;
+      bool explained = x_in_camera.z() >= kNearestDepth;
+      if (explained) {
+        const PointMeasurement measured =
+            sensor.measurement(keyframe.features.keypoints()[reference.keypoint]);
+        const PointResidual residual = point_residual(sensor.pinhole(), measured, x_in_camera);
+        explained = residual.squared_pixel() <= kPixel99;
+        keyframe.depth_disagrees[reference.keypoint] = residual.squared_depth() > kDepth99;
+      }
+      if (!explained) graph.forget(reference);
+    }
+    // One that is left alone with a depth that never fitted is nothing.
+    const auto& left = graph.landmark(index).observations;
+    if (left.size() == 1 && observations.size() > 1 && !graph.measurement(left[0]).has_depth()) {
+      graph.remove(index);
+    }
+    graph.refresh(index);
+  }
 }
 
 }  // namespace cairn

@@ -23,4 +23,12 @@ struct AdjustmentOptions {
 void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
             const AdjustmentOptions& options = {});
 
+/// The same for some landmarks while all keyframes stay where they are: each on its own, by
+/// Gauss-Newton. Drops nothing.
+void adjust_landmarks(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks);
+
+/// Drops observations that the noise does not explain, sets depths aside that it does not, and removes
+/// landmarks that are left with nothing.
+void drop_outliers(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks);
+
 }  // namespace cairn

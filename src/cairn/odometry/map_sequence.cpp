@@ -31,29 +31,6 @@ PreparedFrame prepare(const FrameImages& images, const Odometry& odometry) {
   return prepared;
 }
 
-FrameImages read_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
-                        bool skip_unreadable) {
-  const SequenceFrame& entry = sequence.frames()[frame];
-  FrameImages result;
-  result.timestamp_s = entry.timestamp_s;
-  result.name = entry.color.filename().string();
-  try {
-    RgbdSequence::Images images = sequence.read(frame);
-    if (images.gray.cols != static_cast<int>(camera.width) ||
-        images.gray.rows != static_cast<int>(camera.height)) {
-      throw Error(ErrorKind::kInput, entry.color.string(),
-                  fmt::format("{} x {} pixels", images.gray.cols, images.gray.rows),
-                  fmt::format("{} x {}, as the camera has", camera.width, camera.height));
-    }
-    result.gray = std::move(images.gray);
-    result.depth_m = std::move(images.depth);
-  } catch (const Error& error) {
-    if (!skip_unreadable || error.kind() != ErrorKind::kInput) throw;
-    result.defect = error.what();
-  }
-  return result;
-}
-
 // Joins what comes from the frames, one after the other.
 class Mapping {
  public:
@@ -215,6 +192,29 @@ FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t 
   return images;
 }
 
+FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
+                         bool skip_unreadable) {
+  const SequenceFrame& entry = sequence.frames()[frame];
+  FrameImages result;
+  result.timestamp_s = entry.timestamp_s;
+  result.name = entry.color.filename().string();
+  try {
+    RgbdSequence::Images images = sequence.read(frame);
+    if (images.gray.cols != static_cast<int>(camera.width) ||
+        images.gray.rows != static_cast<int>(camera.height)) {
+      throw Error(ErrorKind::kInput, entry.color.string(),
+                  fmt::format("{} x {} pixels", images.gray.cols, images.gray.rows),
+                  fmt::format("{} x {}, as the camera has", camera.width, camera.height));
+    }
+    result.gray = std::move(images.gray);
+    result.depth_m = std::move(images.depth);
+  } catch (const Error& error) {
+    if (!skip_unreadable || error.kind() != ErrorKind::kInput) throw;
+    result.defect = error.what();
+  }
+  return result;
+}
+
 MappedSequence map_frames(std::size_t frames,
                           const std::function<FrameImages(std::size_t frame)>& read_frame,
                           const Camera& camera, const MapSequenceOptions& options) {
@@ -235,7 +235,7 @@ MappedSequence map_frames(std::size_t frames,
 MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
                             const MapSequenceOptions& options) {
   const auto read = [&](std::size_t frame) {
-    return read_images(sequence, frame, camera, options.skip_unreadable);
+    return frame_images(sequence, frame, camera, options.skip_unreadable);
   };
   return map_frames(sequence.frames().size(), read, camera, options);
 }

@@ -96,6 +96,12 @@ struct FrameImages {
 FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t height,
                          std::span<const std::uint8_t> bgr, std::span<const float> depth_m);
 
+/// Those of a sequence on disk. Thread-safe.
+/// @param skip_unreadable an image that cannot be read is a defect of what is returned, no error
+/// @throws Error (input) naming an image that cannot be read or has another size than the camera
+FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
+                         bool skip_unreadable);
+
 /// Builds the map of a whole sequence; images are got and searched for features on all threads,
 /// ahead of the tracking. The result is the same with any number of threads. A sequence in which
 /// tracking never began has no maps.

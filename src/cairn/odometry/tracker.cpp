@@ -8,51 +8,22 @@
 #include "cairn/odometry/bundle_adjustment.hpp"
 #include "cairn/odometry/landmark_covariance.hpp"
 #include "cairn/odometry/marginal_covariance.hpp"
-#include "cairn/odometry/noise_estimation.hpp"
-#include "cairn/odometry/residual_limits.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::size_t kFewestToStart = 50;  // corners with depth
 
-std::vector<double> octave_scales(const FeatureExtractor& extractor) {
-  std::vector<double> scales;
-  for (int octave = 0; octave < extractor.levels(); ++octave) {
-    scales.push_back(extractor.scale(octave));
-  }
-  return scales;
-}
-
-// Whether a landmark of the keyframe is so near that another would look the same: corners are found
-// again a little aside, or on the next octave.
-bool crowded(const Keyframe& keyframe, std::uint32_t keypoint, double scale) {
-  const Keypoint& at = keyframe.features.keypoints()[keypoint];
-  constexpr double kNear = 3.0;  // pixels of the octave
-  bool found = false;
-  keyframe.features.visit_near(at.pixel.cast<double>(), kNear * scale, [&](std::uint32_t other) {
-    if (other == keypoint || !keyframe.landmarks[other]) return;
-    const int octaves = std::abs(keyframe.features.keypoints()[other].octave - at.octave);
-    found = found || octaves <= 1;
-  });
-  return found;
-}
-
 }  // namespace
 
 Odometry::Tracker::Tracker(const Camera& camera, const OdometryOptions& options)
-    : options_(options),
-      camera_(camera),
-      image_(static_cast<int>(camera.width), static_cast<int>(camera.height)),
-      extractor_(camera, options.features),
-      sensor_(options.noise, extractor_.pinhole(), octave_scales(extractor_)),
-      graph_(sensor_) {
+    : options_(options), map_(camera, options.features, options.noise), graph_(map_.graph()) {
   options_.validate();
 }
 
 FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
                                      std::string image_name) {
-  Frame frame;
+  TrackedFrame frame;
   frame.number = frames_++;
   frame.timestamp_s = timestamp_s;
   frame.image_name = std::move(image_name);
@@ -111,7 +82,7 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   return report;
 }
 
-bool Odometry::Tracker::start(Frame& frame) {
+bool Odometry::Tracker::start(TrackedFrame& frame) {
   const auto keypoints = frame.features.keypoints();
   const auto with_depth = static_cast<std::size_t>(
       std::count_if(keypoints.begin(), keypoints.end(),
@@ -124,25 +95,26 @@ bool Odometry::Tracker::start(Frame& frame) {
   return true;
 }
 
-std::vector<PointMatch> Odometry::Tracker::points_of(const Frame& frame,
+std::vector<PointMatch> Odometry::Tracker::points_of(const TrackedFrame& frame,
                                                      std::span<const LandmarkMatch> matches) const {
   std::vector<PointMatch> points;
   points.reserve(matches.size());
   for (const LandmarkMatch& match : matches) {
     points.push_back({graph_.landmark(match.landmark).position,
-                      sensor_.measurement(frame.features.keypoints()[match.keypoint])});
+                      map_.sensor().measurement(frame.features.keypoints()[match.keypoint])});
   }
   return points;
 }
 
-PoseEstimate Odometry::Tracker::solve(Frame& frame, std::span<const LandmarkMatch> matches) const {
+PoseEstimate Odometry::Tracker::solve(TrackedFrame& frame,
+                                      std::span<const LandmarkMatch> matches) const {
   PoseEstimate estimate =
-      refine_pose(sensor_.pinhole(), points_of(frame, matches), frame.world_from_camera);
+      refine_pose(map_.sensor().pinhole(), points_of(frame, matches), frame.world_from_camera);
   take(frame, matches, estimate);
   return estimate;
 }
 
-void Odometry::Tracker::take(Frame& frame, std::span<const LandmarkMatch> matches,
+void Odometry::Tracker::take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
                              const PoseEstimate& estimate) {
   frame.world_from_camera = estimate.world_from_camera;
   std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
@@ -151,7 +123,7 @@ void Odometry::Tracker::take(Frame& frame, std::span<const LandmarkMatch> matche
   }
 }
 
-std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
+std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(TrackedFrame& frame,
                                                                   double radius) const {
   if (!previous_) return std::nullopt;
   const Rigid3 predicted =
@@ -163,8 +135,9 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
   for (std::size_t i = 0; i < previous_->landmarks.size(); ++i) {
     const auto& index = previous_->landmarks[i];
     if (!index || graph_.landmark(*index).gone()) continue;
-    const auto appearance = expected_appearance(sensor_, image_, graph_.landmark(*index),
-                                                camera_from_world, predicted.translation());
+    const auto appearance =
+        expected_appearance(map_.sensor(), map_.image(), graph_.landmark(*index), camera_from_world,
+                            predicted.translation());
     if (!appearance) continue;
     landmarks.push_back(*index);
     appearances.push_back(*appearance);
@@ -181,7 +154,8 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
   }
   matches = keep_common_turn(std::move(matches), turns);
   if (matches.size() < options_.min_tracked) return std::nullopt;
-  PoseEstimate estimate = refine_pose(sensor_.pinhole(), points_of(frame, matches), predicted);
+  PoseEstimate estimate =
+      refine_pose(map_.sensor().pinhole(), points_of(frame, matches), predicted);
   constexpr double kLeastShare = 0.3;  // of matches that agree with one motion
   if (estimate.inlier_count < options_.min_tracked ||
       static_cast<double>(estimate.inlier_count) <
@@ -192,17 +166,17 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(Frame& frame,
   return estimate;
 }
 
-std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(Frame& frame,
+std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(TrackedFrame& frame,
                                                                   std::uint32_t keyframe) const {
   const std::vector<LandmarkMatch> matches = match_by_descriptor(graph_, keyframe, frame.features);
   if (matches.size() < options_.min_tracked) return std::nullopt;
-  auto estimate =
-      find_pose(sensor_.pinhole(), points_of(frame, matches), options_.min_tracked, frame.number);
+  auto estimate = find_pose(map_.sensor().pinhole(), points_of(frame, matches),
+                            options_.min_tracked, frame.number);
   if (estimate) take(frame, matches, *estimate);
   return estimate;
 }
 
-std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(Frame& frame) const {
+std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(TrackedFrame& frame) const {
   // The latest keyframes, then an even sample of the others: bounded work in any map.
   constexpr std::uint32_t kLatest = 5;
   constexpr std::uint32_t kSampled = 30;
@@ -221,195 +195,39 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(Frame& frame) con
   return std::nullopt;
 }
 
-PoseEstimate Odometry::Tracker::locate_in_map(Frame& frame, double radius) {
-  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
-  std::vector<LandmarkMatch> matches;
-  std::vector<bool> taken(frame.features.size(), false);
-  std::vector<bool> matched(graph_.landmarks().size(), false);
-  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
-    if (!frame.landmarks[i]) continue;
-    matches.push_back({i, *frame.landmarks[i], 0});
-    taken[i] = true;
-    matched[frame.landmarks[i]->value] = true;
-  }
-  std::vector<LandmarkIndex> candidates;
-  std::vector<ExpectedAppearance> appearances;
-  std::vector<LandmarkIndex> expected;
-  for (std::uint32_t i = 0; i < graph_.landmarks().size(); ++i) {
-    const TrackedLandmark& landmark = graph_.landmarks()[i];
-    if (landmark.gone()) continue;
-    const auto appearance = expected_appearance(sensor_, image_, landmark, camera_from_world,
-                                                frame.world_from_camera.translation());
-    if (!appearance) continue;
-    expected.push_back({i});
-    if (matched[i]) continue;
-    candidates.push_back({i});
-    appearances.push_back(*appearance);
-  }
-  const auto more =
-      match_near(graph_, frame.features, candidates, appearances, taken, {.radius_pixels = radius});
-  matches.insert(matches.end(), more.begin(), more.end());
+PoseEstimate Odometry::Tracker::locate_in_map(TrackedFrame& frame, double radius) {
+  const ExpectedLandmarks expected = map_.expected_in(frame);
+  std::vector<LandmarkMatch> matches = map_.match_corners(frame, expected, radius);
   // A match whose patch looks different is often of the corner next to the right one: done without
   // where enough are better.
-  std::vector<LandmarkMatch> aligned;
-  for (const LandmarkMatch& match : matches) {
-    const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
-    const auto found = find_patch(frame.features, match.landmark, camera_from_world, keypoint.raw);
-    if (!found) continue;
-    frame.features.move_keypoint(match.keypoint, found->raw, extractor_.undistorted(found->raw));
-    aligned.push_back(match);
-  }
+  std::vector<LandmarkMatch> aligned = map_.align(frame, matches);
   if (aligned.size() >= 6 * options_.min_tracked) matches = std::move(aligned);
   PoseEstimate estimate = solve(frame, matches);
   if (estimate.inlier_count < options_.min_tracked) return estimate;
 
-  std::fill(matched.begin(), matched.end(), false);
-  for (const LandmarkMatch& match : matches) matched[match.landmark.value] = true;
-  std::vector<LandmarkIndex> unmatched;
-  for (const LandmarkIndex index : expected) {
-    const TrackedLandmark& landmark = graph_.landmark(index);
-    if (!matched[index.value] && 4 * landmark.found >= landmark.expected)
-      unmatched.push_back(index);
-  }
-  constexpr std::size_t kMostSought = 500;
-  if (unmatched.size() > kMostSought) {
-    // Those seen most often are the most likely to be seen again.
-    std::stable_sort(unmatched.begin(), unmatched.end(), [&](LandmarkIndex a, LandmarkIndex b) {
-      return graph_.landmark(a).found > graph_.landmark(b).found;
-    });
-    unmatched.resize(kMostSought);
-  }
-  const auto found = find_without_corners(frame, unmatched);
+  const auto found = map_.find_without_corners(frame, expected, matches);
   if (!found.empty()) {
     matches.insert(matches.end(), found.begin(), found.end());
     estimate = solve(frame, matches);
     if (estimate.inlier_count < options_.min_tracked) return estimate;
   }
-  for (const LandmarkIndex index : expected) ++graph_.landmark(index).expected;
-  for (const auto& index : frame.landmarks) {
-    if (!index) continue;
-    TrackedLandmark& landmark = graph_.landmark(*index);
-    ++landmark.found;
-    landmark.last_seen = frame.number;
-  }
+  map_.note_found(frame, expected);
   return estimate;
 }
 
-std::optional<Odometry::Tracker::FoundPatch> Odometry::Tracker::find_patch(
-    const Features& features, LandmarkIndex landmark, const Rigid3& camera_from_world,
-    const Pixel& start) const {
-  const TrackedLandmark& seen = graph_.landmark(landmark);
-  const auto patch_from_image = graph_.patch_from_image(seen, camera_from_world);
-  if (!patch_from_image) return std::nullopt;
-  // The level on which the patch has about its own resolution.
-  const double octave = sensor_.octave_of(1.0 / std::sqrt(patch_from_image->determinant()));
-  const auto levels = static_cast<int>(features.pyramid().size());
-  const int level = std::clamp(static_cast<int>(std::lround(octave)), 0, levels - 1);
-  const cv::Mat& image = features.pyramid()[static_cast<std::size_t>(level)];
-  const Eigen::Vector2d level_scale(static_cast<double>(image_.width) / image.cols,
-                                    static_cast<double>(image_.height) / image.rows);
-  const Eigen::Vector2d at((start.u + 0.5) / level_scale.x() - 0.5,
-                           (start.v + 0.5) / level_scale.y() - 0.5);
-  constexpr double kMostAway = 2.5;  // pixels of the level
-  const auto found = align_patch(seen.appearance->patch, image,
-                                 *patch_from_image * level_scale.asDiagonal(), at, kMostAway);
-  if (!found) return std::nullopt;
-  return FoundPatch{
-      {(found->x() + 0.5) * level_scale.x() - 0.5, (found->y() + 0.5) * level_scale.y() - 0.5},
-      level};
-}
-
-// Landmarks that should be visible but are at no corner: their patches are looked for where they
-// should be, and become keypoints of the frame.
-std::vector<LandmarkMatch> Odometry::Tracker::find_without_corners(
-    Frame& frame, std::span<const LandmarkIndex> landmarks) const {
-  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
-  std::vector<Keypoint> keypoints;
-  std::vector<Descriptor> descriptors;
-  std::vector<LandmarkMatch> matches;
-  for (const LandmarkIndex index : landmarks) {
-    const TrackedLandmark& landmark = graph_.landmark(index);
-    const Eigen::Vector3d x_in_camera = camera_from_world * landmark.position;
-    const auto start = project(camera_, x_in_camera);
-    if (!start) continue;
-    const auto found = find_patch(frame.features, index, camera_from_world, *start);
-    if (!found) continue;
-    Keypoint keypoint;
-    keypoint.raw = found->raw;
-    keypoint.pixel = extractor_.undistorted(found->raw);
-    keypoint.octave = static_cast<std::uint8_t>(found->octave);
-    keypoint.source = PixelSource::kAligned;
-    keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
-    // Something else in front of it, or behind.
-    if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
-                                       5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
-      continue;
-    }
-    const auto number = static_cast<std::uint32_t>(frame.features.size() + keypoints.size());
-    matches.push_back({number, index, 0});
-    keypoints.push_back(keypoint);
-    descriptors.push_back(landmark.descriptor);
-  }
-  frame.features.add(keypoints, descriptors);
-  frame.landmarks.resize(frame.features.size());
-  return matches;
-}
-
-void Odometry::Tracker::cut_patch(const KeypointReference& reference) {
-  Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
-  const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
-  const cv::Mat& image = keyframe.features.pyramid()[keypoint.octave];
-  const Eigen::Vector2d center((keypoint.raw.u + 0.5) * image.cols / image_.width - 0.5,
-                               (keypoint.raw.v + 0.5) * image.rows / image_.height - 0.5);
-  const LandmarkIndex landmark = *keyframe.landmarks[reference.keypoint];
-  if (const auto patch = ReferencePatch::cut(image, center)) {
-    graph_.landmark(landmark).appearance =
-        LandmarkAppearance{reference, *patch,
-                           extractor_.depth_slope(keyframe.features.depth_m(), keypoint.raw,
-                                                  4.0 * sensor_.scale(keypoint.octave))};
-    keyframe.features.set_source(reference.keypoint, PixelSource::kReference);
-  }
-}
-
-bool Odometry::Tracker::wants_keyframe(const Frame& frame, std::size_t found) const {
+bool Odometry::Tracker::wants_keyframe(const TrackedFrame& frame, std::size_t found) const {
   const Keyframe& latest = graph_.keyframes().back();
   const std::size_t since = frame.number - latest.frame;
   const Rigid3 moved = latest.world_from_camera.inverse() * frame.world_from_camera;
-  constexpr double kTurn = 0.17;         // rad
-  constexpr double kTranslation = 0.15;  // m
-  const bool new_view = moved.angle() > kTurn || moved.translation().norm() > kTranslation;
   const bool thinned = static_cast<double>(found) < 0.7 * static_cast<double>(reference_found_);
   const bool nearly_lost = found < 5 * options_.min_tracked;
   if (nearly_lost) return true;
-  return since >= 3 && (new_view || thinned);
+  return since >= 3 && (is_new_view(moved) || thinned);
 }
 
-void Odometry::Tracker::make_keyframe(Frame& frame) {
-  Keyframe keyframe;
-  keyframe.frame = frame.number;
-  keyframe.timestamp_s = frame.timestamp_s;
-  keyframe.image_name = frame.image_name;
-  keyframe.world_from_camera = frame.world_from_camera;
-  keyframe.features = frame.features;
-  const std::uint32_t index = graph_.add_keyframe(std::move(keyframe));
-  std::size_t found = 0;
-  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
-    if (frame.landmarks[i] && !graph_.landmark(*frame.landmarks[i]).gone()) {
-      graph_.observe(*frame.landmarks[i], {index, i});
-      graph_.refresh(*frame.landmarks[i]);
-      if (!graph_.landmark(*frame.landmarks[i]).appearance) cut_patch({index, i});
-      ++found;
-    }
-  }
-  const auto keypoints = frame.features.keypoints();
-  for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
-    if (graph_.keyframes()[index].landmarks[i] || keypoints[i].depth_m <= 0.0F) continue;
-    if (crowded(graph_.keyframes()[index], i, sensor_.scale(keypoints[i].octave))) continue;
-    graph_.add_landmark({index, i});
-    cut_patch({index, i});
-  }
+void Odometry::Tracker::make_keyframe(TrackedFrame& frame) {
+  const std::uint32_t index = map_.add_keyframe(frame);
   if (index > 0) {
-    merge_known_landmarks(index);
     std::vector<std::uint32_t> moving = {index};
     for (const auto& [neighbour, shared] : graph_.covisible(index)) {
       constexpr std::size_t kFewestShared = 15;
@@ -417,9 +235,8 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
       if (neighbour != 0) moving.push_back(neighbour);  // the first fixes the map in the world
     }
     adjust(graph_, moving);
-    cull(index);
+    map_.cull(index);
   }
-  graph_.keyframes()[index].features.drop_images();
   frame.landmarks = graph_.keyframes()[index].landmarks;
   frame.world_from_camera = graph_.keyframes()[index].world_from_camera;
   reference_ = index;
@@ -428,67 +245,12 @@ void Odometry::Tracker::make_keyframe(Frame& frame) {
                     [](const auto& landmark) { return landmark.has_value(); }));
 }
 
-// Landmarks that are new to a keyframe may be known already, but were not recognised.
-void Odometry::Tracker::merge_known_landmarks(std::uint32_t keyframe) {
-  constexpr std::size_t kNeighbours = 8;
-  auto neighbours = graph_.covisible(keyframe);
-  if (neighbours.size() > kNeighbours) neighbours.resize(kNeighbours);
-  for (const auto& [neighbour, shared] : neighbours) {
-    const Rigid3& pose = graph_.keyframes()[neighbour].world_from_camera;
-    const Rigid3 camera_from_world = pose.inverse();
-    std::vector<LandmarkIndex> landmarks;
-    std::vector<ExpectedAppearance> appearances;
-    for (const auto& index : graph_.keyframes()[keyframe].landmarks) {
-      if (!index || graph_.observes(neighbour, *index)) continue;
-      const auto appearance = expected_appearance(sensor_, image_, graph_.landmark(*index),
-                                                  camera_from_world, pose.translation());
-      if (!appearance) continue;
-      landmarks.push_back(*index);
-      appearances.push_back(*appearance);
-    }
-    const std::vector<bool> taken(graph_.keyframes()[neighbour].features.size(), false);
-    const auto matches =
-        match_near(graph_, graph_.keyframes()[neighbour].features, landmarks, appearances, taken,
-                   {.radius_pixels = 3.0, .max_distance = 60, .max_ratio = 1.0});
-    for (const LandmarkMatch& match : matches) {
-      if (graph_.landmark(match.landmark).gone()) continue;
-      const PointMeasurement measured =
-          sensor_.measurement(graph_.keyframes()[neighbour].features.keypoints()[match.keypoint]);
-      const PointResidual residual =
-          point_residual(sensor_.pinhole(), measured,
-                         camera_from_world * graph_.landmark(match.landmark).position);
-      constexpr double kMostDepth = 9.0;  // three standard deviations
-      if (residual.squared_pixel() > kPixel95 || residual.squared_depth() > kMostDepth) continue;
-      const auto there = graph_.keyframes()[neighbour].landmarks[match.keypoint];
-      if (!there || *there == match.landmark) continue;
-      // The older one stays: its patch is what its observations were aligned with.
-      const LandmarkIndex older = std::min(*there, match.landmark);
-      const LandmarkIndex newer = std::max(*there, match.landmark);
-      graph_.merge(newer, older);
-    }
-  }
-}
-
-void Odometry::Tracker::cull(std::uint32_t newest) {
-  const std::size_t now = graph_.keyframes()[newest].frame;
-  for (std::uint32_t i = 0; i < graph_.landmarks().size(); ++i) {
-    const TrackedLandmark& landmark = graph_.landmarks()[i];
-    if (landmark.gone()) continue;
-    constexpr std::uint32_t kFewestExpected = 8;
-    constexpr double kLeastShare = 0.2;
-    if (landmark.observations.size() < 2 && landmark.expected >= kFewestExpected &&
-        landmark.found < kLeastShare * landmark.expected && landmark.last_seen < now) {
-      graph_.remove({i});
-    }
-  }
-}
-
-std::vector<float> Odometry::Tracker::reprojection_errors(const Frame& frame) const {
+std::vector<float> Odometry::Tracker::reprojection_errors(const TrackedFrame& frame) const {
   const Rigid3 camera_from_world = frame.world_from_camera.inverse();
   std::vector<float> errors;
   for (std::size_t i = 0; i < frame.landmarks.size(); ++i) {
     if (!frame.landmarks[i]) continue;
-    const Eigen::Vector2d pixel = sensor_.pinhole().project(
+    const Eigen::Vector2d pixel = map_.sensor().pinhole().project(
         camera_from_world * graph_.landmark(*frame.landmarks[i]).position);
     errors.push_back(
         static_cast<float>((pixel - frame.features.keypoints()[i].pixel.cast<double>()).norm()));
@@ -516,7 +278,7 @@ void Odometry::Tracker::end_at_last_frame() {
 void Odometry::Tracker::complete() {
   end_at_last_frame();
   if (graph_.keyframes().size() < 2 || options_.final_iterations == 0) return;
-  sensor_ = SensorModel(estimated_noise(graph_), extractor_.pinhole(), octave_scales(extractor_));
+  map_.adopt_estimated_noise();
   std::vector<std::uint32_t> moving;
   for (std::uint32_t i = 1; i < graph_.keyframes().size(); ++i) moving.push_back(i);
   adjust(graph_, moving, {.max_iterations = options_.final_iterations});
@@ -547,10 +309,10 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
     link.covariance = keyframe_pose_covariances(graph_).back();
   }
   if (covariances.empty()) covariances = landmark_covariances(options.covariance);
-  FinishedMap finished{map(options, covariances), trajectory(), link};
+  FinishedMap finished{map_.to_map(options, covariances), trajectory(), link};
 
-  Frame frame = std::move(*previous_);
-  graph_ = LandmarkGraph(sensor_);
+  TrackedFrame frame = std::move(*previous_);
+  map_.clear();
   recorded_.clear();
   std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
   for (std::uint32_t i = 0; i < frame.features.size(); ++i) {
@@ -572,53 +334,7 @@ std::vector<Eigen::Matrix3d> Odometry::Tracker::landmark_covariances(
 
 LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
   options.validate();
-  return map(options, landmark_covariances(options.covariance));
-}
-
-LandmarkMap Odometry::Tracker::map(const MapOptions& options,
-                                   const std::vector<Eigen::Matrix3d>& covariances) const {
-  MapTables tables;
-  tables.cameras = {camera_};
-  for (const Keyframe& keyframe : graph_.keyframes()) {
-    tables.frames.ids.push_back({keyframe.frame});
-    const Eigen::Quaterniond q = keyframe.world_from_camera.quaternion();
-    tables.frames.translations.push_back(keyframe.world_from_camera.translation());
-    tables.frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-    tables.frames.cameras.emplace_back(CameraIndex{0});
-    tables.frames.timestamps_s.emplace_back(keyframe.timestamp_s);
-    tables.frames.image_names.push_back(keyframe.image_name);
-  }
-  LandmarkTable& landmarks = tables.landmarks;
-  ObservationTable& observations = tables.observations;
-  if (options.descriptors) landmarks.descriptors = {"ORB", sizeof(Descriptor), {}, {}};
-  observations.offsets.push_back(0);
-  for (std::size_t i = 0; i < graph_.landmarks().size(); ++i) {
-    const TrackedLandmark& landmark = graph_.landmarks()[i];
-    if (landmark.gone() || landmark.observations.size() < options.min_observations) continue;
-    landmarks.ids.push_back({i});
-    landmarks.positions.push_back(landmark.position);
-    landmarks.covariances.push_back(covariances[i]);
-    if (landmarks.descriptors) {
-      landmarks.descriptors->known.push_back(1);
-      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
-      landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
-                                          bytes + sizeof(Descriptor));
-    }
-    for (const KeypointReference& reference : landmark.observations) {
-      const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
-      const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
-      observations.frames.push_back({reference.keyframe});
-      observations.pixels.push_back(keypoint.raw);
-      observations.keypoints.emplace_back(reference.keypoint);
-      observations.octaves.emplace_back(keypoint.octave);
-      const bool has_depth =
-          keypoint.depth_m > 0.0F && !keyframe.depth_disagrees[reference.keypoint];
-      observations.depths.push_back(has_depth ? std::optional<double>(keypoint.depth_m)
-                                              : std::nullopt);
-    }
-    observations.offsets.push_back(observations.frames.size());
-  }
-  return LandmarkMap(std::move(tables));
+  return map_.to_map(options, landmark_covariances(options.covariance));
 }
 
 }  // namespace cairn

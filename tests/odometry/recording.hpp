@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#include "cairn/simulation/simulator.hpp"
+
+namespace cairn::testing {
+
+inline const Camera kCamera{{1}, "PINHOLE", 320, 240, {262.0, 262.0, 159.5, 119.5}};
+
+inline const Environment& desk() {
+  static const Environment kDesk =
+      make_environment({.kind = EnvironmentKind::kDesk, .texture_scale = 0.5});
+  return kDesk;
+}
+
+inline FrameImages images_of(const RgbdFrame& frame, std::size_t index) {
+  FrameImages images;
+  images.timestamp_s = frame.timestamp_s;
+  images.name = std::to_string(index) + ".png";
+  const auto rows = static_cast<int>(frame.height);
+  const auto columns = static_cast<int>(frame.width);
+  const cv::Mat bgr(rows, columns, CV_8UC3, const_cast<std::uint8_t*>(frame.bgr.data()));
+  cv::cvtColor(bgr, images.gray, cv::COLOR_BGR2GRAY);
+  images.depth_m =
+      cv::Mat(rows, columns, CV_32FC1, const_cast<float*>(frame.depth_m.data())).clone();
+  return images;
+}
+
+// Frames on the way of a camera through the desk environment, and where they truly were.
+struct Recording {
+  Camera camera;
+  Trajectory truth;
+  std::vector<FrameImages> frames;
+  std::vector<std::vector<float>> exact_depths_m;  // one a frame, row by row
+
+  FrameImages operator()(std::size_t i) const {
+    FrameImages copy = frames[i];
+    copy.gray = copy.gray.clone();
+    copy.depth_m = copy.depth_m.clone();
+    return copy;
+  }
+};
+
+inline Recording record(const Trajectory& path, const Camera& camera = kCamera,
+                        std::uint64_t noise = 1) {
+  SimulatorOptions options;
+  options.camera = camera;
+  options.seed = noise;
+  const RgbdSimulator simulator(desk().scene, path, options, Executor(2));
+  Recording recording{camera, path, {}, {}};
+  for (std::size_t i = 0; i < simulator.frame_count(); ++i) {
+    RgbdFrame frame = simulator.frame(i, Executor(2));
+    recording.frames.push_back(images_of(frame, i));
+    recording.exact_depths_m.push_back(std::move(frame.exact_depth_m));
+  }
+  return recording;
+}
+
+inline const Recording& sweep() {
+  static const Recording kSweep = record(make_path(desk(), {.frames = 60}));
+  return kSweep;
+}
+
+}  // namespace cairn::testing
