@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Alignment from start to end, on each instruction set that this machine has; and with the neighbour
-// search of nanoflann instead of our own, from the same stages.
+// Alignment from start to end, on each instruction set that this machine has and of maps of several
+// sizes; and with the neighbour search of nanoflann instead of our own, from the same stages.
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -15,20 +15,20 @@
 #include "cairn/registration/icp.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
+#include "cairn/registration/score/fitness.hpp"
 
+#include "sizes.hpp"
 #include "workload.hpp"
 
 namespace cairn::benchmarks {
 namespace {
 
-// Arguments: k (1 is base ICP), most iterations, threads. The tree is built each time.
-void align_cairn(benchmark::State& state, std::int64_t target) {
-  hwy::SetSupportedTargetsForTest(target);
-  const Workload& work = workload();
+// k of 1 is base ICP. The tree is built each time.
+void align_cairn(benchmark::State& state, const Workload& work, const Effort& effort) {
   AlignOptions options = work.options;
-  options.k = static_cast<std::size_t>(state.range(0));
-  options.max_iterations = static_cast<int>(state.range(1));
-  options.executor = Executor(static_cast<unsigned>(state.range(2)));
+  options.k = effort.k;
+  options.max_iterations = effort.max_iterations;
+  options.executor = Executor(effort.threads);
   AlignResult result;
   for (auto _ : state) {
     result = align(work.source, work.target, options);
@@ -36,32 +36,65 @@ void align_cairn(benchmark::State& state, std::int64_t target) {
   }
   state.counters["iterations_made"] = result.iterations;
   state.counters["score"] = result.score.value_or(-1.0);
+}
+
+// Arguments: k, most iterations, threads.
+void align_on_target(benchmark::State& state, std::int64_t target) {
+  hwy::SetSupportedTargetsForTest(target);
+  align_cairn(state, workload(), effort_of(state, 0));
   hwy::SetSupportedTargetsForTest(0);
 }
 
-// The iteration alone: no scores, no covariance. Arguments: k, most iterations.
+void align_size(benchmark::State& state) {
+  align_cairn(state, workload(static_cast<std::size_t>(state.range(0))), effort_of(state, 1));
+}
+
+// The iteration alone.
+template <class Search>
+IcpRun iterated(const Search& search, const Workload& work, const Effort& effort) {
+  const ConfidentNeighborCorrespondence<Search> find_matches(
+      {search, work.target.positions, work.target.confidences}, std::nullopt, {.k = effort.k},
+      Executor(effort.threads));
+  return run_icp(work.source.positions, work.options.initial, find_matches,
+                 PointToPointEstimation(work.target.positions),
+                 PclCriteria{.max_iterations = effort.max_iterations});
+}
+
+// No scores, no covariance.
 template <class Search>
 void iterate(benchmark::State& state) {
   const Workload& work = workload();
+  const Effort effort = effort_of(state, 0);
   int iterations = 0;
   for (auto _ : state) {
     const Search search(work.target.positions);
-    const ConfidentNeighborCorrespondence<Search> find_matches(
-        {search, work.target.positions, work.target.confidences}, std::nullopt,
-        {.k = static_cast<std::size_t>(state.range(0))}, Executor());
-    const IcpRun run = run_icp(work.source.positions, work.options.initial, find_matches,
-                               PointToPointEstimation(work.target.positions),
-                               PclCriteria{.max_iterations = static_cast<int>(state.range(1))});
-    benchmark::DoNotOptimize(run);
-    iterations = run.iterations;
+    iterations = iterated(search, work, effort).iterations;
   }
   state.counters["iterations_made"] = iterations;
+}
+
+// With the scores before and after, as align has them.
+void align_one_by_one(benchmark::State& state) {
+  const Workload& work = workload(static_cast<std::size_t>(state.range(0)));
+  const Effort effort = effort_of(state, 1);
+  const Executor executor(effort.threads);
+  std::optional<double> score;
+  for (auto _ : state) {
+    const KdTree tree(work.target.positions);
+    const auto score_at = [&](const Rigid3& pose) {
+      return fitness_score(nearest_squared_distances(work.source.positions, pose, tree, executor));
+    };
+    benchmark::DoNotOptimize(score_at(work.options.initial));
+    const IcpRun run = iterated(tree, work, effort);
+    score = score_at(run.target_from_source);
+  }
+  state.counters["score"] = score.value_or(-1.0);
 }
 
 const bool kRegistered = [] {
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     const std::string name = std::string("align/cairn/") + hwy::TargetName(target);
-    auto* const made = benchmark::RegisterBenchmark(name.c_str(), align_cairn, target);
+    auto* const made = benchmark::RegisterBenchmark(name.c_str(), align_on_target, target);
     made->ArgNames({"k", "most", "threads"})->Unit(benchmark::kMillisecond)->UseRealTime();
     made->Args({1, 1, 1})->Args({5, 1, 1})->Args({1, 150, 1})->Args({5, 150, 1});
     made->Args({1, 150, 2})->Args({5, 150, 2});
@@ -69,17 +102,21 @@ const bool kRegistered = [] {
   return true;
 }();
 
+BENCHMARK(align_size)->Name("size/cairn")->Apply([](auto* made) { sizes(made, {1, 5}, {1, 2}); });
+BENCHMARK(align_one_by_one)->Name("size/nanoflann")->Apply([](auto* made) {
+  sizes(made, {1, 5}, {1, 2});
+});
 BENCHMARK(iterate<BatchTree>)
     ->Name("iterate/cairn")
-    ->ArgNames({"k", "most"})
-    ->Args({1, 150})
-    ->Args({5, 150})
+    ->ArgNames({"k", "most", "threads"})
+    ->Args({1, 150, 1})
+    ->Args({5, 150, 1})
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(iterate<KdTree>)
     ->Name("iterate/nanoflann")
-    ->ArgNames({"k", "most"})
-    ->Args({1, 150})
-    ->Args({5, 150})
+    ->ArgNames({"k", "most", "threads"})
+    ->Args({1, 150, 1})
+    ->Args({5, 150, 1})
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <pcl/registration/icp.h>
 
 #include "adapters/pcl/confidence_correspondence_estimation.hpp"
+#include "sizes.hpp"
 #include "workload.hpp"
 
 namespace cairn::benchmarks {
@@ -25,21 +26,21 @@ Cloud::Ptr cloud_of(const PointSet& points) {
   return cloud;
 }
 
-void align_pcl(benchmark::State& state) {
-  const Workload& work = workload();
+// PCL's ICP has one thread.
+void align_pcl(benchmark::State& state, const Workload& work, const Effort& effort) {
   const Cloud::Ptr source = cloud_of(work.source);
   const Cloud::Ptr target = cloud_of(work.target);
   double score = 0.0;
   int iterations = 0;
   for (auto _ : state) {
     pcl::IterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ, double> icp;
-    if (state.range(0) > 1) {
+    if (effort.k > 1) {
       icp.setCorrespondenceEstimation(
           pcl::make_shared<pcl_adapter::ConfidenceCorrespondenceEstimation<pcl::PointXYZ,
                                                                            pcl::PointXYZ, double>>(
-              work.target.confidences, static_cast<std::size_t>(state.range(0))));
+              work.target.confidences, effort.k));
     }
-    icp.setMaximumIterations(static_cast<int>(state.range(1)));
+    icp.setMaximumIterations(effort.max_iterations);
     icp.setInputSource(source);
     icp.setInputTarget(target);
     Cloud aligned;
@@ -49,6 +50,14 @@ void align_pcl(benchmark::State& state) {
   }
   state.counters["iterations_made"] = iterations;
   state.counters["score"] = score;
+}
+
+void align_workload(benchmark::State& state) {
+  align_pcl(state, workload(), effort_of(state, 0));
+}
+
+void align_size(benchmark::State& state) {
+  align_pcl(state, workload(static_cast<std::size_t>(state.range(0))), effort_of(state, 1));
 }
 
 void build_pcl(benchmark::State& state) {
@@ -77,15 +86,18 @@ void search_pcl(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * state.range(0));
 }
 
-BENCHMARK(align_pcl)
+BENCHMARK(align_workload)
     ->Name("align/" CAIRN_PCL_BUILD)
-    ->ArgNames({"k", "most"})
-    ->Args({1, 1})
-    ->Args({5, 1})
-    ->Args({1, 150})
-    ->Args({5, 150})
+    ->ArgNames({"k", "most", "threads"})
+    ->Args({1, 1, 1})
+    ->Args({5, 1, 1})
+    ->Args({1, 150, 1})
+    ->Args({5, 150, 1})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
+BENCHMARK(align_size)->Name("size/" CAIRN_PCL_BUILD)->Apply([](auto* made) {
+  sizes(made, {1, 5}, {1});
+});
 BENCHMARK(build_pcl)
     ->Name("build/" CAIRN_PCL_BUILD)
     ->ArgName("points")

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <numbers>
 #include <string>
 
@@ -18,12 +19,9 @@ namespace {
 
 constexpr std::size_t kLandmarks = 6081;  // as many as the real map has with two observations
 
-LandmarkMap base_map() {
-  const char* const data = std::getenv("CAIRN_DATA");
-  const LandmarkMap map = data != nullptr ? read_map(std::string(data) + "/map_fr1_desk.txt")
-                                          : synthetic_map({.seed = 1, .landmarks = 8000});
+LandmarkMap well_observed(const LandmarkMap& map, std::size_t landmarks) {
   std::vector<LandmarkIndex> kept = landmarks_observed(map, 2);
-  if (kept.size() > kLandmarks) kept.resize(kLandmarks);
+  if (kept.size() > landmarks) kept.resize(landmarks);
   return with_landmarks(map, kept);
 }
 
@@ -33,9 +31,8 @@ Eigen::Vector3d noise(const Eigen::Matrix3d& covariance, Random& random) {
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().cwiseProduct(normal);
 }
 
-Workload make_workload() {
+Workload make_workload(const LandmarkMap& map) {
   constexpr double kDegree = std::numbers::pi / 180.0;
-  const LandmarkMap map = base_map();
   Workload result;
   result.target = point_set(map, observations_metric());
   result.source = result.target;
@@ -54,8 +51,23 @@ Workload make_workload() {
 }  // namespace
 
 const Workload& workload() {
-  static const Workload result = make_workload();
+  static const Workload result = [] {
+    const char* const data = std::getenv("CAIRN_DATA");
+    return data == nullptr ? workload(kLandmarks)
+                           : make_workload(well_observed(
+                                 read_map(std::string(data) + "/map_fr1_desk.txt"), kLandmarks));
+  }();
   return result;
+}
+
+const Workload& workload(std::size_t landmarks) {
+  static std::map<std::size_t, Workload> made;
+  const auto found = made.find(landmarks);
+  if (found != made.end()) return found->second;
+  // At least every second landmark is observed twice. Few frames make a large map quickly.
+  const LandmarkMap map = synthetic_map(
+      {.seed = 1, .landmarks = 2 * landmarks, .frames = landmarks < 100'000 ? 60U : 10U});
+  return made.emplace(landmarks, make_workload(well_observed(map, landmarks))).first->second;
 }
 
 PointSet random_points(std::size_t count, std::uint64_t seed) {

@@ -21,6 +21,9 @@ struct Workload {
 /// observations; without CAIRN_DATA, a synthetic map of the same size.
 const Workload& workload();
 
+/// The same of a synthetic map of that many landmarks, on the surfaces of one desk.
+const Workload& workload(std::size_t landmarks);
+
 /// Uniform points, for sizes no map at hand has.
 PointSet random_points(std::size_t count, std::uint64_t seed);
 

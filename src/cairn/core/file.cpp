@@ -153,7 +153,10 @@ void FileReader::rewind() {
 std::optional<std::string_view> FileReader::mapped() {
   if (!size_) return std::nullopt;
   if (mapped_.empty() && *size_ > 0) {
-    void* const bytes = ::mmap(nullptr, *size_, PROT_READ, MAP_PRIVATE, descriptor_, 0);
+    // All pages at once, which page faults would bring one by one; of more, it would delay the start.
+    constexpr std::uint64_t kMostPopulated = std::uint64_t{64} << 20;
+    const int flags = MAP_PRIVATE | (*size_ <= kMostPopulated ? MAP_POPULATE : 0);
+    void* const bytes = ::mmap(nullptr, *size_, PROT_READ, flags, descriptor_, 0);
     if (bytes == MAP_FAILED) return std::nullopt;
     mapped_ = {static_cast<const char*>(bytes), *size_};
   }
@@ -190,16 +193,20 @@ std::string read_file(const std::filesystem::path& path) {
 }
 
 LineReader::LineReader(ByteSource& source, std::size_t block_size)
-    : source_(source), buffer_(block_size > 0 ? block_size : 1) {}
+    : source_(&source), buffer_(block_size > 0 ? block_size : 1), text_(buffer_.data()) {}
+
+LineReader::LineReader(std::string_view text)
+    : text_(text.data()), end_(text.size()), at_end_(true) {}
 
 std::optional<std::string_view> LineReader::next() {
   for (;;) {
     const char* const found =
-        static_cast<const char*>(std::memchr(buffer_.data() + scanned_, '\n', end_ - scanned_));
+        begin_ == end_
+            ? nullptr
+            : static_cast<const char*>(std::memchr(text_ + scanned_, '\n', end_ - scanned_));
     if (found != nullptr || (at_end_ && begin_ < end_)) {
-      const std::size_t stop =
-          found != nullptr ? static_cast<std::size_t>(found - buffer_.data()) : end_;
-      const std::string_view line(buffer_.data() + begin_, stop - begin_);
+      const std::size_t stop = found != nullptr ? static_cast<std::size_t>(found - text_) : end_;
+      const std::string_view line(text_ + begin_, stop - begin_);
       terminated_ = found != nullptr;
       const std::size_t next_begin = stop + (terminated_ ? 1 : 0);
       bytes_ += next_begin - begin_;
@@ -222,7 +229,8 @@ bool LineReader::refill() {
     begin_ = 0;
   }
   if (end_ == buffer_.size()) buffer_.resize(buffer_.size() * 2);
-  const std::size_t count = source_.read(buffer_.data() + end_, buffer_.size() - end_);
+  text_ = buffer_.data();
+  const std::size_t count = source_->read(buffer_.data() + end_, buffer_.size() - end_);
   end_ += count;
   at_end_ = count == 0;
   return count > 0;

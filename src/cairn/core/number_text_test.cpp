@@ -65,6 +65,31 @@ TEST(ReadNumber, AgreesWithTheStandardLibrary) {
   }
 }
 
+TEST(ReadSixDecimals, ReadsWhatPrintfWritesAsTheStandardLibraryDoes) {
+  Random random(8);
+  for (int i = 0; i < 200000; ++i) {
+    const double scale = std::pow(10.0, static_cast<double>(random.index(8)));
+    // It wants eight bytes after the point.
+    const std::string text = fmt::format("{:.6f} 1", random.uniform(-scale, scale));
+    double ours = 0.5;
+    double theirs = 0.5;
+    const char* const end = text.data() + text.size();
+    ASSERT_EQ(read_six_decimals(text.data(), end, ours), end - 2) << text;
+    std::from_chars(text.data(), end, theirs);
+    ASSERT_EQ(std::bit_cast<std::uint64_t>(ours), std::bit_cast<std::uint64_t>(theirs)) << text;
+  }
+}
+
+TEST(ReadSixDecimals, LeavesAllElseToOthers) {
+  for (const std::string_view text :
+       {"", "-", "1", "1.000000", "1.00000 00", "1.0000000 0", "123456789.000000 0", "+1.000000 0",
+        "--1.000000 0", ".500000 000", "1,000000 0", "1.00-000 0", "1.0000:0 0", "1.00 000 0"}) {
+    double value = 0.5;
+    EXPECT_EQ(read_six_decimals(text.data(), text.data() + text.size(), value), nullptr) << text;
+    EXPECT_EQ(value, 0.5) << text;
+  }
+}
+
 TEST(ParseNumber, TakesDecimals) {
   EXPECT_EQ(parse_number("1"), 1.0);
   EXPECT_EQ(parse_number("-0.5e-3"), -0.5e-3);

@@ -8,37 +8,9 @@
 #include "cairn/core/number_text.hpp"
 
 namespace cairn {
-namespace {
-
-// A sufficient test without roots or divisions, for maps have millions of covariances: with less than
-// the tolerance added to the diagonal, all leading minors are positive (Sylvester's criterion) by more
-// than rounding can make of them.
-bool is_plainly_one(const Eigen::Matrix3d& m) {
-  const double sum = m.cwiseAbs().sum();  // at most 9 times the largest entry
-  // Products of three entries neither overflow nor underflow; NaN fails too.
-  const bool can_multiply = sum > 1e-90 && sum < 1e90;
-  if (!can_multiply) return false;
-  const double slack = 1e-7 * sum;  // at most 0.9 times the tolerance
-  if (std::abs(m(0, 1) - m(1, 0)) > slack || std::abs(m(0, 2) - m(2, 0)) > slack ||
-      std::abs(m(1, 2) - m(2, 1)) > slack) {
-    return false;
-  }
-  const double a = m(0, 0) + slack;
-  const double b = m(1, 0);
-  const double c = m(1, 1) + slack;
-  const double d = m(2, 0);
-  const double e = m(2, 1);
-  const double f = m(2, 2) + slack;
-  constexpr double kRounding = 1e-14;
-  const double minor = a * c - b * b;
-  const double determinant = f * minor - a * e * e + d * (2.0 * b * e - c * d);
-  return a > 0.0 && minor > kRounding * sum * sum && determinant > kRounding * sum * sum * sum;
-}
-
-}  // namespace
 
 std::string covariance_defect(const Eigen::Matrix3d& covariance) {
-  if (is_plainly_one(covariance)) return {};
+  if (is_plainly_covariance(covariance)) return {};
   if (!covariance.allFinite()) return "an entry is not finite";
   const double largest = covariance.cwiseAbs().maxCoeff();
   const double tolerance = 1e-6 * largest;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <string>
 
 #include <Eigen/Core>
@@ -8,6 +9,32 @@
 #include "cairn/geometry/rigid3.hpp"
 
 namespace cairn {
+
+/// Whether `m` is a covariance beyond doubt: true only where covariance_defect finds none. Without roots,
+/// divisions or calls, for maps have millions of covariances: with less than the tolerance added to the
+/// diagonal, all leading minors are positive (Sylvester's criterion) by more than rounding can make of
+/// them.
+inline bool is_plainly_covariance(const Eigen::Matrix3d& m) {
+  const double sum = m.cwiseAbs().sum();  // at most 9 times the largest entry
+  // Products of three entries neither overflow nor underflow; NaN fails too.
+  const bool can_multiply = sum > 1e-90 && sum < 1e90;
+  if (!can_multiply) return false;
+  const double slack = 1e-7 * sum;  // at most 0.9 times the tolerance
+  if (std::abs(m(0, 1) - m(1, 0)) > slack || std::abs(m(0, 2) - m(2, 0)) > slack ||
+      std::abs(m(1, 2) - m(2, 1)) > slack) {
+    return false;
+  }
+  const double a = m(0, 0) + slack;
+  const double b = m(1, 0);
+  const double c = m(1, 1) + slack;
+  const double d = m(2, 0);
+  const double e = m(2, 1);
+  const double f = m(2, 2) + slack;
+  constexpr double kRounding = 1e-14;
+  const double minor = a * c - b * b;
+  const double determinant = f * minor - a * e * e + d * (2.0 * b * e - c * d);
+  return a > 0.0 && minor > kRounding * sum * sum && determinant > kRounding * sum * sum * sum;
+}
 
 /// Why `covariance` is none: not finite, not symmetric, or with a negative eigenvalue; empty if it
 /// is one. Both tests allow a relative error of 1e-6 of the largest entry, as decimals cause.

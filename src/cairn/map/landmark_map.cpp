@@ -45,6 +45,12 @@ class Checks {
     }
     const auto not_ascending = [](Id a, Id b) { return a >= b; };
     if (std::adjacent_find(ids.begin(), ids.end(), not_ascending) == ids.end()) return {};
+    const auto not_descending = [](Id a, Id b) { return a <= b; };
+    if (std::adjacent_find(ids.begin(), ids.end(), not_descending) == ids.end()) {
+      std::vector<std::uint32_t> order(ids.size());
+      std::iota(order.rbegin(), order.rend(), 0U);  // some write the latest first
+      return order;
+    }
     const auto refuse_repeated = [&](std::size_t row) {
       refuse(column, row, fmt::format("{} {}", kind, ids[row].value), "the id occurs twice",
              "distinct ids");
@@ -243,7 +249,7 @@ class Checks {
     }
     for (std::size_t i = 0; i < landmarks.covariances.size(); ++i) {
       const Eigen::Matrix3d& covariance = landmarks.covariances[i];
-      if (std::isnan(covariance(0, 0))) continue;
+      if (is_plainly_covariance(covariance) || std::isnan(covariance(0, 0))) continue;
       const std::string defect = covariance_defect(covariance);
       if (!defect.empty()) {
         refuse_landmark(MapColumn::kCovariances, i, "covariance is " + defect,

@@ -15,7 +15,7 @@ struct Weights {
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
-// Made by benchmarks/fit_placement_model.
+// Made by benchmarks/fit_placement_model.py.
 constexpr Weights kWithSight = {-12.0, 2.3, 3.0, -1.8};
 constexpr Weights kWithoutSight = {-6.0, 2.2, 3.0, 0.0};
 

@@ -40,65 +40,106 @@ struct RecordCounts {
   std::uint64_t observations = 0;
 };
 
-// Counts the tokens that start in a text, and those ending in '-'; text[-1] must be there. Counts
-// in bytes first, which the compiler turns into vector code: a stretch is too short to overflow
-// them.
-void count_tokens(const char* text, std::size_t size, std::uint64_t& tokens,
-                  std::uint64_t& dashes) {
-  constexpr std::size_t kStretch = 255;
-  for (std::size_t begin = 0; begin < size; begin += kStretch) {
-    const std::size_t end = std::min(begin + kStretch, size);
-    std::uint8_t token_starts = 0;
-    std::uint8_t dash_ends = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const char before = text[static_cast<std::ptrdiff_t>(i) - 1];
-      const char c = text[i];
-      token_starts = static_cast<std::uint8_t>(token_starts + ((c > ' ') & (before <= ' ')));
-      dash_ends = static_cast<std::uint8_t>(dash_ends + ((c <= ' ') & (before == '-')));
+struct TokenCount {
+  std::uint64_t starts = 0;
+  std::uint64_t dash_ends = 0;  // of those ending in '-'
+};
+
+// Counts the tokens of a text that follows the byte `before`. Counts in bytes first, side by side, which
+// the compiler turns into vector code: in too few steps to overflow them.
+TokenCount count_tokens(char before, std::string_view text) {
+  constexpr std::size_t kLanes = 32;
+  constexpr std::size_t kMostSteps = 255;
+  const auto starts = [](char a, char b) {
+    return static_cast<std::uint8_t>((b > ' ') & (a <= ' '));
+  };
+  const auto ends_dash = [](char a, char b) {
+    return static_cast<std::uint8_t>((b <= ' ') & (a == '-'));
+  };
+  if (text.empty()) return {};
+  TokenCount count{starts(before, text[0]), ends_dash(before, text[0])};
+  const char* next = text.data() + 1;
+  const char* const end = text.data() + text.size();
+  while (end - next >= std::ptrdiff_t{kLanes}) {
+    std::array<std::uint8_t, kLanes> lane_starts{};
+    std::array<std::uint8_t, kLanes> lane_ends{};
+    const std::size_t steps = std::min(static_cast<std::size_t>(end - next) / kLanes, kMostSteps);
+    for (std::size_t step = 0; step < steps; ++step, next += kLanes) {
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const char a = *(next + lane - 1);
+        const char b = next[lane];
+        lane_starts[lane] = static_cast<std::uint8_t>(lane_starts[lane] + starts(a, b));
+        lane_ends[lane] = static_cast<std::uint8_t>(lane_ends[lane] + ends_dash(a, b));
+      }
     }
-    tokens += token_starts;
-    dashes += dash_ends;
+    for (const std::uint8_t lane : lane_starts) count.starts += lane;
+    for (const std::uint8_t lane : lane_ends) count.dash_ends += lane;
   }
+  for (; next != end; ++next) {
+    count.starts += starts(next[-1], *next);
+    count.dash_ends += ends_dash(next[-1], *next);
+  }
+  return count;
 }
 
-// An estimate that the bytes present bound: exact where records start their lines.
-RecordCounts estimate_records(ByteSource& source) {
-  // The fewest bytes of a record bound how many there can be, whatever the first letters say.
-  constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
-  constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
-  const std::size_t block_size = block_size_for(source);
-  std::vector<char> block(block_size + 1);
-  block[0] = '\n';
-  bool in_landmark = false;
-  std::uint64_t tokens = 0;  // in landmark records, as the next
-  std::uint64_t dashes = 0;
-  std::uint64_t bytes = 0;
-  RecordCounts counts;
-  while (const std::size_t size = source.read(block.data() + 1, block_size)) {
-    const char* next = block.data() + 1;
-    const char* const end = next + size;
-    while (next != end) {
-      if (next[-1] == '\n') {
-        in_landmark = *next == 'L';
-        counts.landmarks += in_landmark ? 1 : 0;
-        counts.frames += *next == 'F' ? 1 : 0;
+// Estimates how many records a text has, block by block.
+class RecordEstimate {
+ public:
+  void add(std::string_view block) {
+    const TokenCount all = count_tokens(before_, block);
+    in_landmarks_.starts += all.starts;
+    in_landmarks_.dash_ends += all.dash_ends;
+    bytes_ += block.size();
+    while (!block.empty()) {
+      if (before_ == '\n') {
+        in_landmark_ = block[0] == 'L';
+        counts_.landmarks += in_landmark_ ? 1 : 0;
+        counts_.frames += block[0] == 'F' ? 1 : 0;
       }
-      const auto left = static_cast<std::size_t>(end - next);
-      const void* const newline = std::memchr(next, '\n', left);
-      const char* const stop = newline != nullptr ? static_cast<const char*>(newline) + 1 : end;
-      if (in_landmark) count_tokens(next, static_cast<std::size_t>(stop - next), tokens, dashes);
-      next = stop;
+      const std::size_t newline = block.find('\n');
+      const std::string_view line = newline == block.npos ? block : block.substr(0, newline + 1);
+      // Most lines are landmarks': the tokens of the others are taken off again.
+      if (!in_landmark_) {
+        const TokenCount others = count_tokens(before_, line);
+        in_landmarks_.starts -= others.starts;
+        in_landmarks_.dash_ends -= others.dash_ends;
+      }
+      before_ = line.back();
+      block.remove_prefix(line.size());
     }
-    bytes += size;
-    block[0] = block[size];
+  }
+
+  // Exact where records start their lines, and bounded by the bytes seen anywhere.
+  RecordCounts counts() const {
+    // The fewest bytes of a record bound how many there can be, whatever the first letters say.
+    constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
+    constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
+    RecordCounts counts = counts_;
+    counts.frames = std::min(counts.frames, bytes_ / kShortestFrame);
+    counts.landmarks = std::min(counts.landmarks, bytes_ / kShortestLandmark);
+    const std::uint64_t in_observations =
+        in_landmarks_.starts + 8 * std::min(in_landmarks_.dash_ends, counts.landmarks);
+    const std::uint64_t in_records = 15 * counts.landmarks;
+    if (in_observations > in_records) counts.observations = (in_observations - in_records) / 3;
+    return counts;
+  }
+
+ private:
+  RecordCounts counts_;
+  TokenCount in_landmarks_;
+  std::uint64_t bytes_ = 0;
+  bool in_landmark_ = false;
+  char before_ = '\n';  // the last byte seen
+};
+
+RecordCounts estimate_records(ByteSource& source) {
+  RecordEstimate estimate;
+  std::vector<char> block(block_size_for(source));
+  while (const std::size_t size = source.read(block.data(), block.size())) {
+    estimate.add({block.data(), size});
   }
   source.rewind();
-  counts.frames = std::min(counts.frames, bytes / kShortestFrame);
-  counts.landmarks = std::min(counts.landmarks, bytes / kShortestLandmark);
-  const std::uint64_t in_observations = tokens + 8 * std::min(dashes, counts.landmarks);
-  const std::uint64_t in_records = 15 * counts.landmarks;
-  if (in_observations > in_records) counts.observations = (in_observations - in_records) / 3;
-  return counts;
+  return estimate.counts();
 }
 
 // ---- one line, field by field
@@ -137,12 +178,8 @@ class Fields {
   double number(const char* name) {
     begin_field(name);
     double value = 0.0;
-    const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
-    const auto [stop, error] = read_number(begin, end_, value);
-    const bool whole = error == std::errc{} && (stop == end_ || is_blank(*stop));
-    if (!whole || !std::isfinite(value) || (begin != next_ && *begin == '-')) {
-      refuse_field("is not a number", "a finite decimal number");
-    }
+    const char* const stop = read_six_decimals(next_, end_, value);
+    if (stop == nullptr || !is_blank(*stop)) return any_number();
     next_ = stop;
     skip_blanks();
     return value;
@@ -198,6 +235,20 @@ class Fields {
     ++field_;
     name_ = name;
     if (next_ == end_) refuse("missing", "more fields on this line");
+  }
+
+  // The number that starts at next_, however it is written.
+  double any_number() {
+    double value = 0.0;
+    const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
+    const auto [stop, error] = read_number(begin, end_, value);
+    const bool whole = error == std::errc{} && (stop == end_ || is_blank(*stop));
+    if (!whole || !std::isfinite(value) || (begin != next_ && *begin == '-')) {
+      refuse_field("is not a number", "a finite decimal number");
+    }
+    next_ = stop;
+    skip_blanks();
+    return value;
   }
 
   // The field that starts at next_.
@@ -291,8 +342,22 @@ class NativeReader {
       : source_(source), options_(options) {}
 
   LandmarkMap read() {
+    // In place, which saves copying twice; of more, too much would be resident.
+    constexpr std::uint64_t kMostInPlace = std::uint64_t{64} << 20;
+    if (source_.size() && *source_.size() <= kMostInPlace) {
+      if (const auto text = source_.mapped()) {
+        RecordEstimate estimate;
+        estimate.add(*text);
+        reserve(estimate.counts());
+        return read(LineReader(*text));
+      }
+    }
     if (source_.size()) reserve(estimate_records(source_));
-    LineReader lines(source_, block_size_for(source_));
+    return read(LineReader(source_, block_size_for(source_)));
+  }
+
+ private:
+  LandmarkMap read(LineReader lines) {
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;
@@ -317,7 +382,6 @@ class NativeReader {
     return finish();
   }
 
- private:
   void reserve(const RecordCounts& counts) {
     reserve_populated(tables_.frames.ids, counts.frames);
     reserve_populated(tables_.frames.translations, counts.frames);

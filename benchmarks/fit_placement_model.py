@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fits the weights of src/cairn/placement/probability.cpp and tells how reliable they are.
 
-  benchmarks/fit_placement_model FIT.csv TEST.csv [DIAGRAM.svg]
+  benchmarks/fit_placement_model.py FIT.csv TEST.csv [DIAGRAM.svg]
 
 The tables are those of cairn_placement_sessions_benchmark, of parts fit and test. Needs NumPy. A
 conditional logit by Newton's method, with a slight penalty on the weights; once with the lines of sight
