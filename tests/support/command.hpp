@@ -29,7 +29,7 @@ struct CommandOptions {
   bool input_stays_open = false;  ///< until wait(): the program waits for more; see feed()
   std::filesystem::path output_to =
       {};                           ///< where standard output goes instead of CommandResult::output
-  std::chrono::seconds limit{120};  ///< after which the program is killed and wait() throws
+  std::chrono::seconds limit{600};  ///< after which the program is killed and wait() throws
 };
 
 struct CommandResult {
