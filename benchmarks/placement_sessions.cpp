@@ -3,7 +3,7 @@
 // is fitted to, and what it is tested with.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [THREADS]
 // FOLDER holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground truth
-// (benchmarks/placement_sessions makes them). PART: fit (places of odd seed) or test (of even seed).
+// (benchmarks/placement_sessions.sh makes them). PART: fit (places of odd seed) or test (of even seed).
 // Every other pair is of two different places. One CSV row a candidate to stdout; that of rank -1 is the
 // true pose, refined.
 #include <algorithm>

@@ -15,9 +15,9 @@ struct Weights {
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
-// Made by benchmarks/fit_placement_model.py.
-constexpr Weights kWithSight = {-12.0, 2.3, 3.0, -1.8};
-constexpr Weights kWithoutSight = {-6.0, 2.2, 3.0, 0.0};
+// Made by benchmarks/fit_placement_model.py from 324 pairs; docs/method.md has how well they predict others.
+constexpr Weights kWithSight = {-7.424, 1.471, 4.906, -0.911};
+constexpr Weights kWithoutSight = {-4.933, 2.014, 5.104, 0.0};
 
 double log_ratio(double count, double other) {
   return std::log((count + 2.0) / (other + 2.0));

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# Makes the sessions that cairn_placement_sessions_benchmark reads: two of each place, rendered and mapped.
+# What is there already is kept, so that it can be stopped and gone on with.
+set -euo pipefail
+
+if [ $# -lt 2 ] || [ $# -gt 3 ]; then
+  echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEEDS=6]" >&2
+  exit 2
+fi
+cairn=$1
+folder=$2
+seeds=${3:-6}
+mkdir -p "$folder"
+sequence=$(mktemp -d)
+trap 'rm -rf "$sequence"' EXIT
+
+for seed in $(seq "$seeds"); do
+  for kind in desk office corridor warehouse room; do
+    for session in 0 1; do
+      name=$folder/$kind-$seed-$session
+      [ -f "$name.gt" ] && continue
+      # The second session: as the first, with a quarter of the things moved, or these on another path.
+      changed=0
+      path=sweep
+      if [ $session = 1 ] && [ $((seed % 3)) != 1 ]; then changed=0.25; fi
+      if [ $session = 1 ] && [ $((seed % 3)) = 0 ]; then
+        case $kind in corridor | warehouse) path=walk ;; *) path=orbit ;; esac
+      fi
+      rm -rf "$sequence/frames"
+      "$cairn" simulate "$sequence/frames" --environment "$kind" --seed "$seed" \
+        --session "$session" --changed "$changed" --path "$path" --rate 20 --frames 260 --quiet
+      "$cairn" map "$sequence/frames" -o "$name.cairn" \
+        --start-from "$sequence/frames/groundtruth.txt" --quiet
+      cp "$sequence/frames/groundtruth.txt" "$name.gt"
+      echo "$name"
+    done
+  done
+done
