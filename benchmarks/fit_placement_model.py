@@ -17,7 +17,7 @@ import numpy as np
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
 SAMPLE = 4096            # landmarks that place() looks at
 PENALTY = 0.02
-NAMES = ["constant", "evidence", "others", "contradicted"]
+NAMES = ["constant", "evidence", "deviations", "contradicted"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
@@ -34,14 +34,13 @@ def read_pairs(path):
 def features(rows, with_sight):
     """One line a candidate, as probabilities() has them, and which candidate is right (or -1)."""
     count = min(SAMPLE, int(rows[0]["source_landmarks"]), int(rows[0]["target_landmarks"]))
-    support = [float(row["support"]) for row in rows]
+    close = [count * float(row["close_support"]) for row in rows]
     lines = []
     for i, row in enumerate(rows):
-        others = support[:i] + support[i + 1:]
-        middle = float(np.median(others)) if others else 0.5 * support[i]
-        matched = count * support[i] + 2.0
+        others = close[:i] + close[i + 1:]
+        middle = float(np.median(others)) if others else 0.5 * close[i]
         line = [1.0, math.log1p(float(row["spread_evidence"])),
-                math.log(matched / (count * middle + 2.0))]
+                0.2 * (math.sqrt(close[i] + 0.375) - math.sqrt(middle + 0.375))]
         if with_sight:
             # Where too few lines of sight were looked at: a share that says little.
             share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05

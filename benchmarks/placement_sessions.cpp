@@ -186,6 +186,7 @@ PlacementCandidate true_candidate(const Pair& pair, double radius) {
   const Support support = SupportCounter(centred, source_tree, target_tree, pair.source.size(),
                                          Executor())(pose, radius);
   PlacementCandidate candidate{centred.uncentred(pose), support.share};
+  candidate.close_support = support.close_share;
   candidate.evidence = support.evidence;
   candidate.spread_evidence = support.spread_evidence;
   return candidate;
@@ -196,7 +197,7 @@ void run(const std::vector<Session>& sessions, std::uint64_t pairs, bool odd,
   std::puts(
       "pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
       "support,"
-      "evidence,spread_evidence,contradicted,probability,rotation_deg,translation_m,"
+      "close_support,evidence,spread_evidence,contradicted,probability,rotation_deg,translation_m,"
       "mahalanobis");
   for (std::uint64_t pair = 0; pair < pairs; ++pair) {
     Random random = Random(pair).fork(odd ? 1 : 2);
@@ -221,11 +222,11 @@ void run(const std::vector<Session>& sessions, std::uint64_t pairs, bool odd,
           same ? pose_error(candidate.target_from_source, truth, source.positions)
                : PoseError{std::numbers::pi, 100.0};
       std::printf(
-          "%llu,%s,%s,%d,%.4f,%zu,%zu,%s,%.3f,%d,%.5f,%.3f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
+          "%llu,%s,%s,%d,%.4f,%zu,%zu,%s,%.3f,%d,%.5f,%.5f,%.3f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
           static_cast<unsigned long long>(pair), one.place.c_str(), place.c_str(), same ? 1 : 0,
           shared, source.size(), target.size(), std::string(to_string(result.verdict)).c_str(),
           result.duration_s, i < result.candidates.size() ? static_cast<int>(i) : -1,
-          candidate.support, candidate.evidence, candidate.spread_evidence,
+          candidate.support, candidate.close_support, candidate.evidence, candidate.spread_evidence,
           candidate.contradicted.value_or(-1.0), candidate.probability, degrees(error.rotation_rad),
           error.translation, i == 0 && same ? squared_mahalanobis(result.alignment, truth) : -1.0);
     }

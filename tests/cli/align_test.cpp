@@ -304,11 +304,15 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_THAT(result.at("reason").get<std::string>(), HasSubstr("one to one"));
   EXPECT_LT(result.at("error").at("rotation_deg").get<double>(), 0.5);
   EXPECT_LT(result.at("error").at("translation").get<double>(), 0.005);
-  EXPECT_TRUE(result.at("probability").is_null());
+  EXPECT_GE(result.at("probability").get<double>(), 0.99);
   EXPECT_EQ(result.at("covariance").size(), 6U);
   const Json& candidates = result.at("candidates");
   ASSERT_GE(candidates.size(), 1U);
   EXPECT_GT(candidates.at(0).at("support").get<double>(), 0.2);
+  EXPECT_GT(candidates.at(0).at("evidence").get<double>(),
+            candidates.at(0).at("spread_evidence").get<double>());
+  EXPECT_LT(candidates.at(0).at("contradicted").get<double>(), 0.05);
+  EXPECT_EQ(candidates.at(0).at("probability"), result.at("probability"));
   EXPECT_TRUE(files().contains("aligned.map"));
   const std::string text = answer({"align", "source.map", "target.map", "--anywhere"});
   EXPECT_THAT(text, HasSubstr("none: aligned: the best pose matches"));

@@ -54,6 +54,7 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
     list.push_back(
         {{"target_from_source", to_json(candidate.target_from_source)},
          {"support", candidate.support},
+         {"close_support", candidate.close_support},
          {"evidence", candidate.evidence},
          {"spread_evidence", candidate.spread_evidence},
          {"contradicted", candidate.contradicted ? Json(*candidate.contradicted) : Json(nullptr)},

@@ -205,6 +205,7 @@ class Placement {
                    .target_from_source;
         const Support support = support_(pose, kMatched * scale);
         poses[i].support = support.share;
+        poses[i].close_support = support.close_share;
         poses[i].evidence = support.evidence;
         poses[i].spread_evidence = support.spread_evidence;
       }

@@ -10,31 +10,33 @@ namespace {
 // What the logarithm of the odds is linear in.
 struct Weights {
   double constant;
-  double evidence;      // of the logarithm of 1 and the evidence
-  double others;        // of the logarithm of the support's ratio to that of other candidates
+  double evidence;    // of the logarithm of 1 and the evidence
+  double deviations;  // of tens of standard deviations by which the close support is more than that
+                      // of other candidates
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
-// Made by benchmarks/fit_placement_model.py from 324 pairs; docs/method.md has how well they predict others.
-constexpr Weights kWithSight = {-7.424, 1.471, 4.906, -0.911};
-constexpr Weights kWithoutSight = {-4.933, 2.014, 5.104, 0.0};
+// Made by benchmarks/fit_placement_model.py from 407 pairs; docs/method.md has how well they predict others.
+constexpr Weights kWithSight = {-8.105, 1.164, 4.998, -0.997};
+constexpr Weights kWithoutSight = {-5.222, 1.532, 5.401, 0.0};
 
-double log_ratio(double count, double other) {
-  return std::log((count + 2.0) / (other + 2.0));
+// By how many standard deviations a count is more than another (Anscombe 1948).
+double deviations(double count, double other) {
+  return 2.0 * (std::sqrt(count + 0.375) - std::sqrt(other + 0.375));
 }
 
 double log_odds(double share) {
   return std::log((share + 0.002) / (1.002 - share));
 }
 
-// Median support of all candidates but one: those are wrong, or at least most of them.
+// Median close support of all candidates but one: those are wrong, or at least most of them.
 double others_support(std::span<const PlacementCandidate> candidates, std::size_t but) {
   std::vector<double> supports;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (i != but) supports.push_back(candidates[i].support);
+    if (i != but) supports.push_back(candidates[i].close_support);
   }
   // Of a single one: as if there were another, clearly worse.
-  if (supports.empty()) return 0.5 * candidates[but].support;
+  if (supports.empty()) return 0.5 * candidates[but].close_support;
   std::sort(supports.begin(), supports.end());
   return 0.5 * (supports[(supports.size() - 1) / 2] + supports[supports.size() / 2]);
 }
@@ -49,9 +51,10 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Weights& weights = candidate.contradicted ? kWithSight : kWithoutSight;
-    const double matched = count * candidate.support;
+    const double close = count * candidate.close_support;
+    const double others = count * others_support(candidates, i);
     result.push_back(weights.constant + weights.evidence * std::log1p(candidate.spread_evidence) +
-                     weights.others * log_ratio(matched, count * others_support(candidates, i)) +
+                     weights.deviations * 0.1 * deviations(close, others) +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
     highest = std::max(highest, result.back());
   }

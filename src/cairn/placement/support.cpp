@@ -83,21 +83,25 @@ Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
   for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
   const std::vector<Neighbor> back = nearest_of_each(met, pose.inverse(), source_tree_);
   std::size_t within = 0;
+  std::size_t close = 0;
   std::vector<Pair> pairs;
   for (std::size_t i = 0; i < sample_; ++i) {
     if (back[i].index != i) continue;
     const double squared = there[i].squared_distance;
     if (squared <= radius * radius) ++within;
+    if (4.0 * squared <= radius * radius) ++close;
     const double spacing = source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
     const double chance = -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * ratio);
     pairs.push_back({std::max(chance, kLeastChance), source_groups_[i]});
   }
+  // The sample stands for the source; a share is that of the smaller cloud.
+  const double each = static_cast<double>(source.size()) /
+                      static_cast<double>(sample_ * std::min(source.size(), target.size()));
   Support support;
-  support.share = static_cast<double>(within) / static_cast<double>(sample_) *
-                  static_cast<double>(source.size()) /
-                  static_cast<double>(std::min(source.size(), target.size()));
+  support.share = each * static_cast<double>(within);
+  support.close_share = each * static_cast<double>(close);
   add_evidence(pairs, support);
   return support;
 }

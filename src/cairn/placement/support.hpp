@@ -15,6 +15,7 @@ struct Support {
   /// Pairs of landmarks that are each other's nearest and within the radius, as a share of the smaller
   /// cloud: what a pose cannot gain by moving many landmarks onto one.
   double share = 0.0;
+  double close_share = 0.0;  ///< the same within half the radius
   /// By how much likelier their distances are if some of these pairs are one landmark, seen twice, than
   /// if only surfaces meet: logarithm of the ratio, at least 0.
   double evidence = 0.0;

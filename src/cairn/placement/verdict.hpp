@@ -26,6 +26,7 @@ struct PlacementCandidate {
   Rigid3 target_from_source;
   /// Share of the smaller map's landmarks that are matched, one to one.
   double support = 0.0;
+  double close_support = 0.0;  ///< the same within half the radius
   /// By how much likelier the distances of the matches are if some are one landmark: see Support.
   double evidence = 0.0;
   double spread_evidence = 0.0;  ///< without the part of the source that has the most of it
