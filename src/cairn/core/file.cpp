@@ -193,20 +193,16 @@ std::string read_file(const std::filesystem::path& path) {
 }
 
 LineReader::LineReader(ByteSource& source, std::size_t block_size)
-    : source_(&source), buffer_(block_size > 0 ? block_size : 1), text_(buffer_.data()) {}
-
-LineReader::LineReader(std::string_view text)
-    : text_(text.data()), end_(text.size()), at_end_(true) {}
+    : source_(source), buffer_(block_size > 0 ? block_size : 1) {}
 
 std::optional<std::string_view> LineReader::next() {
   for (;;) {
     const char* const found =
-        begin_ == end_
-            ? nullptr
-            : static_cast<const char*>(std::memchr(text_ + scanned_, '\n', end_ - scanned_));
+        static_cast<const char*>(std::memchr(buffer_.data() + scanned_, '\n', end_ - scanned_));
     if (found != nullptr || (at_end_ && begin_ < end_)) {
-      const std::size_t stop = found != nullptr ? static_cast<std::size_t>(found - text_) : end_;
-      const std::string_view line(text_ + begin_, stop - begin_);
+      const std::size_t stop =
+          found != nullptr ? static_cast<std::size_t>(found - buffer_.data()) : end_;
+      const std::string_view line(buffer_.data() + begin_, stop - begin_);
       terminated_ = found != nullptr;
       const std::size_t next_begin = stop + (terminated_ ? 1 : 0);
       bytes_ += next_begin - begin_;
@@ -229,8 +225,7 @@ bool LineReader::refill() {
     begin_ = 0;
   }
   if (end_ == buffer_.size()) buffer_.resize(buffer_.size() * 2);
-  text_ = buffer_.data();
-  const std::size_t count = source_->read(buffer_.data() + end_, buffer_.size() - end_);
+  const std::size_t count = source_.read(buffer_.data() + end_, buffer_.size() - end_);
   end_ += count;
   at_end_ = count == 0;
   return count > 0;

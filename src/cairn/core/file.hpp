@@ -80,14 +80,10 @@ std::string read_all(ByteSource& source);
 std::string read_file(const std::filesystem::path& path);
 
 /// Hands out text line by line without a copy or an allocation per line. Holds one block, or
-/// the longest line if that is longer; nothing of a text that is in memory already.
+/// the longest line if that is longer.
 class LineReader {
  public:
   explicit LineReader(ByteSource& source, std::size_t block_size = std::size_t{1} << 20);
-  /// @param text must outlive the reader
-  explicit LineReader(std::string_view text);
-  LineReader(const LineReader&) = delete;
-  LineReader& operator=(const LineReader&) = delete;
 
   /// The next line without its '\n'; nothing at the end. Valid until the next call.
   std::optional<std::string_view> next();
@@ -101,9 +97,8 @@ class LineReader {
  private:
   bool refill();
 
-  ByteSource* source_ = nullptr;  // null: all is there
+  ByteSource& source_;
   std::vector<char> buffer_;
-  const char* text_;  // of which [begin_, end_) is left
   std::size_t begin_ = 0;
   std::size_t scanned_ = 0;
   std::size_t end_ = 0;

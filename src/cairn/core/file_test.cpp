@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -37,20 +36,6 @@ TEST(LineReader, CutsLinesWhateverTheBlockSize) {
   for (const std::size_t block : {1UL, 2UL, 3UL, 5UL, 16UL, 1000UL}) {
     EXPECT_THAT(lines_of(path, block), ElementsAre("one", "", "two two", "last")) << block;
   }
-}
-
-TEST(LineReader, CutsTextInMemoryInPlace) {
-  const std::string_view text = "one\n\nlast";
-  LineReader reader(text);
-  EXPECT_EQ(reader.next()->data(), text.data());
-  EXPECT_EQ(reader.next(), "");
-  EXPECT_TRUE(reader.line_was_terminated());
-  EXPECT_EQ(reader.next(), "last");
-  EXPECT_FALSE(reader.line_was_terminated());
-  EXPECT_EQ(reader.next(), std::nullopt);
-  EXPECT_EQ(reader.line_number(), 3U);
-  EXPECT_EQ(reader.bytes_read(), text.size());
-  EXPECT_EQ(LineReader(std::string_view()).next(), std::nullopt);
 }
 
 TEST(LineReader, KnowsWhetherTheLastLineEnded) {

@@ -342,22 +342,8 @@ class NativeReader {
       : source_(source), options_(options) {}
 
   LandmarkMap read() {
-    // In place, which saves copying twice; of more, too much would be resident.
-    constexpr std::uint64_t kMostInPlace = std::uint64_t{64} << 20;
-    if (source_.size() && *source_.size() <= kMostInPlace) {
-      if (const auto text = source_.mapped()) {
-        RecordEstimate estimate;
-        estimate.add(*text);
-        reserve(estimate.counts());
-        return read(LineReader(*text));
-      }
-    }
     if (source_.size()) reserve(estimate_records(source_));
-    return read(LineReader(source_, block_size_for(source_)));
-  }
-
- private:
-  LandmarkMap read(LineReader lines) {
+    LineReader lines(source_, block_size_for(source_));
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;
@@ -382,6 +368,7 @@ class NativeReader {
     return finish();
   }
 
+ private:
   void reserve(const RecordCounts& counts) {
     reserve_populated(tables_.frames.ids, counts.frames);
     reserve_populated(tables_.frames.translations, counts.frames);
