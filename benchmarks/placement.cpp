@@ -23,9 +23,12 @@
 #include "cairn/map/synthetic.hpp"
 #include "cairn/placement/place.hpp"
 
+#include "random_pose.hpp"
+
 namespace {
 
 using namespace cairn;
+using benchmarks::random_pose;
 
 double processor_seconds() {
   timespec time{};
@@ -102,12 +105,6 @@ class Bench {
   std::vector<double> processor_;
   std::vector<double> wall_;
 };
-
-Rigid3 random_pose(Random& random, double most_translation) {
-  Eigen::Quaterniond rotation(random.normal(), random.normal(), random.normal(), random.normal());
-  Eigen::Vector3d direction(random.normal(), random.normal(), random.normal());
-  return {rotation, random.uniform(0.0, most_translation) * direction.normalized()};
-}
 
 LandmarkMap part_of(const LandmarkMap& map, double share, Random& random) {
   std::vector<LandmarkIndex> kept;

@@ -34,12 +34,16 @@
 #include "cairn/registration/score/fitness.hpp"
 #include "cairn/trajectory/tum.hpp"
 
+#include "random_pose.hpp"
+
 namespace {
 
 using namespace cairn;
+using benchmarks::random_pose;
 
 constexpr double kCounterpart = 0.05;  // metres, within which landmarks count as overlapping
 constexpr std::size_t kFewest = 150;   // landmarks of a part
+constexpr double kMovedUpTo = 5.0;     // metres
 // Pairs of one place take turns; the first have nothing in common.
 constexpr std::array<std::array<double, 2>, 5> kOverlaps = {
     {{0.0, 0.01}, {0.1, 0.25}, {0.25, 0.4}, {0.4, 0.6}, {0.6, 1.01}}};
@@ -115,12 +119,6 @@ std::optional<Part> part_of(const Session& session, double begin, double end, Ra
   return Part{std::move(map), *pose};
 }
 
-Rigid3 random_pose(Random& random) {
-  Eigen::Quaterniond rotation(random.normal(), random.normal(), random.normal(), random.normal());
-  Eigen::Vector3d direction(random.normal(), random.normal(), random.normal());
-  return {rotation, random.uniform(0.0, 5.0) * direction.normalized()};
-}
-
 double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth) {
   const bool inverted = source.size() > target.size();
   const LandmarkCloud& less = inverted ? target : source;
@@ -133,9 +131,7 @@ double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const R
 // Of the error of the refined pose under its covariance; -1 where that is unknown.
 double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
   if (!result.covariance) return -1.0;
-  Eigen::Matrix<double, 6, 1> error;
-  error << truth.translation() - result.target_from_source.translation(),
-      rotation_log(truth.quaternion() * result.target_from_source.quaternion().conjugate());
+  const Vector6d error = result.target_from_source.difference_to(truth);
   return error.dot(result.covariance->ldlt().solve(error));
 }
 
@@ -159,8 +155,8 @@ std::optional<Pair> draw_pair(const Session& one, const std::vector<const Sessio
     const auto a = part_of(one, 0.0, cut, random);
     const auto b = part_of(other, &one == &other ? cut : 0.0, 1.0, random);
     if (!a || !b) continue;
-    const Rigid3 moved_source = random_pose(random);
-    const Rigid3 moved_target = random_pose(random);
+    const Rigid3 moved_source = random_pose(random, kMovedUpTo);
+    const Rigid3 moved_target = random_pose(random, kMovedUpTo);
     Pair pair{
         other.place, landmark_cloud(transformed(a->map, moved_source)),
         landmark_cloud(transformed(b->map, moved_target)),

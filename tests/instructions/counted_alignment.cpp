@@ -2,12 +2,12 @@
 // One alignment of synthetic maps on AVX2, always the same, for tests/instructions/run to count:
 // cairn_counted_alignment base|weighted. The exit code is 77 where there is no AVX2.
 #include <cstdio>
-#include <numbers>
 #include <string_view>
 
 #include <hwy/targets.h>
 
 #include "cairn/confidence/metric.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/align.hpp"
 
@@ -25,11 +25,11 @@ int main(int argc, char** argv) {
   const cairn::SyntheticPair maps = cairn::synthetic_pair({.seed = 1});
   const cairn::PointSet source = cairn::point_set(maps.source, cairn::observations_metric());
   const cairn::PointSet target = cairn::point_set(maps.target, cairn::observations_metric());
-  constexpr double kDegree = std::numbers::pi / 180.0;
   cairn::AlignOptions options;
   options.k = strategy == "base" ? 1 : 5;
-  options.initial = cairn::Rigid3::from_roll_pitch_yaw({0.1, 0.05, 0.0}, 0.0, 0.0, 5.0 * kDegree) *
-                    maps.target_from_source;
+  options.initial =
+      cairn::Rigid3::from_roll_pitch_yaw({0.1, 0.05, 0.0}, 0.0, 0.0, cairn::radians(5.0)) *
+      maps.target_from_source;
   const cairn::AlignResult result = cairn::align(source, target, options);
   std::printf("%s: %d iterations, score %.6f\n", argv[1], result.iterations,
               result.score.value_or(-1.0));

@@ -74,20 +74,12 @@ KeyframePoses keyframe_poses(const LandmarkMap& map, const Trajectory& truth,
     throw Error(ErrorKind::kInput, "true trajectory", "the map has no timestamps of its frames",
                 "a map that has, to find their poses by time");
   }
-  const auto true_poses = truth.poses();
   KeyframePoses poses(map.frame_count());
   for (std::uint32_t i = 0; i < timestamps.size(); ++i) {
     if (!timestamps[i]) continue;
-    const double time = *timestamps[i];
-    const auto distance = [&](const TimedPose& pose) { return std::abs(pose.timestamp_s - time); };
-    auto nearest = std::lower_bound(
-        true_poses.begin(), true_poses.end(), time,
-        [](const TimedPose& pose, double value) { return pose.timestamp_s < value; });
-    if (nearest != true_poses.begin() &&
-        (nearest == true_poses.end() || distance(*(nearest - 1)) <= distance(*nearest))) {
-      --nearest;
-    }
-    if (nearest != true_poses.end() && distance(*nearest) < max_time_difference_s) {
+    const TimedPose* const nearest = nearest_pose(truth, *timestamps[i]);
+    if (nearest != nullptr &&
+        std::abs(nearest->timestamp_s - *timestamps[i]) < max_time_difference_s) {
       poses[i] = nearest->world_from_camera;
     }
   }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/odometry/map_at_poses.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
@@ -25,18 +24,7 @@ struct PosedFrame {
 
 std::optional<Rigid3> pose_near(const Trajectory& poses, double timestamp_s,
                                 double max_difference_s) {
-  const auto all = poses.poses();
-  const auto after =
-      std::lower_bound(all.begin(), all.end(), timestamp_s,
-                       [](const TimedPose& pose, double time) { return pose.timestamp_s < time; });
-  const TimedPose* nearest = after == all.end() ? nullptr : &*after;
-  if (after != all.begin()) {
-    const TimedPose& before = *std::prev(after);
-    if (nearest == nullptr ||
-        timestamp_s - before.timestamp_s < nearest->timestamp_s - timestamp_s) {
-      nearest = &before;
-    }
-  }
+  const TimedPose* const nearest = nearest_pose(poses, timestamp_s);
   if (nearest == nullptr) return std::nullopt;
   const double difference = std::abs(nearest->timestamp_s - timestamp_s);
   if (difference > max_difference_s) return std::nullopt;
@@ -196,10 +184,15 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
   return result;
 }
 
-Trajectory trajectory_of(std::span<const PosedFrame> frames) {
+// What is known before any image is read: `posed` of so many frames have a pose.
+MapAtPoses counted(std::span<const PosedFrame> posed, std::size_t frames) {
   std::vector<TimedPose> poses;
-  for (const PosedFrame& frame : frames) poses.push_back(frame.pose);
-  return Trajectory(std::move(poses));
+  for (const PosedFrame& frame : posed) poses.push_back(frame.pose);
+  MapAtPoses result;
+  result.trajectory = Trajectory(std::move(poses));
+  result.frames = frames;
+  result.without_pose = frames - posed.size();
+  return result;
 }
 
 }  // namespace
@@ -224,11 +217,7 @@ MapAtPoses map_at_poses(std::span<const double> timestamps_s,
                         const MapAtPosesOptions& options) {
   options.validate();
   const auto posed = frames_with_pose(timestamps_s, poses, options.max_time_difference_s);
-  MapAtPoses result;
-  result.trajectory = trajectory_of(posed);
-  result.frames = timestamps_s.size();
-  result.without_pose = timestamps_s.size() - posed.size();
-  return map_keyframes(posed, read_frame, camera, options, std::move(result));
+  return map_keyframes(posed, read_frame, camera, options, counted(posed, timestamps_s.size()));
 }
 
 MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, const Camera& camera,
@@ -237,10 +226,7 @@ MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, c
   std::vector<double> timestamps;
   for (const SequenceFrame& frame : sequence.frames()) timestamps.push_back(frame.timestamp_s);
   auto posed = frames_with_pose(timestamps, poses, options.max_time_difference_s);
-  MapAtPoses result;
-  result.trajectory = trajectory_of(posed);
-  result.frames = timestamps.size();
-  result.without_pose = timestamps.size() - posed.size();
+  MapAtPoses result = counted(posed, timestamps.size());
   result.without_depth = std::erase_if(
       posed, [&](const PosedFrame& frame) { return !sequence.frames()[frame.frame].depth; });
   const auto read = [&](std::size_t frame) {

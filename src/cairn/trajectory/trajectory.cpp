@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <span>
 #include <utility>
 
 #include <fmt/format.h>
@@ -12,6 +13,15 @@
 #include "cairn/core/time_association.hpp"
 
 namespace cairn {
+namespace {
+
+auto first_not_before(std::span<const TimedPose> poses, double timestamp_s) {
+  return std::lower_bound(
+      poses.begin(), poses.end(), timestamp_s,
+      [](const TimedPose& pose, double time) { return pose.timestamp_s < time; });
+}
+
+}  // namespace
 
 Trajectory::Trajectory(std::vector<TimedPose> poses) : poses_(std::move(poses)) {
   for (std::size_t i = 0; i < poses_.size(); ++i) {
@@ -51,12 +61,21 @@ Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from
   return Trajectory(std::move(poses));
 }
 
+const TimedPose* nearest_pose(const Trajectory& trajectory, double timestamp_s) {
+  const auto poses = trajectory.poses();
+  if (poses.empty()) return nullptr;
+  const auto after = first_not_before(poses, timestamp_s);
+  if (after == poses.begin()) return &*after;
+  const auto before = std::prev(after);
+  const bool is_after =
+      after != poses.end() && after->timestamp_s - timestamp_s < timestamp_s - before->timestamp_s;
+  return is_after ? &*after : &*before;
+}
+
 std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestamp_s,
                                    double max_gap_s) {
   const auto poses = trajectory.poses();
-  const auto after =
-      std::lower_bound(poses.begin(), poses.end(), timestamp_s,
-                       [](const TimedPose& pose, double time) { return pose.timestamp_s < time; });
+  const auto after = first_not_before(poses, timestamp_s);
   if (after == poses.end()) return std::nullopt;
   if (after->timestamp_s == timestamp_s) return after->world_from_camera;
   if (after == poses.begin()) return std::nullopt;

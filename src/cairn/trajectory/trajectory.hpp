@@ -41,6 +41,9 @@ class Trajectory {
 /// The trajectory in another world: positions scaled, turned and moved, orientations turned.
 Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from_old);
 
+/// The pose nearest in time, of two that are equally near the earlier; null in an empty trajectory.
+const TimedPose* nearest_pose(const Trajectory& trajectory, double timestamp_s);
+
 /// The pose at a time, between the poses before and after it (straight line; rotation at constant
 /// speed). Nothing outside the trajectory, or where these two are more than `max_gap_s` apart.
 std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestamp_s,

@@ -37,6 +37,19 @@ TEST(Trajectory, RefusesTimesThatDoNotAscend) {
   EXPECT_THROW(at({std::nan("")}), Error);
 }
 
+TEST(NearestPose, IsTheNearestInTimeAndTheEarlierOfTwo) {
+  const Trajectory trajectory = at({1.0, 2.0, 4.0});
+  const auto nearest = [&](double time) { return nearest_pose(trajectory, time)->timestamp_s; };
+  EXPECT_EQ(nearest(-5.0), 1.0);
+  EXPECT_EQ(nearest(1.4), 1.0);
+  EXPECT_EQ(nearest(1.5), 1.0);
+  EXPECT_EQ(nearest(1.6), 2.0);
+  EXPECT_EQ(nearest(2.0), 2.0);
+  EXPECT_EQ(nearest(3.1), 4.0);
+  EXPECT_EQ(nearest(9.0), 4.0);
+  EXPECT_EQ(nearest_pose(Trajectory(), 1.0), nullptr);
+}
+
 TEST(Interpolated, LiesOnTheWayBetweenTheNeighbours) {
   const Rigid3 turned(rotation_exp({0.0, 0.0, 0.4}), {2.0, 0.0, 1.0});
   const Trajectory trajectory({{10.0, Rigid3()}, {10.1, turned}});
