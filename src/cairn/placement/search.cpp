@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/placement/nearest_field.hpp"
 #include "cairn/placement/pose_step.hpp"
 
@@ -97,13 +97,8 @@ class Search {
         source_weights_(source_weights),
         target_weights_(target_weights),
         accept_(accept),
-        options_(options) {
-    distance_.centroid = centroid(source);
-    for (const Eigen::Vector3d& point : source) {
-      distance_.radius += (point - distance_.centroid).squaredNorm();
-    }
-    distance_.radius = std::sqrt(distance_.radius / static_cast<double>(source.size()));
-  }
+        options_(options),
+        distance_(PoseDistance::of(source)) {}
 
   std::vector<SearchCandidate> run(std::span<const Eigen::Quaterniond> rotations) const {
     double scale = options_.coarse;
@@ -138,8 +133,11 @@ class Search {
     const PointsF from = anchors(source_, kAnchors);
     const PointsF to = anchors(target_, kAnchors);
     const std::size_t count = std::min(kScoutPoints, source_.size());
-    std::vector<SearchCandidate> poses(rotations.size());
+    constexpr double kNotTried = -1.0;
+    std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
     options_.executor.for_blocks(rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
+      // Something to go on with there is always.
+      if (begin > 0 && options_.stop.stop_requested()) return;
       PointsF rotated(count);
       for (std::size_t i = begin; i < end; ++i) {
         const Eigen::Matrix3f rotation = rotations[i].toRotationMatrix().cast<float>();
@@ -160,6 +158,7 @@ class Search {
         poses[i] = {Rigid3(rotations[i], best_translation.cast<double>()), best};
       }
     });
+    std::erase_if(poses, [](const SearchCandidate& pose) { return pose.score == kNotTried; });
     return poses;
   }
 
@@ -257,13 +256,6 @@ class Search {
 };
 
 }  // namespace
-
-double PoseDistance::operator()(const Rigid3& a, const Rigid3& b) const {
-  // Of a spherical cloud: a turn by φ moves its points by 2·sin(φ/2) of their distance to the axis.
-  const double angle = a.quaternion().angularDistance(b.quaternion());
-  const double turned = 2.0 * std::sin(0.5 * angle) * radius;
-  return std::sqrt((a * centroid - b * centroid).squaredNorm() + 2.0 / 3.0 * turned * turned);
-}
 
 std::vector<SearchCandidate> search_poses(std::span<const Eigen::Vector3d> source,
                                           std::span<const double> source_weights,

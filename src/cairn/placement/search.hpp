@@ -17,15 +17,6 @@
 
 namespace cairn {
 
-/// How far apart two poses are that place the same points: root mean square of the distances between
-/// the places of one point, for points with the given centroid and radius of gyration.
-struct PoseDistance {
-  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
-  double radius = 0.0;
-
-  double operator()(const Rigid3& a, const Rigid3& b) const;
-};
-
 /// A pose that the search came to.
 struct SearchCandidate {
   Rigid3 target_from_source;
@@ -37,7 +28,7 @@ struct SearchOptions {
   double fine = 0.0;    ///< and in the end
   std::size_t candidates = 24;
   Executor executor = Executor();
-  std::stop_token stop = {};
+  std::stop_token stop = {};  ///< what was found until then is the result
   Progress progress = {};
 };
 

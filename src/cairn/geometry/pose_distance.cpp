@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/geometry/pose_distance.hpp"
+
+#include <cmath>
+
+#include "cairn/geometry/centroid.hpp"
+
+namespace cairn {
+
+PoseDistance PoseDistance::of(std::span<const Eigen::Vector3d> points) {
+  PoseDistance distance;
+  distance.centroid = cairn::centroid(points);
+  double sum = 0.0;
+  for (const Eigen::Vector3d& point : points) sum += (point - distance.centroid).squaredNorm();
+  distance.radius = std::sqrt(sum / static_cast<double>(points.size()));
+  return distance;
+}
+
+double PoseDistance::operator()(const Rigid3& a, const Rigid3& b) const {
+  // Of a ball: a turn by φ moves its points by 2·sin(φ/2) of their distance to the axis.
+  const double angle = a.quaternion().angularDistance(b.quaternion());
+  const double turned = 2.0 * std::sin(0.5 * angle) * radius;
+  return std::sqrt((a * centroid - b * centroid).squaredNorm() + 2.0 / 3.0 * turned * turned);
+}
+
+}  // namespace cairn
