@@ -24,8 +24,10 @@ namespace cairn::benchmarks {
 namespace {
 
 // k of 1 is base ICP. The tree is built each time.
-void align_cairn(benchmark::State& state, const Workload& work, const Effort& effort) {
+void align_cairn(benchmark::State& state, const Workload& work, const Effort& effort,
+                 bool coarse_to_fine = false) {
   AlignOptions options = work.options;
+  options.coarse_to_fine = coarse_to_fine;
   options.k = effort.k;
   options.max_iterations = effort.max_iterations;
   options.executor = Executor(effort.threads);
@@ -35,6 +37,7 @@ void align_cairn(benchmark::State& state, const Workload& work, const Effort& ef
     benchmark::DoNotOptimize(result);
   }
   state.counters["iterations_made"] = result.iterations;
+  state.counters["coarse_iterations"] = result.coarse_iterations;
   state.counters["score"] = result.score.value_or(-1.0);
 }
 
@@ -43,6 +46,10 @@ void align_on_target(benchmark::State& state, std::int64_t target) {
   hwy::SetSupportedTargetsForTest(target);
   align_cairn(state, workload(), effort_of(state, 0));
   hwy::SetSupportedTargetsForTest(0);
+}
+
+void align_fast(benchmark::State& state) {
+  align_cairn(state, workload(), effort_of(state, 0), true);
 }
 
 void align_size(benchmark::State& state) {
@@ -102,6 +109,15 @@ const bool kRegistered = [] {
   return true;
 }();
 
+BENCHMARK(align_fast)
+    ->Name("align/cairn/fast")
+    ->ArgNames({"k", "most", "threads"})
+    ->Args({1, 150, 1})
+    ->Args({5, 150, 1})
+    ->Args({1, 150, 2})
+    ->Args({5, 150, 2})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 BENCHMARK(align_size)->Name("size/cairn")->Apply([](auto* made) { sizes(made, {1, 5}, {1, 2}); });
 BENCHMARK(align_one_by_one)->Name("size/nanoflann")->Apply([](auto* made) {
   sizes(made, {1, 5}, {1, 2});

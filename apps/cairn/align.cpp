@@ -76,6 +76,9 @@ void AlignArguments::add_to(CLI::App& command) {
       "--stop-as-pcl", stop_as_pcl,
       "Go on where matches repeat, until the mean squared distance settles or the limit "
       "is reached, as PCL does");
+  command.add_flag("--fast", options.coarse_to_fine,
+                   "Align growing samples of the source first: sooner done, and now and then at "
+                   "another optimum");
   add_number(command, "--min-observations", point_options.min_observations,
              "Leave out landmarks observed less often");
   add_number(command, "--max-distance", options.max_distance,
@@ -106,9 +109,9 @@ void AlignArguments::add_to(CLI::App& command) {
   auto* const anywhere = command.add_flag(
       "--anywhere", robust.anywhere,
       "Align from no initial pose, robustly, and judge: aligned, ambiguous or rejected");
-  for (const char* const other :
-       {"--initial", "--initial-matrix", "--method", "--neighbors", "--max-iterations",
-        "--max-distance", "--reciprocal", "--trim", "--weight-by-confidence", "--one-to-one"}) {
+  for (const char* const other : {"--initial", "--initial-matrix", "--method", "--neighbors",
+                                  "--max-iterations", "--max-distance", "--reciprocal", "--trim",
+                                  "--weight-by-confidence", "--one-to-one", "--fast"}) {
     anywhere->excludes(command.get_option(other));
   }
   command
@@ -118,6 +121,11 @@ void AlignArguments::add_to(CLI::App& command) {
       ->needs(anywhere);
   add_number(command, "--effort", robust.placement.effort,
              "With --anywhere: work in units of the default's, 1/16 to 64")
+      ->needs(anywhere);
+  add_number(
+      command, "--time-limit", robust.placement.time_limit_s,
+      "With --anywhere: make do with what is found in so many seconds; the result then depends "
+      "on the machine (default: no limit)")
       ->needs(anywhere);
   command.footer(
       "Example: align two maps of one place of which nothing else is known\n"
@@ -133,7 +141,8 @@ void AlignArguments::check_options() const {
                      {"AlignOptions.max_distance", "--max-distance"},
                      {"AlignOptions.trimmed_fraction", "--trim"},
                      {"AlignOptions.overlap_radius", "--overlap-radius"},
-                     {"PlaceOptions.effort", "--effort"}},
+                     {"PlaceOptions.effort", "--effort"},
+                     {"PlaceOptions.time_limit_s", "--time-limit"}},
                     [&] {
                       options.validate();
                       robust.placement.validate();
@@ -141,6 +150,9 @@ void AlignArguments::check_options() const {
   if (method != "icp" && method != "robust") {
     throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
                 "icp or robust");
+  }
+  if (options.coarse_to_fine && method == "robust") {
+    throw Error(ErrorKind::kMisuse, "--fast", "given with --method robust", "--method icp");
   }
 }
 
@@ -152,12 +164,14 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"anywhere", robust.anywhere},
           {"gravity", gravity},
           {"effort", robust.anywhere ? Json(robust.placement.effort) : Json(nullptr)},
+          {"time_limit_s", to_json(robust.placement.time_limit_s)},
           {"one_to_one", robust.one_to_one},
           {"k", options.k},
           {"initial", to_json(options.initial)},
           {"max_iterations", options.max_iterations},
           {"mse_change_threshold", options.mse_change_threshold},
           {"stop_at_repetition", options.stop_at_repetition},
+          {"fast", options.coarse_to_fine},
           {"max_distance",
            std::isfinite(options.max_distance) ? Json(options.max_distance) : Json(nullptr)},
           {"min_observations", point_options.min_observations},

@@ -293,6 +293,16 @@ TEST_F(AlignTest, BaseIsAnotherNameForNone) {
   EXPECT_EQ(json.at("results").at(0).at("confidence"), "none");
 }
 
+TEST_F(AlignTest, FastAlignsSamplesFirst) {
+  write_pair(6000);
+  const Json json = document(pair({"--fast", "--truth", "truth.txt"}));
+  EXPECT_EQ(json.at("options").at("fast"), true);
+  const Json& result = json.at("results").at(0);
+  EXPECT_GT(result.at("coarse_iterations").get<int>(), 0);
+  EXPECT_THAT(result.at("reason").get<std::string>(), HasSubstr("on samples before them"));
+  EXPECT_LT(result.at("error").at("rotation_deg").get<double>(), 5.0);
+}
+
 TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   const SyntheticPair maps = write_pair();
   const Json json = document({"align", "source.map", "target.map", "--anywhere", "--truth",
@@ -316,6 +326,20 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_TRUE(files().contains("aligned.map"));
   const std::string text = answer({"align", "source.map", "target.map", "--anywhere"});
   EXPECT_THAT(text, HasSubstr("none: aligned: the best pose matches"));
+}
+
+TEST_F(AlignTest, AnywhereTakesALimitOfTime) {
+  write_pair();
+  const std::vector<std::string> command = {"align",      "source.map",   "target.map",
+                                            "--anywhere", "--time-limit", "3600"};
+  const Json ample = document(command);
+  EXPECT_EQ(ample.at("options").at("time_limit_s"), 3600.0);
+  EXPECT_EQ(ample.at("results").at(0).at("cut_short"), false);
+  EXPECT_EQ(ample.at("results").at(0).at("verdict"), "aligned");
+  expect_refusal({"align", "source.map", "target.map", "--anywhere", "--time-limit", "0"},
+                 kWrongUsage, {"--time-limit", "a positive number"});
+  expect_refusal({"align", "source.map", "target.map", "--time-limit", "1"}, kWrongUsage,
+                 {"--anywhere"});
 }
 
 TEST_F(AlignTest, AnywhereRefusesMapsOfDifferentScenes) {
@@ -358,6 +382,7 @@ TEST_F(AlignTest, RefusesWhatDoesNotGoWithAnywhere) {
   expect_refusal({"align", "source.map", "target.map", "--gravity"}, kWrongUsage, {"--anywhere"});
   expect_refusal({"align", "source.map", "target.map", "--anywhere", "--effort", "0"}, kWrongUsage,
                  {"--effort", "1/16"});
+  expect_refusal(pair({"--fast", "--method", "robust"}), kWrongUsage, {"--fast", "robust"});
   expect_refusal({"align", "source.map", "target.map", "--method", "magic"}, kWrongUsage,
                  {"--method", "robust"});
 }

@@ -87,8 +87,8 @@ class CliTest : public ::testing::Test {
 
   /// Writes source.map and target.map, two sessions over one scene; truth.txt; and start.txt, a pose
   /// a few degrees and centimetres off it.
-  SyntheticPair write_pair() const {
-    SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 600, .frames = 20});
+  SyntheticPair write_pair(std::size_t landmarks = 600) const {
+    SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = landmarks, .frames = 20});
     write_map(pair.source, path("source.map"));
     write_map(pair.target, path("target.map"));
     write("truth.txt", matrix_text(pair.target_from_source));

@@ -207,6 +207,7 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"score", to_json(result.score)},
       {"initial_score", to_json(result.initial_score)},
       {"iterations", result.iterations},
+      {"coarse_iterations", result.coarse_iterations},
       {"stop_reason", to_string(result.stop_reason)},
       {"repetition", result.repetition ? Json{{"first_iteration", result.repetition->cycle.first},
                                               {"length", result.repetition->cycle.length},
@@ -221,6 +222,7 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"covariance", has_pose && result.covariance ? to_json(*result.covariance) : Json(nullptr)},
       {"unobservable", has_pose ? json_of(result.unobservable) : Json(nullptr)},
       {"candidates", placement ? json_of(placement->candidates) : Json(nullptr)},
+      {"cut_short", placement ? Json(placement->cut_short) : Json(nullptr)},
       {"support_radius", placement ? Json(placement->radius) : Json(nullptr)},
       {"duration_s", result.duration_s},
   };

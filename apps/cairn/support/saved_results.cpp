@@ -126,9 +126,10 @@ Alignment alignment_of(const Field& field) {
   AlignResult& result = alignment.result;
   result.status = field["status"].one_of(
       std::array{AlignStatus::kAligned, AlignStatus::kFailed, AlignStatus::kCancelled});
-  result.stop_reason = field["stop_reason"].one_of(std::array{
-      StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint, StopReason::kCycle,
-      StopReason::kIterationLimit, StopReason::kTooFewMatches, StopReason::kCancelled});
+  result.stop_reason = field["stop_reason"].one_of(
+      std::array{StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint,
+                 StopReason::kCycle, StopReason::kIterationLimit, StopReason::kTimeLimit,
+                 StopReason::kTooFewMatches, StopReason::kCancelled});
   result.reason = field["reason"].text();
   result.target_from_source = field["target_from_source"].optional_pose().value_or(Rigid3());
   result.initial_score = field["initial_score"].optional_number();

@@ -11,8 +11,10 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/alarm.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/placement/descriptor_poses.hpp"
 #include "cairn/placement/probability.hpp"
@@ -37,6 +39,9 @@ constexpr std::size_t kFinalists = 8;
 constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each view of the other
 constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
 constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
+// Shares of the time limit that must see their part of the work done; the last refinement has the rest.
+constexpr double kSearchTime = 0.5;
+constexpr double kCandidatesTime = 0.85;
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
@@ -93,19 +98,60 @@ CloudScales sample_scales(const LandmarkCloud& cloud, const CloudScales& all,
   return scales;
 }
 
-std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
-  if (options.gravity) {
-    return rotations_about(options.gravity->source, options.gravity->target,
-                           static_cast<std::size_t>(std::ceil(kTurns * options.effort)));
+// In random order: the first of them are spread over all.
+void shuffle(std::vector<Eigen::Quaterniond>& rotations, Random& random) {
+  for (std::size_t i = rotations.size(); i > 1; --i) {
+    std::swap(rotations[i - 1], rotations[random.index(i)]);
   }
-  // Another seed looks from elsewhere.
-  Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
-  turn.normalize();
-  std::vector<Eigen::Quaterniond> all =
-      all_rotations(static_cast<std::size_t>(std::ceil(kRotations * options.effort)));
-  for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
+}
+
+std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
+  std::vector<Eigen::Quaterniond> all;
+  if (options.gravity) {
+    all = rotations_about(options.gravity->source, options.gravity->target,
+                          static_cast<std::size_t>(std::ceil(kTurns * options.effort)));
+  } else {
+    // Another seed looks from elsewhere.
+    Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
+    turn.normalize();
+    all = all_rotations(static_cast<std::size_t>(std::ceil(kRotations * options.effort)));
+    for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
+  }
+  if (options.time_limit_s) shuffle(all, random);
   return all;
 }
+
+// The time that a placement may take, if that is limited.
+class TimeLimit {
+ public:
+  TimeLimit(std::chrono::steady_clock::time_point start, const PlaceOptions& options)
+      : start_(start), limit_s_(options.time_limit_s), caller_(options.stop) {}
+
+  /// Calls work(stop), which is asked to stop when that share of the time is over.
+  /// @return whether it was
+  template <class Work>
+  bool cuts(double share, const Work& work) const {
+    if (!limit_s_) {
+      work(caller_);
+      return false;
+    }
+    const Alarm alarm(start_ + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                                   std::chrono::duration<double>(share * *limit_s_)),
+                      caller_);
+    work(alarm.token());
+    return alarm.token().stop_requested() && !caller_.stop_requested();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_;
+  std::optional<double> limit_s_;
+  std::stop_token caller_;
+};
+
+struct Candidates {
+  std::vector<PlacementCandidate> poses;  // likeliest first
+  bool cut_short = false;
+};
 
 // The search on samples of both maps, for a source that is no larger than the target: most of it has
 // its place there, if they overlap.
@@ -124,11 +170,7 @@ class Placement {
     scales_ = kernel_scales(source_scales, target_scales);
     sample_scales_ = kernel_scales(sample_scales(pair_.source(), source_scales, options.executor),
                                    sample_scales(pair_.target(), target_scales, options.executor));
-    distance_.radius = 0.0;
-    for (const Eigen::Vector3d& point : pair_.source().positions) {
-      distance_.radius += point.squaredNorm();
-    }
-    distance_.radius = std::sqrt(distance_.radius / static_cast<double>(pair_.source().size()));
+    distance_ = PoseDistance::of(pair_.source().positions);
   }
 
   double fine() const { return scales_.fine; }
@@ -138,22 +180,26 @@ class Placement {
     return std::min({pair_.source().size(), pair_.target().size(), kSample});
   }
 
-  std::vector<PlacementCandidate> candidates() const {
+  Candidates candidates(const TimeLimit& time) const {
     const auto accept = [&](const Rigid3& pose) {
       if (!options_.gravity) return true;
       const Eigen::Vector3d down = pose.quaternion() * options_.gravity->source.normalized();
       return down.dot(options_.gravity->target.normalized()) >=
              std::cos(options_.gravity->max_tilt_rad);
     };
-    const std::vector<SearchCandidate> found = search_poses(
-        pair_.source().positions, pair_.source().weights, pair_.target().positions,
-        pair_.target().weights, rotations(options_, Random(options_.seed).fork(3)), accept,
-        {.coarse = scales_.coarse,
-         .fine = scales_.fine,
-         .executor = options_.executor,
-         .stop = options_.stop,
-         .progress = options_.progress});
-    std::vector<PlacementCandidate> poses;
+    Candidates result;
+    std::vector<PlacementCandidate>& poses = result.poses;
+    std::vector<SearchCandidate> found;
+    result.cut_short = time.cuts(kSearchTime, [&](const std::stop_token& stop) {
+      found = search_poses(pair_.source().positions, pair_.source().weights,
+                           pair_.target().positions, pair_.target().weights,
+                           rotations(options_, Random(options_.seed).fork(3)), accept,
+                           {.coarse = scales_.coarse,
+                            .fine = scales_.fine,
+                            .executor = options_.executor,
+                            .stop = stop,
+                            .progress = options_.progress});
+    });
     for (const SearchCandidate& candidate : found) {
       poses.push_back({.target_from_source = candidate.target_from_source});
     }
@@ -163,10 +209,13 @@ class Placement {
     for (const Rigid3& pose : descriptor_poses(pair_, Random(options_.seed).fork(4), descriptors)) {
       if (accept(pose)) poses.push_back({.target_from_source = pose});
     }
-    const double rough = sample_scales_.fine;
-    refine_all(poses, rough, kShortPoints, kShortIterations);
-    poses = distinct(std::move(poses), rough, kVariants);
-    refine_all(poses, scales_.fine, kSample, kFinalIterations);
+    const bool unrefined = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
+      const double rough = sample_scales_.fine;
+      refine_all(poses, rough, kShortPoints, kShortIterations, stop);
+      poses = distinct(std::move(poses), rough, kVariants);
+      refine_all(poses, scales_.fine, kSample, kFinalIterations, stop);
+    });
+    result.cut_short = result.cut_short || unrefined;
     poses = distinct(std::move(poses), scales_.fine, 1);
     for (PlacementCandidate& pose : poses) {
       const SightCounts sight = sight_(pose.target_from_source);
@@ -182,13 +231,13 @@ class Placement {
                      [](const PlacementCandidate& a, const PlacementCandidate& b) {
                        return a.probability > b.probability;
                      });
-    return poses;
+    return result;
   }
 
  private:
   // Moves each pose to the optimum near it at the scale, and counts its support there.
   void refine_all(std::vector<PlacementCandidate>& poses, double scale, std::size_t points,
-                  int iterations) const {
+                  int iterations, const std::stop_token& stop) const {
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
                                     Executor());
@@ -201,7 +250,7 @@ class Placement {
                          .fine = scale,
                          .max_iterations = iterations,
                          .points = points},
-                        options_.stop)
+                        stop)
                    .target_from_source;
         const Support support = support_(pose, kMatched * scale);
         poses[i].support = support.share;
@@ -251,20 +300,21 @@ class Placement {
 };
 
 struct Found {
-  std::vector<PlacementCandidate> candidates;
+  Candidates candidates;
   double fine = 0.0;
   double radius = 0.0;
   std::size_t landmarks = 0;  // of the smaller cloud
 };
 
 Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
-                      PlaceOptions options) {
+                      PlaceOptions options, const TimeLimit& time) {
   const bool inverted = cloud_extent(source) > cloud_extent(target);
   if (inverted && options.gravity) std::swap(options.gravity->source, options.gravity->target);
   const Placement placement(inverted ? target : source, inverted ? source : target, options);
-  Found found{placement.candidates(), placement.fine(), placement.radius(), placement.landmarks()};
+  Found found{placement.candidates(time), placement.fine(), placement.radius(),
+              placement.landmarks()};
   if (inverted) {
-    for (PlacementCandidate& pose : found.candidates) {
+    for (PlacementCandidate& pose : found.candidates.poses) {
       pose.target_from_source = pose.target_from_source.inverse();
     }
   }
@@ -275,6 +325,8 @@ Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
 
 void PlaceOptions::validate() const {
   require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
+  require(!time_limit_s || (*time_limit_s > 0.0 && std::isfinite(*time_limit_s)), "time_limit_s",
+          time_limit_s.value_or(0.0), "a positive number");
   require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
           "overlap_radius", overlap_radius.value_or(0.0), "a positive number");
   if (!gravity) return;
@@ -298,12 +350,15 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
                     source.size(), target.size(), kFewestLandmarks);
     result.alignment.reason = result.reason;
   } else {
-    Found found = find_candidates(source, target, options);
-    result.candidates = std::move(found.candidates);
+    const TimeLimit time(start, options);
+    Found found = find_candidates(source, target, options, time);
+    result.candidates = std::move(found.candidates.poses);
+    result.cut_short = found.candidates.cut_short;
     result.radius = found.radius;
     Judgement judgement = judge(result.candidates, found.landmarks, result.radius);
     result.verdict = judgement.verdict;
     result.reason = std::move(judgement.reason);
+    if (result.cut_short) result.reason += "; the time limit cut the search short";
     RefineOptions refinement;
     if (!result.candidates.empty()) {
       result.probability = result.candidates.front().probability;
@@ -314,9 +369,17 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     refinement.use_covariances = options.use_covariances;
     refinement.overlap_radius = options.overlap_radius.value_or(result.radius);
     refinement.executor = options.executor;
-    refinement.stop = options.stop;
     refinement.trace = options.trace;
-    result.alignment = refine(source, target, refinement);
+    const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
+      refinement.stop = stop;
+      result.alignment = refine(source, target, refinement);
+    });
+    if (unfinished && result.alignment.status == AlignStatus::kCancelled) {
+      result.alignment.stop_reason = StopReason::kTimeLimit;
+      result.alignment.status = status_of(StopReason::kTimeLimit);
+      result.alignment.reason = fmt::format("stopped at the limit of time after {} iterations",
+                                            result.alignment.iterations);
+    }
     if (result.alignment.status != AlignStatus::kAligned) {
       result.verdict = Verdict::kRejected;
       result.reason = result.alignment.reason;

@@ -29,6 +29,10 @@ struct PlaceOptions {
   /// Work in units of the default's: how many rotations are tried; from 1/16 to 64.
   double effort = 1.0;
   std::optional<GravityPrior> gravity = {};
+  /// Wall time after which the search makes do with what it has: half of it for the search for poses,
+  /// the rest to refine and judge them. What is found then depends on the machine, and so can be another
+  /// from run to run. Positive; nothing: no limit.
+  std::optional<double> time_limit_s = {};
   bool use_covariances = true;  ///< in the final refinement; see RefineOptions
   /// Within which distance the refined result's landmarks count as overlapping; nothing: the
   /// placement's own radius.
@@ -53,6 +57,9 @@ struct PlacementResult {
   std::vector<PlacementCandidate> candidates;
   double probability = 0.0;  ///< that the pose is right: that of the first candidate
   double radius = 0.0;       ///< within which landmarks count as matched
+  /// The time limit cut the search short: a pose that it would have found is missing, and the
+  /// probability does not know.
+  bool cut_short = false;
   double duration_s = 0.0;   ///< wall time of the whole call
 };
 

@@ -242,6 +242,8 @@ TEST(Place, RefusesInvalidOptionsByName) {
   refused({.effort = 0.0}, "PlaceOptions.effort");
   refused({.effort = 1000.0}, "PlaceOptions.effort");
   refused({.effort = std::nan("")}, "PlaceOptions.effort");
+  refused({.time_limit_s = 0.0}, "PlaceOptions.time_limit_s");
+  refused({.time_limit_s = std::nan("")}, "PlaceOptions.time_limit_s");
   refused({.overlap_radius = -1.0}, "PlaceOptions.overlap_radius");
   refused({.gravity = GravityPrior{.source = Eigen::Vector3d::Zero()}}, "PlaceOptions.gravity");
   refused({.gravity = GravityPrior{.max_tilt_rad = 0.0}}, "PlaceOptions.gravity.max_tilt_rad");
@@ -257,6 +259,29 @@ TEST(Place, ReturnsWhenAskedToStop) {
       place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
   EXPECT_EQ(result.alignment.status, AlignStatus::kCancelled);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
+}
+
+TEST(Place, MakesDoWithTheTimeThereIs) {
+  const SyntheticPair pair = synthetic_pair({.seed = 15, .landmarks = 1000});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PlaceOptions options = two_threads();
+  options.time_limit_s = 3600.0;
+  const PlacementResult ample = place(source, target, options);
+  EXPECT_EQ(ample.verdict, Verdict::kAligned) << ample.reason;
+  EXPECT_FALSE(ample.cut_short);
+  EXPECT_LT(
+      difference(ample.alignment.target_from_source, pair.target_from_source, source).rotation_deg,
+      0.5);
+
+  options.time_limit_s = 1e-6;
+  options.effort = 64.0;
+  const PlacementResult hasty = place(source, target, options);
+  EXPECT_TRUE(hasty.cut_short);
+  EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the search short"));
+  EXPECT_EQ(hasty.alignment.stop_reason, StopReason::kTimeLimit);
+  EXPECT_EQ(hasty.alignment.status, AlignStatus::kAligned);
+  EXPECT_FALSE(hasty.candidates.empty());
 }
 
 // The two halves of the authors' map: real drift, and most landmarks of one not in the other. Too few

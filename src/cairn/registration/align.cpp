@@ -10,6 +10,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/centroid.hpp"
 #include "cairn/geometry/moved_points.hpp"
+#include "cairn/registration/coarse_to_fine.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
@@ -135,7 +136,13 @@ class Alignment {
     // The score asks for neighbours of the same points as the matches do.
     BatchTree::Batch& queries = find_any_matches.source_queries();
     result.initial_score = score(Rigid3(), queries);
-    IcpRun icp = run_icp(source_, Rigid3(), find_matches, estimate_step, converged, options_.stop,
+    Rigid3 start;
+    if (options_.coarse_to_fine) {
+      const CoarseAlignment coarse = align_samples();
+      start = coarse.target_from_source;
+      result.coarse_iterations = coarse.iterations;
+    }
+    IcpRun icp = run_icp(source_, start, find_matches, estimate_step, converged, options_.stop,
                          [&](Iteration iteration) {
                            repetition.add(iteration);
                            result.history.push_back(record(std::move(iteration), queries));
@@ -156,12 +163,25 @@ class Alignment {
   Correspondence correspondence() const {
     std::optional<ConfidentSet<BatchTree>> source;
     if (options_.reciprocal) source.emplace(*source_tree_, source_, source_confidences_);
-    // Without confidences k is meaningless; a k beyond the target is the whole target.
-    const std::size_t k = std::min(options_.k, target_.size());
-    return {{target_tree_, target_, target_confidences_},
-            source,
-            {k, options_.max_distance, options_.trimmed_fraction},
-            options_.executor};
+    return {target_set(), source, matching(), options_.executor};
+  }
+
+  ConfidentSet<BatchTree> target_set() const {
+    return {target_tree_, target_, target_confidences_};
+  }
+
+  // Without confidences k is meaningless; a k beyond the target is the whole target.
+  ConfidentNeighborOptions matching() const {
+    return {std::min(options_.k, target_.size()), options_.max_distance, options_.trimmed_fraction};
+  }
+
+  CoarseAlignment align_samples() const {
+    return cairn::align_samples({source_, source_confidences_, weights_}, target_set(),
+                                {.matching = matching(),
+                                 .reciprocal = options_.reciprocal,
+                                 .max_iterations = options_.max_iterations,
+                                 .executor = options_.executor,
+                                 .stop = options_.stop});
   }
 
   // centred_target_from_centred_source as target_from_source.
@@ -230,25 +250,28 @@ class Alignment {
 };
 
 std::string sentence(const AlignResult& result, std::size_t source_size, std::size_t target_size) {
+  const std::string iterations = result.coarse_iterations == 0
+                                     ? fmt::format("{} iterations", result.iterations)
+                                     : fmt::format("{} iterations, {} on samples before them",
+                                                   result.iterations, result.coarse_iterations);
   switch (result.stop_reason) {
     case StopReason::kMseChange:
-      return fmt::format("converged after {} iterations: the mean squared match distance settled",
-                         result.iterations);
+      return fmt::format("converged after {}: the mean squared match distance settled", iterations);
     case StopReason::kNoMotion:
-      return fmt::format("converged after {} iterations: nothing moved any more",
-                         result.iterations);
+      return fmt::format("converged after {}: nothing moved any more", iterations);
     case StopReason::kFixedPoint:
-      return fmt::format("converged after {} iterations: the matches settled", result.iterations);
+      return fmt::format("converged after {}: the matches settled", iterations);
     case StopReason::kCycle:
       return fmt::format(
-          "stopped after {} iterations: from iteration {} on the matches repeat every {}; taken is "
+          "stopped after {}: from iteration {} on the matches repeat every {}; taken is "
           "the best of the poses in that cycle, after iteration {}",
-          result.iterations, result.repetition->cycle.first, result.repetition->cycle.length,
+          iterations, result.repetition->cycle.first, result.repetition->cycle.length,
           result.repetition->best_iteration);
     case StopReason::kIterationLimit:
-      return fmt::format("stopped at the limit of {} iterations", result.iterations);
+      return fmt::format("stopped at the limit of {}", iterations);
     case StopReason::kCancelled:
-      return fmt::format("cancelled after {} iterations", result.iterations);
+      return fmt::format("cancelled after {}", iterations);
+    case StopReason::kTimeLimit:  // not of this method
     case StopReason::kTooFewMatches:
       break;
   }
@@ -315,6 +338,8 @@ std::string_view to_string(StopReason reason) {
       return "cycle";
     case StopReason::kIterationLimit:
       return "iteration_limit";
+    case StopReason::kTimeLimit:
+      return "time_limit";
     case StopReason::kTooFewMatches:
       return "too_few_matches";
     case StopReason::kCancelled:

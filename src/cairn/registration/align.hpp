@@ -29,6 +29,9 @@ struct AlignOptions {
   /// it an alignment goes on, as PCL's does, until the change or the limit above ends it: in a limit
   /// cycle at whichever of its poses the limit falls upon.
   bool stop_at_repetition = true;
+  /// Align growing samples of the source first (see align_samples): faster, and it may end at
+  /// another optimum than without.
+  bool coarse_to_fine = false;
   double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
   bool reciprocal = false;        ///< keep only matches that hold both ways
   double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
@@ -86,7 +89,8 @@ struct AlignResult {
   Rigid3 target_from_source;  ///< maps the source as passed in; the initial pose is part of it
   std::optional<double> initial_score;  ///< Eq. 5 at the initial pose; nothing of no points
   std::optional<double> score;          ///< Eq. 5 at the final pose
-  int iterations = 0;
+  int iterations = 0;                   ///< with all points
+  int coarse_iterations = 0;  ///< before them, on samples; with AlignOptions::coarse_to_fine
   /// If matches came back, whether that ended the alignment or not; of a cycle that did, the pose is
   /// the best iteration's.
   std::optional<RepeatedMatches> repetition;

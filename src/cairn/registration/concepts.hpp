@@ -124,6 +124,7 @@ enum class StopReason {
   kFixedPoint,      ///< the matches are those of the iteration before: the pose is final
   kCycle,           ///< the matches are those of an earlier iteration, and so for ever
   kIterationLimit,  ///< the limit, which counts as converged as in PCL
+  kTimeLimit,       ///< the caller's limit of time, which counts alike
   kTooFewMatches,   ///< fewer than three matches determine no pose
   kCancelled,       ///< the caller asked to stop
 };

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/registration/coarse_to_fine.hpp"
+
+#include <optional>
+#include <stop_token>
+
+#include <gtest/gtest.h>
+
+#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/map/synthetic.hpp"
+#include "cairn/registration/align.hpp"
+
+namespace cairn {
+namespace {
+
+struct Maps {
+  PointSet source;
+  PointSet target;
+  Rigid3 truth;
+};
+
+Maps maps() {
+  const SyntheticPair pair = synthetic_pair({.seed = 2, .landmarks = 8000});
+  return {point_set(pair.source, observations_metric()),
+          point_set(pair.target, observations_metric()), pair.target_from_source};
+}
+
+AlignOptions from_afar(const Maps& maps) {
+  AlignOptions options;
+  options.initial = Rigid3::from_roll_pitch_yaw({0.3, -0.2, 0.1}, 0.05, -0.05, 0.3) * maps.truth;
+  options.coarse_to_fine = true;
+  return options;
+}
+
+TEST(CoarseToFine, EndsWhereThePlainAlgorithmStays) {
+  const Maps pair = maps();
+  for (const std::size_t k : {1UL, 5UL}) {
+    AlignOptions options = from_afar(pair);
+    options.k = k;
+    const AlignResult coarse = align(pair.source, pair.target, options);
+    EXPECT_GT(coarse.coarse_iterations, 0);
+    ASSERT_TRUE(coarse.repetition) << "k = " << k;
+
+    AlignOptions again;
+    again.k = k;
+    again.initial = coarse.target_from_source;
+    const AlignResult plain = align(pair.source, pair.target, again);
+    ASSERT_TRUE(plain.repetition) << "k = " << k;
+    EXPECT_EQ(plain.repetition->cycle.length, coarse.repetition->cycle.length);
+    const PoseDistance distance = PoseDistance::of(pair.source.positions);
+    // A cycle has several poses.
+    const double tolerance = plain.repetition->cycle.length == 1 ? 1e-9 : 1e-3;
+    EXPECT_LT(distance(plain.target_from_source, coarse.target_from_source), tolerance);
+  }
+}
+
+TEST(CoarseToFine, NeedsFewerIterationsWithAllPoints) {
+  const Maps pair = maps();
+  AlignOptions options = from_afar(pair);
+  const AlignResult coarse = align(pair.source, pair.target, options);
+  options.coarse_to_fine = false;
+  const AlignResult plain = align(pair.source, pair.target, options);
+  EXPECT_EQ(plain.coarse_iterations, 0);
+  EXPECT_LT(coarse.iterations, plain.iterations / 2);
+  const PoseDistance distance = PoseDistance::of(pair.source.positions);
+  EXPECT_LT(distance(plain.target_from_source, coarse.target_from_source), 0.01);
+}
+
+TEST(CoarseToFine, HasNoSamplesOfASmallMap) {
+  Maps pair = maps();
+  pair.source.positions.resize(1000);
+  pair.source.confidences.resize(1000);
+  AlignOptions options = from_afar(pair);
+  const AlignResult coarse = align(pair.source, pair.target, options);
+  options.coarse_to_fine = false;
+  const AlignResult plain = align(pair.source, pair.target, options);
+  EXPECT_EQ(coarse.coarse_iterations, 0);
+  EXPECT_EQ(coarse.target_from_source.matrix(), plain.target_from_source.matrix());
+  EXPECT_EQ(coarse.iterations, plain.iterations);
+}
+
+TEST(CoarseToFine, GivesTheSameBytesWithAnyNumberOfThreads) {
+  const Maps pair = maps();
+  AlignOptions options = from_afar(pair);
+  options.reciprocal = true;
+  options.trimmed_fraction = 0.1;
+  const auto run = [&](unsigned threads) {
+    options.executor = Executor(threads);
+    return align(pair.source, pair.target, options);
+  };
+  const AlignResult one = run(1);
+  const AlignResult two = run(2);
+  EXPECT_GT(one.coarse_iterations, 0);
+  EXPECT_EQ(one.target_from_source.matrix(), two.target_from_source.matrix());
+  EXPECT_EQ(one.coarse_iterations, two.coarse_iterations);
+  EXPECT_EQ(one.matches, two.matches);
+}
+
+TEST(CoarseToFine, DrawsNoPointWithoutWeight) {
+  const Maps pair = maps();
+  // Every second point is far off and weighs nothing.
+  PointSet source = pair.source;
+  for (std::size_t i = 0; i < source.positions.size(); i += 2) {
+    source.positions[i] += Eigen::Vector3d(0.0, 0.0, 50.0);
+    source.confidences[i] = 0.0;
+  }
+  AlignOptions options = from_afar(pair);
+  options.weight_by_source_confidence = true;
+  const AlignResult result = align(source, pair.target, options);
+  EXPECT_GT(result.coarse_iterations, 0);
+  EXPECT_LT(PoseDistance::of(pair.source.positions)(result.target_from_source, pair.truth), 0.05);
+}
+
+TEST(CoarseToFine, KeepsThePoseWhereSamplesFindNoMatches) {
+  const Maps pair = maps();
+  AlignOptions options;
+  options.initial = Rigid3(Eigen::Quaterniond::Identity(), {1000.0, 0.0, 0.0});
+  options.coarse_to_fine = true;
+  options.max_distance = 0.1;
+  const AlignResult result = align(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, AlignStatus::kFailed);
+  EXPECT_EQ(result.coarse_iterations, 0);
+  EXPECT_LT(result.target_from_source.difference_to(options.initial).norm(), 1e-9);
+}
+
+TEST(CoarseToFine, StopsWhenAsked) {
+  const Maps pair = maps();
+  std::stop_source stop;
+  stop.request_stop();
+  AlignOptions options = from_afar(pair);
+  options.stop = stop.get_token();
+  const AlignResult result = align(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, AlignStatus::kCancelled);
+  EXPECT_EQ(result.coarse_iterations, 0);
+}
+
+}  // namespace
+}  // namespace cairn
