@@ -36,11 +36,14 @@ double processor_seconds() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
+constexpr double kWithin95Percent = 12.592;  // of chi-squared with 6 degrees of freedom
+
 struct Tally {
   std::size_t trials = 0;
-  std::size_t right = 0;  // aligned, to the true pose
-  std::size_t wrong = 0;  // aligned, to another
-  std::size_t found = 0;  // the true pose is the best, whatever the verdict
+  std::size_t right = 0;           // aligned, to the true pose
+  std::size_t wrong = 0;           // aligned, to another
+  std::size_t found = 0;           // the true pose is the best, whatever the verdict
+  std::vector<double> normalised;  // squared errors of the poses found, under their covariances
 };
 
 class Bench {
@@ -49,8 +52,8 @@ class Bench {
 
   void header() const {
     std::puts(
-        "group,trial,verdict,rotation_deg,translation_m,support,probability,runner_up,radius,"
-        "processor_s,wall_s");
+        "group,trial,verdict,rotation_deg,translation_m,normalised,support,probability,runner_up,"
+        "radius,processor_s,wall_s");
   }
 
   void run(const std::string& group, std::uint64_t trial, const LandmarkCloud& source,
@@ -74,21 +77,35 @@ class Bench {
     tally.found += right ? 1 : 0;
     tally.right += aligned && right ? 1 : 0;
     tally.wrong += aligned && !right ? 1 : 0;
+    double normalised = -1.0;
+    if (truth && result.alignment.covariance) {
+      normalised = normalised_squared_error(result.alignment.target_from_source,
+                                            *result.alignment.covariance, *truth);
+      if (right) tally.normalised.push_back(normalised);
+    }
     const auto& poses = result.candidates;
-    std::printf("%s,%llu,%s,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", group.c_str(),
+    std::printf("%s,%llu,%s,%.3f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", group.c_str(),
                 static_cast<unsigned long long>(trial),
                 std::string(to_string(result.verdict)).c_str(), degrees(error.rotation_rad),
-                error.translation, poses.empty() ? 0.0 : poses[0].support,
+                error.translation, normalised, poses.empty() ? 0.0 : poses[0].support,
                 poses.empty() ? 0.0 : poses[0].probability,
                 poses.size() < 2 ? 0.0 : poses[1].support, result.radius, used, result.duration_s);
     std::fflush(stdout);
   }
 
   void summary() {
-    for (const auto& [group, tally] : tallies_) {
+    for (auto& [group, tally] : tallies_) {
       std::fprintf(stderr,
                    "%s: %zu trials, true pose found %zu, aligned to it %zu, aligned wrongly %zu\n",
                    group.c_str(), tally.trials, tally.found, tally.right, tally.wrong);
+      std::vector<double>& normalised = tally.normalised;
+      if (normalised.empty()) continue;
+      std::sort(normalised.begin(), normalised.end());
+      const auto inside = std::lower_bound(normalised.begin(), normalised.end(), kWithin95Percent);
+      std::fprintf(stderr, "  in the 95 %% ellipsoid %.1f %%, median squared distance %.2f\n",
+                   100.0 * static_cast<double>(inside - normalised.begin()) /
+                       static_cast<double>(normalised.size()),
+                   normalised[normalised.size() / 2]);
     }
     for (auto* const times : {&processor_, &wall_}) {
       if (times->empty()) return;
@@ -136,12 +153,15 @@ void halves(Bench& bench, std::uint64_t trials, const std::filesystem::path& dat
 
 void simulated(Bench& bench, std::uint64_t pairs) {
   for (std::uint64_t trial = 0; trial < pairs; ++trial) {
-    for (const double overlap : {0.3, 0.5, 0.8}) {
-      const SyntheticPair pair = synthetic_pair({.seed = 1000 + trial, .overlap = overlap});
-      char group[32];
-      std::snprintf(group, sizeof group, "overlap %.2f", overlap);
-      bench.run(group, trial, landmark_cloud(pair.source), landmark_cloud(pair.target),
-                pair.target_from_source, 5.0, 0.05);
+    for (const double overlap : {0.25, 0.5, 0.8}) {
+      for (const double outliers : {0.0, 0.2}) {
+        const SyntheticPair pair = synthetic_pair(
+            {.seed = 1000 + trial, .overlap = overlap, .outlier_fraction = outliers});
+        char group[48];
+        std::snprintf(group, sizeof group, "overlap %.2f outliers %.2f", overlap, outliers);
+        bench.run(group, trial, landmark_cloud(pair.source), landmark_cloud(pair.target),
+                  pair.target_from_source, 5.0, 0.05);
+      }
     }
   }
 }

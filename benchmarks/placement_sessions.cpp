@@ -18,8 +18,6 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Cholesky>
-
 #include "cairn/core/file.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
@@ -128,11 +126,10 @@ double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const R
                        kCounterpart);
 }
 
-// Of the error of the refined pose under its covariance; -1 where that is unknown.
+// -1 where the covariance is unknown.
 double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
   if (!result.covariance) return -1.0;
-  const Vector6d error = result.target_from_source.difference_to(truth);
-  return error.dot(result.covariance->ldlt().solve(error));
+  return normalised_squared_error(result.target_from_source, *result.covariance, truth);
 }
 
 struct Pair {

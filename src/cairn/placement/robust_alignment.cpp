@@ -7,9 +7,11 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "cairn/geometry/moved_points.hpp"
+#include "cairn/placement/spatial_groups.hpp"
 
 namespace cairn {
 namespace {
@@ -23,6 +25,9 @@ constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
 // A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
 constexpr double kNegligible = 1.0 / 26.0;
+// Share of the kernel's scale over which a motion shows how matches change; docs/method.md compares.
+constexpr double kStiffnessStep = 0.25;
+constexpr std::size_t kErrorGroups = 64;  // of matches
 
 }  // namespace
 
@@ -37,8 +42,6 @@ RobustAlignment::RobustAlignment(const CentredPair& pair, const BatchTree& targe
 RobustAlignment::Equations& RobustAlignment::Equations::operator+=(const Equations& other) {
   information += other.information;
   gradient += other.gradient;
-  scatter += other.scatter;
-  curvature += other.curvature;
   weight += other.weight;
   count += other.count;
   return *this;
@@ -71,9 +74,10 @@ std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d
   return matches;
 }
 
-void RobustAlignment::add(const Eigen::Vector3d& moved, const Match& match,
-                          const Eigen::Matrix3d& rotation, const Eigen::Vector3d& pivot,
-                          double scale, double length, bool for_uncertainty, Equations& sum) const {
+std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d& moved,
+                                                           const Match& match,
+                                                           const Eigen::Matrix3d& rotation,
+                                                           double scale) const {
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
   Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
@@ -83,39 +87,32 @@ void RobustAlignment::add(const Eigen::Vector3d& moved, const Match& match,
   if (use_covariances_ && !target.covariances.empty()) spread += target.covariances[match.target];
   const Eigen::Matrix3d information = spread.inverse();
   const Eigen::Vector3d residual = target.positions[match.target] - moved;
-  const Eigen::Vector3d weighted = information * residual;
-  const double kernel = 1.0 / (1.0 + residual.dot(weighted));
-  if (kernel < kNegligible) return;
+  const Eigen::Vector3d force = information * residual;
+  const double kernel = 1.0 / (1.0 + residual.dot(force));
+  if (kernel < kNegligible) return std::nullopt;
   const double trust = source.weight(match.source) * target.weight(match.target);
-  const double weight = trust * kernel * kernel;
-  const Eigen::Vector3d arm = moved - pivot;
-  Jacobian jacobian;
-  jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length;
-  const Eigen::Matrix<double, 6, 1> pull = jacobian.transpose() * weighted;
-  const Matrix6d evidence = weight * jacobian.transpose() * information * jacobian;
-  sum.information += evidence;
-  sum.gradient += weight * pull;
-  sum.weight += weight;
-  ++sum.count;
-  if (!for_uncertainty) return;
-  const Matrix6d outer = pull * pull.transpose();
-  sum.scatter += weight * weight * outer;
-  // Second derivative of the kernel: where it bends back, a match says less.
-  sum.curvature += evidence - 4.0 * weight * kernel * outer;
+  return Term{information, force, trust * kernel * kernel};
 }
 
 RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vector3d> moved,
                                                       std::span<const Match> matches,
                                                       const Rigid3& pose, double scale,
-                                                      double length, bool for_uncertainty) const {
+                                                      double length) const {
   constexpr std::size_t kBlock = 1024;
   const Eigen::Matrix3d rotation = pose.rotation();
   std::vector<Equations> parts((matches.size() + kBlock - 1) / kBlock);
   executor_.for_blocks(matches.size(), kBlock, [&](std::size_t begin, std::size_t end) {
     Equations& part = parts[begin / kBlock];
     for (std::size_t i = begin; i < end; ++i) {
-      add(moved[matches[i].source], matches[i], rotation, pose.translation(), scale, length,
-          for_uncertainty, part);
+      const Eigen::Vector3d& point = moved[matches[i].source];
+      const std::optional<Term> one = term(point, matches[i], rotation, scale);
+      if (!one) continue;
+      Jacobian jacobian;
+      jacobian << Eigen::Matrix3d::Identity(), -skew(point - pose.translation()) / length;
+      part.information += one->weight * jacobian.transpose() * one->information * jacobian;
+      part.gradient += one->weight * jacobian.transpose() * one->force;
+      part.weight += one->weight;
+      ++part.count;
     }
   });
   // In the order of the blocks, so that rounding does not depend on the threads.
@@ -142,7 +139,7 @@ IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
     }
     const std::vector<Eigen::Vector3d> moved = moved_points(source, run.target_from_source);
     std::vector<Match> matches = find_matches(moved, queries);
-    Equations sum = equations(moved, matches, run.target_from_source, scale, length, false);
+    Equations sum = equations(moved, matches, run.target_from_source, scale, length);
     // Fewer matches than these would be free to turn.
     if (sum.count < kFewestMatches || !(sum.weight > 0.0)) {
       run.stop_reason = StopReason::kTooFewMatches;
@@ -174,18 +171,145 @@ std::vector<Match> RobustAlignment::matches(const Rigid3& pose) const {
   return find_matches(moved_points(pair_.source().positions, pose), queries);
 }
 
+// A few thousand source landmarks, which stand for all where motions are tried out.
+class RobustAlignment::Trial {
+ public:
+  Trial(const RobustAlignment& alignment, const Rigid3& pose, double scale, double length)
+      : alignment_(alignment),
+        pose_(pose),
+        scale_(scale),
+        length_(length),
+        queries_(alignment.target_tree_.batch(1)) {
+    const std::vector<Eigen::Vector3d>& all = alignment.pair_.source().positions;
+    const std::size_t stride = 1 + all.size() / kTried;
+    for (std::uint32_t i = 0; i < all.size(); i += static_cast<std::uint32_t>(stride)) {
+      landmarks_.push_back(i);
+      points_.push_back(all[i]);
+    }
+    share_ = static_cast<double>(points_.size()) / static_cast<double>(all.size());
+  }
+
+  // How the gradient of all landmarks answers small motions, each finding its match anew. With the
+  // matches held it would seem much stiffer: a landmark that is none of the target's is not held by
+  // its neighbour.
+  Matrix6d stiffness() {
+    const double step = kStiffnessStep * scale_;
+    Matrix6d result;
+    for (int i = 0; i < 6; ++i) {
+      const Vector6d direction = Vector6d::Unit(i);
+      result.col(i) = (gradient(moved(-step * direction)) - gradient(moved(step * direction))) /
+                      (2.0 * step * share_);
+    }
+    return 0.5 * (result + result.transpose());
+  }
+
+  // Whether landmarks fit better here than a little way along the direction, on both sides: by more
+  // than what differs between parts of the map, each of which is one witness.
+  bool holds(const Vector6d& direction) {
+    const std::vector<double> here = kernels(pose_);
+    const std::vector<std::size_t> group_of =
+        spatial_groups(moved_points(points_, pose_), kErrorGroups);
+    for (const double way : {-kProbe * scale_, kProbe * scale_}) {
+      const std::vector<double> there = kernels(moved(way * direction));
+      std::vector<double> gain(kErrorGroups, 0.0);
+      std::vector<bool> known(kErrorGroups, false);
+      for (std::size_t i = 0; i < here.size(); ++i) {
+        gain[group_of[i]] += here[i] - there[i];
+        known[group_of[i]] = true;
+      }
+      if (!is_positive(gain, known)) return false;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr std::size_t kTried = 16384;
+  static constexpr double kProbe = 2.0;        // of the kernel's scale
+  static constexpr double kSignificant = 3.0;  // standard errors
+
+  static bool is_positive(const std::vector<double>& gain, const std::vector<bool>& known) {
+    double count = 0.0;
+    double sum = 0.0;
+    double squares = 0.0;
+    for (std::size_t i = 0; i < gain.size(); ++i) {
+      if (!known[i]) continue;
+      ++count;
+      sum += gain[i];
+      squares += gain[i] * gain[i];
+    }
+    const double mean = sum / count;
+    const double variance = std::max(squares - sum * mean, 0.0) / (count - 1.0);
+    return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
+  }
+
+  Rigid3 moved(Vector6d direction) const {
+    direction.tail<3>() /= length_;
+    return pose_.perturbed(direction);
+  }
+
+  Vector6d gradient(const Rigid3& pose) {
+    std::vector<Match> matches = alignment_.find_matches(moved_points(points_, pose), queries_);
+    for (Match& match : matches) match.source = landmarks_[match.source];
+    return alignment_
+        .equations(moved_points(alignment_.pair_.source().positions, pose), matches, pose, scale_,
+                   length_)
+        .gradient;
+  }
+
+  std::vector<double> kernels(const Rigid3& pose) {
+    const std::vector<Eigen::Vector3d> at = moved_points(points_, pose);
+    std::vector<double> result(at.size(), 0.0);
+    for (const Match& match : alignment_.find_matches(at, queries_)) {
+      result[match.source] = 1.0 / (1.0 + match.squared_distance / (scale_ * scale_));
+    }
+    return result;
+  }
+
+  const RobustAlignment& alignment_;
+  Rigid3 pose_;
+  double scale_;
+  double length_;
+  BatchTree::Batch queries_;
+  std::vector<std::uint32_t> landmarks_;
+  std::vector<Eigen::Vector3d> points_;
+  double share_ = 1.0;  // of all landmarks
+};
+
 PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) const {
   const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
-  BatchTree::Batch queries = target_tree_.batch(1);
+  const Eigen::Matrix3d rotation = pose.rotation();
+  std::vector<Match> matches = this->matches(pose);
+  std::erase_if(matches, [&](const Match& match) {
+    return !term(moved[match.source], match, rotation, scale);
+  });
+  if (matches.size() < kFewestMatches) return {};
   PoseEvidence evidence;
   evidence.pivot = pose.translation();
   evidence.length = radius(moved.size());
-  const Equations sum =
-      equations(moved, find_matches(moved, queries), pose, scale, evidence.length, true);
-  if (sum.count < kFewestMatches) return {};
-  evidence.information = sum.curvature;
-  evidence.scatter = sum.scatter;
-  evidence.count = static_cast<double>(sum.count);
+  Trial trial(*this, pose, scale, evidence.length);
+  evidence.information = trial.stiffness();
+
+  PoseUncertainty open;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(evidence.information);
+  for (int i = 0; i < 6; ++i) {
+    const Vector6d direction = eigen.eigenvectors().col(i);
+    if (trial.holds(direction)) continue;
+    open.unobservable.push_back({direction.head<3>(), direction.tail<3>() / evidence.length});
+  }
+  if (!open.unobservable.empty()) return open;
+
+  // Landmarks next to each other err alike: of one keyframe, or matched to the same landmark.
+  std::vector<Eigen::Vector3d> places;
+  for (const Match& match : matches) places.push_back(moved[match.source]);
+  const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
+  std::vector<std::vector<Match>> groups(kErrorGroups);
+  for (std::size_t i = 0; i < matches.size(); ++i) groups[group_of[i]].push_back(matches[i]);
+  std::erase_if(groups, [](const auto& group) { return group.empty(); });
+  for (const std::vector<Match>& group : groups) {
+    const Vector6d pull = equations(moved, group, pose, scale, evidence.length).gradient;
+    evidence.scatter += pull * pull.transpose();
+  }
+  evidence.count = static_cast<double>(groups.size());
   return pose_uncertainty(pose, evidence);
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <vector>
@@ -37,29 +38,37 @@ class RobustAlignment {
 
   std::vector<Match> matches(const Rigid3& pose) const;
 
-  /// Of a centred pose that is an optimum at this scale.
+  /// Of a centred pose that is an optimum at this scale. A direction is open if, a little way along it,
+  /// landmarks fit about as well as at the pose.
   PoseUncertainty uncertainty(const Rigid3& pose, double scale) const;
 
  private:
+  class Trial;
+
+  // What a match adds to the objective's derivatives.
+  struct Term {
+    Eigen::Matrix3d information;  // of its residual, under the kernel's scale
+    Eigen::Vector3d force;        // information times residual
+    double weight = 0.0;
+  };
+
   // Normal equations of a step, about the moved source's centre.
   struct Equations {
     Matrix6d information = Matrix6d::Zero();
     Vector6d gradient = Vector6d::Zero();
     double weight = 0.0;
     std::size_t count = 0;
-    Matrix6d scatter = Matrix6d::Zero();    // for the uncertainty, as is
-    Matrix6d curvature = Matrix6d::Zero();  // the objective's second derivative
 
     Equations& operator+=(const Equations& other);
   };
 
   std::vector<Match> find_matches(std::span<const Eigen::Vector3d> moved,
                                   BatchTree::Batch& queries) const;
+  // Nothing for a match that hardly counts.
+  std::optional<Term> term(const Eigen::Vector3d& moved, const Match& match,
+                           const Eigen::Matrix3d& rotation, double scale) const;
   Equations equations(std::span<const Eigen::Vector3d> moved, std::span<const Match> matches,
-                      const Rigid3& pose, double scale, double length, bool for_uncertainty) const;
-  void add(const Eigen::Vector3d& moved, const Match& match, const Eigen::Matrix3d& rotation,
-           const Eigen::Vector3d& pivot, double scale, double length, bool for_uncertainty,
-           Equations& sum) const;
+                      const Rigid3& pose, double scale, double length) const;
   double radius(std::size_t points) const;
 
   const CentredPair& pair_;
