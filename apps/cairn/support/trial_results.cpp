@@ -20,7 +20,7 @@ Json to_json(const TrialResult& run) {
   Json json = {{"pair", run.trial.pair},
                {"experiment", run.trial.experiment},
                {"number", run.trial.number},
-               {"method", run.trial.method},
+               {"method", to_string(run.trial.method)},
                {"strategy", run.trial.strategy},
                {"k", run.trial.k},
                {"x_m", initial.x_m},

@@ -6,26 +6,92 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/centroid.hpp"
+#include "cairn/placement/place.hpp"
+#include "cairn/placement/refine.hpp"
 
 namespace cairn {
+namespace {
+
+AlignResult placed(const PairPoints& points, std::uint64_t seed, const AlignOptions& options) {
+  PlaceOptions placement;
+  placement.seed = seed;
+  placement.executor = options.executor;
+  placement.stop = options.stop;
+  PlacementResult result = place(points.source_cloud, points.target_cloud, placement);
+  const bool cancelled = result.alignment.status == AlignStatus::kCancelled;
+  if (!cancelled && result.verdict != Verdict::kAligned) {
+    result.alignment.status = AlignStatus::kFailed;
+  }
+  result.alignment.duration_s = result.duration_s;
+  return std::move(result.alignment);
+}
+
+AlignResult found(const Trial& trial, const PairPoints& points, AlignOptions options) {
+  switch (trial.method) {
+    case Method::kIcp:
+      options.stop_at_repetition = false;
+      break;
+    case Method::kFast:
+      options.coarse_to_fine = true;
+      break;
+    case Method::kRobust:
+      return refine(points.source_cloud, points.target_cloud,
+                    {.initial = options.initial,
+                     .max_iterations = options.max_iterations,
+                     .executor = options.executor,
+                     .stop = options.stop});
+    case Method::kAnywhere:
+      return placed(points, trial.number, options);
+  }
+  return align(points.source, points.target, options);
+}
+
+}  // namespace
 
 Strategy strategy_named(std::string_view name) {
   if (name == "base") return {"base", {}};
   return {std::string(name), metric_named(name)};
 }
 
+std::string_view to_string(Method method) {
+  switch (method) {
+    case Method::kIcp:
+      return "icp";
+    case Method::kFast:
+      return "fast";
+    case Method::kRobust:
+      return "robust";
+    case Method::kAnywhere:
+      return "anywhere";
+  }
+  return "unknown";
+}
+
+bool uses_k(Method method) {
+  return method == Method::kIcp || method == Method::kFast;
+}
+
+std::string approach_of(const Trial& trial) {
+  if (trial.method == Method::kIcp) return trial.strategy;
+  return std::string(to_string(trial.method)) + " " + trial.strategy;
+}
+
 PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
-                       const PointSetOptions& options) {
-  return {point_set(pair.source, strategy.metric, options),
-          point_set(pair.target, strategy.metric, options)};
+                       const PointSetOptions& options, bool with_clouds) {
+  PairPoints points = {point_set(pair.source, strategy.metric, options),
+                       point_set(pair.target, strategy.metric, options)};
+  if (with_clouds) {
+    points.source_cloud = landmark_cloud(pair.source, strategy.metric, options);
+    points.target_cloud = landmark_cloud(pair.target, strategy.metric, options);
+  }
+  return points;
 }
 
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
                       const std::optional<Rigid3>& truth, AlignOptions options) {
   options.initial = initial;
   options.k = trial.k;
-  options.stop_at_repetition = false;
-  const AlignResult result = align(points.source, points.target, options);
+  const AlignResult result = found(trial, points, options);
   if (result.status == AlignStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "experiment", "cancelled", "");
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -11,6 +12,7 @@
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/experiments/displacement.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/placement/landmark_cloud.hpp"
 #include "cairn/registration/align.hpp"
 
 namespace cairn {
@@ -33,28 +35,51 @@ struct MapPair {
   std::optional<Rigid3> truth;  ///< target_from_source, where it is known
 };
 
+/// How a trial finds its pose.
+enum class Method {
+  kIcp,       ///< the paper's, to the end as PCL would: its iterations compare with published ones
+  kFast,      ///< the same on growing samples first, and ended where matches repeat
+  kRobust,    ///< refine(), the confidences as weights
+  kAnywhere,  ///< place(), which has no use for the start; a pose that it is not sure of is none
+};
+
+/// "icp" and so on: the names in studies and tables.
+std::string_view to_string(Method method);
+
+inline constexpr std::array kMethods = {Method::kIcp, Method::kFast, Method::kRobust,
+                                        Method::kAnywhere};
+
+/// Whether the number of candidates makes a difference to the method.
+bool uses_k(Method method);
+
 /// A pair's landmarks with the confidences of one strategy.
 struct PairPoints {
   PointSet source;
   PointSet target;
+  /// The same for the methods of placement; empty unless asked for.
+  LandmarkCloud source_cloud = {};
+  LandmarkCloud target_cloud = {};
 };
 
 /// @throws Error where a map lacks the strategy's input
 PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
-                       const PointSetOptions& options = {});
+                       const PointSetOptions& options = {}, bool with_clouds = false);
 
 /// What is to be aligned, and how: the key of a row in tables.
 struct Trial {
   std::string pair = {};
   std::string experiment = {};  ///< what it belongs to
   std::size_t number = 0;       ///< of its configuration, from 1; strategies share one
-  std::string method = "icp";
+  Method method = Method::kIcp;
   std::string strategy = {};
   std::size_t k = 5;  ///< as configured; base ICP has no use for it
   Displacement initial = {};
 
   friend bool operator==(const Trial&, const Trial&) = default;
 };
+
+/// What people call the trial's way: its strategy, after the method if that is not ICP.
+std::string approach_of(const Trial& trial);
 
 /// A trial and what came of it.
 struct TrialResult {
@@ -70,8 +95,9 @@ struct TrialResult {
   double duration_s = 0.0;                   ///< the one thing that differs from time to time
 };
 
-/// Aligns, to the end as PCL would: an experiment counts iterations, and compares them with published
-/// ones. Of the options, `initial` and `k` are the trial's own.
+/// Aligns by the trial's method. Of the options, `initial` and `k` are the trial's own; the methods of
+/// placement take of the others what they have.
+/// @param points with clouds if the method is one of placement
 /// @param initial target_from_source to start from
 /// @throws Error (cancelled) if options.stop asks for it
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,

@@ -37,6 +37,28 @@ TEST(RunTrial, FromTheTruthEndsNearIt) {
   EXPECT_GT(run.iterations, 0);
 }
 
+TEST(RunTrial, FindsThePoseByEachMethod) {
+  const MapPair pair = small_pair();
+  const PairPoints points = pair_points(pair, strategy_named("base"), {}, true);
+  const Rigid3 near =
+      pair.truth->perturbed((Vector6d() << 0.02, -0.01, 0.01, 0.01, 0.0, 0.02).finished());
+  for (const Method method : kMethods) {
+    const TrialResult run = run_trial({.number = 1, .method = method, .strategy = "base"}, points,
+                                      near, pair.truth, {.max_distance = 0.1});
+    EXPECT_EQ(run.trial.method, method);
+    ASSERT_TRUE(run.error) << to_string(method);
+    EXPECT_TRUE(PoseTolerance{}.holds(*run.error)) << to_string(method);
+  }
+  // Only placement finds it from anywhere.
+  const Rigid3 far(rotation_exp({0.0, 0.0, 2.0}), {5.0, 0.0, 0.0});
+  for (const Method method : kMethods) {
+    const TrialResult run = run_trial({.number = 1, .method = method, .strategy = "base"}, points,
+                                      far, pair.truth, {.max_distance = 0.1});
+    EXPECT_EQ(run.error && PoseTolerance{}.holds(*run.error), method == Method::kAnywhere)
+        << to_string(method);
+  }
+}
+
 TEST(RunTrial, WithoutAPoseHasNoError) {
   const MapPair pair = small_pair();
   const Rigid3 far(Eigen::Quaterniond::Identity(), {1000.0, 0.0, 0.0});

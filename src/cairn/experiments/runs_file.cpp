@@ -40,12 +40,12 @@ constexpr std::array kStatuses = {AlignStatus::kAligned, AlignStatus::kFailed,
                                   AlignStatus::kCancelled};
 constexpr std::array kStopReasons = {StopReason::kMseChange,      StopReason::kNoMotion,
                                      StopReason::kFixedPoint,     StopReason::kCycle,
-                                     StopReason::kIterationLimit, StopReason::kTooFewMatches,
-                                     StopReason::kCancelled};
+                                     StopReason::kIterationLimit, StopReason::kTimeLimit,
+                                     StopReason::kTooFewMatches,  StopReason::kCancelled};
 
 void add_key(Csv& row, const Trial& trial) {
   const Displacement& d = trial.initial;
-  row << trial.pair << trial.experiment << std::uint64_t{trial.number} << trial.method
+  row << trial.pair << trial.experiment << std::uint64_t{trial.number} << to_string(trial.method)
       << trial.strategy << std::uint64_t{trial.k} << d.x_m << d.y_m << d.z_m << d.roll_deg
       << d.pitch_deg << d.yaw_deg;
 }
@@ -115,7 +115,7 @@ TrialResult parse_run(RowReader row) {
   trial.pair = row.text();
   trial.experiment = row.text();
   trial.number = row.whole(kMost);
-  trial.method = row.text();
+  trial.method = row.named(kMethods);
   trial.strategy = row.text();
   trial.k = row.whole(kMost);
   for (double Displacement::*const part :

@@ -17,7 +17,7 @@ TrialResult full_run() {
   run.trial = {.pair = "a, \"b\"",
                .experiment = "xy",
                .number = 12,
-               .method = "icp",
+               .method = Method::kFast,
                .strategy = "covariance",
                .k = 7,
                .initial = {0.1, -0.2, 1e-9, 10, -20, 22.5}};

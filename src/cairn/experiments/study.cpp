@@ -55,8 +55,10 @@ std::string canonical_text(const Study& study) {
     text += fmt::format("{} {} {}\n", named.name, study.initial.low.*named.part,
                         study.initial.high.*named.part);
   }
-  text += fmt::format("strategies {}\nk {}\n", fmt::join(study.strategies, " "),
-                      fmt::join(study.k, " "));
+  std::vector<std::string_view> methods;
+  for (const Method method : study.methods) methods.push_back(to_string(method));
+  text += fmt::format("methods {}\nstrategies {}\nk {}\n", fmt::join(methods, " "),
+                      fmt::join(study.strategies, " "), fmt::join(study.k, " "));
   return text + fmt::format("max_iterations {}\nmax_distance_m {}\nmin_observations {}\n",
                             study.align.max_iterations, study.align.max_distance,
                             study.points.min_observations);
@@ -64,9 +66,12 @@ std::string canonical_text(const Study& study) {
 
 StudyPlan::StudyPlan(const Study& study) : study_(study) {
   for (std::size_t i = 0; i < study.k.size(); ++i) {
-    for (const std::string& strategy : study.strategies) {
-      if (i > 0 && !strategy_named(strategy).metric) continue;
-      combinations_.push_back({strategy, study.k[i]});
+    for (const Method method : study.methods) {
+      for (const std::string& strategy : study.strategies) {
+        const bool same_for_all_k = !uses_k(method) || !strategy_named(strategy).metric;
+        if (i > 0 && same_for_all_k) continue;
+        combinations_.push_back({method, strategy, study.k[i]});
+      }
     }
   }
 }
@@ -79,6 +84,7 @@ Trial StudyPlan::trial(std::size_t run) const {
   return {.pair = study_.pairs[pair].name,
           .experiment = study_.name,
           .number = pose + 1,
+          .method = combination.method,
           .strategy = combination.strategy,
           .k = combination.k,
           .initial = draw(Random(study_.seed).fork(pair).fork(pose), study_.initial)};

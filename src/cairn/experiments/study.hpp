@@ -41,7 +41,7 @@ struct DisplacementRange {
   Displacement high;
 };
 
-/// A study: every pair from every initial pose by every strategy and k.
+/// A study: every pair from every initial pose by every method, strategy and k.
 struct Study {
   std::string name;
   std::uint64_t seed = 0;
@@ -50,6 +50,7 @@ struct Study {
   /// Of what displaces the source from its true pose, at its centroid and along the target's axes; from
   /// the pose as read, where the truth is not known.
   DisplacementRange initial;
+  std::vector<Method> methods = {Method::kIcp};
   std::vector<std::string> strategies = {"base", "covariance", "observations", "distance"};
   std::vector<std::size_t> k = {5};
   AlignOptions align;  ///< of it, what can be set in a study: max_iterations and max_distance
@@ -70,8 +71,8 @@ Study parse_study(const std::string& yaml, std::string_view name);
 /// All that decides what a study's runs are, in a fixed form: equal text, equal runs from equal maps.
 std::string canonical_text(const Study& study);
 
-/// The runs of a study in their order: pair by pair, initial pose by initial pose, k by k (base ICP,
-/// which has no use for k, only with the first), strategy by strategy.
+/// The runs of a study in their order: pair by pair, initial pose by initial pose, k by k (what has no
+/// use for k only with the first: base ICP, and some methods), method by method, strategy by strategy.
 class StudyPlan {
  public:
   explicit StudyPlan(const Study& study);
@@ -79,12 +80,13 @@ class StudyPlan {
   std::size_t size() const { return study_.pairs.size() * runs_per_pair(); }
   std::size_t runs_per_pair() const { return study_.initial_count * combinations_.size(); }
   std::size_t pair_of(std::size_t run) const { return run / runs_per_pair(); }
-  /// Depends on the study and the number only. The strategies share the initial poses.
+  /// Depends on the study and the number only. Methods and strategies share the initial poses.
   Trial trial(std::size_t run) const;
   const Study& study() const { return study_; }
 
  private:
   struct Combination {
+    Method method;
     std::string strategy;
     std::size_t k;
   };

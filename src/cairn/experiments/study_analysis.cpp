@@ -83,8 +83,10 @@ class Runs {
 
   std::string name(std::size_t strategy) const {
     const Trial& trial = runs_[strategy].trial;
-    if (study_.k.size() == 1 || trial.strategy == "base") return trial.strategy;
-    return fmt::format("{} k={}", trial.strategy, trial.k);
+    if (study_.k.size() == 1 || trial.strategy == "base" || !uses_k(trial.method)) {
+      return approach_of(trial);
+    }
+    return fmt::format("{} k={}", approach_of(trial), trial.k);
   }
 
  private:

@@ -20,13 +20,14 @@
 
 namespace cairn {
 
-/// How one strategy (with one k) did.
+/// How one strategy (with one method and k) did.
 struct StrategySummary {
-  std::string name;                  ///< "observations", and its k where the study has several
-  Proportion success;                ///< by the true pose; runs of pairs without truth do not count
-  std::optional<Interval> interval;  ///< of the same, from resampling the pairs
-  Proportion score_success;          ///< by the paper's measure
-  std::vector<double> pair_rates;    ///< success by the true pose, one a pair with truth
+  std::string name;    ///< "observations", after the method if that is not ICP, and its k where the
+                       ///< study has several
+  Proportion success;  ///< by the true pose; runs of pairs without truth do not count
+  std::optional<Interval> interval;         ///< of the same, from resampling the pairs
+  Proportion score_success;                 ///< by the paper's measure
+  std::vector<double> pair_rates;           ///< success by the true pose, one a pair with truth
   std::vector<SuccessCount> group_success;  ///< the same by group, as StudyAnalysis::groups
   double median_iterations = 0.0;
   Proportion at_limit;  ///< runs that the limit of iterations ended

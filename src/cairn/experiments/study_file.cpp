@@ -182,6 +182,25 @@ void parse_initial(const Entry& entry, Study& study) {
               {"yaw_deg", range(&Displacement::yaw_deg, 180.0)}});
 }
 
+void parse_methods(const Entry& entry, Study& study) {
+  study.methods.clear();
+  for (const Entry& e : entry.list()) {
+    const std::string name = e.text();
+    const auto* const method =
+        std::find_if(kMethods.begin(), kMethods.end(),
+                     [&](Method candidate) { return to_string(candidate) == name; });
+    if (method == kMethods.end()) {
+      std::vector<std::string_view> names;
+      for (const Method candidate : kMethods) names.push_back(to_string(candidate));
+      e.refuse(printable(name), fmt::format("{}", fmt::join(names, ", ")));
+    }
+    if (std::count(study.methods.begin(), study.methods.end(), *method) > 0) {
+      e.refuse(printable(name) + " is given twice", "each method once");
+    }
+    study.methods.push_back(*method);
+  }
+}
+
 void parse_strategies(const Entry& entry, Study& study) {
   study.strategies.clear();
   for (const Entry& e : entry.list()) {
@@ -262,6 +281,7 @@ Study parse_study(const std::string& yaml, std::string_view name) {
                  }
                }},
               {"initial_poses", [&](const Entry& e) { parse_initial(e, study); }},
+              {"methods", [&](const Entry& e) { parse_methods(e, study); }},
               {"strategies", [&](const Entry& e) { parse_strategies(e, study); }},
               {"k", [&](const Entry& e) { parse_k(e, study); }},
               {"align", [&](const Entry& e) { parse_align(e, study); }},

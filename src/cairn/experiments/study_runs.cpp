@@ -269,9 +269,12 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
     const std::size_t pair_number = plan.pair_of(next);
     const std::size_t pair_end = std::min(end, (pair_number + 1) * plan.runs_per_pair());
     const MapPair pair = load_pair(study.pairs[pair_number]);
+    const bool with_clouds = std::any_of(
+        study.methods.begin(), study.methods.end(),
+        [](Method method) { return method == Method::kRobust || method == Method::kAnywhere; });
     std::map<std::string, PairPoints> points;
     for (const std::string& name : study.strategies) {
-      points.emplace(name, pair_points(pair, strategy_named(name), study.points));
+      points.emplace(name, pair_points(pair, strategy_named(name), study.points, with_clouds));
     }
     const Eigen::Vector3d centre = centroid(points.at(study.strategies.front()).source.positions);
     constexpr std::size_t kAhead = 64;

@@ -28,6 +28,7 @@ initial_poses:
   count: 3
   x_m: [-1, 1]
   yaw_deg: [-60, 60]
+methods: [icp, robust]
 strategies: [base, observations]
 k: [5, 7]
 align: {max_iterations: 50, max_distance_m: 0.5, min_observations: 3}
@@ -67,6 +68,7 @@ TEST(StudyFile, SaysAllOfAStudy) {
   EXPECT_EQ(study.initial_count, 3U);
   EXPECT_EQ(study.initial.low, (Displacement{.x_m = -1.0, .yaw_deg = -60.0}));
   EXPECT_EQ(study.initial.high, (Displacement{.x_m = 1.0, .yaw_deg = 60.0}));
+  EXPECT_THAT(study.methods, ::testing::ElementsAre(Method::kIcp, Method::kRobust));
   EXPECT_THAT(study.strategies, ::testing::ElementsAre("base", "observations"));
   EXPECT_THAT(study.k, ::testing::ElementsAre(5U, 7U));
   EXPECT_EQ(study.align.max_iterations, 50);
@@ -81,6 +83,7 @@ TEST(StudyFile, SaysAllOfAStudy) {
 TEST(StudyFile, HasThePapersDefaults) {
   const Study study = parse_study(
       "{name: s, pairs: [{name: p, source: a, target: b}], initial_poses: {}}", "study.yaml");
+  EXPECT_THAT(study.methods, ::testing::ElementsAre(Method::kIcp));
   EXPECT_THAT(study.strategies,
               ::testing::ElementsAre("base", "covariance", "observations", "distance"));
   EXPECT_THAT(study.k, ::testing::ElementsAre(5U));
@@ -102,6 +105,10 @@ TEST(StudyFile, NamesLineAndKeyOfADefect) {
   EXPECT_THAT(message_of(replaced(kFull, "yaw_deg: [-60", "yaw_deg: [nan")), HasSubstr("'nan'"));
   EXPECT_THAT(message_of(replaced(kFull, "observations]", "magic]")),
               AllOf(HasSubstr("strategies[1]: 'magic'"), HasSubstr("base, covariance")));
+  EXPECT_THAT(message_of(replaced(kFull, "[icp, robust]", "[icp, magic]")),
+              AllOf(HasSubstr("methods[1]: 'magic'"), HasSubstr("icp, fast, robust, anywhere")));
+  EXPECT_THAT(message_of(replaced(kFull, "[icp, robust]", "[icp, icp]")),
+              HasSubstr("each method once"));
   EXPECT_THAT(message_of(replaced(kFull, "[base, observations]", "[base, base]")),
               HasSubstr("given twice"));
   EXPECT_THAT(message_of(replaced(kFull, "k: [5, 7]", "k: 5")), HasSubstr("k: no list"));
@@ -115,26 +122,28 @@ TEST(StudyFile, NamesLineAndKeyOfADefect) {
   EXPECT_THAT(message_of(replaced(kFull, "seed: 7", "seed: 7\nseed: 8")), HasSubstr("twice"));
 }
 
-TEST(StudyPlan, CrossesPairsPosesAndStrategies) {
+TEST(StudyPlan, CrossesPairsPosesMethodsAndStrategies) {
   const StudyPlan plan(parse_study(kFull, "study.yaml"));
-  // Base ICP has no use for a second k.
-  EXPECT_EQ(plan.runs_per_pair(), 3U * 3U);
-  EXPECT_EQ(plan.size(), 27U);
+  // Base ICP and the robust method have no use for a second k.
+  EXPECT_EQ(plan.runs_per_pair(), 3U * 5U);
+  EXPECT_EQ(plan.size(), 45U);
   std::set<std::string> keys;
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const Trial trial = plan.trial(i);
-    EXPECT_EQ(trial.pair, plan.study().pairs[i / 9].name);
-    EXPECT_EQ(trial.number, i % 9 / 3 + 1);
-    EXPECT_EQ(trial.initial, plan.trial(i - i % 3).initial) << "strategies share the poses";
+    EXPECT_EQ(trial.pair, plan.study().pairs[i / 15].name);
+    EXPECT_EQ(trial.number, i % 15 / 5 + 1);
+    EXPECT_EQ(trial.initial, plan.trial(i - i % 5).initial) << "strategies share the poses";
     EXPECT_LE(std::abs(trial.initial.x_m), 1.0);
     EXPECT_LE(std::abs(trial.initial.yaw_deg), 60.0);
     EXPECT_EQ(trial.initial.roll_deg, 0.0);
-    keys.insert(trial.pair + "/" + std::to_string(trial.number) + "/" + trial.strategy + "/" +
+    keys.insert(trial.pair + "/" + std::to_string(trial.number) + "/" + approach_of(trial) + "/" +
                 std::to_string(trial.k));
   }
   EXPECT_EQ(keys.size(), plan.size());
-  EXPECT_NE(plan.trial(0).initial, plan.trial(3).initial);
-  EXPECT_NE(plan.trial(0).initial, plan.trial(9).initial);
+  EXPECT_EQ(approach_of(plan.trial(1)), "observations");
+  EXPECT_EQ(approach_of(plan.trial(2)), "robust base");
+  EXPECT_NE(plan.trial(0).initial, plan.trial(5).initial);
+  EXPECT_NE(plan.trial(0).initial, plan.trial(15).initial);
 }
 
 TEST(StudyPlan, KeepsItsPosesWhenThereAreMoreOfThem) {
@@ -142,8 +151,8 @@ TEST(StudyPlan, KeepsItsPosesWhenThereAreMoreOfThem) {
   const StudyPlan few(study);
   study.initial_count = 50;
   const StudyPlan many(study);
-  EXPECT_EQ(few.trial(3).initial, many.trial(3).initial);
-  EXPECT_EQ(few.trial(9).initial, many.trial(many.runs_per_pair()).initial);
+  EXPECT_EQ(few.trial(5).initial, many.trial(5).initial);
+  EXPECT_EQ(few.trial(15).initial, many.trial(many.runs_per_pair()).initial);
 }
 
 TEST(StudyPlan, HasATextThatDiffersWithWhateverChangesTheRuns) {
@@ -154,6 +163,7 @@ TEST(StudyPlan, HasATextThatDiffersWithWhateverChangesTheRuns) {
       {"[1, 5]", "[1, 6]"},
       {"count: 3", "count: 4"},
       {"[-1, 1]", "[-1, 2]"},
+      {"[icp, robust]", "[icp, fast]"},
       {"k: [5, 7]", "k: [5]"},
       {"frames: 90", "frames: 91"},
       {"truth.txt", "other.txt"},
