@@ -52,6 +52,20 @@ void align_fast(benchmark::State& state) {
   align_cairn(state, workload(), effort_of(state, 0), true);
 }
 
+// Many pairs side by side, each on one thread. Arguments: k, threads.
+void align_pairs(benchmark::State& state) {
+  constexpr std::size_t kPairs = 16;
+  const Workload& work = workload();
+  AlignOptions options = work.options;
+  options.k = static_cast<std::size_t>(state.range(0));
+  const Executor executor(static_cast<unsigned>(state.range(1)));
+  for (auto _ : state) {
+    executor.for_blocks(kPairs, 1, [&](std::size_t, std::size_t) {
+      benchmark::DoNotOptimize(align(work.source, work.target, options));
+    });
+  }
+}
+
 void align_size(benchmark::State& state) {
   align_cairn(state, workload(static_cast<std::size_t>(state.range(0))), effort_of(state, 1));
 }
@@ -116,6 +130,12 @@ BENCHMARK(align_fast)
     ->Args({5, 150, 1})
     ->Args({1, 150, 2})
     ->Args({5, 150, 2})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK(align_pairs)
+    ->Name("align/cairn/pairs")
+    ->ArgNames({"k", "threads"})
+    ->ArgsProduct({{1, 5}, {1, 2}})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 BENCHMARK(align_size)->Name("size/cairn")->Apply([](auto* made) { sizes(made, {1, 5}, {1, 2}); });

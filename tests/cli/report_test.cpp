@@ -255,6 +255,18 @@ TEST_F(WrittenReportTest, FailedAlignmentIsShownAsOne) {
   EXPECT_EQ(section(report, "scene").at("runs").at(0).at("summary").at("status"), "failed");
 }
 
+TEST_F(WrittenReportTest, AVerdictIsSaidFirstAlsoWhenSaved) {
+  write_map(synthetic_map({.seed = 21, .landmarks = 600, .frames = 20}), path("a.map"));
+  write_map(synthetic_map({.seed = 22, .landmarks = 600, .frames = 20}), path("b.map"));
+  const CommandResult result = cairn({"align", "a.map", "b.map", "--anywhere", "--json", "r.json",
+                                      "--report", "r.html", "--quiet"});
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  const Json subtitle = page("r.html").document.at("subtitle");
+  EXPECT_THAT(subtitle.get<std::string>(), StartsWith("Rejected: the best pose matches"));
+  answer({"report", "r.json", "-o", "saved.html"});
+  EXPECT_EQ(page("saved.html").document.at("subtitle"), subtitle);
+}
+
 TEST_F(WrittenReportTest, WhatIsNoResultIsRefusedWithFileFieldAndValue) {
   write_pair();
   answer(align({"--trace", "--json", "result.json"}));

@@ -2,6 +2,7 @@
 #include "support/reports.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <utility>
 
@@ -18,9 +19,11 @@
 namespace cairn::cli {
 namespace {
 
-// The name that the paper and the viewer have for it.
-std::string strategy_name(const std::string& confidence) {
-  return confidence == "none" ? "base" : confidence;
+// The name that the paper and the viewer have for it; another method's before the confidence, if any.
+std::string approach_name(const Alignment& alignment) {
+  const bool weighs = alignment.confidence != "none";
+  if (alignment.method == "icp") return weighs ? alignment.confidence : "base";
+  return weighs ? alignment.method + " " + alignment.confidence : alignment.method;
 }
 
 std::string text_of(const Json& json) {
@@ -48,7 +51,7 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
       truth.reset();
     }
     report::AlignmentRun run = report::make_run(result, source, target,
-                                                {.name = strategy_name(alignment.confidence),
+                                                {.name = approach_name(alignment),
                                                  .initial = pair.initial,
                                                  .k = alignment.k,
                                                  .truth = truth});
@@ -135,6 +138,11 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
 }
 
 std::string best_of(const std::vector<Alignment>& alignments, LengthUnit unit) {
+  if (alignments.size() == 1 && alignments.front().placement) {
+    std::string verdict(to_string(alignments.front().placement->verdict));
+    verdict.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(verdict.front())));
+    return verdict + ": " + alignments.front().result.reason + ".";
+  }
   const std::string symbol = unit_symbol(unit);
   const Alignment* nearest = nullptr;
   const Alignment* closest = nullptr;
@@ -149,11 +157,11 @@ std::string best_of(const std::vector<Alignment>& alignments, LengthUnit unit) {
   }
   if (closest == nullptr) return "No strategy found a pose.";
   std::string text = fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
-                                 strategy_name(closest->confidence), *closest->result.score, symbol,
+                                 approach_name(*closest), *closest->result.score, symbol,
                                  closest->result.iterations);
   if (nearest != nullptr) {
     text += fmt::format("; {} is nearest to the true pose, {} {} and {} degrees off",
-                        nearest == closest ? "it" : strategy_name(nearest->confidence),
+                        nearest == closest ? "it" : approach_name(*nearest),
                         fixed(nearest->error->translation, 4), symbol,
                         fixed(degrees(nearest->error->rotation_rad), 3));
   }

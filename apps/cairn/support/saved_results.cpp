@@ -122,10 +122,18 @@ IterationRecord iteration_of(const Field& field) {
 Alignment alignment_of(const Field& field) {
   Alignment alignment;
   alignment.confidence = field["confidence"].text();
+  alignment.method = field["method"].optional_text().value_or(alignment.method);
   alignment.k = field["k"].whole(std::numeric_limits<std::uint32_t>::max());
   AlignResult& result = alignment.result;
-  result.status = field["status"].one_of(
-      std::array{AlignStatus::kAligned, AlignStatus::kFailed, AlignStatus::kCancelled});
+  if (const Field verdict = field["verdict"]; !verdict.is_null() && verdict.text() != "none") {
+    alignment.placement.emplace().verdict =
+        verdict.one_of(std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
+    result.status =
+        field["target_from_source"].is_null() ? AlignStatus::kFailed : AlignStatus::kAligned;
+  } else {
+    result.status = field["status"].one_of(
+        std::array{AlignStatus::kAligned, AlignStatus::kFailed, AlignStatus::kCancelled});
+  }
   result.stop_reason = field["stop_reason"].one_of(
       std::array{StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint,
                  StopReason::kCycle, StopReason::kIterationLimit, StopReason::kTimeLimit,
