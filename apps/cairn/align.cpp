@@ -77,7 +77,7 @@ void AlignArguments::add_to(CLI::App& command) {
       "Go on where matches repeat, until the mean squared distance settles or the limit "
       "is reached, as PCL does");
   command.add_flag("--fast", options.coarse_to_fine,
-                   "Align growing samples of the source first: sooner done, and now and then at "
+                   "Align growing samples of the maps first: sooner done, and now and then at "
                    "another optimum");
   add_number(command, "--min-observations", point_options.min_observations,
              "Leave out landmarks observed less often");

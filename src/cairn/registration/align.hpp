@@ -29,7 +29,7 @@ struct AlignOptions {
   /// it an alignment goes on, as PCL's does, until the change or the limit above ends it: in a limit
   /// cycle at whichever of its poses the limit falls upon.
   bool stop_at_repetition = true;
-  /// Align growing samples of the source first (see align_samples): faster, and it may end at
+  /// Align growing samples of both first (see align_samples): faster, and it may end at
   /// another optimum than without.
   bool coarse_to_fine = false;
   double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
