@@ -18,6 +18,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
@@ -35,8 +36,6 @@ double processor_seconds() {
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
-
-constexpr double kWithin95Percent = 12.592;  // of chi-squared with 6 degrees of freedom
 
 struct Tally {
   std::size_t trials = 0;
@@ -101,11 +100,14 @@ class Bench {
       std::vector<double>& normalised = tally.normalised;
       if (normalised.empty()) continue;
       std::sort(normalised.begin(), normalised.end());
-      const auto inside = std::lower_bound(normalised.begin(), normalised.end(), kWithin95Percent);
-      std::fprintf(stderr, "  in the 95 %% ellipsoid %.1f %%, median squared distance %.2f\n",
-                   100.0 * static_cast<double>(inside - normalised.begin()) /
-                       static_cast<double>(normalised.size()),
-                   normalised[normalised.size() / 2]);
+      const auto inside =
+          std::lower_bound(normalised.begin(), normalised.end(), kNormalisedSquaredError95);
+      std::fprintf(
+          stderr,
+          "  of those found, in the 95 %% ellipsoid %.1f %%, median squared distance %.2f\n",
+          100.0 * static_cast<double>(inside - normalised.begin()) /
+              static_cast<double>(normalised.size()),
+          normalised[normalised.size() / 2]);
     }
     for (auto* const times : {&processor_, &wall_}) {
       if (times->empty()) return;

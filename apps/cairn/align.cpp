@@ -198,7 +198,7 @@ report::Report AlignArguments::make_report(const LoadedMap& source_map, const Lo
   pair.truth = true_pose;
   pair.alignments = alignments;
   report::Report report = begin_report(pair.source_name + " to " + pair.target_name, common);
-  report.subtitle = best_of(alignments, unit);
+  report.subtitle = subtitle_of(alignments, unit);
   set_provenance(report, json);
   add_pair(report, pair);
   return report;

@@ -139,7 +139,7 @@ report::Report DemoArguments::make_report(const DemoPair& pair, const Rigid3& in
   if (story.ends_with(':')) story.back() = '.';
   shown.story = std::move(story);
   report::Report report = begin_report("Two sessions of one desk", common);
-  report.subtitle = best_of(alignments, LengthUnit::kMetres);
+  report.subtitle = subtitle_of(alignments, LengthUnit::kMetres);
   set_provenance(report, json);
   add_pair(report, shown);
   return report;

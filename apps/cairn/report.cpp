@@ -240,7 +240,7 @@ void Assembly::add_alignment(const Json& document, const std::string& path) {
   options_[path] = saved.options;
   if (!several_) {
     if (report_.title.empty()) report_.title = pair.source_name + " to " + pair.target_name;
-    report_.subtitle = best_of(pair.alignments, pair.unit);
+    report_.subtitle = subtitle_of(pair.alignments, pair.unit);
   }
 }
 

@@ -323,6 +323,7 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
             candidates.at(0).at("spread_evidence").get<double>());
   EXPECT_LT(candidates.at(0).at("contradicted").get<double>(), 0.05);
   EXPECT_EQ(candidates.at(0).at("probability"), result.at("probability"));
+  EXPECT_EQ(result.at("deterministic"), true);
   EXPECT_TRUE(files().contains("aligned.map"));
   const std::string text = answer({"align", "source.map", "target.map", "--anywhere"});
   EXPECT_THAT(text, HasSubstr("none: aligned: the best pose matches"));
@@ -335,6 +336,7 @@ TEST_F(AlignTest, AnywhereTakesALimitOfTime) {
   const Json ample = document(command);
   EXPECT_EQ(ample.at("options").at("time_limit_s"), 3600.0);
   EXPECT_EQ(ample.at("results").at(0).at("cut_short"), false);
+  EXPECT_EQ(ample.at("results").at(0).at("deterministic"), false);
   EXPECT_EQ(ample.at("results").at(0).at("verdict"), "aligned");
   expect_refusal({"align", "source.map", "target.map", "--anywhere", "--time-limit", "0"},
                  kWrongUsage, {"--time-limit", "a positive number"});

@@ -261,10 +261,15 @@ TEST_F(WrittenReportTest, AVerdictIsSaidFirstAlsoWhenSaved) {
   const CommandResult result = cairn({"align", "a.map", "b.map", "--anywhere", "--json", "r.json",
                                       "--report", "r.html", "--quiet"});
   EXPECT_EQ(result.exit_code, kNoAlignment);
-  const Json subtitle = page("r.html").document.at("subtitle");
-  EXPECT_THAT(subtitle.get<std::string>(), StartsWith("Rejected: the best pose matches"));
   answer({"report", "r.json", "-o", "saved.html"});
-  EXPECT_EQ(page("saved.html").document.at("subtitle"), subtitle);
+  for (const char* const name : {"r.html", "saved.html"}) {
+    const ReportPage report = page(name);
+    EXPECT_THAT(report.document.at("subtitle").get<std::string>(),
+                StartsWith("Rejected: the best pose matches"));
+    const Json& run = section(report, "scene").at("runs").at(0);
+    EXPECT_EQ(run.at("name"), "anywhere") << name;
+    EXPECT_EQ(run.at("summary").at("status"), "rejected") << name;
+  }
 }
 
 TEST_F(WrittenReportTest, WhatIsNoResultIsRefusedWithFileFieldAndValue) {

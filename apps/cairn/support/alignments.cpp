@@ -63,11 +63,6 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
   return list;
 }
 
-std::string_view status_of(const Alignment& alignment) {
-  return alignment.placement ? to_string(alignment.placement->verdict)
-                             : to_string(alignment.result.status);
-}
-
 // What all methods take alike.
 template <class Options>
 void take_common(const AlignOptions& from, Options& to) {
@@ -96,6 +91,11 @@ PlacementResult place_by(const RobustMethod& method, const LandmarkCloud& source
 }
 
 }  // namespace
+
+std::string_view status_of(const Alignment& alignment) {
+  return alignment.placement ? to_string(alignment.placement->verdict)
+                             : to_string(alignment.result.status);
+}
 
 bool is_aligned(const Alignment& alignment) {
   return alignment.placement ? alignment.placement->verdict == Verdict::kAligned
@@ -222,6 +222,8 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"covariance", has_pose && result.covariance ? to_json(*result.covariance) : Json(nullptr)},
       {"unobservable", has_pose ? json_of(result.unobservable) : Json(nullptr)},
       {"candidates", placement ? json_of(placement->candidates) : Json(nullptr)},
+      // A limit in seconds leaves it to the machine what is found.
+      {"deterministic", !(placement && placement->time_limited)},
       {"cut_short", placement ? Json(placement->cut_short) : Json(nullptr)},
       {"support_radius", placement ? Json(placement->radius) : Json(nullptr)},
       {"duration_s", result.duration_s},

@@ -31,6 +31,9 @@ struct Alignment {
   std::optional<PoseError> error;            ///< against the truth, where that is known
 };
 
+/// "aligned" and so on, or the verdict where there is one.
+std::string_view status_of(const Alignment& alignment);
+
 /// Whether there is a pose to be trusted as far as the method can tell.
 bool is_aligned(const Alignment& alignment);
 

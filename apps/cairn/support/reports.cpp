@@ -19,11 +19,20 @@
 namespace cairn::cli {
 namespace {
 
-// The name that the paper and the viewer have for it; another method's before the confidence, if any.
+// The name that the paper, studies (approach_of) and the viewer have for it.
 std::string approach_name(const Alignment& alignment) {
   const bool weighs = alignment.confidence != "none";
-  if (alignment.method == "icp") return weighs ? alignment.confidence : "base";
-  return weighs ? alignment.method + " " + alignment.confidence : alignment.method;
+  std::string method = alignment.method;
+  if (alignment.placement) method = "anywhere";
+  if (alignment.result.coarse_iterations > 0) method = "fast";
+  if (method == "icp") return weighs ? alignment.confidence : "base";
+  return weighs ? method + " " + alignment.confidence : method;
+}
+
+std::string verdict_text(const Alignment& alignment) {
+  std::string verdict(to_string(alignment.placement->verdict));
+  verdict.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(verdict.front())));
+  return fmt::format("{}: {}.", verdict, alignment.result.reason);
 }
 
 std::string text_of(const Json& json) {
@@ -54,7 +63,8 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
                                                 {.name = approach_name(alignment),
                                                  .initial = pair.initial,
                                                  .k = alignment.k,
-                                                 .truth = truth});
+                                                 .truth = truth,
+                                                 .status = std::string(status_of(alignment))});
     if (!has_points && alignment.error) {
       for (auto& [name, value] : run.summary) {
         if (name == "rotation_error_deg") value = degrees(alignment.error->rotation_rad);
@@ -137,11 +147,15 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
                                                       .runs = {}}});
 }
 
-std::string best_of(const std::vector<Alignment>& alignments, LengthUnit unit) {
-  if (alignments.size() == 1 && alignments.front().placement) {
-    std::string verdict(to_string(alignments.front().placement->verdict));
-    verdict.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(verdict.front())));
-    return verdict + ": " + alignments.front().result.reason + ".";
+std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit unit) {
+  if (!alignments.empty() && alignments.front().placement) {
+    std::string text;
+    for (const Alignment& alignment : alignments) {
+      if (!text.empty()) text += " ";
+      if (alignments.size() > 1) text += approach_name(alignment) + ": ";
+      text += verdict_text(alignment);
+    }
+    return text;
   }
   const std::string symbol = unit_symbol(unit);
   const Alignment* nearest = nullptr;

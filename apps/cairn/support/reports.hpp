@@ -41,7 +41,7 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
              const std::string& prefix = {});
 
 /// One sentence that says which strategy did best, and by what.
-std::string best_of(const std::vector<Alignment>& alignments, LengthUnit unit);
+std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit unit);
 
 /// Inputs and options as a document has them.
 void set_provenance(report::Report& report, const Json& document);

@@ -126,8 +126,11 @@ Alignment alignment_of(const Field& field) {
   alignment.k = field["k"].whole(std::numeric_limits<std::uint32_t>::max());
   AlignResult& result = alignment.result;
   if (const Field verdict = field["verdict"]; !verdict.is_null() && verdict.text() != "none") {
-    alignment.placement.emplace().verdict =
+    PlacementResult& placement = alignment.placement.emplace();
+    placement.verdict =
         verdict.one_of(std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
+    placement.probability = field["probability"].number();
+    placement.radius = field["support_radius"].number();
     result.status =
         field["target_from_source"].is_null() ? AlignStatus::kFailed : AlignStatus::kAligned;
   } else {
@@ -143,6 +146,9 @@ Alignment alignment_of(const Field& field) {
   result.initial_score = field["initial_score"].optional_number();
   result.score = field["score"].optional_number();
   result.iterations = static_cast<int>(field["iterations"].whole(std::numeric_limits<int>::max()));
+  if (const Field coarse = field["coarse_iterations"]; !coarse.is_null()) {
+    result.coarse_iterations = static_cast<int>(coarse.whole(std::numeric_limits<int>::max()));
+  }
   if (const Field repetition = field["repetition"]; !repetition.is_null()) {
     const auto count = [&](const char* name) {
       return static_cast<int>(repetition[name].whole(result.iterations));

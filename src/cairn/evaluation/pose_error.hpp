@@ -20,10 +20,4 @@ struct PoseError {
 PoseError pose_error(const Rigid3& estimate, const Rigid3& truth,
                      std::span<const Eigen::Vector3d> source);
 
-/// The error of a pose under the covariance it is stated with, squared Mahalanobis distance: of a
-/// calibrated covariance, chi-squared with 6 degrees of freedom, and so below 12.59 in 95 % of all cases.
-/// @param covariance of a left perturbation of `estimate`, (δt, δφ); positive definite
-double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
-                                const Rigid3& truth);
-
 }  // namespace cairn

@@ -35,14 +35,5 @@ TEST(PoseError, IsSymmetricInRotation) {
   EXPECT_NEAR(pose_error(a, b, {}).translation, 5.0, 1e-14);
 }
 
-TEST(NormalisedSquaredError, CountsStandardDeviations) {
-  const auto truth = Rigid3::from_roll_pitch_yaw({40, -30, 20}, 0.5, -0.7, 2.0);
-  Matrix6d covariance = Matrix6d::Zero();
-  covariance.diagonal() << 0.01, 0.04, 0.09, 1e-4, 4e-4, 9e-4;
-  const Rigid3 found = truth.perturbed((Vector6d() << 0.2, 0.0, 0.3, 0.0, 0.02, 0.0).finished());
-  EXPECT_NEAR(normalised_squared_error(found, covariance, truth), 4.0 + 1.0 + 1.0, 1e-9);
-  EXPECT_EQ(normalised_squared_error(truth, covariance, truth), 0.0);
-}
-
 }  // namespace
 }  // namespace cairn

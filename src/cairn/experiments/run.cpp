@@ -20,13 +20,17 @@ AlignResult placed(const PairPoints& points, std::uint64_t seed, const AlignOpti
   PlacementResult result = place(points.source_cloud, points.target_cloud, placement);
   const bool cancelled = result.alignment.status == AlignStatus::kCancelled;
   if (!cancelled && result.verdict != Verdict::kAligned) {
+    // Scores of a pose that nobody is to take say nothing.
     result.alignment.status = AlignStatus::kFailed;
+    result.alignment.score.reset();
+    result.alignment.initial_score.reset();
   }
   result.alignment.duration_s = result.duration_s;
   return std::move(result.alignment);
 }
 
-AlignResult found(const Trial& trial, const PairPoints& points, AlignOptions options) {
+AlignResult found(const Trial& trial, const PairPoints& points, AlignOptions options,
+                  std::uint64_t seed) {
   switch (trial.method) {
     case Method::kIcp:
       options.stop_at_repetition = false;
@@ -41,7 +45,7 @@ AlignResult found(const Trial& trial, const PairPoints& points, AlignOptions opt
                      .executor = options.executor,
                      .stop = options.stop});
     case Method::kAnywhere:
-      return placed(points, trial.number, options);
+      return placed(points, seed, options);
   }
   return align(points.source, points.target, options);
 }
@@ -71,9 +75,14 @@ bool uses_k(Method method) {
   return method == Method::kIcp || method == Method::kFast;
 }
 
+bool needs_clouds(Method method) {
+  return method == Method::kRobust || method == Method::kAnywhere;
+}
+
 std::string approach_of(const Trial& trial) {
   if (trial.method == Method::kIcp) return trial.strategy;
-  return std::string(to_string(trial.method)) + " " + trial.strategy;
+  const std::string method(to_string(trial.method));
+  return trial.strategy == "base" ? method : method + " " + trial.strategy;
 }
 
 PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
@@ -88,10 +97,11 @@ PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
 }
 
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
-                      const std::optional<Rigid3>& truth, AlignOptions options) {
+                      const std::optional<Rigid3>& truth, AlignOptions options,
+                      std::uint64_t seed) {
   options.initial = initial;
   options.k = trial.k;
-  const AlignResult result = found(trial, points, options);
+  const AlignResult result = found(trial, points, options, seed);
   if (result.status == AlignStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "experiment", "cancelled", "");
   }

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -51,6 +52,8 @@ inline constexpr std::array kMethods = {Method::kIcp, Method::kFast, Method::kRo
 
 /// Whether the number of candidates makes a difference to the method.
 bool uses_k(Method method);
+/// Whether the method is one of placement, which sees landmarks as clouds.
+bool needs_clouds(Method method);
 
 /// A pair's landmarks with the confidences of one strategy.
 struct PairPoints {
@@ -78,7 +81,8 @@ struct Trial {
   friend bool operator==(const Trial&, const Trial&) = default;
 };
 
-/// What people call the trial's way: its strategy, after the method if that is not ICP.
+/// What people call the trial's way: its strategy; that of another method than ICP, after the method,
+/// "robust" or "robust observations".
 std::string approach_of(const Trial& trial);
 
 /// A trial and what came of it.
@@ -99,9 +103,11 @@ struct TrialResult {
 /// placement take of the others what they have.
 /// @param points with clouds if the method is one of placement
 /// @param initial target_from_source to start from
+/// @param seed    of what a method draws
 /// @throws Error (cancelled) if options.stop asks for it
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
-                      const std::optional<Rigid3>& truth, AlignOptions options);
+                      const std::optional<Rigid3>& truth, AlignOptions options,
+                      std::uint64_t seed = 0);
 
 /// How far a pose may be from the true one and still be a success.
 struct PoseTolerance {

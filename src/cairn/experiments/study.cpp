@@ -55,10 +55,14 @@ std::string canonical_text(const Study& study) {
     text += fmt::format("{} {} {}\n", named.name, study.initial.low.*named.part,
                         study.initial.high.*named.part);
   }
-  std::vector<std::string_view> methods;
-  for (const Method method : study.methods) methods.push_back(to_string(method));
-  text += fmt::format("methods {}\nstrategies {}\nk {}\n", fmt::join(methods, " "),
-                      fmt::join(study.strategies, " "), fmt::join(study.k, " "));
+  // Folders of before there were methods can be gone on with.
+  if (study.methods != Study().methods) {
+    std::vector<std::string_view> methods;
+    for (const Method method : study.methods) methods.push_back(to_string(method));
+    text += fmt::format("methods {}\n", fmt::join(methods, " "));
+  }
+  text += fmt::format("strategies {}\nk {}\n", fmt::join(study.strategies, " "),
+                      fmt::join(study.k, " "));
   return text + fmt::format("max_iterations {}\nmax_distance_m {}\nmin_observations {}\n",
                             study.align.max_iterations, study.align.max_distance,
                             study.points.min_observations);
@@ -88,6 +92,11 @@ Trial StudyPlan::trial(std::size_t run) const {
           .strategy = combination.strategy,
           .k = combination.k,
           .initial = draw(Random(study_.seed).fork(pair).fork(pose), study_.initial)};
+}
+
+std::uint64_t StudyPlan::seed_of(std::size_t run) const {
+  const std::size_t pose = run % runs_per_pair() / combinations_.size();
+  return Random(study_.seed).fork(pair_of(run)).fork(pose).fork(1).draw_seed();
 }
 
 Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,

@@ -82,6 +82,8 @@ class StudyPlan {
   std::size_t pair_of(std::size_t run) const { return run / runs_per_pair(); }
   /// Depends on the study and the number only. Methods and strategies share the initial poses.
   Trial trial(std::size_t run) const;
+  /// Of what the run's method draws; the same for all methods and strategies from one initial pose.
+  std::uint64_t seed_of(std::size_t run) const;
   const Study& study() const { return study_; }
 
  private:

@@ -265,13 +265,11 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
   align.executor = Executor();  // runs are spread over threads, not the work of one
   align.stop = options.stop;
 
+  const bool with_clouds = std::any_of(study.methods.begin(), study.methods.end(), needs_clouds);
   for (std::size_t next = first + folder.done(); next < end;) {
     const std::size_t pair_number = plan.pair_of(next);
     const std::size_t pair_end = std::min(end, (pair_number + 1) * plan.runs_per_pair());
     const MapPair pair = load_pair(study.pairs[pair_number]);
-    const bool with_clouds = std::any_of(
-        study.methods.begin(), study.methods.end(),
-        [](Method method) { return method == Method::kRobust || method == Method::kAnywhere; });
     std::map<std::string, PairPoints> points;
     for (const std::string& name : study.strategies) {
       points.emplace(name, pair_points(pair, strategy_named(name), study.points, with_clouds));
@@ -284,7 +282,8 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
           Trial trial = plan.trial(next + i);
           const Rigid3 initial = displaced(trial.initial, pair.truth, centre);
           const PairPoints& strategy_points = points.at(trial.strategy);
-          return run_trial(std::move(trial), strategy_points, initial, pair.truth, align);
+          return run_trial(std::move(trial), strategy_points, initial, pair.truth, align,
+                           plan.seed_of(next + i));
         },
         [&](std::size_t, const TrialResult& run) {
           folder.append(run);

@@ -141,9 +141,22 @@ TEST(StudyPlan, CrossesPairsPosesMethodsAndStrategies) {
   }
   EXPECT_EQ(keys.size(), plan.size());
   EXPECT_EQ(approach_of(plan.trial(1)), "observations");
-  EXPECT_EQ(approach_of(plan.trial(2)), "robust base");
+  EXPECT_EQ(approach_of(plan.trial(2)), "robust");
   EXPECT_NE(plan.trial(0).initial, plan.trial(5).initial);
   EXPECT_NE(plan.trial(0).initial, plan.trial(15).initial);
+}
+
+TEST(StudyPlan, HasASeedForEachStartOfEachPair) {
+  Study study = parse_study(kFull, "study.yaml");
+  const StudyPlan plan(study);
+  std::set<std::uint64_t> seeds;
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    seeds.insert(plan.seed_of(i));
+    EXPECT_EQ(plan.seed_of(i), plan.seed_of(i - i % 5));
+  }
+  EXPECT_EQ(seeds.size(), 9U);
+  study.seed = 8;
+  EXPECT_FALSE(seeds.contains(StudyPlan(study).seed_of(0)));
 }
 
 TEST(StudyPlan, KeepsItsPosesWhenThereAreMoreOfThem) {

@@ -40,6 +40,7 @@ constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each vi
 constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
 constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
 // Shares of the time limit that must see their part of the work done; the last refinement has the rest.
+constexpr double kLongest = 1e6;  // seconds
 constexpr double kSearchTime = 0.5;
 constexpr double kCandidatesTime = 0.85;
 // In units of the fine scale:
@@ -325,8 +326,8 @@ Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
 
 void PlaceOptions::validate() const {
   require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
-  require(!time_limit_s || (*time_limit_s > 0.0 && std::isfinite(*time_limit_s)), "time_limit_s",
-          time_limit_s.value_or(0.0), "a positive number");
+  require(!time_limit_s || (*time_limit_s > 0.0 && *time_limit_s <= kLongest), "time_limit_s",
+          time_limit_s.value_or(0.0), "a positive number of at most 1e6");
   require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
           "overlap_radius", overlap_radius.value_or(0.0), "a positive number");
   if (!gravity) return;
@@ -344,6 +345,7 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
   source.validate("source");
   target.validate("target");
   PlacementResult result;
+  result.time_limited = options.time_limit_s.has_value();
   if (std::min(source.size(), target.size()) < kFewestLandmarks) {
     result.reason =
         fmt::format("{} source and {} target landmarks: a pose is told from chance by at least {}",
@@ -358,7 +360,6 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     Judgement judgement = judge(result.candidates, found.landmarks, result.radius);
     result.verdict = judgement.verdict;
     result.reason = std::move(judgement.reason);
-    if (result.cut_short) result.reason += "; the time limit cut the search short";
     RefineOptions refinement;
     if (!result.candidates.empty()) {
       result.probability = result.candidates.front().probability;
@@ -375,6 +376,7 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
       result.alignment = refine(source, target, refinement);
     });
     if (unfinished && result.alignment.status == AlignStatus::kCancelled) {
+      result.cut_short = true;
       result.alignment.stop_reason = StopReason::kTimeLimit;
       result.alignment.status = status_of(StopReason::kTimeLimit);
       result.alignment.reason = fmt::format("stopped at the limit of time after {} iterations",
@@ -384,6 +386,7 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
       result.verdict = Verdict::kRejected;
       result.reason = result.alignment.reason;
     }
+    if (result.cut_short) result.reason += "; the time limit cut the work short";
   }
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -31,7 +31,8 @@ struct PlaceOptions {
   std::optional<GravityPrior> gravity = {};
   /// Wall time after which the search makes do with what it has: half of it for the search for poses,
   /// the rest to refine and judge them. What is found then depends on the machine, and so can be another
-  /// from run to run. Positive; nothing: no limit.
+  /// from run to run. What has to be done whatever is found (trees, descriptors, overlap) is done, so the
+  /// whole may take longer. Positive, at most 1e6; nothing: no limit.
   std::optional<double> time_limit_s = {};
   bool use_covariances = true;  ///< in the final refinement; see RefineOptions
   /// Within which distance the refined result's landmarks count as overlapping; nothing: the
@@ -57,10 +58,11 @@ struct PlacementResult {
   std::vector<PlacementCandidate> candidates;
   double probability = 0.0;  ///< that the pose is right: that of the first candidate
   double radius = 0.0;       ///< within which landmarks count as matched
-  /// The time limit cut the search short: a pose that it would have found is missing, and the
-  /// probability does not know.
+  /// The time limit cut the work short: a pose that the search would have found may be missing, and the
+  /// probability does not know; or the last refinement did not come to its end.
   bool cut_short = false;
-  double duration_s = 0.0;   ///< wall time of the whole call
+  bool time_limited = false;  ///< there was a limit, whether it cut anything short or not
+  double duration_s = 0.0;    ///< wall time of the whole call
 };
 
 /// Aligns two maps from no initial pose, and says whether the pose can be trusted.
@@ -74,7 +76,7 @@ struct PlacementResult {
 ///
 /// Lengths come from the maps: their extents, the spacing of their landmarks, their covariances. An
 /// expected failure (too few landmarks, nothing in common) is a verdict. Same input and seed, same
-/// result, whatever the executor's number of threads.
+/// result, whatever the executor's number of threads; with a time limit, see there.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,

@@ -243,6 +243,7 @@ TEST(Place, RefusesInvalidOptionsByName) {
   refused({.effort = 1000.0}, "PlaceOptions.effort");
   refused({.effort = std::nan("")}, "PlaceOptions.effort");
   refused({.time_limit_s = 0.0}, "PlaceOptions.time_limit_s");
+  refused({.time_limit_s = 1e10}, "PlaceOptions.time_limit_s");
   refused({.time_limit_s = std::nan("")}, "PlaceOptions.time_limit_s");
   refused({.overlap_radius = -1.0}, "PlaceOptions.overlap_radius");
   refused({.gravity = GravityPrior{.source = Eigen::Vector3d::Zero()}}, "PlaceOptions.gravity");
@@ -278,7 +279,7 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
   options.effort = 64.0;
   const PlacementResult hasty = place(source, target, options);
   EXPECT_TRUE(hasty.cut_short);
-  EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the search short"));
+  EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the work short"));
   EXPECT_EQ(hasty.alignment.stop_reason, StopReason::kTimeLimit);
   EXPECT_EQ(hasty.alignment.status, AlignStatus::kAligned);
   EXPECT_FALSE(hasty.candidates.empty());

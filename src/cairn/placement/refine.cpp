@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/refine.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/placement/robust_alignment.hpp"
 #include "cairn/registration/score/fitness.hpp"
 
@@ -35,7 +39,41 @@ std::string sentence(const AlignResult& result, double fine) {
   }
 }
 
-void run(const CentredPair& pair, const RefineOptions& options, AlignResult& result) {
+// The same matches, seen from what was their target: of each the closest, by ascending index.
+std::vector<Match> turned_round(const std::vector<Match>& matches) {
+  std::vector<Match> result;
+  for (const Match& match : matches) {
+    result.push_back({match.target, match.source, match.squared_distance});
+  }
+  std::sort(result.begin(), result.end(), [](const Match& a, const Match& b) {
+    return std::tie(a.source, a.squared_distance, a.target) <
+           std::tie(b.source, b.squared_distance, b.target);
+  });
+  const auto same_source = [](const Match& a, const Match& b) { return a.source == b.source; };
+  result.erase(std::unique(result.begin(), result.end(), same_source), result.end());
+  return result;
+}
+
+// What is said of the moving cloud's pose in the other's frame, as said of its inverse.
+void turn_round(AlignResult& result) {
+  const Rigid3 pose = result.target_from_source;
+  result.target_from_source = pose.inverse();
+  result.matches = turned_round(result.matches);
+  for (IterationRecord& record : result.history) {
+    record.target_from_source = record.target_from_source.inverse();
+    record.matches = turned_round(record.matches);
+  }
+  if (result.covariance) result.covariance = inverse_covariance(pose, *result.covariance);
+  const Eigen::Matrix3d back = -result.target_from_source.rotation();
+  for (OpenDirection& open : result.unobservable) {
+    open = {back * open.translation, back * open.rotation};
+  }
+  if (result.overlap) std::swap(result.overlap->source, result.overlap->target);
+}
+
+// `inverted`: the pair's source is the caller's target. Scores are of the caller's source.
+void run(const CentredPair& pair, bool inverted, const RefineOptions& options,
+         AlignResult& result) {
   const BatchTree source_tree(pair.source().positions);
   const BatchTree target_tree(pair.target().positions);
   // Asked of the clouds only where the caller has not said.
@@ -48,11 +86,18 @@ void run(const CentredPair& pair, const RefineOptions& options, AlignResult& res
   const double coarse = options.coarse.value_or(std::max(own.coarse, fine));
   const RobustAlignment alignment(pair, target_tree, options.use_covariances, options.one_to_one,
                                   options.executor);
-  const auto distances = [&](const Rigid3& pose) {
+  const auto to_target = [&](const Rigid3& pose) {
     return nearest_squared_distances(pair.source().positions, pose, target_tree, options.executor);
   };
-  const Rigid3 initial = pair.centred(options.initial);
-  result.initial_score = fitness_score(distances(initial));
+  const auto to_source = [&](const Rigid3& pose) {
+    return nearest_squared_distances(pair.target().positions, pose.inverse(), source_tree,
+                                     options.executor);
+  };
+  const auto score = [&](const Rigid3& pose) {
+    return fitness_score(inverted ? to_source(pose) : to_target(pose));
+  };
+  const Rigid3 initial = pair.centred(inverted ? options.initial.inverse() : options.initial);
+  result.initial_score = score(initial);
   const IcpRun icp = alignment.run(
       initial, {.coarse = coarse, .fine = fine, .max_iterations = options.max_iterations},
       options.stop, [&](Iteration iteration) {
@@ -61,7 +106,7 @@ void run(const CentredPair& pair, const RefineOptions& options, AlignResult& res
         record.mean_squared_distance = iteration.mean_squared_distance;
         record.match_count = iteration.matches.size();
         if (options.trace) {
-          record.score = fitness_score(distances(iteration.target_from_source));
+          record.score = score(iteration.target_from_source);
           record.matches = std::move(iteration.matches);
         }
         result.history.push_back(std::move(record));
@@ -74,18 +119,19 @@ void run(const CentredPair& pair, const RefineOptions& options, AlignResult& res
   result.stop_reason = icp.stop_reason;
   result.target_from_source = pair.uncentred(pose);
   result.matches = alignment.matches(pose);
-  const std::vector<double> to_target = distances(pose);
-  result.score = fitness_score(to_target);
+  result.score = score(pose);
   if (options.overlap_radius) {
-    const std::vector<double> to_source = nearest_squared_distances(
-        pair.target().positions, pose.inverse(), source_tree, options.executor);
-    result.overlap = Overlap{*share_within(to_target, *options.overlap_radius),
-                             *share_within(to_source, *options.overlap_radius)};
+    result.overlap = Overlap{*share_within(to_target(pose), *options.overlap_radius),
+                             *share_within(to_source(pose), *options.overlap_radius)};
   }
-  PoseUncertainty uncertainty = alignment.uncertainty(pose, fine);
-  result.unobservable = std::move(uncertainty.unobservable);
-  if (uncertainty.covariance) result.covariance = pair.uncentred(*uncertainty.covariance, pose);
+  // Only of an optimum there is something to say.
+  if (icp.stop_reason == StopReason::kNoMotion || icp.stop_reason == StopReason::kIterationLimit) {
+    PoseUncertainty uncertainty = alignment.uncertainty(pose, fine);
+    result.unobservable = std::move(uncertainty.unobservable);
+    if (uncertainty.covariance) result.covariance = pair.uncentred(*uncertainty.covariance, pose);
+  }
   result.reason = sentence(result, fine);
+  if (inverted) turn_round(result);
 }
 
 }  // namespace
@@ -115,7 +161,10 @@ AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
     result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
                                 source.size(), target.size(), kFewestMatches);
   } else {
-    run(CentredPair(source, target), options, result);
+    // Landmarks of the larger map beside the smaller one would pull it their way.
+    const bool inverted = cloud_extent(source) > cloud_extent(target);
+    run(inverted ? CentredPair(target, source) : CentredPair(source, target), inverted, options,
+        result);
   }
   result.status = status_of(result.stop_reason);
   result.duration_s =

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/refine.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
+#include <utility>
+#include <vector>
 
-#include <Eigen/Cholesky>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/refusal.hpp"
@@ -89,10 +92,8 @@ TEST(Refine, IsCloserWithCovariances) {
   EXPECT_LT(with, without);
 }
 
-// Of the error under the covariance that the result states.
-double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
-  const Eigen::Matrix<double, 6, 1> error = result.target_from_source.difference_to(truth);
-  return error.dot(Eigen::Matrix<double, 6, 6>(*result.covariance).ldlt().solve(error));
+double error_of(const AlignResult& result, const Rigid3& truth) {
+  return normalised_squared_error(result.target_from_source, *result.covariance, truth);
 }
 
 TEST(Refine, CovarianceCoversTheErrorWhereMatchesAreRight) {
@@ -105,7 +106,7 @@ TEST(Refine, CovarianceCoversTheErrorWhereMatchesAreRight) {
     options.coarse = options.fine = 0.03;
     const AlignResult result = refine(pair.source, pair.target, options);
     ASSERT_TRUE(result.covariance);
-    sum += squared_mahalanobis(result, pair.truth);
+    sum += error_of(result, pair.truth);
   }
   // The mean of chi-squared with 6 degrees of freedom is 6; its deviation here 0.25. Exact matches are
   // held tighter than the estimate, which allows for others, takes for granted.
@@ -126,8 +127,8 @@ TEST(Refine, CovarianceCoversTheErrorWhereMostMatchesAreWrong) {
       options.coarse = 0.1;
       const AlignResult result = refine(pair.source, pair.target, options);
       ASSERT_TRUE(result.covariance);
-      const double distance = squared_mahalanobis(result, pair.truth);
-      inside += distance < 12.592 ? 1 : 0;  // 95 % of chi-squared with 6 degrees of freedom
+      const double distance = error_of(result, pair.truth);
+      inside += distance < kNormalisedSquaredError95 ? 1 : 0;
       sum += distance;
     }
     EXPECT_GE(inside, kTrials * 0.85) << "overlap " << overlap;
@@ -228,6 +229,59 @@ TEST(Refine, SaysWhichWayACorridorIsOpen) {
     ASSERT_TRUE(held.covariance);
     EXPECT_LT(std::abs(held.target_from_source.translation().x()), 0.02);
   }
+}
+
+TEST(Refine, KnowsHowWellASmallMapIsHeldInALargeOneAndTheOtherWayRound) {
+  const Pair pair = synthetic({.seed = 7, .landmarks = 4000, .overlap = 0.9});
+  // What lies within a small ball of the source's middle.
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const auto& position : pair.source.positions) middle += position / pair.source.size();
+  std::vector<std::pair<double, std::size_t>> near;
+  for (std::size_t i = 0; i < pair.source.size(); ++i) {
+    near.emplace_back((pair.source.positions[i] - middle).norm(), i);
+  }
+  std::sort(near.begin(), near.end());
+  LandmarkCloud small;
+  for (std::size_t i = 0; i < pair.source.size() / 15; ++i) {
+    small.positions.push_back(pair.source.positions[near[i].second]);
+    small.covariances.push_back(pair.source.covariances[near[i].second]);
+  }
+  RefineOptions options;
+  options.coarse = 0.1;
+  options.fine = 0.04;
+  options.initial = pair.truth;
+  const AlignResult there = refine(small, pair.target, options);
+  EXPECT_TRUE(there.unobservable.empty());
+  EXPECT_TRUE(there.covariance);
+  options.initial = pair.truth.inverse();
+  const AlignResult back = refine(pair.target, small, options);
+  EXPECT_TRUE(back.unobservable.empty());
+  ASSERT_TRUE(back.covariance);
+
+  // The same, seen from the other side.
+  EXPECT_LT(distance(back.target_from_source, there.target_from_source.inverse()), 1e-9);
+  EXPECT_NEAR(error_of(back, pair.truth.inverse()), error_of(there, pair.truth), 0.5);
+  EXPECT_NE(back.score, there.score) << "each of its own source";
+  for (std::size_t i = 0; i < back.matches.size(); ++i) {
+    ASSERT_LT(back.matches[i].source, pair.target.size());
+    ASSERT_LT(back.matches[i].target, small.size());
+    if (i > 0) {
+      ASSERT_LT(back.matches[i - 1].source, back.matches[i].source);
+    }
+  }
+}
+
+TEST(Refine, SaysNothingOfAPoseThatIsNoOptimum) {
+  const Pair pair = synthetic({.seed = 8, .landmarks = 800});
+  std::stop_source stop;
+  stop.request_stop();
+  RefineOptions options;
+  options.initial = pair.truth;
+  options.stop = stop.get_token();
+  const AlignResult result = refine(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, AlignStatus::kCancelled);
+  EXPECT_FALSE(result.covariance);
+  EXPECT_TRUE(result.unobservable.empty());
 }
 
 TEST(Refine, FailsWithTooFewLandmarks) {

@@ -2,6 +2,7 @@
 #include "cairn/placement/robust_alignment.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -10,7 +11,10 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "cairn/core/random.hpp"
+#include "cairn/core/sampling.hpp"
 #include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/placement/spatial_groups.hpp"
 
 namespace cairn {
@@ -25,9 +29,11 @@ constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
 // A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
 constexpr double kNegligible = 1.0 / 26.0;
-// Share of the kernel's scale over which a motion shows how matches change; docs/method.md compares.
+// Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does, and
+// the covariance comes out too small; by more, too large.
 constexpr double kStiffnessStep = 0.25;
-constexpr std::size_t kErrorGroups = 64;  // of matches
+constexpr std::size_t kErrorGroups = 64;       // parts of the matched landmarks, which err apart
+constexpr std::size_t kFewestErrorGroups = 7;  // fewer leave a direction without any error
 
 }  // namespace
 
@@ -91,13 +97,13 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
   const double kernel = 1.0 / (1.0 + residual.dot(force));
   if (kernel < kNegligible) return std::nullopt;
   const double trust = source.weight(match.source) * target.weight(match.target);
-  return Term{information, force, trust * kernel * kernel};
+  return Term{information, force, trust * kernel * kernel, trust * kernel};
 }
 
 RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vector3d> moved,
                                                       std::span<const Match> matches,
                                                       const Rigid3& pose, double scale,
-                                                      double length) const {
+                                                      const Arm& arm) const {
   constexpr std::size_t kBlock = 1024;
   const Eigen::Matrix3d rotation = pose.rotation();
   std::vector<Equations> parts((matches.size() + kBlock - 1) / kBlock);
@@ -108,7 +114,7 @@ RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vec
       const std::optional<Term> one = term(point, matches[i], rotation, scale);
       if (!one) continue;
       Jacobian jacobian;
-      jacobian << Eigen::Matrix3d::Identity(), -skew(point - pose.translation()) / length;
+      jacobian << Eigen::Matrix3d::Identity(), -skew(point - arm.pivot) / arm.length;
       part.information += one->weight * jacobian.transpose() * one->information * jacobian;
       part.gradient += one->weight * jacobian.transpose() * one->force;
       part.weight += one->weight;
@@ -139,7 +145,8 @@ IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
     }
     const std::vector<Eigen::Vector3d> moved = moved_points(source, run.target_from_source);
     std::vector<Match> matches = find_matches(moved, queries);
-    Equations sum = equations(moved, matches, run.target_from_source, scale, length);
+    Equations sum = equations(moved, matches, run.target_from_source, scale,
+                              {run.target_from_source.translation(), length});
     // Fewer matches than these would be free to turn.
     if (sum.count < kFewestMatches || !(sum.weight > 0.0)) {
       run.stop_reason = StopReason::kTooFewMatches;
@@ -171,34 +178,29 @@ std::vector<Match> RobustAlignment::matches(const Rigid3& pose) const {
   return find_matches(moved_points(pair_.source().positions, pose), queries);
 }
 
-// A few thousand source landmarks, which stand for all where motions are tried out.
+// Tries motions out on some thousands of source landmarks, which stand for all.
 class RobustAlignment::Trial {
  public:
-  Trial(const RobustAlignment& alignment, const Rigid3& pose, double scale, double length)
+  Trial(const RobustAlignment& alignment, const Rigid3& pose, double scale, const Arm& arm)
       : alignment_(alignment),
         pose_(pose),
         scale_(scale),
-        length_(length),
-        queries_(alignment.target_tree_.batch(1)) {
-    const std::vector<Eigen::Vector3d>& all = alignment.pair_.source().positions;
-    const std::size_t stride = 1 + all.size() / kTried;
-    for (std::uint32_t i = 0; i < all.size(); i += static_cast<std::uint32_t>(stride)) {
-      landmarks_.push_back(i);
-      points_.push_back(all[i]);
-    }
-    share_ = static_cast<double>(points_.size()) / static_cast<double>(all.size());
-  }
+        arm_(arm),
+        queries_(alignment.target_tree_.batch(1)),
+        moved_(all()),
+        here_(terms(pose)) {}
 
   // How the gradient of all landmarks answers small motions, each finding its match anew. With the
   // matches held it would seem much stiffer: a landmark that is none of the target's is not held by
   // its neighbour.
   Matrix6d stiffness() {
     const double step = kStiffnessStep * scale_;
+    const double share = static_cast<double>(tried_.size()) / static_cast<double>(all().size());
     Matrix6d result;
     for (int i = 0; i < 6; ++i) {
       const Vector6d direction = Vector6d::Unit(i);
       result.col(i) = (gradient(moved(-step * direction)) - gradient(moved(step * direction))) /
-                      (2.0 * step * share_);
+                      (2.0 * step * share);
     }
     return 0.5 * (result + result.transpose());
   }
@@ -206,20 +208,8 @@ class RobustAlignment::Trial {
   // Whether landmarks fit better here than a little way along the direction, on both sides: by more
   // than what differs between parts of the map, each of which is one witness.
   bool holds(const Vector6d& direction) {
-    const std::vector<double> here = kernels(pose_);
-    const std::vector<std::size_t> group_of =
-        spatial_groups(moved_points(points_, pose_), kErrorGroups);
-    for (const double way : {-kProbe * scale_, kProbe * scale_}) {
-      const std::vector<double> there = kernels(moved(way * direction));
-      std::vector<double> gain(kErrorGroups, 0.0);
-      std::vector<bool> known(kErrorGroups, false);
-      for (std::size_t i = 0; i < here.size(); ++i) {
-        gain[group_of[i]] += here[i] - there[i];
-        known[group_of[i]] = true;
-      }
-      if (!is_positive(gain, known)) return false;
-    }
-    return true;
+    return is_better_than(moved(-kProbe * scale_ * direction)) &&
+           is_better_than(moved(kProbe * scale_ * direction));
   }
 
  private:
@@ -227,52 +217,86 @@ class RobustAlignment::Trial {
   static constexpr double kProbe = 2.0;        // of the kernel's scale
   static constexpr double kSignificant = 3.0;  // standard errors
 
-  static bool is_positive(const std::vector<double>& gain, const std::vector<bool>& known) {
+  const std::vector<Eigen::Vector3d>& all() const { return alignment_.pair_.source().positions; }
+
+  Rigid3 moved(const Vector6d& direction) const {
+    const Rigid3 turn(rotation_exp(direction.tail<3>() / arm_.length), Eigen::Vector3d::Zero());
+    const Rigid3 about_pivot(turn.quaternion(),
+                             arm_.pivot - turn * arm_.pivot + direction.head<3>());
+    return about_pivot * pose_;
+  }
+
+  // Of the landmarks tried, at a pose; moved_ has their places then.
+  std::vector<Match> matches(const Rigid3& pose) {
+    std::vector<Eigen::Vector3d> places;
+    places.reserve(tried_.size());
+    for (const std::size_t landmark : tried_) {
+      places.push_back(moved_[landmark] = pose * all()[landmark]);
+    }
+    std::vector<Match> found = alignment_.find_matches(places, queries_);
+    for (Match& match : found) match.source = static_cast<std::uint32_t>(tried_[match.source]);
+    return found;
+  }
+
+  Vector6d gradient(const Rigid3& pose) {
+    const std::vector<Match> found = matches(pose);
+    const Arm arm = {pose * (pose_.inverse() * arm_.pivot), arm_.length};
+    return alignment_.equations(moved_, found, pose, scale_, arm).gradient;
+  }
+
+  // What each landmark adds to the objective, one a landmark of the source; 0 of those not tried.
+  std::vector<double> terms(const Rigid3& pose) {
+    std::vector<double> values(all().size(), 0.0);
+    const Eigen::Matrix3d rotation = pose.rotation();
+    for (const Match& match : matches(pose)) {
+      const auto one = alignment_.term(moved_[match.source], match, rotation, scale_);
+      if (one) values[match.source] = one->value;
+    }
+    return values;
+  }
+
+  bool is_better_than(const Rigid3& other) {
+    const std::vector<double> there = terms(other);
+    // Landmarks that meet nothing at either pose say nothing. Those that do at the other alone count:
+    // without them, every pose would seem better than its neighbours.
+    std::vector<Eigen::Vector3d> places;
+    std::vector<double> gains;
+    for (const std::size_t landmark : tried_) {
+      if (here_[landmark] == 0.0 && there[landmark] == 0.0) continue;
+      places.push_back(pose_ * all()[landmark]);
+      gains.push_back(here_[landmark] - there[landmark]);
+    }
+    const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
+    std::array<double, kErrorGroups> gain{};
+    std::array<bool, kErrorGroups> known{};
+    for (std::size_t i = 0; i < gains.size(); ++i) {
+      gain[group_of[i]] += gains[i];
+      known[group_of[i]] = true;
+    }
     double count = 0.0;
     double sum = 0.0;
     double squares = 0.0;
-    for (std::size_t i = 0; i < gain.size(); ++i) {
+    for (std::size_t i = 0; i < kErrorGroups; ++i) {
       if (!known[i]) continue;
       ++count;
       sum += gain[i];
       squares += gain[i] * gain[i];
     }
+    if (count < 2.0) return false;
     const double mean = sum / count;
     const double variance = std::max(squares - sum * mean, 0.0) / (count - 1.0);
     return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
   }
 
-  Rigid3 moved(Vector6d direction) const {
-    direction.tail<3>() /= length_;
-    return pose_.perturbed(direction);
-  }
-
-  Vector6d gradient(const Rigid3& pose) {
-    std::vector<Match> matches = alignment_.find_matches(moved_points(points_, pose), queries_);
-    for (Match& match : matches) match.source = landmarks_[match.source];
-    return alignment_
-        .equations(moved_points(alignment_.pair_.source().positions, pose), matches, pose, scale_,
-                   length_)
-        .gradient;
-  }
-
-  std::vector<double> kernels(const Rigid3& pose) {
-    const std::vector<Eigen::Vector3d> at = moved_points(points_, pose);
-    std::vector<double> result(at.size(), 0.0);
-    for (const Match& match : alignment_.find_matches(at, queries_)) {
-      result[match.source] = 1.0 / (1.0 + match.squared_distance / (scale_ * scale_));
-    }
-    return result;
-  }
-
   const RobustAlignment& alignment_;
   Rigid3 pose_;
   double scale_;
-  double length_;
+  Arm arm_;
   BatchTree::Batch queries_;
-  std::vector<std::uint32_t> landmarks_;
-  std::vector<Eigen::Vector3d> points_;
-  double share_ = 1.0;  // of all landmarks
+  std::vector<std::size_t> tried_ =
+      one_of_each((all().size() + kTried - 1) / kTried, all().size(), Random(0));
+  std::vector<Eigen::Vector3d> moved_;  // one a landmark of the source
+  std::vector<double> here_;            // terms at the pose
 };
 
 PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) const {
@@ -283,10 +307,15 @@ PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) c
     return !term(moved[match.source], match, rotation, scale);
   });
   if (matches.size() < kFewestMatches) return {};
+  std::vector<Eigen::Vector3d> places;
+  for (const Match& match : matches) places.push_back(moved[match.source]);
+  // Of what is matched: elsewhere a turn moves it much or hardly at all.
+  const PoseDistance spread = PoseDistance::of(places);
+  const Arm arm = {spread.centroid, spread.radius > 0.0 ? spread.radius : 1.0};
   PoseEvidence evidence;
-  evidence.pivot = pose.translation();
-  evidence.length = radius(moved.size());
-  Trial trial(*this, pose, scale, evidence.length);
+  evidence.pivot = arm.pivot;
+  evidence.length = arm.length;
+  Trial trial(*this, pose, scale, arm);
   evidence.information = trial.stiffness();
 
   PoseUncertainty open;
@@ -299,16 +328,15 @@ PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) c
   if (!open.unobservable.empty()) return open;
 
   // Landmarks next to each other err alike: of one keyframe, or matched to the same landmark.
-  std::vector<Eigen::Vector3d> places;
-  for (const Match& match : matches) places.push_back(moved[match.source]);
   const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
   std::vector<std::vector<Match>> groups(kErrorGroups);
   for (std::size_t i = 0; i < matches.size(); ++i) groups[group_of[i]].push_back(matches[i]);
   std::erase_if(groups, [](const auto& group) { return group.empty(); });
   for (const std::vector<Match>& group : groups) {
-    const Vector6d pull = equations(moved, group, pose, scale, evidence.length).gradient;
+    const Vector6d pull = equations(moved, group, pose, scale, arm).gradient;
     evidence.scatter += pull * pull.transpose();
   }
+  if (groups.size() < kFewestErrorGroups) return {};
   evidence.count = static_cast<double>(groups.size());
   return pose_uncertainty(pose, evidence);
 }

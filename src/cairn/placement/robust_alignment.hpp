@@ -38,21 +38,28 @@ class RobustAlignment {
 
   std::vector<Match> matches(const Rigid3& pose) const;
 
-  /// Of a centred pose that is an optimum at this scale. A direction is open if, a little way along it,
+  /// Of a centred pose that is an optimum at this scale; nothing is known of one with few matches. A direction is open if, a little way along it,
   /// landmarks fit about as well as at the pose.
   PoseUncertainty uncertainty(const Rigid3& pose, double scale) const;
 
  private:
   class Trial;
 
+  // What a turn is about, and the length that makes its angle comparable to a translation.
+  struct Arm {
+    Eigen::Vector3d pivot;  // in the target frame
+    double length = 1.0;
+  };
+
   // What a match adds to the objective's derivatives.
   struct Term {
     Eigen::Matrix3d information;  // of its residual, under the kernel's scale
     Eigen::Vector3d force;        // information times residual
     double weight = 0.0;
+    double value = 0.0;  // of the objective, which is to be large
   };
 
-  // Normal equations of a step, about the moved source's centre.
+  // Normal equations of a step.
   struct Equations {
     Matrix6d information = Matrix6d::Zero();
     Vector6d gradient = Vector6d::Zero();
@@ -68,7 +75,7 @@ class RobustAlignment {
   std::optional<Term> term(const Eigen::Vector3d& moved, const Match& match,
                            const Eigen::Matrix3d& rotation, double scale) const;
   Equations equations(std::span<const Eigen::Vector3d> moved, std::span<const Match> matches,
-                      const Rigid3& pose, double scale, double length) const;
+                      const Rigid3& pose, double scale, const Arm& arm) const;
   double radius(std::size_t points) const;
 
   const CentredPair& pair_;

@@ -109,8 +109,11 @@ class Search {
       keep_best(poses, round.entrants);
       const double start = scale;
       scale = options_.coarse * std::pow(options_.fine / options_.coarse, round.scale);
-      refine(poses, start, scale, round, field(scale));
+      std::vector<SearchCandidate> refined = poses;
+      refine(refined, start, scale, round, field(scale));
+      // Scores of a finer scale do not compare with those of the one before.
       if (options_.stop.stop_requested()) break;
+      poses = std::move(refined);
       // Poses on their way to one optimum need not all go on; those of different optima must.
       poses = distinct(std::move(poses), 0.5 * scale);
     }

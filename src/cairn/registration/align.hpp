@@ -22,7 +22,7 @@ namespace cairn {
 struct AlignOptions {
   Rigid3 initial = {};  ///< target_from_source to start from
   std::size_t k = 5;  ///< candidates a point among which the most confident is matched; at least 1
-  int max_iterations = 150;  ///< at least 1
+  int max_iterations = 150;  ///< at least 1; of a coarse_to_fine alignment, with each sample
   /// Stop below this change of the mean squared match distance.
   double mse_change_threshold = 1e-12;
   /// Stop as soon as matches come back, when all that would follow is known (see MatchHistory). Without

@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
@@ -290,9 +291,9 @@ TEST(Align, CovarianceHoldsTheTruthOfRightMatchesFarFromTheOrigin) {
     AlignOptions options;
     options.initial = truth;
     const AlignResult result = align(source, target, options);
-    const Vector6d error = result.target_from_source.difference_to(truth);
-    const Eigen::Matrix<double, 6, 6> covariance = *result.covariance;
-    inside += error.dot(Vector6d(covariance.ldlt().solve(error))) < 12.592 ? 1 : 0;  // 95 %
+    const double error =
+        normalised_squared_error(result.target_from_source, *result.covariance, truth);
+    inside += error < kNormalisedSquaredError95 ? 1 : 0;
   }
   EXPECT_GT(inside, kTrials * 0.90);
 }

@@ -2,14 +2,14 @@
 #include "cairn/registration/coarse_to_fine.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "cairn/core/random.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/core/sampling.hpp"
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp.hpp"
@@ -19,6 +19,7 @@ namespace {
 
 constexpr std::size_t kFewest = 300;  // points of a sample; with fewer the pose would be chance
 constexpr std::size_t kFactor = 4;    // from one sample to the next
+constexpr double kStill = 1e-9;       // of the sample's radius: a step that is none
 
 struct Sample {
   std::vector<Eigen::Vector3d> positions;
@@ -26,27 +27,39 @@ struct Sample {
   std::vector<double> weights;
 };
 
-// The samples of a set, from coarse to fine, have one point in so many: powers of the factor.
-std::size_t coarsest_stride(std::size_t points) {
-  std::size_t stride = 1;
-  while (points / (stride * kFactor) >= kFewest) stride *= kFactor;
-  return stride;
-}
-
-// One of each `stride` in a row, drawn at random: an even choice of a map whose landmarks are in the
-// order of their frames, that no period in that order can mislead.
-Sample sample_of(const SampledPoints& points, std::size_t stride, Random random) {
-  Sample sample;
-  const std::size_t count = points.positions.size();
-  for (std::size_t begin = 0; begin < count; begin += stride) {
-    const std::size_t i = begin + random.index(std::min(stride, count - begin));
-    if (!points.weights.empty() && points.weights[i] == 0.0) continue;
-    sample.positions.push_back(points.positions[i]);
-    if (!points.confidences.empty()) sample.confidences.push_back(points.confidences[i]);
-    if (!points.weights.empty()) sample.weights.push_back(points.weights[i]);
+// Of the points that can take part at all.
+class Samples {
+ public:
+  // @param is_usable whether a point can
+  template <class IsUsable>
+  Samples(const SampledPoints& points, const IsUsable& is_usable) : points_(points) {
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+      if (is_usable(i)) usable_.push_back(static_cast<std::uint32_t>(i));
+    }
   }
-  return sample;
-}
+
+  // The coarsest sample that is not chance has one point in so many; a power of the factor.
+  std::size_t coarsest() const {
+    std::size_t stride = 1;
+    while (usable_.size() / (stride * kFactor) >= kFewest) stride *= kFactor;
+    return stride;
+  }
+
+  Sample of(std::size_t stride, Random random) const {
+    Sample sample;
+    for (const std::size_t chosen : one_of_each(stride, usable_.size(), random)) {
+      const std::uint32_t i = usable_[chosen];
+      sample.positions.push_back(points_.positions[i]);
+      if (!points_.confidences.empty()) sample.confidences.push_back(points_.confidences[i]);
+      if (!points_.weights.empty()) sample.weights.push_back(points_.weights[i]);
+    }
+    return sample;
+  }
+
+ private:
+  SampledPoints points_;
+  std::vector<std::uint32_t> usable_;
+};
 
 // A sample of a set that matches are sought in, or all of it.
 class SearchedSample {
@@ -67,25 +80,22 @@ class SearchedSample {
   const ConfidentSet<BatchTree>* all_ = nullptr;
 };
 
-SearchedSample searched(const ConfidentSet<BatchTree>& all, std::size_t stride) {
-  if (stride == 1) return SearchedSample(all);
-  // Not the source's choice: of a map and its copy, the two samples would be one.
-  return SearchedSample(
-      sample_of({all.positions, all.confidences, {}}, stride, Random(stride).fork(1)));
-}
-
 // Ends where the rest of the way is within the sample's chance.
 class WithinChance {
  public:
-  WithinChance(std::span<const Eigen::Vector3d> moved_sample, int max_iterations)
-      : distance_(PoseDistance::of(moved_sample)),
-        points_(static_cast<double>(moved_sample.size())),
+  WithinChance(std::span<const Eigen::Vector3d> sample, int max_iterations)
+      : distance_(PoseDistance::of(sample)),
+        points_(static_cast<double>(sample.size())),
         max_iterations_(max_iterations) {}
 
   std::optional<StopReason> operator()(const IterationState& state) const {
     if (state.iteration >= max_iterations_) return StopReason::kIterationLimit;
-    const double step = distance_(state.step, Rigid3());
-    if (step * step < state.mean_squared_distance / points_) return StopReason::kMseChange;
+    const double step =
+        distance_(state.target_from_source, state.step.inverse() * state.target_from_source);
+    // Of points that all meet, the second: rounding moves them for ever.
+    if (step * step < state.mean_squared_distance / points_ || step < kStill * distance_.radius) {
+      return StopReason::kMseChange;
+    }
     return {};
   }
 
@@ -99,15 +109,22 @@ class WithinChance {
 
 CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<BatchTree>& target,
                               const CoarseToFineOptions& options) {
+  const Samples moving(
+      source, [&](std::size_t i) { return source.weights.empty() || source.weights[i] > 0.0; });
+  const Samples searched({target.positions, target.confidences, {}}, [&](std::size_t i) {
+    return target.confidences.empty() || target.confidences[i] > 0.0;
+  });
   const bool is_limited = options.matching.max_distance < std::numeric_limits<double>::infinity();
-  const std::size_t target_stride = is_limited ? 1 : coarsest_stride(target.positions.size());
+  const std::size_t coarsest_target = is_limited ? 1 : searched.coarsest();
   CoarseAlignment result;
-  for (std::size_t stride = coarsest_stride(source.positions.size()); stride > 1;
-       stride /= kFactor) {
-    const Sample sample = sample_of(source, stride, Random(stride));
+  for (std::size_t stride = moving.coarsest(); stride > 1; stride /= kFactor) {
+    const Sample sample = moving.of(stride, Random(stride));
     const std::vector<Eigen::Vector3d>& positions = sample.positions;
-    if (positions.size() < kFewestMatches) continue;
-    const SearchedSample among = searched(target, std::min(stride, target_stride));
+    const std::size_t target_stride = std::min(stride, coarsest_target);
+    // Not the source's choice: of a map and its copy, the two samples would be one.
+    const SearchedSample among =
+        target_stride == 1 ? SearchedSample(target)
+                           : SearchedSample(searched.of(target_stride, Random(stride).fork(1)));
     ConfidentNeighborOptions matching = options.matching;
     matching.k = std::min(matching.k, among.set().positions.size());
     std::optional<BatchTree> tree;
@@ -118,11 +135,9 @@ CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<Ba
     }
     const ConfidentNeighborCorrespondence<BatchTree> find_matches(among.set(), both_ways, matching,
                                                                   options.executor);
-    const IcpRun icp = run_icp(
-        positions, result.target_from_source, find_matches,
-        PointToPointEstimation(among.set().positions, sample.weights),
-        WithinChance(moved_points(positions, result.target_from_source), options.max_iterations),
-        options.stop);
+    const IcpRun icp = run_icp(positions, result.target_from_source, find_matches,
+                               PointToPointEstimation(among.set().positions, sample.weights),
+                               WithinChance(positions, options.max_iterations), options.stop);
     // Too few matches in the sample say nothing yet of all points.
     if (icp.stop_reason != StopReason::kTooFewMatches) {
       result.target_from_source = icp.target_from_source;

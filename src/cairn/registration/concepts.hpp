@@ -136,6 +136,7 @@ std::string_view to_string(StopReason reason);
 struct IterationState {
   int iteration = 0;                   ///< from 1
   Rigid3 step;                         ///< the motion of this iteration
+  Rigid3 target_from_source;           ///< after it
   double mean_squared_distance = 0.0;  ///< of the matches, before the step
   double previous_mean_squared_distance = std::numeric_limits<double>::max();
 };

@@ -69,6 +69,7 @@ IcpRun run_icp(std::span<const Eigen::Vector3d> source, const Rigid3& initial,
     state.mean_squared_distance = mean_squared_distance(matches);
     state.step = estimate_step(moved_source, matches);
     run.target_from_source = state.step * run.target_from_source;
+    state.target_from_source = run.target_from_source;
     move_source();
     if (observe) observe({run.target_from_source, state.mean_squared_distance, std::move(matches)});
     if (const auto reason = converged(state)) {

@@ -146,11 +146,13 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
   if (options.truth) add_errors(run, *options.truth, source.positions);
   if (traced) run.matches = delta_coded(history, source, target);
 
-  const bool has_pose = result.status != AlignStatus::kFailed;
+  const std::string status =
+      options.status.empty() ? std::string(to_string(result.status)) : options.status;
+  const bool has_pose = result.status != AlignStatus::kFailed && status != "rejected";
   const bool has_error = has_pose && !run.rotation_error_deg.empty();
   const auto& overlap = result.overlap;
   run.summary = {
-      {"status", std::string(to_string(result.status))},
+      {"status", status},
       {"reason", result.reason},
       {"stop_reason", std::string(to_string(result.stop_reason))},
       {"k", static_cast<double>(options.k)},

@@ -35,6 +35,8 @@ struct RunOptions {
   Rigid3 initial = {};               ///< target_from_source that the alignment started from
   std::size_t k = 1;                 ///< candidates it chose among
   std::optional<Rigid3> truth = {};  ///< true target_from_source: adds errors
+  /// What is said of the pose; empty: the result's status. Of a pose that is "rejected" no error counts.
+  std::string status = {};
 };
 
 /// An alignment, iteration by iteration. With AlignOptions::trace it has the scores and matches of
