@@ -209,7 +209,7 @@ using MappingProgressSink = std::function<void(const MappingProgress&)>;
 
 // Nothing where no progress is shown.
 MappingProgressSink progress_of(const Console& console, const std::string& items,
-                                std::function<std::string(const MappingProgress&)> detail) {
+                                const std::function<std::string(const MappingProgress&)>& detail) {
   const auto show = console.detailed_progress("mapping");
   if (!show) return {};
   return [=, watch = Stopwatch()](const MappingProgress& now) {
