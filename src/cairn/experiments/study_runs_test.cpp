@@ -58,8 +58,8 @@ class StudyRunsTest : public ::testing::Test {
   }
 
   // The message of a refusal; the folder must be what it was.
-  std::string refusal(const fs::path& folder, const StudyPlan& plan,
-                      const Shard& shard = {}) const {
+  static std::string refusal(const fs::path& folder, const StudyPlan& plan,
+                             const Shard& shard = {}) {
     const std::string before = content(folder / "runs.csv");
     std::string message;
     try {
