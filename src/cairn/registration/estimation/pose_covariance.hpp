@@ -30,8 +30,8 @@ struct PoseEvidence {
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< in the target frame
   double length = 1.0;                              ///< of the order of the matched points' spread
   Matrix6d information = Matrix6d::Zero();          ///< A = Σ w·JᵀJ
-  Matrix6d scatter = Matrix6d::Zero();              ///< Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms
-  double count = 0.0;  ///< of the scatter's independent terms; above 2
+  Matrix6d scatter = Matrix6d::Zero();  ///< Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms
+  double count = 0.0;                   ///< of the scatter's independent terms; above 2
 };
 
 /// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations.
