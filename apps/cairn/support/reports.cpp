@@ -187,7 +187,7 @@ report::Input reported_input(const std::string& role, Json description) {
   input.role = role;
   input.path = taken(description, "path");
   input.hash = taken(description, "hash");
-  if (!description.empty()) input.details_json = text_of(std::move(description));
+  if (!description.empty()) input.details_json = text_of(description);
   return input;
 }
 
