@@ -22,7 +22,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/placement/centred_pair.hpp"

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/experiments/run.hpp"
 #include "cairn/report/machine.hpp"
 #include "cairn/report/map_builder.hpp"
 #include "cairn/report/run_builder.hpp"
@@ -19,14 +20,15 @@
 namespace cairn::cli {
 namespace {
 
-// The name that the paper, studies (approach_of) and the viewer have for it.
-std::string approach_name(const Alignment& alignment) {
+Method method_of(const Alignment& alignment) {
+  if (alignment.placement) return Method::kAnywhere;
+  if (alignment.result.coarse_iterations > 0) return Method::kFast;
+  return alignment.method == to_string(Method::kRobust) ? Method::kRobust : Method::kIcp;
+}
+
+std::string name_of(const Alignment& alignment) {
   const bool weighs = alignment.confidence != "none";
-  std::string method = alignment.method;
-  if (alignment.placement) method = "anywhere";
-  if (alignment.result.coarse_iterations > 0) method = "fast";
-  if (method == "icp") return weighs ? alignment.confidence : "base";
-  return weighs ? method + " " + alignment.confidence : method;
+  return approach_name(method_of(alignment), weighs ? alignment.confidence : "base");
 }
 
 std::string verdict_text(const Alignment& alignment) {
@@ -55,12 +57,14 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
     const bool has_points = pair.source != nullptr && pair.target != nullptr;
     AlignResult result = alignment.result;
     std::optional<Rigid3> truth = pair.truth;
+    const auto& placement = alignment.placement;
+    if (placement && placement->verdict == Verdict::kRejected) result.status = AlignStatus::kFailed;
     if (!has_points) {  // neither can matches be shown nor errors measured at the landmarks
       for (IterationRecord& iteration : result.history) iteration.matches.clear();
       truth.reset();
     }
     report::AlignmentRun run = report::make_run(result, source, target,
-                                                {.name = approach_name(alignment),
+                                                {.name = name_of(alignment),
                                                  .initial = pair.initial,
                                                  .k = alignment.k,
                                                  .truth = truth,
@@ -152,7 +156,7 @@ std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit uni
     std::string text;
     for (const Alignment& alignment : alignments) {
       if (!text.empty()) text += " ";
-      if (alignments.size() > 1) text += approach_name(alignment) + ": ";
+      if (alignments.size() > 1) text += name_of(alignment) + ": ";
       text += verdict_text(alignment);
     }
     return text;
@@ -170,12 +174,12 @@ std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit uni
     if (score && (closest == nullptr || *score < *closest->result.score)) closest = &alignment;
   }
   if (closest == nullptr) return "No strategy found a pose.";
-  std::string text = fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
-                                 approach_name(*closest), *closest->result.score, symbol,
-                                 closest->result.iterations);
+  std::string text =
+      fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
+                  name_of(*closest), *closest->result.score, symbol, closest->result.iterations);
   if (nearest != nullptr) {
     text += fmt::format("; {} is nearest to the true pose, {} {} and {} degrees off",
-                        nearest == closest ? "it" : approach_name(*nearest),
+                        nearest == closest ? "it" : name_of(*nearest),
                         fixed(nearest->error->translation, 4), symbol,
                         fixed(degrees(nearest->error->rotation_rad), 3));
   }

@@ -40,7 +40,7 @@ void add_pair(report::Report& report, const ReportedPair& pair, const std::strin
 void add_map(report::Report& report, const LandmarkMap& map, const std::string& name,
              const std::string& prefix = {});
 
-/// One sentence that says which strategy did best, and by what.
+/// A sentence or some: the verdicts, or which strategy did best, and by what.
 std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit unit);
 
 /// Inputs and options as a document has them.

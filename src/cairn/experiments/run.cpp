@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/centroid.hpp"
@@ -79,10 +81,10 @@ bool needs_clouds(Method method) {
   return method == Method::kRobust || method == Method::kAnywhere;
 }
 
-std::string approach_of(const Trial& trial) {
-  if (trial.method == Method::kIcp) return trial.strategy;
-  const std::string method(to_string(trial.method));
-  return trial.strategy == "base" ? method : method + " " + trial.strategy;
+std::string approach_name(Method method, std::string_view strategy) {
+  if (method == Method::kIcp) return std::string(strategy);
+  if (strategy == "base") return std::string(to_string(method));
+  return fmt::format("{} {}", to_string(method), strategy);
 }
 
 PairPoints pair_points(const MapPair& pair, const Strategy& strategy,

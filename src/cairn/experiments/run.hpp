@@ -50,6 +50,10 @@ std::string_view to_string(Method method);
 inline constexpr std::array kMethods = {Method::kIcp, Method::kFast, Method::kRobust,
                                         Method::kAnywhere};
 
+/// What people call a strategy by a method: ICP's by its own name, "base" or "observations"; of another
+/// method after that, "robust" or "robust observations".
+std::string approach_name(Method method, std::string_view strategy);
+
 /// Whether the number of candidates makes a difference to the method.
 bool uses_k(Method method);
 /// Whether the method is one of placement, which sees landmarks as clouds.
@@ -80,10 +84,6 @@ struct Trial {
 
   friend bool operator==(const Trial&, const Trial&) = default;
 };
-
-/// What people call the trial's way: its strategy; that of another method than ICP, after the method,
-/// "robust" or "robust observations".
-std::string approach_of(const Trial& trial);
 
 /// A trial and what came of it.
 struct TrialResult {

@@ -91,12 +91,16 @@ Trial StudyPlan::trial(std::size_t run) const {
           .method = combination.method,
           .strategy = combination.strategy,
           .k = combination.k,
-          .initial = draw(Random(study_.seed).fork(pair).fork(pose), study_.initial)};
+          .initial = draw(random_of(run), study_.initial)};
+}
+
+Random StudyPlan::random_of(std::size_t run) const {
+  const std::size_t pose = run % runs_per_pair() / combinations_.size();
+  return Random(study_.seed).fork(pair_of(run)).fork(pose);
 }
 
 std::uint64_t StudyPlan::seed_of(std::size_t run) const {
-  const std::size_t pose = run % runs_per_pair() / combinations_.size();
-  return Random(study_.seed).fork(pair_of(run)).fork(pose).fork(1).draw_seed();
+  return random_of(run).fork(1).draw_seed();
 }
 
 Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "cairn/core/random.hpp"
 #include "cairn/experiments/run.hpp"
 
 namespace cairn {
@@ -92,6 +93,9 @@ class StudyPlan {
     std::string strategy;
     std::size_t k;
   };
+
+  // Shared by what starts from the run's initial pose.
+  Random random_of(std::size_t run) const;
 
   Study study_;
   std::vector<Combination> combinations_;

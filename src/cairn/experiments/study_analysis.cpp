@@ -84,9 +84,9 @@ class Runs {
   std::string name(std::size_t strategy) const {
     const Trial& trial = runs_[strategy].trial;
     if (study_.k.size() == 1 || trial.strategy == "base" || !uses_k(trial.method)) {
-      return approach_of(trial);
+      return approach_name(trial.method, trial.strategy);
     }
-    return fmt::format("{} k={}", approach_of(trial), trial.k);
+    return fmt::format("{} k={}", approach_name(trial.method, trial.strategy), trial.k);
   }
 
  private:

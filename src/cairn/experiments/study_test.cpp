@@ -123,6 +123,9 @@ TEST(StudyFile, NamesLineAndKeyOfADefect) {
 }
 
 TEST(StudyPlan, CrossesPairsPosesMethodsAndStrategies) {
+  const auto name_of = [](const Trial& trial) {
+    return approach_name(trial.method, trial.strategy);
+  };
   const StudyPlan plan(parse_study(kFull, "study.yaml"));
   // Base ICP and the robust method have no use for a second k.
   EXPECT_EQ(plan.runs_per_pair(), 3U * 5U);
@@ -136,12 +139,12 @@ TEST(StudyPlan, CrossesPairsPosesMethodsAndStrategies) {
     EXPECT_LE(std::abs(trial.initial.x_m), 1.0);
     EXPECT_LE(std::abs(trial.initial.yaw_deg), 60.0);
     EXPECT_EQ(trial.initial.roll_deg, 0.0);
-    keys.insert(trial.pair + "/" + std::to_string(trial.number) + "/" + approach_of(trial) + "/" +
+    keys.insert(trial.pair + "/" + std::to_string(trial.number) + "/" + name_of(trial) + "/" +
                 std::to_string(trial.k));
   }
   EXPECT_EQ(keys.size(), plan.size());
-  EXPECT_EQ(approach_of(plan.trial(1)), "observations");
-  EXPECT_EQ(approach_of(plan.trial(2)), "robust");
+  EXPECT_EQ(name_of(plan.trial(1)), "observations");
+  EXPECT_EQ(name_of(plan.trial(2)), "robust");
   EXPECT_NE(plan.trial(0).initial, plan.trial(5).initial);
   EXPECT_NE(plan.trial(0).initial, plan.trial(15).initial);
 }

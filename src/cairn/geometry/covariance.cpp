@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include "cairn/core/number_text.hpp"
@@ -47,12 +48,34 @@ Eigen::Matrix3d rotated_covariance(const Eigen::Matrix3d& covariance, const Eige
   return r * covariance * r.transpose();
 }
 
+Matrix6d propagated_covariance(const Matrix6d& jacobian, const Matrix6d& covariance) {
+  const Matrix6d result = jacobian * covariance * jacobian.transpose();
+  return 0.5 * (result + result.transpose());
+}
+
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c_from_a) {
   // c_from_a * (t + δt, Exp(δφ)·R) has translation perturbed by R_c·δt and rotation by R_c·δφ.
   Matrix6d jacobian = Matrix6d::Zero();
   jacobian.topLeftCorner<3, 3>() = c_from_a.rotation();
   jacobian.bottomRightCorner<3, 3>() = c_from_a.rotation();
-  return jacobian * covariance * jacobian.transpose();
+  return propagated_covariance(jacobian, covariance);
+}
+
+Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance) {
+  // (Exp(φ)R, t + δt) inverts to a turn of -Rᵀφ, and to a shift that the turn's arm is part of.
+  const Rigid3 inverse = pose.inverse();
+  const Eigen::Matrix3d rotation = inverse.rotation();
+  Matrix6d jacobian = Matrix6d::Zero();
+  jacobian.topLeftCorner<3, 3>() = -rotation;
+  jacobian.topRightCorner<3, 3>() = skew(inverse.translation()) * rotation;
+  jacobian.bottomRightCorner<3, 3>() = -rotation;
+  return propagated_covariance(jacobian, covariance);
+}
+
+double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
+                                const Rigid3& truth) {
+  const Eigen::Matrix<double, 6, 1> error = estimate.difference_to(truth);
+  return error.dot(Eigen::Matrix<double, 6, 6>(covariance).ldlt().solve(error));
 }
 
 }  // namespace cairn

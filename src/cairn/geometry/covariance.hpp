@@ -46,8 +46,23 @@ double spectral_norm(const Eigen::Matrix3d& symmetric);
 /// Covariance of R·x for the covariance of x.
 Eigen::Matrix3d rotated_covariance(const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& r);
 
+/// Covariance of J·x for the covariance of x: J·C·Jᵀ, symmetric in spite of rounding.
+Matrix6d propagated_covariance(const Matrix6d& jacobian, const Matrix6d& covariance);
+
 /// Covariance of a pose `a_from_b` (left perturbation, order δt, δφ) carried over to
 /// `c_from_a * a_from_b`.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c_from_a);
+
+/// Covariance of pose.inverse(), for that of the pose; both of left perturbations, (δt, δφ).
+Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance);
+
+/// The error of a pose under the covariance it is stated with, squared Mahalanobis distance: of a
+/// calibrated covariance, chi-squared with 6 degrees of freedom.
+/// @param covariance of a left perturbation of `estimate`, (δt, δφ); positive definite
+double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
+                                const Rigid3& truth);
+
+/// Below which 95 % of normalised squared errors lie.
+inline constexpr double kNormalisedSquaredError95 = 12.592;
 
 }  // namespace cairn

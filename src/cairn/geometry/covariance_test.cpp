@@ -92,5 +92,45 @@ TEST(LeftTransformedCovariance, AgreesWithPerturbedPoses) {
   }
 }
 
+TEST(NormalisedSquaredError, CountsStandardDeviations) {
+  const auto truth = Rigid3::from_roll_pitch_yaw({40, -30, 20}, 0.5, -0.7, 2.0);
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal() << 0.01, 0.04, 0.09, 1e-4, 4e-4, 9e-4;
+  const Rigid3 found = truth.perturbed((Vector6d() << 0.2, 0.0, 0.3, 0.0, 0.02, 0.0).finished());
+  EXPECT_NEAR(normalised_squared_error(found, covariance, truth), 4.0 + 1.0 + 1.0, 1e-9);
+  EXPECT_EQ(normalised_squared_error(truth, covariance, truth), 0.0);
+}
+
+TEST(NormalisedSquaredError, IsTheSameInOtherAxes) {
+  Random random(5);
+  Eigen::Matrix<double, 6, 6> mix;
+  for (int i = 0; i < 36; ++i) mix(i / 6, i % 6) = random.normal();
+  Vector6d error;
+  for (int i = 0; i < 6; ++i) error[i] = 1e-3 * random.normal();
+  const Eigen::Matrix<double, 6, 1> mixed = 1e-3 * mix * Eigen::Matrix<double, 6, 1>(error);
+  const Rigid3 pose = Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3);
+  const double plain =
+      normalised_squared_error(pose, Matrix6d::Identity(), pose.perturbed(1e-3 * error));
+  EXPECT_NEAR(normalised_squared_error(pose, mix * mix.transpose(), pose.perturbed(mixed)), plain,
+              1e-6 * plain);
+}
+
+TEST(InverseCovariance, IsThatOfTheInvertedPerturbations) {
+  const Rigid3 pose = Rigid3::from_roll_pitch_yaw({1, -2, 3}, 0.4, -0.2, 1.3);
+  constexpr double kStep = 1e-6;
+  Matrix6d jacobian;
+  for (int i = 0; i < 6; ++i) {
+    const Rigid3 moved = pose.perturbed(kStep * Vector6d::Unit(i));
+    jacobian.col(i) = pose.inverse().difference_to(moved.inverse()) / kStep;
+  }
+  Matrix6d covariance = Matrix6d::Identity();
+  covariance(0, 4) = covariance(4, 0) = 0.5;
+  const Matrix6d expected = jacobian * covariance * jacobian.transpose();
+  EXPECT_LT((inverse_covariance(pose, covariance) - expected).norm(), 1e-4);
+  EXPECT_LT((inverse_covariance(pose.inverse(), inverse_covariance(pose, covariance)) - covariance)
+                .norm(),
+            1e-9);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -3,8 +3,6 @@
 
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include "cairn/geometry/centroid.hpp"
 
 namespace cairn {
@@ -23,24 +21,6 @@ double PoseDistance::operator()(const Rigid3& a, const Rigid3& b) const {
   const double angle = a.quaternion().angularDistance(b.quaternion());
   const double turned = 2.0 * std::sin(0.5 * angle) * radius;
   return std::sqrt((a * centroid - b * centroid).squaredNorm() + 2.0 / 3.0 * turned * turned);
-}
-
-Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance) {
-  // (Exp(φ)R, t + δt) inverts to a turn of -Rᵀφ, and to a shift that the turn's arm is part of.
-  const Rigid3 inverse = pose.inverse();
-  const Eigen::Matrix3d rotation = inverse.rotation();
-  Matrix6d jacobian = Matrix6d::Zero();
-  jacobian.topLeftCorner<3, 3>() = -rotation;
-  jacobian.topRightCorner<3, 3>() = skew(inverse.translation()) * rotation;
-  jacobian.bottomRightCorner<3, 3>() = -rotation;
-  const Matrix6d result = jacobian * covariance * jacobian.transpose();
-  return 0.5 * (result + result.transpose());
-}
-
-double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
-                                const Rigid3& truth) {
-  const Eigen::Matrix<double, 6, 1> error = estimate.difference_to(truth);
-  return error.dot(Eigen::Matrix<double, 6, 6>(covariance).ldlt().solve(error));
 }
 
 }  // namespace cairn

@@ -21,16 +21,4 @@ struct PoseDistance {
   double operator()(const Rigid3& a, const Rigid3& b) const;
 };
 
-/// Covariance of pose.inverse(), for that of the pose; both of left perturbations, (δt, δφ).
-Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance);
-
-/// The error of a pose under the covariance it is stated with, squared Mahalanobis distance: of a
-/// calibrated covariance, chi-squared with 6 degrees of freedom.
-/// @param covariance of a left perturbation of `estimate`, (δt, δφ); positive definite
-double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
-                                const Rigid3& truth);
-
-/// Below which 95 % of normalised squared errors lie.
-inline constexpr double kNormalisedSquaredError95 = 12.592;
-
 }  // namespace cairn

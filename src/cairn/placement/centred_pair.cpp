@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/covariance.hpp"
 
 namespace cairn {
 namespace {
@@ -38,8 +39,7 @@ Matrix6d CentredPair::uncentred(const Matrix6d& covariance, const Rigid3& pose) 
   // The translations differ by R·source_centre and a constant: a rotation error acts on that arm too.
   Matrix6d jacobian = Matrix6d::Identity();
   jacobian.topRightCorner<3, 3>() = skew(pose.quaternion() * source_centre_);
-  const Matrix6d result = jacobian * covariance * jacobian.transpose();
-  return 0.5 * (result + result.transpose());
+  return propagated_covariance(jacobian, covariance);
 }
 
 }  // namespace cairn

@@ -39,8 +39,8 @@ constexpr std::size_t kFinalists = 8;
 constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each view of the other
 constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
 constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
+constexpr double kLongest = 1e6;            // time limit in seconds
 // Shares of the time limit that must see their part of the work done; the last refinement has the rest.
-constexpr double kLongest = 1e6;  // seconds
 constexpr double kSearchTime = 0.5;
 constexpr double kCandidatesTime = 0.85;
 // In units of the fine scale:

@@ -13,9 +13,10 @@ namespace cairn {
 /// that none of them is.
 ///
 /// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its
-/// evidence and with how far its close support exceeds that of the other candidates, and fall with the share of lines of sight that contradict it. Fitted to simulated sessions
-/// of which half the pairs are of different places (docs/method.md); where far fewer of a user's maps
-/// overlap, the odds are lower by as much.
+/// evidence and with how far its close support exceeds that of the other candidates, and fall with the
+/// share of lines of sight that contradict it. Fitted to simulated sessions of which half the pairs are
+/// of different places (docs/method.md); where far fewer of a user's maps overlap, the odds are lower
+/// by as much.
 ///
 /// @param landmarks of the smaller map, whose shares the supports are
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,

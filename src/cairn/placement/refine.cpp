@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/placement/robust_alignment.hpp"
 #include "cairn/registration/score/fitness.hpp"
 
@@ -54,7 +54,8 @@ std::vector<Match> turned_round(const std::vector<Match>& matches) {
   return result;
 }
 
-// What is said of the moving cloud's pose in the other's frame, as said of its inverse.
+// What is said of the moving cloud's pose in the other's frame, as said of its inverse. Score and
+// overlap are not of the pose's sense.
 void turn_round(AlignResult& result) {
   const Rigid3 pose = result.target_from_source;
   result.target_from_source = pose.inverse();
@@ -68,10 +69,9 @@ void turn_round(AlignResult& result) {
   for (OpenDirection& open : result.unobservable) {
     open = {back * open.translation, back * open.rotation};
   }
-  if (result.overlap) std::swap(result.overlap->source, result.overlap->target);
 }
 
-// `inverted`: the pair's source is the caller's target. Scores are of the caller's source.
+// `inverted`: the pair's source is the caller's target. Scores and overlap are as the caller has them.
 void run(const CentredPair& pair, bool inverted, const RefineOptions& options,
          AlignResult& result) {
   const BatchTree source_tree(pair.source().positions);
@@ -86,18 +86,18 @@ void run(const CentredPair& pair, bool inverted, const RefineOptions& options,
   const double coarse = options.coarse.value_or(std::max(own.coarse, fine));
   const RobustAlignment alignment(pair, target_tree, options.use_covariances, options.one_to_one,
                                   options.executor);
-  const auto to_target = [&](const Rigid3& pose) {
+  const auto from_source = [&](const Rigid3& pose) {
     return nearest_squared_distances(pair.source().positions, pose, target_tree, options.executor);
   };
-  const auto to_source = [&](const Rigid3& pose) {
+  const auto from_target = [&](const Rigid3& pose) {
     return nearest_squared_distances(pair.target().positions, pose.inverse(), source_tree,
                                      options.executor);
   };
-  const auto score = [&](const Rigid3& pose) {
-    return fitness_score(inverted ? to_source(pose) : to_target(pose));
+  const auto from_callers_source = [&](const Rigid3& pose) {
+    return inverted ? from_target(pose) : from_source(pose);
   };
   const Rigid3 initial = pair.centred(inverted ? options.initial.inverse() : options.initial);
-  result.initial_score = score(initial);
+  result.initial_score = fitness_score(from_callers_source(initial));
   const IcpRun icp = alignment.run(
       initial, {.coarse = coarse, .fine = fine, .max_iterations = options.max_iterations},
       options.stop, [&](Iteration iteration) {
@@ -106,7 +106,7 @@ void run(const CentredPair& pair, bool inverted, const RefineOptions& options,
         record.mean_squared_distance = iteration.mean_squared_distance;
         record.match_count = iteration.matches.size();
         if (options.trace) {
-          record.score = score(iteration.target_from_source);
+          record.score = fitness_score(from_callers_source(iteration.target_from_source));
           record.matches = std::move(iteration.matches);
         }
         result.history.push_back(std::move(record));
@@ -119,14 +119,16 @@ void run(const CentredPair& pair, bool inverted, const RefineOptions& options,
   result.stop_reason = icp.stop_reason;
   result.target_from_source = pair.uncentred(pose);
   result.matches = alignment.matches(pose);
-  result.score = score(pose);
+  const std::vector<double> distances = from_callers_source(pose);
+  result.score = fitness_score(distances);
   if (options.overlap_radius) {
-    result.overlap = Overlap{*share_within(to_target(pose), *options.overlap_radius),
-                             *share_within(to_source(pose), *options.overlap_radius)};
+    const std::vector<double> back = inverted ? from_source(pose) : from_target(pose);
+    result.overlap = Overlap{*share_within(distances, *options.overlap_radius),
+                             *share_within(back, *options.overlap_radius)};
   }
   // Only of an optimum there is something to say.
   if (icp.stop_reason == StopReason::kNoMotion || icp.stop_reason == StopReason::kIterationLimit) {
-    PoseUncertainty uncertainty = alignment.uncertainty(pose, fine);
+    PoseUncertainty uncertainty = alignment.uncertainty(pose, fine, result.matches);
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance) result.covariance = pair.uncentred(*uncertainty.covariance, pose);
   }

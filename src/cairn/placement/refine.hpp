@@ -38,15 +38,15 @@ struct RefineOptions {
 
 /// Robust probabilistic refinement of a pose: iteratively reweighted least squares.
 ///
-/// The smaller of the two clouds is moved: each of its landmarks is matched with the nearest of the other.
-/// The residual r of a match counts by
-/// its Mahalanobis distance, m² = rᵀ·(R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both
-/// landmarks, under the kernel of Geman and McClure, m²/(1 + m²), whose scale σ falls from coarse to
-/// fine as the iteration proceeds (graduated non-convexity; Black and Rangarajan 1996).
+/// The smaller of the two clouds is moved: each of its landmarks is matched with the nearest of the
+/// other. The residual r of a match counts by its Mahalanobis distance,
+/// m² = rᵀ·(R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both landmarks, under the kernel of Geman
+/// and McClure, m²/(1 + m²), whose scale σ falls from coarse to fine as the iteration proceeds
+/// (graduated non-convexity; Black and Rangarajan 1996).
 ///
-/// The covariance of the pose is a sandwich estimator, whose parts are what the objective does when the
-/// pose is moved and all matches are found anew, and the pulls of parts of the matched landmarks, each as
-/// a whole. A direction counts as unobservable if landmarks fit about as well a little way along it.
+/// The covariance of the pose is a sandwich estimator. Its parts are what the objective does when the
+/// pose is moved and all matches are found anew, and the pulls of groups of matched landmarks. A
+/// direction counts as unobservable if landmarks fit about as well a little way along it.
 /// An expected failure (too few landmarks or matches) is a status. Same input, same result, whatever
 /// the executor's number of threads.
 ///

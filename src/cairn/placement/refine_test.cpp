@@ -13,7 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/refusal.hpp"

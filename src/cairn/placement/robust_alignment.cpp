@@ -29,11 +29,37 @@ constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
 // A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
 constexpr double kNegligible = 1.0 / 26.0;
-// Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does, and
-// the covariance comes out too small; by more, too large.
+// Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does,
+// and the covariance comes out too small; by more, too large.
 constexpr double kStiffnessStep = 0.25;
 constexpr std::size_t kErrorGroups = 64;       // parts of the matched landmarks, which err apart
 constexpr std::size_t kFewestErrorGroups = 7;  // fewer leave a direction without any error
+constexpr double kSignificant = 3.0;           // standard errors
+
+// Whether landmarks gain by more than what differs between parts of the map, each of which is one
+// witness. One gain a place.
+bool gain_is_significant(std::span<const Eigen::Vector3d> places, std::span<const double> gains) {
+  const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
+  std::array<double, kErrorGroups> gain{};
+  std::array<bool, kErrorGroups> known{};
+  for (std::size_t i = 0; i < gains.size(); ++i) {
+    gain[group_of[i]] += gains[i];
+    known[group_of[i]] = true;
+  }
+  double count = 0.0;
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < kErrorGroups; ++i) {
+    if (!known[i]) continue;
+    ++count;
+    sum += gain[i];
+    squares += gain[i] * gain[i];
+  }
+  if (count < 2.0) return false;
+  const double mean = sum / count;
+  const double variance = std::max(squares - sum * mean, 0.0) / (count - 1.0);
+  return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
+}
 
 }  // namespace
 
@@ -205,8 +231,7 @@ class RobustAlignment::Trial {
     return 0.5 * (result + result.transpose());
   }
 
-  // Whether landmarks fit better here than a little way along the direction, on both sides: by more
-  // than what differs between parts of the map, each of which is one witness.
+  // Whether landmarks fit better here than a little way along the direction, on both sides.
   bool holds(const Vector6d& direction) {
     return is_better_than(moved(-kProbe * scale_ * direction)) &&
            is_better_than(moved(kProbe * scale_ * direction));
@@ -214,8 +239,7 @@ class RobustAlignment::Trial {
 
  private:
   static constexpr std::size_t kTried = 16384;
-  static constexpr double kProbe = 2.0;        // of the kernel's scale
-  static constexpr double kSignificant = 3.0;  // standard errors
+  static constexpr double kProbe = 2.0;  // of the kernel's scale
 
   const std::vector<Eigen::Vector3d>& all() const { return alignment_.pair_.source().positions; }
 
@@ -266,26 +290,7 @@ class RobustAlignment::Trial {
       places.push_back(pose_ * all()[landmark]);
       gains.push_back(here_[landmark] - there[landmark]);
     }
-    const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
-    std::array<double, kErrorGroups> gain{};
-    std::array<bool, kErrorGroups> known{};
-    for (std::size_t i = 0; i < gains.size(); ++i) {
-      gain[group_of[i]] += gains[i];
-      known[group_of[i]] = true;
-    }
-    double count = 0.0;
-    double sum = 0.0;
-    double squares = 0.0;
-    for (std::size_t i = 0; i < kErrorGroups; ++i) {
-      if (!known[i]) continue;
-      ++count;
-      sum += gain[i];
-      squares += gain[i] * gain[i];
-    }
-    if (count < 2.0) return false;
-    const double mean = sum / count;
-    const double variance = std::max(squares - sum * mean, 0.0) / (count - 1.0);
-    return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
+    return gain_is_significant(places, gains);
   }
 
   const RobustAlignment& alignment_;
@@ -299,10 +304,10 @@ class RobustAlignment::Trial {
   std::vector<double> here_;            // terms at the pose
 };
 
-PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale) const {
+PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale,
+                                             std::vector<Match> matches) const {
   const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
   const Eigen::Matrix3d rotation = pose.rotation();
-  std::vector<Match> matches = this->matches(pose);
   std::erase_if(matches, [&](const Match& match) {
     return !term(moved[match.source], match, rotation, scale);
   });

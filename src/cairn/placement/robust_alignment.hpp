@@ -38,9 +38,10 @@ class RobustAlignment {
 
   std::vector<Match> matches(const Rigid3& pose) const;
 
-  /// Of a centred pose that is an optimum at this scale; nothing is known of one with few matches. A direction is open if, a little way along it,
-  /// landmarks fit about as well as at the pose.
-  PoseUncertainty uncertainty(const Rigid3& pose, double scale) const;
+  /// Of a centred pose that is an optimum at this scale; nothing is known of one with few matches. A
+  /// direction is open if, a little way along it, landmarks fit about as well as at the pose.
+  /// @param matches of the pose, from matches()
+  PoseUncertainty uncertainty(const Rigid3& pose, double scale, std::vector<Match> matches) const;
 
  private:
   class Trial;

@@ -9,6 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/coarse_to_fine.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
@@ -233,8 +234,7 @@ class Alignment {
   Matrix6d uncentred_covariance(const Rigid3& pose, const Matrix6d& covariance) const {
     Matrix6d jacobian = Matrix6d::Identity();
     jacobian.topRightCorner<3, 3>() = -skew(pose.quaternion() * centred_from_source_.translation());
-    const Matrix6d result = jacobian * covariance * jacobian.transpose();
-    return 0.5 * (result + result.transpose());
+    return propagated_covariance(jacobian, covariance);
   }
 
   const AlignOptions& options_;

@@ -14,7 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"

@@ -234,7 +234,8 @@ std::vector<Section> paper_sections(const PaperResults& results, const PoseToler
   std::vector<ScoredPose> poses;
   for (const TrialResult& run : results.runs) {
     if (!run.error || !run.score) continue;
-    poses.push_back({approach_of(run.trial), run.error->translation, *run.score,
+    poses.push_back({approach_name(run.trial.method, run.trial.strategy), run.error->translation,
+                     *run.score,
                      fmt::format("{} k={} {}", run.trial.experiment, run.trial.k,
                                  describe(run.trial.initial))});
   }
@@ -264,7 +265,7 @@ std::vector<Section> study_sections(const Study& study, const StudyAnalysis& ana
     for (std::size_t i = 0; i < runs.size(); i += step | 1U) {
       const TrialResult& run = runs[i];
       if (!run.error || !run.score) continue;
-      poses.push_back({approach_of(run.trial), run.error->translation,
+      poses.push_back({approach_name(run.trial.method, run.trial.strategy), run.error->translation,
                        *run.score / analysis.lowest_scores[i / runs_per_pair],
                        fmt::format("{} {}", run.trial.pair, run.trial.number)});
     }

@@ -148,7 +148,7 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
 
   const std::string status =
       options.status.empty() ? std::string(to_string(result.status)) : options.status;
-  const bool has_pose = result.status != AlignStatus::kFailed && status != "rejected";
+  const bool has_pose = result.status != AlignStatus::kFailed;
   const bool has_error = has_pose && !run.rotation_error_deg.empty();
   const auto& overlap = result.overlap;
   run.summary = {

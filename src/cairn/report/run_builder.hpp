@@ -35,7 +35,7 @@ struct RunOptions {
   Rigid3 initial = {};               ///< target_from_source that the alignment started from
   std::size_t k = 1;                 ///< candidates it chose among
   std::optional<Rigid3> truth = {};  ///< true target_from_source: adds errors
-  /// What is said of the pose; empty: the result's status. Of a pose that is "rejected" no error counts.
+  /// What people read as its status; empty: the result's.
   std::string status = {};
 };
 

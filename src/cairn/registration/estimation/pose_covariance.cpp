@@ -6,6 +6,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "cairn/geometry/covariance.hpp"
+
 namespace cairn {
 namespace {
 
@@ -34,8 +36,7 @@ PoseUncertainty pose_uncertainty(const Rigid3& target_from_source, const PoseEvi
   Matrix6d to_pose = Matrix6d::Identity();
   to_pose.topRightCorner<3, 3>() = skew(evidence.pivot - target_from_source.translation()) / length;
   to_pose.bottomRightCorner<3, 3>() /= length;
-  const Matrix6d covariance = to_pose * about_pivot * to_pose.transpose();
-  result.covariance = 0.5 * (covariance + covariance.transpose());
+  result.covariance = propagated_covariance(to_pose, about_pivot);
   return result;
 }
 
