@@ -44,8 +44,11 @@ struct Candidate {
   std::size_t b;
   std::size_t earlier;  // of the two, as a position among the moments
   std::size_t later;
+};
 
-  friend bool operator>(const Candidate& x, const Candidate& y) {
+// Of a queue whose next is the closest pair, of equally close ones the first.
+struct ComesLater {
+  bool operator()(const Candidate& x, const Candidate& y) const {
     return std::tie(x.difference_s, x.a, x.b) > std::tie(y.difference_s, y.a, y.b);
   }
 };
@@ -58,7 +61,7 @@ struct Candidate {
 IndexPairs associate_times(std::span<const double> a, std::span<const double> b,
                            double max_difference_s) {
   std::vector<Moment> moments = merged(a, b);
-  std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> candidates;
+  std::priority_queue<Candidate, std::vector<Candidate>, ComesLater> candidates;
   const auto consider = [&](std::size_t earlier, std::size_t later) {
     if (earlier == kNone || later == kNone) return;
     const Moment& x = moments[earlier];

@@ -288,7 +288,7 @@ float FeatureExtractor::depth_at(const cv::Mat& depth_m, const Pixel& raw) const
 }
 
 Eigen::Vector2d FeatureExtractor::depth_slope(const cv::Mat& depth_m, const Pixel& raw,
-                                              double reach) const {
+                                              double reach) {
   if (depth_m.empty()) return Eigen::Vector2d::Zero();
   const int x = static_cast<int>(std::lround(raw.u));
   const int y = static_cast<int>(std::lround(raw.v));

@@ -158,7 +158,7 @@ class FeatureExtractor {
   /// How depth grows to the right and downwards around a corner, a pixel, as a share of its depth;
   /// zero where the surface is not known well enough.
   /// @param reach in pixels: half the side of the window that is looked at
-  Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach) const;
+  static Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach);
   /// @param raw within the image
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 

@@ -206,8 +206,8 @@ void KeyframeMap::cut_patch(const KeypointReference& reference) {
   if (const auto patch = ReferencePatch::cut(image, center)) {
     graph_.landmark(landmark).appearance =
         LandmarkAppearance{reference, *patch,
-                           extractor_.depth_slope(keyframe.features.depth_m(), keypoint.raw,
-                                                  4.0 * sensor_.scale(keypoint.octave))};
+                           FeatureExtractor::depth_slope(keyframe.features.depth_m(), keypoint.raw,
+                                                         4.0 * sensor_.scale(keypoint.octave))};
     keyframe.features.set_source(reference.keypoint, PixelSource::kReference);
   }
 }

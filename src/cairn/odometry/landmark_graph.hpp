@@ -82,19 +82,19 @@ class LandmarkGraph {
   /// Appends a keyframe without observations; its index.
   std::uint32_t add_keyframe(Keyframe keyframe);
   /// A new landmark where a keypoint with depth is.
-  LandmarkIndex add_landmark(KeypointReference keypoint);
+  LandmarkIndex add_landmark(KeypointReference reference);
   /// The keypoint must be free, and the landmark not observed by that keyframe.
-  void observe(LandmarkIndex landmark, KeypointReference keypoint);
+  void observe(LandmarkIndex index, KeypointReference reference);
   /// A landmark whose patch was cut there loses that too.
-  void forget(KeypointReference keypoint);
-  void remove(LandmarkIndex landmark);
+  void forget(KeypointReference reference);
+  void remove(LandmarkIndex index);
   /// `from`'s observations go to `into`, except those of keyframes that `into` has already.
   void merge(LandmarkIndex from, LandmarkIndex into);
   /// Descriptor, viewing direction and reference distance, from the observations as they are.
-  void refresh(LandmarkIndex landmark);
+  void refresh(LandmarkIndex index);
 
-  bool observes(std::uint32_t keyframe, LandmarkIndex landmark) const;
-  PointMeasurement measurement(KeypointReference keypoint) const;
+  bool observes(std::uint32_t keyframe, LandmarkIndex index) const;
+  PointMeasurement measurement(KeypointReference reference) const;
   /// Keyframes that share landmarks with one, and how many; most first.
   std::vector<std::pair<std::uint32_t, std::size_t>> covisible(std::uint32_t keyframe) const;
 

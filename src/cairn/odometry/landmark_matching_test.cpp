@@ -13,7 +13,6 @@ namespace cairn {
 namespace {
 
 using ::testing::IsEmpty;
-using testing::kTestPinhole;
 using testing::make_true_graph;
 using testing::test_sensor;
 

@@ -28,7 +28,7 @@ std::optional<Rigid3> pose_near(const Trajectory& poses, double timestamp_s,
   if (nearest == nullptr) return std::nullopt;
   const double difference = std::abs(nearest->timestamp_s - timestamp_s);
   if (difference > max_difference_s) return std::nullopt;
-  if (const auto pose = interpolated(poses, timestamp_s)) return pose;
+  if (auto pose = interpolated(poses, timestamp_s)) return pose;
   constexpr double kSameTime = 1e-3;  // poses of some keyframes only, their times rounded
   return difference <= kSameTime ? std::optional(nearest->world_from_camera) : std::nullopt;
 }

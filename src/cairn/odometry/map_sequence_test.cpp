@@ -24,7 +24,7 @@ constexpr double kMetresAFrame = kPixelsAFrame * kWall / 260.0;
 
 // A wall of random spots of several sizes.
 const cv::Mat& wall() {
-  static const cv::Mat kWallImage = [] {
+  static const cv::Mat wall_image = [] {
     Random random(1);
     cv::Mat sum = cv::Mat::zeros(240, 900, CV_32FC1);
     for (const int size : {5, 11, 23}) {
@@ -43,7 +43,7 @@ const cv::Mat& wall() {
     cv::GaussianBlur(image, image, {5, 5}, 0.9);
     return image;
   }();
-  return kWallImage;
+  return wall_image;
 }
 
 FrameImages frame_at(std::size_t i) {

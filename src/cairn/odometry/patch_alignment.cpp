@@ -95,7 +95,7 @@ std::optional<ReferencePatch> ReferencePatch::cut(const cv::Mat& level_image,
 }
 
 std::optional<float> ReferencePatch::sample(const Eigen::Vector2d& offset) const {
-  constexpr double kCenter = kSide / 2;
+  constexpr int kCenter = kSide / 2;
   const double x = kCenter + offset.x();
   const double y = kCenter + offset.y();
   if (!(x >= 0.0 && y >= 0.0 && x < kSide - 1 && y < kSide - 1)) return std::nullopt;
