@@ -3,8 +3,10 @@
 //   cairn_placement_benchmark halves TRIALS DATA_FOLDER   the two halves of map_fr1_desk.txt
 //   cairn_placement_benchmark simulated PAIRS             synthetic pairs by overlap
 //   cairn_placement_benchmark strangers PAIRS             synthetic maps of different scenes
+//   cairn_placement_benchmark scaled PAIRS                both, the source of any scale and pose
 // One CSV row a trial to stdout, a summary to stderr. [THREADS] may follow.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <exception>
@@ -45,32 +47,39 @@ struct Tally {
   std::vector<double> normalised;  // squared errors of the poses found, under their covariances
 };
 
+constexpr double kMostLogScale = 0.03;
+
 class Bench {
  public:
   explicit Bench(unsigned threads) { options_.executor = Executor(threads); }
 
   void header() const {
     std::puts(
-        "group,trial,verdict,rotation_deg,translation_m,normalised,support,probability,runner_up,"
-        "radius,processor_s,wall_s");
+        "group,trial,verdict,rotation_deg,translation_m,log_scale,normalised,support,probability,"
+        "runner_up,radius,processor_s,wall_s");
   }
 
   void run(const std::string& group, std::uint64_t trial, const LandmarkCloud& source,
-           const LandmarkCloud& target, const std::optional<Rigid3>& truth, double most_deg,
-           double most_translation) {
+           const LandmarkCloud& target, const std::optional<Similarity3>& truth, double most_deg,
+           double most_translation, bool with_scale = false) {
     options_.seed = trial;
+    options_.scale = with_scale ? std::optional(ScaleRange()) : std::nullopt;
     const double start = processor_seconds();
     const PlacementResult result = place(source, target, options_);
     const double used = processor_seconds() - start;
     processor_.push_back(used);
     wall_.push_back(result.duration_s);
     PoseError error{std::numbers::pi, 1e9};
+    double log_scale = 0.0;
+    const Similarity3 found = result.alignment.similarity();
     if (truth) {
-      error = pose_error(result.alignment.target_from_source, *truth, source.positions);
+      error = pose_error(found, *truth, source.positions);
+      log_scale = std::log(found.scale() / truth->scale());
     }
     Tally& tally = tallies_[group];
-    const bool right =
-        degrees(error.rotation_rad) <= most_deg && error.translation <= most_translation;
+    const bool right = degrees(error.rotation_rad) <= most_deg &&
+                       error.translation <= most_translation &&
+                       std::abs(log_scale) <= kMostLogScale;
     const bool aligned = result.verdict == Verdict::kAligned;
     ++tally.trials;
     tally.found += right ? 1 : 0;
@@ -78,15 +87,17 @@ class Bench {
     tally.wrong += aligned && !right ? 1 : 0;
     double normalised = -1.0;
     if (truth && result.alignment.covariance) {
-      normalised = normalised_squared_error(result.alignment.target_from_source,
-                                            *result.alignment.covariance, *truth);
+      const auto& with = result.alignment.covariance_with_scale;
+      normalised = with ? normalised_squared_error(found, *with, *truth)
+                        : normalised_squared_error(found.rigid(), *result.alignment.covariance,
+                                                   truth->rigid());
       if (right) tally.normalised.push_back(normalised);
     }
     const auto& poses = result.candidates;
-    std::printf("%s,%llu,%s,%.3f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", group.c_str(),
+    std::printf("%s,%llu,%s,%.3f,%.4f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", group.c_str(),
                 static_cast<unsigned long long>(trial),
                 std::string(to_string(result.verdict)).c_str(), degrees(error.rotation_rad),
-                error.translation, normalised, poses.empty() ? 0.0 : poses[0].support,
+                error.translation, log_scale, normalised, poses.empty() ? 0.0 : poses[0].support,
                 poses.empty() ? 0.0 : poses[0].probability,
                 poses.size() < 2 ? 0.0 : poses[1].support, result.radius, used, result.duration_s);
     std::fflush(stdout);
@@ -100,8 +111,9 @@ class Bench {
       std::vector<double>& normalised = tally.normalised;
       if (normalised.empty()) continue;
       std::sort(normalised.begin(), normalised.end());
-      const auto inside =
-          std::lower_bound(normalised.begin(), normalised.end(), kNormalisedSquaredError95);
+      const auto inside = std::lower_bound(
+          normalised.begin(), normalised.end(),
+          options_.scale ? kNormalisedSquaredErrorWithScale95 : kNormalisedSquaredError95);
       std::fprintf(
           stderr,
           "  of those found, in the 95 %% ellipsoid %.1f %%, median squared distance %.2f\n",
@@ -178,12 +190,36 @@ void strangers(Bench& bench, std::uint64_t pairs) {
   }
 }
 
+void with_scale(Bench& bench, std::uint64_t pairs) {
+  for (std::uint64_t trial = 0; trial < pairs; ++trial) {
+    Random random = Random(trial).fork(9);
+    const double scale = std::pow(20.0, random.uniform(-1.0, 1.0));
+    const Rigid3 moved = random_pose(random, 5.0);
+    const auto resized = [&](const LandmarkMap& map) {
+      return scaled(landmark_cloud(transformed(map, moved)), 1.0 / scale);
+    };
+    for (const double overlap : {0.25, 0.5, 0.8}) {
+      const SyntheticPair pair =
+          synthetic_pair({.seed = 1000 + trial, .overlap = overlap, .outlier_fraction = 0.2});
+      char group[48];
+      std::snprintf(group, sizeof group, "any scale, overlap %.2f", overlap);
+      bench.run(group, trial, resized(pair.source), landmark_cloud(pair.target),
+                Similarity3(scale, pair.target_from_source * moved.inverse()), 5.0, 0.05, true);
+    }
+    bench.run("any scale, strangers", trial, resized(synthetic_map({.seed = 5000 + 2 * trial})),
+              landmark_cloud(synthetic_map({.seed = 5001 + 2 * trial})), std::nullopt, 0.0, 0.0,
+              true);
+  }
+}
+
 int run(const std::vector<std::string>& words) {
   const std::string mode = words.empty() ? "" : words[0];
   const std::size_t fixed = mode == "halves" ? 3 : 2;
-  if (words.size() < fixed || (mode != "halves" && mode != "simulated" && mode != "strangers")) {
-    std::fputs("usage: halves TRIALS DATA | simulated PAIRS | strangers PAIRS, [THREADS]\n",
-               stderr);
+  if (words.size() < fixed ||
+      (mode != "halves" && mode != "simulated" && mode != "strangers" && mode != "scaled")) {
+    std::fputs(
+        "usage: halves TRIALS DATA | simulated PAIRS | strangers PAIRS | scaled PAIRS, [THREADS]\n",
+        stderr);
     return 2;
   }
   Bench bench(words.size() > fixed ? static_cast<unsigned>(std::stoul(words[fixed])) : 0);
@@ -192,6 +228,7 @@ int run(const std::vector<std::string>& words) {
   if (mode == "halves") halves(bench, count, words[2]);
   if (mode == "simulated") simulated(bench, count);
   if (mode == "strangers") strangers(bench, count);
+  if (mode == "scaled") with_scale(bench, count);
   bench.summary();
   return 0;
 }

@@ -179,7 +179,9 @@ PlacementCandidate true_candidate(const Pair& pair, double radius) {
   const BatchTree target_tree(centred.target().positions);
   const Support support = SupportCounter(centred, source_tree, target_tree, pair.source.size(),
                                          Executor())(pose, radius);
-  PlacementCandidate candidate{centred.uncentred(pose), support.share};
+  PlacementCandidate candidate;
+  candidate.target_from_source = centred.uncentred(pose);
+  candidate.support = support.share;
   candidate.close_support = support.close_share;
   candidate.evidence = support.evidence;
   candidate.spread_evidence = support.spread_evidence;

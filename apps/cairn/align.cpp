@@ -41,6 +41,7 @@ struct AlignArguments {
   PointSetOptions point_options;
   std::string method = "icp";
   bool gravity = false;
+  bool estimate_scale = false;
   RobustMethod robust;
 
   void add_to(CLI::App& command);
@@ -51,7 +52,7 @@ struct AlignArguments {
   Json options_json(const std::vector<Strategy>& strategies) const;
   report::Report make_report(const LoadedMap& source_map, const LoadedMap& target_map,
                              const std::vector<Alignment>& alignments, LengthUnit unit,
-                             const std::optional<Rigid3>& true_pose, const Json& json) const;
+                             const std::optional<Similarity3>& true_pose, const Json& json) const;
   void print(const LoadedMap& source_map, const LoadedMap& target_map,
              const std::vector<Alignment>& alignments, LengthUnit unit) const;
 };
@@ -119,6 +120,12 @@ void AlignArguments::add_to(CLI::App& command) {
                 "With --anywhere: only turn about the vertical, and tilt a little; a map that does "
                 "not know where down is has z upwards")
       ->needs(anywhere);
+  command
+      .add_flag(
+          "--scale", estimate_scale,
+          "With --anywhere: the maps need not be of one scale; find the source's, from 1/20 to "
+          "20 times the target's")
+      ->needs(anywhere);
   add_number(command, "--effort", robust.placement.effort,
              "With --anywhere: work in units of the default's, 1/16 to 64")
       ->needs(anywhere);
@@ -163,6 +170,7 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"method", robust.anywhere ? "robust" : method},
           {"anywhere", robust.anywhere},
           {"gravity", gravity},
+          {"estimate_scale", estimate_scale},
           {"effort", robust.anywhere ? Json(robust.placement.effort) : Json(nullptr)},
           {"time_limit_s", to_json(robust.placement.time_limit_s)},
           {"one_to_one", robust.one_to_one},
@@ -185,7 +193,8 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
 
 report::Report AlignArguments::make_report(const LoadedMap& source_map, const LoadedMap& target_map,
                                            const std::vector<Alignment>& alignments,
-                                           LengthUnit unit, const std::optional<Rigid3>& true_pose,
+                                           LengthUnit unit,
+                                           const std::optional<Similarity3>& true_pose,
                                            const Json& json) const {
   ReportedPair pair;
   pair.source_name = file_name(source_map.path);
@@ -221,14 +230,17 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
     if (!is_aligned(alignment)) continue;
     const Eigen::Vector3d& t = result.target_from_source.translation();
     const Eigen::Vector3d angles = result.target_from_source.roll_pitch_yaw();
+    if (estimate_scale) {
+      console.print(fmt::format("  scale of the source: {:.6g}\n", result.scale));
+    }
     console.print(fmt::format(
         "  target_from_source: x {} y {} z {} {}, roll {} pitch {} yaw {} deg\n", fixed(t.x(), 6),
         fixed(t.y(), 6), fixed(t.z(), 6), unit_symbol(unit), fixed(degrees(angles.x()), 4),
         fixed(degrees(angles.y()), 4), fixed(degrees(angles.z()), 4)));
     if (!result.unobservable.empty()) {
       console.print(
-          fmt::format("  {} of the pose's 6 directions are not determined by the matches\n",
-                      result.unobservable.size()));
+          fmt::format("  {} of the pose's {} directions are not determined by the matches\n",
+                      result.unobservable.size(), estimate_scale ? 7 : 6));
     }
   }
   if (!output.empty() && is_aligned(alignments.front())) {
@@ -243,7 +255,7 @@ LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
     throw Error(ErrorKind::kInput, source.path,
                 "in " + to_string(unit) + " units, but " + target.path + " in " +
                     to_string(target.map.info().length_unit),
-                "maps of one scale");
+                "maps of one scale, or --anywhere --scale");
   }
   return unit;
 }
@@ -270,11 +282,15 @@ int AlignArguments::run() {
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
   options.initial = initial.pose();
   options.stop_at_repetition = !stop_as_pcl;
-  const auto true_pose = truth.empty() ? std::nullopt : std::optional(read_pose_file(truth));
+  std::optional<Similarity3> true_pose;
+  if (!truth.empty()) {
+    true_pose = estimate_scale ? read_similarity_file(truth) : read_pose_file(truth);
+  }
 
   LoadedMap source_map = load_map(source, common);
   LoadedMap target_map = load_map(target, common);
-  const LengthUnit unit = common_unit(source_map, target_map);
+  const LengthUnit unit =
+      estimate_scale ? target_map.map.info().length_unit : common_unit(source_map, target_map);
   if (!options.overlap_radius && unit == LengthUnit::kMetres) {
     options.overlap_radius = kDefaultOverlapRadius;
   }
@@ -287,6 +303,7 @@ int AlignArguments::run() {
   traced.trace = options.trace || !common.report_path.empty();
   const bool is_robust = robust.anywhere || method == "robust";
   robust.placement.seed = common.seed;
+  if (estimate_scale) robust.placement.scale = ScaleRange();
   if (gravity) robust.placement.gravity = gravity_of(source_map.map, target_map.map);
   const std::vector<Alignment> alignments =
       align_by_all(source_map.map, target_map.map, strategies, traced, point_options, true_pose,
@@ -294,14 +311,20 @@ int AlignArguments::run() {
 
   if (!output.empty()) {
     if (is_aligned(alignments.front())) {
-      save_map(transformed(source_map.map, alignments.front().result.target_from_source), output,
-               common);
+      const AlignResult& result = alignments.front().result;
+      LandmarkMap aligned = transformed(source_map.map, result.similarity());
+      if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
+      save_map(aligned, output, common);
     } else {
       common.console().remark(output + " is not written: there is no pose to move the source by");
     }
   }
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
-  if (true_pose) inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*true_pose)}};
+  if (true_pose) {
+    inputs["truth"] = {{"path", truth},
+                       {"target_from_source", to_json(true_pose->rigid())},
+                       {"scale", true_pose->scale()}};
+  }
   Json json = document("align", common, std::move(inputs), options_json(strategies));
   json["results"] = Json::array();
   for (const Alignment& alignment : alignments) {

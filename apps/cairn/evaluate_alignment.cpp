@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -31,6 +32,7 @@ struct EvaluateAlignmentArguments {
   std::string source;
   double max_rotation_deg = 5.0;
   double max_translation_m = 0.05;
+  double max_scale_percent = 5.0;
 
   void add_to(CLI::App& command);
   int run();
@@ -57,6 +59,8 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
              "Largest rotation error of a success, degrees");
   add_number(command, "--max-translation-m", max_translation_m,
              "Largest displacement of the source's centroid in a success, metres");
+  add_number(command, "--max-scale-percent", max_scale_percent,
+             "Largest error of the scale in a success, percent");
   common.add_csv_to(command, "result");
   common.add_to(command);
   command.footer(
@@ -80,15 +84,20 @@ std::string EvaluateAlignmentArguments::source_path(const SavedAlignments& saved
               "--source MAP");
 }
 
+double percent_of(const PoseError& error) {
+  return 100.0 * std::expm1(error.log_scale);
+}
+
 Csv rows_of(const std::vector<JudgedAlignment>& judged) {
   Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
-            "success"});
+            "success", "log_scale_error"});
   for (const auto& [alignment, error, success] : judged) {
     rows << alignment.confidence << alignment.status;
     rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
     rows << (error ? std::optional(error->translation) : std::nullopt);
     rows << alignment.length_unit;
     rows << (success ? (*success ? "yes" : "no") : "");
+    rows << (error ? std::optional(error->log_scale) : std::nullopt);
     rows.end_row();
   }
   return rows;
@@ -103,7 +112,8 @@ Json json_of(const std::vector<JudgedAlignment>& judged) {
     entry["error"] = nullptr;
     if (error) {
       entry["error"] = {{"rotation_deg", degrees(error->rotation_rad)},
-                        {"translation", error->translation}};
+                        {"translation", error->translation},
+                        {"log_scale", error->log_scale}};
     }
     entry["success"] = to_json(success);
     results.push_back(std::move(entry));
@@ -111,28 +121,35 @@ Json json_of(const std::vector<JudgedAlignment>& judged) {
   return results;
 }
 
-std::string table_of(const std::vector<JudgedAlignment>& judged) {
-  Table table({"confidence", "status", "rotation error", "translation error", "success"});
+std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale) {
+  std::vector<std::string> header = {"confidence", "status", "rotation error", "translation error",
+                                     "success"};
+  if (with_scale) header.emplace_back("scale error");
+  Table table(header);
   for (const auto& [alignment, error, success] : judged) {
     const char* const unit = alignment.length_unit == "metres" ? "m" : "units";
-    table.add_row({alignment.confidence, alignment.status,
-                   error ? fixed(degrees(error->rotation_rad), 4) + " deg" : "-",
-                   error ? fmt::format("{} {}", fixed(error->translation, 5), unit) : "-",
-                   success ? (*success ? "yes" : "no") : "-"});
+    std::vector<std::string> row = {
+        alignment.confidence, alignment.status,
+        error ? fixed(degrees(error->rotation_rad), 4) + " deg" : "-",
+        error ? fmt::format("{} {}", fixed(error->translation, 5), unit) : "-",
+        success ? (*success ? "yes" : "no") : "-"};
+    if (with_scale) row.push_back(error ? fixed(percent_of(*error), 3) + " %" : "-");
+    table.add_row(std::move(row));
   }
   return table.text();
 }
 
 int EvaluateAlignmentArguments::run() {
   for (const auto& [option, limit] : {std::pair{"--max-rotation-deg", max_rotation_deg},
-                                      {"--max-translation-m", max_translation_m}}) {
+                                      {"--max-translation-m", max_translation_m},
+                                      {"--max-scale-percent", max_scale_percent}}) {
     if (limit < 0.0) {
       throw Error(ErrorKind::kMisuse, option, fmt::format("{}", limit), "0 or more");
     }
   }
   require_outputs(common);
   const SavedAlignments saved = read_alignments(result);
-  const Rigid3 true_pose = read_pose_file(truth);
+  const Similarity3 true_pose = read_similarity_file(truth);
   const LoadedMap source_map = load_map(source_path(saved), common);
   const Console console = common.console();
   if (saved.source_hash && std::filesystem::is_regular_file(source_map.path) &&
@@ -159,7 +176,8 @@ int EvaluateAlignmentArguments::run() {
     }
     if (metric) {  // metres say nothing of a map of free scale
       entry.success = entry.error && degrees(entry.error->rotation_rad) <= max_rotation_deg &&
-                      entry.error->translation <= max_translation_m;
+                      entry.error->translation <= max_translation_m &&
+                      percent_of(*entry.error) <= max_scale_percent;
       successes = successes.value_or(0) + (*entry.success ? 1 : 0);
     }
     judged.push_back(std::move(entry));
@@ -167,23 +185,38 @@ int EvaluateAlignmentArguments::run() {
 
   Json inputs = {{"result", describe_file(result, common)},
                  {"source", source_map.description},
-                 {"truth", {{"path", truth}, {"target_from_source", to_json(true_pose)}}}};
+                 {"truth",
+                  {{"path", truth},
+                   {"target_from_source", to_json(true_pose.rigid())},
+                   {"scale", true_pose.scale()}}}};
   Json json = document("evaluate_alignment", common, std::move(inputs),
                        {{"max_rotation_deg", max_rotation_deg},
                         {"max_translation_m", max_translation_m},
+                        {"max_scale_percent", max_scale_percent},
                         {"min_observations", point_options.min_observations}});
   json["results"] = json_of(judged);
   json["successes"] = to_json(successes);
   write_document(json, common);
   write_rows(rows_of(judged), common);
-  console.print(table_of(judged));
+  const bool with_scale =
+      true_pose.scale() != 1.0 ||
+      std::any_of(judged.begin(), judged.end(), [](const JudgedAlignment& entry) {
+        const auto& pose = entry.alignment.target_from_source;
+        return pose && pose->scale() != 1.0;
+      });
+  console.print(table_of(judged, with_scale));
   console.print(
       fmt::format("\ntranslation error  displacement of the centroid of {} source landmarks\n",
                   points.positions.size()));
-  console.print(successes
-                    ? fmt::format("success            at most {:g} deg and {:g} m: {} of {}\n",
-                                  max_rotation_deg, max_translation_m, *successes, judged.size())
-                    : "success            unknown: metres say nothing of maps of free scale\n");
+  if (successes) {
+    console.print(fmt::format(
+        "success            at most {:g} deg and {:g} m{}: {} of {}\n", max_rotation_deg,
+        max_translation_m,
+        with_scale ? fmt::format(", and {:g} % of the scale", max_scale_percent) : std::string(),
+        *successes, judged.size()));
+  } else {
+    console.print("success            unknown: metres say nothing of maps of free scale\n");
+  }
   return kDone;
 }
 

@@ -329,6 +329,71 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_THAT(text, HasSubstr("none: aligned: the best pose matches"));
 }
 
+TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {
+  const SyntheticPair maps = write_pair();
+  constexpr double kUnit = 0.2;  // of the source: free, as from a single camera
+  write_map(
+      with_length_unit(transformed(maps.source, Similarity3(kUnit, Rigid3())), LengthUnit::kFree),
+      path("free.map"));
+  const Matrix4d truth = Similarity3(1.0 / kUnit, maps.target_from_source).matrix();
+  std::string numbers;
+  for (int i = 0; i < 16; ++i) numbers += std::to_string(truth(i / 4, i % 4)) + " ";
+  write("truth.txt", numbers);
+  expect_refusal({"align", "free.map", "target.map", "--anywhere"}, kBadInput, {"--scale"});
+  expect_refusal({"align", "free.map", "target.map", "--scale"}, kWrongUsage, {"--anywhere"});
+
+  const Words words = {"align",   "free.map",  "target.map", "--anywhere", "--scale",
+                       "--truth", "truth.txt", "-o",         "aligned.map"};
+  Words with_report = words;
+  with_report.insert(with_report.end(), {"--report", "report.html"});
+  const Json json = document(with_report);
+  const Json& result = json.at("results").at(0);
+  EXPECT_EQ(result.at("verdict"), "aligned");
+  EXPECT_EQ(result.at("length_unit"), "metres");
+  EXPECT_NEAR(result.at("scale").get<double>(), 1.0 / kUnit, 0.03);
+  EXPECT_LT(result.at("error").at("log_scale").get<double>(), 0.01);
+  EXPECT_LT(result.at("error").at("translation").get<double>(), 0.02);
+  EXPECT_EQ(result.at("covariance").size(), 7U);
+  EXPECT_EQ(result.at("covariance").at(6).size(), 7U);
+  EXPECT_NEAR(result.at("candidates").at(0).at("scale").get<double>(), 1.0 / kUnit, 0.1);
+  EXPECT_EQ(result.at("history").back().at("scale"), result.at("scale"));
+
+  // The aligned map lies on the target, in its unit.
+  EXPECT_EQ(read_map(path("aligned.map")).info().length_unit, LengthUnit::kMetres);
+  const Json again = document({"align", "aligned.map", "target.map"}).at("results").at(0);
+  EXPECT_NEAR(again.at("initial_score").get<double>(), result.at("score").get<double>(), 1e-8);
+  EXPECT_THAT(answer(words), ContainsRegex("scale of the source: (5|4\\.9)"));
+
+  // Results with a scale can be judged and shown, but are no rigid pose.
+  write("result.json", json.dump());
+  const Json judged = document({"evaluate", "alignment", "result.json", "--truth", "truth.txt"});
+  EXPECT_EQ(judged.at("results").at(0).at("success"), true);
+  EXPECT_NEAR(judged.at("results").at(0).at("error").at("log_scale").get<double>(),
+              result.at("error").at("log_scale").get<double>(), 1e-9);
+  answer({"report", "result.json", "-o", "again.html"});
+  const Json strict = document({"evaluate", "alignment", "result.json", "--truth", "truth.txt",
+                                "--max-scale-percent", "0.000001"});
+  EXPECT_EQ(strict.at("results").at(0).at("success"), false);
+  Json spoilt = json;
+  spoilt["results"][0]["scale"] = "large";
+  write("spoilt.json", spoilt.dump());
+  for (const Words& reader :
+       {Words{"evaluate", "alignment", "spoilt.json", "--truth", "truth.txt"},
+        Words{"report", "spoilt.json", "-o", "spoilt.html"},
+        Words{"evaluate", "alignment", "result.json", "--truth", "spoilt.json"}}) {
+    expect_refusal(reader, kBadInput, {"spoilt.json", "scale"});
+  }
+
+  // Of a target without a known unit, too.
+  write_map(with_length_unit(maps.target, LengthUnit::kFree), path("free_target.map"));
+  const Json free = document({"align", "free.map", "free_target.map", "--anywhere", "--scale"});
+  EXPECT_EQ(free.at("results").at(0).at("length_unit"), "free");
+  EXPECT_EQ(free.at("results").at(0).at("overlap").at("radius"),
+            free.at("results").at(0).at("support_radius"));
+  expect_refusal({"align", "source.map", "target.map", "--initial-matrix", "result.json"},
+                 kBadInput, {"result.json"});
+}
+
 TEST_F(AlignTest, AnywhereTakesALimitOfTime) {
   write_pair();
   const std::vector<std::string> command = {"align",      "source.map",   "target.map",

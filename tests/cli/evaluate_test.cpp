@@ -341,12 +341,14 @@ TEST_F(EvaluateAlignmentTest, CsvHasARowForEachResult) {
   write_result();
   const auto rows = cells(answer(evaluate({"--csv", "-"})));
   ASSERT_EQ(rows.size(), 3U);
-  EXPECT_THAT(rows[0], ElementsAre("confidence", "status", "rotation_error_deg",
-                                   "translation_error", "length_unit", "success"));
+  EXPECT_THAT(rows[0],
+              ElementsAre("confidence", "status", "rotation_error_deg", "translation_error",
+                          "length_unit", "success", "log_scale_error"));
   EXPECT_EQ(rows[1][0], "none");
   EXPECT_EQ(rows[2][0], "covariance");
   EXPECT_EQ(rows[2][4], "metres");
   EXPECT_EQ(rows[2][5], "yes");
+  EXPECT_EQ(rows[2][6], "0");
 }
 
 TEST_F(EvaluateAlignmentTest, FailedResultHasNoErrorAndIsNoSuccess) {

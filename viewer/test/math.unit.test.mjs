@@ -5,7 +5,7 @@ import { loadModule } from "./support/load_module.mjs";
 
 const { bandwidth, kernelDensity, quantileSorted, sortedFinite, summarise } = await loadModule("src/math/statistics.ts");
 const { formatNumber, formatFixed, formatLength, idText, labelOf, niceBelow } = await loadModule("src/math/format.ts");
-const { apply, compose, dequantise, poseAt, positionOf } = await loadModule("src/math/pose.ts");
+const { apply, compose, dequantise, poseAt, positionOf, scaleOf, similarityAt } = await loadModule("src/math/pose.ts");
 const { compareCells, bestValues } = await loadModule("src/table.ts");
 const { toCsv } = await loadModule("src/export.ts");
 const { shellCommand } = await loadModule("src/provenance.ts");
@@ -62,6 +62,15 @@ test("poses follow the quaternion convention qw qx qy qz", () => {
   apply(twice, [1, 0, 0]).forEach((value, i) => near(value, apply(quarterTurn, apply(quarterTurn, [1, 0, 0]))[i]));
   const cloud = { origin: [10, 20, 30], step: [0.1, 0.2, 0.3], positions: Uint16Array.of(1, 2, 3, 4, 5, 6) };
   apply(dequantise(cloud), [4, 5, 6]).forEach((value, i) => near(value, positionOf(cloud, 1)[i], 1e-9));
+});
+
+test("a similarity scales before it rotates and translates", () => {
+  const half = Math.SQRT1_2;
+  const poses = [0, 0, 0, 1, 0, 0, 0, 1, 2, 3, half, 0, 0, half];
+  const turned = apply(similarityAt(poses, [1, 2], 1), [1, 0, 0]);
+  [1, 4, 3].forEach((value, axis) => near(turned[axis], value));
+  assert.deepEqual(similarityAt(poses, null, 1), poseAt(poses, 1));
+  near(scaleOf(similarityAt(poses, [1, 2], 1)), 2);
 });
 
 test("numbers are short and honest", () => {

@@ -2,6 +2,7 @@
 #include "support/alignments.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
@@ -27,7 +28,8 @@ Json json_of(const std::vector<OpenDirection>& directions) {
   Json list = Json::array();
   for (const OpenDirection& direction : directions) {
     list.push_back({{"translation", to_json(direction.translation)},
-                    {"rotation", to_json(direction.rotation)}});
+                    {"rotation", to_json(direction.rotation)},
+                    {"log_scale", direction.log_scale}});
   }
   return list;
 }
@@ -36,6 +38,7 @@ Json json_of(const std::vector<IterationRecord>& history, bool trace) {
   Json list = Json::array();
   for (const IterationRecord& iteration : history) {
     Json entry = {{"target_from_source", to_json(iteration.target_from_source)},
+                  {"scale", iteration.scale},
                   {"mean_squared_distance", iteration.mean_squared_distance}};
     if (trace) {
       entry["score"] = to_json(iteration.score);
@@ -53,6 +56,7 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
   for (const PlacementCandidate& candidate : candidates) {
     list.push_back(
         {{"target_from_source", to_json(candidate.target_from_source)},
+         {"scale", candidate.scale},
          {"support", candidate.support},
          {"close_support", candidate.close_support},
          {"evidence", candidate.evidence},
@@ -61,6 +65,18 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
          {"probability", candidate.probability}});
   }
   return list;
+}
+
+// A placement has a radius of its own, where none is asked for.
+Json overlap_radius_of(const Alignment& alignment, const AlignOptions& options) {
+  if (options.overlap_radius) return *options.overlap_radius;
+  return alignment.placement ? Json(alignment.placement->radius) : Json(nullptr);
+}
+
+// With the scale's row and column where that is estimated.
+Json covariance_json(const AlignResult& result) {
+  if (result.covariance_with_scale) return to_json(*result.covariance_with_scale);
+  return result.covariance ? to_json(*result.covariance) : Json(nullptr);
 }
 
 // What all methods take alike.
@@ -105,7 +121,7 @@ bool is_aligned(const Alignment& alignment) {
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
                                     const std::vector<Strategy>& strategies, AlignOptions options,
                                     const PointSetOptions& point_options,
-                                    const std::optional<Rigid3>& truth,
+                                    const std::optional<Similarity3>& truth,
                                     const CommonArguments& common,
                                     const std::optional<RobustMethod>& robust) {
   options.executor = common.executor();
@@ -137,8 +153,7 @@ std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
     }
     if (truth && is_aligned(alignment)) {
-      alignment.error =
-          pose_error(alignment.result.target_from_source, *truth, source_points.positions);
+      alignment.error = pose_error(alignment.result.similarity(), *truth, source_points.positions);
     }
     alignments.push_back(std::move(alignment));
   }
@@ -149,6 +164,9 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const Alig
                             LengthUnit unit) {
   const bool with_error = std::any_of(alignments.begin(), alignments.end(),
                                       [](const Alignment& a) { return a.error.has_value(); });
+  const bool with_scale =
+      std::any_of(alignments.begin(), alignments.end(),
+                  [](const Alignment& alignment) { return alignment.result.scale != 1.0; });
   const std::string symbol = unit_symbol(unit);
   std::vector<std::string> header = {"confidence",   "k",          "status", "iterations",
                                      "score before", "score after"};
@@ -170,9 +188,13 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const Alig
     }
     if (with_error) {
       const auto& error = alignment.error;
-      row.push_back(error ? fmt::format("{:.3f} deg {:.4f} {}", degrees(error->rotation_rad),
-                                        error->translation, symbol)
-                          : "-");
+      std::string text = "-";
+      if (error) {
+        text = fmt::format("{:.3f} deg {:.4f} {}", degrees(error->rotation_rad), error->translation,
+                           symbol);
+        if (with_scale) text += fmt::format(" {:.2f} %", 100.0 * std::expm1(error->log_scale));
+      }
+      row.push_back(std::move(text));
     }
     row.push_back(fmt::format("{:.0f} ms", 1e3 * result.duration_s));
     table.add_row(std::move(row));
@@ -199,7 +221,7 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"verdict", placement ? to_string(placement->verdict) : "none"},
       {"reason", result.reason},
       {"target_from_source", has_pose ? to_json(result.target_from_source) : Json(nullptr)},
-      {"scale", has_pose ? Json(1.0) : Json(nullptr)},
+      {"scale", has_pose ? Json(result.scale) : Json(nullptr)},
       {"method", alignment.method},
       {"confidence", alignment.confidence},
       {"k", alignment.k},
@@ -216,10 +238,10 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"matches", result.matches.size()},
       {"overlap", result.overlap ? Json{{"source", result.overlap->source},
                                         {"target", result.overlap->target},
-                                        {"radius", *options.overlap_radius}}
+                                        {"radius", overlap_radius_of(alignment, options)}}
                                  : Json(nullptr)},
       {"probability", placement ? Json(placement->probability) : Json(nullptr)},
-      {"covariance", has_pose && result.covariance ? to_json(*result.covariance) : Json(nullptr)},
+      {"covariance", has_pose ? covariance_json(result) : Json(nullptr)},
       {"unobservable", has_pose ? json_of(result.unobservable) : Json(nullptr)},
       {"candidates", placement ? json_of(placement->candidates) : Json(nullptr)},
       // A limit in seconds leaves it to the machine what is found.
@@ -231,7 +253,8 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
   json["error"] = nullptr;
   if (alignment.error) {
     json["error"] = {{"rotation_deg", degrees(alignment.error->rotation_rad)},
-                     {"translation", alignment.error->translation}};
+                     {"translation", alignment.error->translation},
+                     {"log_scale", alignment.error->log_scale}};
   }
   json["history"] = json_of(result.history, options.trace);
   return json;

@@ -43,7 +43,7 @@ bool is_aligned(const Alignment& alignment);
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
                                     const std::vector<Strategy>& strategies, AlignOptions options,
                                     const PointSetOptions& point_options,
-                                    const std::optional<Rigid3>& truth,
+                                    const std::optional<Similarity3>& truth,
                                     const CommonArguments& common,
                                     const std::optional<RobustMethod>& robust = {});
 

@@ -47,7 +47,14 @@ Matrix4d matrix_of_json(const std::string& path, const std::string& text) {
   if (rows.is_null()) fail_pose_file(path, "the alignment failed and has no pose");
   const auto matrix = matrix_of_rows(rows);
   if (!matrix) fail_pose_file(path, "target_from_source is no 4x4 matrix");
-  return *matrix;
+  // The scale stands beside the rigid motion.
+  Matrix4d similarity = *matrix;
+  const nlohmann::json::json_pointer scale("/results/0/scale");
+  if (document.contains(scale) && !document.at(scale).is_null()) {
+    if (!document.at(scale).is_number()) fail_pose_file(path, "scale is no number");
+    similarity.topLeftCorner<3, 3>() *= document.at(scale).get<double>();
+  }
+  return similarity;
 }
 
 Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
@@ -62,6 +69,13 @@ Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
   }
   if (words.size() != 16) fail_pose_file(path, fmt::format("{} numbers", words.size()));
   return matrix;
+}
+
+Matrix4d matrix_of_file(const std::string& path) {
+  const std::string text = read_file(path);
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  const bool is_json = first != std::string::npos && text[first] == '{';
+  return is_json ? matrix_of_json(path, text) : matrix_of_text(path, text);
 }
 
 }  // namespace
@@ -159,11 +173,17 @@ Rigid3 parse_pose(const std::string& text, std::string_view option) {
                                      radians(n[5]));
 }
 
+Similarity3 read_similarity_file(const std::string& path) {
+  const Matrix4d matrix = matrix_of_file(path);
+  try {
+    return Similarity3::from_matrix(matrix);
+  } catch (const Error& error) {
+    throw Error(ErrorKind::kInput, path, error.what(), "");
+  }
+}
+
 Rigid3 read_pose_file(const std::string& path) {
-  const std::string text = read_file(path);
-  const std::size_t first = text.find_first_not_of(kBlanks);
-  const bool is_json = first != std::string::npos && text[first] == '{';
-  const Matrix4d matrix = is_json ? matrix_of_json(path, text) : matrix_of_text(path, text);
+  const Matrix4d matrix = matrix_of_file(path);
   try {
     return Rigid3::from_matrix(matrix);
   } catch (const Error& error) {

@@ -117,6 +117,8 @@ Rigid3 parse_pose(const std::string& text, std::string_view option);
 /// 16 numbers, row-major, from a text file; or the first result of an `align --json` document.
 /// @throws Error (input) naming the file and what is wrong with it
 Rigid3 read_pose_file(const std::string& path);
+/// The same with a scale: of the matrix, whose upper left part is s·R, or the result's.
+Similarity3 read_similarity_file(const std::string& path);
 
 /// A pose given as an option of either kind.
 struct PoseArguments {

@@ -23,6 +23,16 @@ void write_output(const std::string& text, const std::string& path) {
   }
 }
 
+Json rows_of(const Eigen::MatrixXd& matrix) {
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) row.push_back(matrix(i, j));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
 }  // namespace
 
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash) {
@@ -144,11 +154,7 @@ Json to_json(const Rigid3& pose) {
 }
 
 Json to_json(const Matrix4d& matrix) {
-  Json rows = Json::array();
-  for (int i = 0; i < 4; ++i) {
-    rows.push_back({matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3)});
-  }
-  return rows;
+  return rows_of(matrix);
 }
 
 Json to_json(const Eigen::Vector3d& vector) {
@@ -156,13 +162,11 @@ Json to_json(const Eigen::Vector3d& vector) {
 }
 
 Json to_json(const Matrix6d& matrix) {
-  Json rows = Json::array();
-  for (int i = 0; i < 6; ++i) {
-    Json row = Json::array();
-    for (int j = 0; j < 6; ++j) row.push_back(matrix(i, j));
-    rows.push_back(std::move(row));
-  }
-  return rows;
+  return rows_of(matrix);
+}
+
+Json to_json(const Matrix7d& matrix) {
+  return rows_of(matrix);
 }
 
 Json text_or_null(const std::string& text) {

@@ -72,6 +72,7 @@ Json to_json(const Rigid3& pose);
 Json to_json(const Matrix4d& matrix);
 Json to_json(const Eigen::Vector3d& vector);
 Json to_json(const Matrix6d& matrix);
+Json to_json(const Matrix7d& matrix);
 template <class Value>
 Json to_json(const std::optional<Value>& value) {
   return value ? Json(*value) : Json(nullptr);

@@ -56,18 +56,16 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
   for (const Alignment& alignment : pair.alignments) {
     const bool has_points = pair.source != nullptr && pair.target != nullptr;
     AlignResult result = alignment.result;
-    std::optional<Rigid3> truth = pair.truth;
     const auto& placement = alignment.placement;
     if (placement && placement->verdict == Verdict::kRejected) result.status = AlignStatus::kFailed;
     if (!has_points) {  // neither can matches be shown nor errors measured at the landmarks
       for (IterationRecord& iteration : result.history) iteration.matches.clear();
-      truth.reset();
     }
     report::AlignmentRun run = report::make_run(result, source, target,
                                                 {.name = name_of(alignment),
                                                  .initial = pair.initial,
                                                  .k = alignment.k,
-                                                 .truth = truth,
+                                                 .truth = has_points ? pair.truth : std::nullopt,
                                                  .status = std::string(status_of(alignment))});
     if (!has_points && alignment.error) {
       for (auto& [name, value] : run.summary) {

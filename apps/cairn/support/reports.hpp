@@ -23,7 +23,7 @@ struct ReportedPair {
   LengthUnit unit = LengthUnit::kMetres;
   PointSetOptions point_options = {};
   Rigid3 initial = {};
-  std::optional<Rigid3> truth = {};
+  std::optional<Similarity3> truth = {};
   std::vector<Alignment> alignments = {};  ///< with a trace: also scores and matches
   std::optional<std::string> story = {};   ///< a paragraph above the scene
 };

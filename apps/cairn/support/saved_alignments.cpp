@@ -69,7 +69,12 @@ SavedAlignments read_alignments(const std::string& path) {
       const auto matrix = matrix_of_rows(*rows);
       if (!matrix) refuse(fmt::format("result {}: target_from_source is no 4x4 matrix", i));
       try {
-        alignment.target_from_source = Rigid3::from_matrix(*matrix);
+        const json scale = value_at<json>(result, "/scale").value_or(nullptr);
+        if (!scale.is_null() && !scale.is_number()) {
+          refuse(fmt::format("result {}: scale is no number", i));
+        }
+        alignment.target_from_source =
+            Similarity3(scale.is_null() ? 1.0 : scale.get<double>(), Rigid3::from_matrix(*matrix));
       } catch (const Error& error) {
         throw Error(ErrorKind::kInput, fmt::format("{}: result {}", path, i), error.what(), "");
       }

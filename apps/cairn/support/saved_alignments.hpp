@@ -8,7 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn::cli {
 
@@ -16,8 +16,8 @@ namespace cairn::cli {
 struct SavedAlignment {
   std::string confidence;
   std::string status;
-  std::string length_unit;                   ///< "metres" or "free"
-  std::optional<Rigid3> target_from_source;  ///< nothing if the alignment failed
+  std::string length_unit;                        ///< "metres" or "free"
+  std::optional<Similarity3> target_from_source;  ///< nothing if the alignment failed
 };
 
 /// What `align --json` wrote.

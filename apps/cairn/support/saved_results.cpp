@@ -73,6 +73,13 @@ class Field {
       throw Error(ErrorKind::kInput, fmt::format("{}: {}", file_, path_), error.what(), "");
     }
   }
+  // 1 where none is given.
+  double scale() const {
+    if (is_null()) return 1.0;
+    const double value = number();
+    if (!(value > 0.0)) refuse("a positive number");
+    return value;
+  }
   std::optional<double> optional_number() const {
     return is_null() ? std::nullopt : std::optional(number());
   }
@@ -104,6 +111,7 @@ class Field {
 IterationRecord iteration_of(const Field& field) {
   IterationRecord record;
   record.target_from_source = field["target_from_source"].pose();
+  record.scale = field["scale"].scale();
   record.mean_squared_distance = field["mean_squared_distance"].optional_number().value_or(
       std::numeric_limits<double>::quiet_NaN());
   record.score = field["score"].optional_number();
@@ -143,6 +151,7 @@ Alignment alignment_of(const Field& field) {
                  StopReason::kTooFewMatches, StopReason::kCancelled});
   result.reason = field["reason"].text();
   result.target_from_source = field["target_from_source"].optional_pose().value_or(Rigid3());
+  result.scale = field["scale"].scale();
   result.initial_score = field["initial_score"].optional_number();
   result.score = field["score"].optional_number();
   result.iterations = static_cast<int>(field["iterations"].whole(std::numeric_limits<int>::max()));
@@ -161,7 +170,8 @@ Alignment alignment_of(const Field& field) {
   result.duration_s = field["duration_s"].optional_number().value_or(0.0);
   if (const Field error = field["error"]; !error.is_null()) {
     alignment.error =
-        PoseError{radians(error["rotation_deg"].number()), error["translation"].number()};
+        PoseError{radians(error["rotation_deg"].number()), error["translation"].number(),
+                  error["log_scale"].optional_number().value_or(0.0)};
   }
   if (const Field history = field["history"]; !history.is_null()) {
     for (const Field& iteration : history.items()) {
@@ -239,7 +249,9 @@ SavedResult saved_result(const Json& document, const std::string& file) {
   saved.initial = initial.pose();
   const Field truth =
       root["truth"].is_null() ? inputs["truth"]["target_from_source"] : root["truth"];
-  saved.truth = truth.optional_pose();
+  if (const auto pose = truth.optional_pose()) {
+    saved.truth = Similarity3(inputs["truth"]["scale"].scale(), *pose);
+  }
   const Field results = root["results"];
   for (const Field& result : results.items()) {
     saved.unit = result["length_unit"].text() == "free" ? LengthUnit::kFree : LengthUnit::kMetres;

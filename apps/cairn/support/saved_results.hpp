@@ -31,7 +31,7 @@ struct SavedResult {
   std::size_t min_observations = 2;
   std::string camera;  ///< that all frames were said to be taken by; empty: none
   Rigid3 initial;
-  std::optional<Rigid3> truth;
+  std::optional<Similarity3> truth;
   LengthUnit unit = LengthUnit::kMetres;
   std::vector<Alignment> alignments;
 };

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/evaluation/pose_error.hpp"
 
+#include <cmath>
+
 #include "cairn/geometry/centroid.hpp"
 
 namespace cairn {
 
-PoseError pose_error(const Rigid3& estimate, const Rigid3& truth,
+PoseError pose_error(const Similarity3& estimate, const Similarity3& truth,
                      std::span<const Eigen::Vector3d> source) {
   const Eigen::Vector3d centre = centroid(source);
-  return {(estimate.inverse() * truth).angle(), (estimate * centre - truth * centre).norm()};
+  return {(estimate.rigid().inverse() * truth.rigid()).angle(),
+          (estimate * centre - truth * centre).norm(),
+          std::abs(std::log(estimate.scale() / truth.scale()))};
 }
 
 }  // namespace cairn

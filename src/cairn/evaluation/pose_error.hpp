@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn {
 
@@ -11,13 +11,14 @@ namespace cairn {
 struct PoseError {
   double rotation_rad = 0.0;  ///< angle of the relative rotation, in [0, π]
   double translation =
-      0.0;  ///< displacement of the source landmarks' centroid, map's unit of length
+      0.0;  ///< displacement of the source landmarks' centroid, target's unit of length
+  double log_scale = 0.0;  ///< magnitude of the logarithm of the ratio of the scales
 };
 
 /// The error of `estimate` against `truth`, both target_from_source. Translation is measured at the
 /// landmarks: at the source's origin, which may be far from them, it would count rotation twice.
 /// @param source landmarks in the source frame; of none, the origin stands in for their centroid
-PoseError pose_error(const Rigid3& estimate, const Rigid3& truth,
+PoseError pose_error(const Similarity3& estimate, const Similarity3& truth,
                      std::span<const Eigen::Vector3d> source);
 
 }  // namespace cairn

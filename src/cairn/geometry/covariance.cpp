@@ -48,11 +48,6 @@ Eigen::Matrix3d rotated_covariance(const Eigen::Matrix3d& covariance, const Eige
   return r * covariance * r.transpose();
 }
 
-Matrix6d propagated_covariance(const Matrix6d& jacobian, const Matrix6d& covariance) {
-  const Matrix6d result = jacobian * covariance * jacobian.transpose();
-  return 0.5 * (result + result.transpose());
-}
-
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c_from_a) {
   // c_from_a * (t + δt, Exp(δφ)·R) has translation perturbed by R_c·δt and rotation by R_c·δφ.
   Matrix6d jacobian = Matrix6d::Zero();
@@ -72,10 +67,31 @@ Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance) {
   return propagated_covariance(jacobian, covariance);
 }
 
+Matrix7d inverse_covariance(const Similarity3& pose, const Matrix7d& covariance) {
+  // As of a rigid motion, whose arm is the inverse's translation; that shrinks as the scale grows.
+  const Similarity3 inverse = pose.inverse();
+  const Eigen::Matrix3d linear = inverse.linear();
+  Matrix7d jacobian = Matrix7d::Zero();
+  jacobian.block<3, 3>(0, 0) = -linear;
+  jacobian.block<3, 3>(0, 3) = skew(inverse.translation()) * inverse.rigid().rotation();
+  jacobian.block<3, 1>(0, 6) = -inverse.translation();
+  jacobian.block<3, 3>(3, 3) = -inverse.rigid().rotation();
+  jacobian(6, 6) = -1.0;
+  return propagated_covariance(jacobian, covariance);
+}
+
 double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
                                 const Rigid3& truth) {
   const Eigen::Matrix<double, 6, 1> error = estimate.difference_to(truth);
   return error.dot(Eigen::Matrix<double, 6, 6>(covariance).ldlt().solve(error));
+}
+
+double normalised_squared_error(const Similarity3& estimate, const Matrix7d& covariance,
+                                const Similarity3& truth) {
+  Eigen::Matrix<double, 7, 1> error;
+  error << estimate.rigid().difference_to(truth.rigid()),
+      std::log(truth.scale() / estimate.scale());
+  return error.dot(Eigen::Matrix<double, 7, 7>(covariance).ldlt().solve(error));
 }
 
 }  // namespace cairn

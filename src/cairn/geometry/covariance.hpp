@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn {
 
@@ -47,7 +47,11 @@ double spectral_norm(const Eigen::Matrix3d& symmetric);
 Eigen::Matrix3d rotated_covariance(const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& r);
 
 /// Covariance of J·x for the covariance of x: J·C·Jᵀ, symmetric in spite of rounding.
-Matrix6d propagated_covariance(const Matrix6d& jacobian, const Matrix6d& covariance);
+template <class Matrix>
+Matrix propagated_covariance(const Matrix& jacobian, const Matrix& covariance) {
+  const Matrix result = jacobian * covariance * jacobian.transpose();
+  return 0.5 * (result + result.transpose());
+}
 
 /// Covariance of a pose `a_from_b` (left perturbation, order δt, δφ) carried over to
 /// `c_from_a * a_from_b`.
@@ -55,14 +59,21 @@ Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c
 
 /// Covariance of pose.inverse(), for that of the pose; both of left perturbations, (δt, δφ).
 Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance);
+/// The same with the scale's, (δt, δφ, δ log s).
+Matrix7d inverse_covariance(const Similarity3& pose, const Matrix7d& covariance);
 
 /// The error of a pose under the covariance it is stated with, squared Mahalanobis distance: of a
 /// calibrated covariance, chi-squared with 6 degrees of freedom.
 /// @param covariance of a left perturbation of `estimate`, (δt, δφ); positive definite
 double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
                                 const Rigid3& truth);
+/// The same of a similarity, with the scale's, (δt, δφ, δ log s): 7 degrees of freedom.
+double normalised_squared_error(const Similarity3& estimate, const Matrix7d& covariance,
+                                const Similarity3& truth);
 
 /// Below which 95 % of normalised squared errors lie.
 inline constexpr double kNormalisedSquaredError95 = 12.592;
+/// And of those with a scale.
+inline constexpr double kNormalisedSquaredErrorWithScale95 = 14.067;
 
 }  // namespace cairn

@@ -132,5 +132,25 @@ TEST(InverseCovariance, IsThatOfTheInvertedPerturbations) {
             1e-9);
 }
 
+TEST(InverseCovariance, WithAScaleIsThatOfTheInvertedPerturbationsToo) {
+  const Similarity3 pose(2.5, Rigid3::from_roll_pitch_yaw({1, -2, 3}, 0.4, -0.2, 1.3));
+  constexpr double kStep = 1e-6;
+  const auto perturbed = [&](const Vector7d& delta) {
+    return Similarity3(pose.scale() * std::exp(delta[6]), pose.rigid().perturbed(delta.head<6>()));
+  };
+  Matrix7d jacobian;
+  for (int i = 0; i < 7; ++i) {
+    const Similarity3 before = pose.inverse();
+    const Similarity3 after = perturbed(kStep * Vector7d::Unit(i)).inverse();
+    jacobian.col(i).head<6>() = before.rigid().difference_to(after.rigid()) / kStep;
+    jacobian(6, i) = std::log(after.scale() / before.scale()) / kStep;
+  }
+  Matrix7d covariance = Matrix7d::Identity();
+  covariance(0, 4) = covariance(4, 0) = 0.5;
+  covariance(2, 6) = covariance(6, 2) = -0.3;
+  const Matrix7d expected = jacobian * covariance * jacobian.transpose();
+  EXPECT_LT((inverse_covariance(pose, covariance) - expected).norm(), 1e-4);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -4,18 +4,18 @@
 #include <span>
 #include <vector>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn {
 
 /// Each of the points, moved by the pose.
 inline std::vector<Eigen::Vector3d> moved_points(std::span<const Eigen::Vector3d> points,
-                                                 const Rigid3& pose) {
-  const Eigen::Matrix3d rotation = pose.rotation();
+                                                 const Similarity3& pose) {
+  const Eigen::Matrix3d linear = pose.linear();
   std::vector<Eigen::Vector3d> moved;
   moved.reserve(points.size());
   for (const Eigen::Vector3d& point : points) {
-    moved.emplace_back(rotation * point + pose.translation());
+    moved.emplace_back(linear * point + pose.translation());
   }
   return moved;
 }

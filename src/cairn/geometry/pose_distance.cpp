@@ -16,11 +16,13 @@ PoseDistance PoseDistance::of(std::span<const Eigen::Vector3d> points) {
   return distance;
 }
 
-double PoseDistance::operator()(const Rigid3& a, const Rigid3& b) const {
+double PoseDistance::operator()(const Similarity3& a, const Similarity3& b) const {
   // Of a ball: a turn by φ moves its points by 2·sin(φ/2) of their distance to the axis.
-  const double angle = a.quaternion().angularDistance(b.quaternion());
+  const double angle = a.rigid().quaternion().angularDistance(b.rigid().quaternion());
   const double turned = 2.0 * std::sin(0.5 * angle) * radius;
-  return std::sqrt((a * centroid - b * centroid).squaredNorm() + 2.0 / 3.0 * turned * turned);
+  const double grown = (a.scale() - b.scale()) * radius;
+  return std::sqrt((a * centroid - b * centroid).squaredNorm() + grown * grown +
+                   2.0 / 3.0 * a.scale() * b.scale() * turned * turned);
 }
 
 }  // namespace cairn

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn {
 
@@ -18,7 +18,7 @@ struct PoseDistance {
   /// For these points, at least one.
   static PoseDistance of(std::span<const Eigen::Vector3d> points);
 
-  double operator()(const Rigid3& a, const Rigid3& b) const;
+  double operator()(const Similarity3& a, const Similarity3& b) const;
 };
 
 }  // namespace cairn

@@ -35,6 +35,16 @@ TEST(PoseDistance, IsTheRootMeanSquareDistanceOfThePointsOfABall) {
   EXPECT_EQ(distance(a, b), distance(b, a));
 }
 
+TEST(PoseDistance, CountsADifferenceOfScale) {
+  const auto points = sphere({4.0, -2.0, 1.0}, 0.7);
+  const PoseDistance distance = PoseDistance::of(points);
+  const Similarity3 a(1.7, {rotation_exp({0.3, 0.1, -0.2}), {1.0, 0.0, 2.0}});
+  const Similarity3 b(0.6, {rotation_exp({-0.5, 0.4, 0.6}), {1.5, 0.2, 1.0}});
+  double sum = 0.0;
+  for (const auto& point : points) sum += (a * point - b * point).squaredNorm();
+  EXPECT_NEAR(distance(a, b), std::sqrt(sum / static_cast<double>(points.size())), 0.02);
+}
+
 TEST(PoseDistance, OfATranslationIsItsLengthAndOfOnePoseNothing) {
   const PoseDistance distance{{5.0, 5.0, 5.0}, 2.0};
   const Rigid3 pose(rotation_exp({0.0, 1.0, 0.0}), {1.0, 2.0, 3.0});

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include <Eigen/LU>
+
 #include "cairn/core/error.hpp"
 
 namespace cairn {
@@ -13,6 +15,21 @@ Similarity3::Similarity3(double scale, const Rigid3& rigid) : scale_(scale), rig
     throw Error(ErrorKind::kMisuse, "Similarity3", "scale is " + std::to_string(scale),
                 "a positive finite number");
   }
+}
+
+Similarity3 Similarity3::from_matrix(const Matrix4d& matrix, double tolerance) {
+  const double determinant = matrix.topLeftCorner<3, 3>().determinant();
+  if (!(determinant > 0.0) || !std::isfinite(determinant)) {
+    throw Error(ErrorKind::kMisuse, "Similarity3",
+                "the determinant of the upper left part is " + std::to_string(determinant),
+                "a positive finite number");
+  }
+  // RᵀR of a rotation differs from I by no more than the tolerance, and so its scale by half of that.
+  double scale = std::cbrt(determinant);
+  if (std::abs(scale - 1.0) <= 0.5 * tolerance) scale = 1.0;
+  Matrix4d rigid = matrix;
+  rigid.topLeftCorner<3, 3>() /= scale;
+  return {scale, Rigid3::from_matrix(rigid, tolerance)};
 }
 
 Matrix4d Similarity3::matrix() const {

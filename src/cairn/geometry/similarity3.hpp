@@ -5,6 +5,9 @@
 
 namespace cairn {
 
+using Vector7d = Eigen::Matrix<double, 7, 1, Eigen::DontAlign>;
+using Matrix7d = Eigen::Matrix<double, 7, 7, Eigen::DontAlign>;
+
 /// A scale, a rotation and a translation, Sim(3): `x_in_a = s·R·x_in_b + t`.
 class Similarity3 {
  public:
@@ -12,9 +15,19 @@ class Similarity3 {
   Similarity3() = default;
   /// @param scale positive and finite
   Similarity3(double scale, const Rigid3& rigid);
+  /// A rigid motion is a similarity of scale 1.
+  Similarity3(const Rigid3& rigid) : rigid_(rigid) {}  // NOLINT(google-explicit-constructor)
+
+  /// From a homogeneous matrix as read from outside, whose upper left part is s·R; of scale 1 if that is
+  /// a rotation within the tolerance.
+  /// @throws Error (misuse) if that is not of positive determinant, or as Rigid3::from_matrix
+  static Similarity3 from_matrix(const Matrix4d& matrix, double tolerance = 1e-4);
 
   double scale() const { return scale_; }
   const Rigid3& rigid() const { return rigid_; }
+  /// s·R.
+  Eigen::Matrix3d linear() const { return scale_ * rigid_.rotation(); }
+  const Eigen::Vector3d& translation() const { return rigid_.translation(); }
   Matrix4d matrix() const;
 
   Similarity3 inverse() const;

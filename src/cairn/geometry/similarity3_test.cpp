@@ -34,6 +34,27 @@ TEST(Similarity3, ScalesBeforeItTranslates) {
   EXPECT_EQ(a * Eigen::Vector3d(1, 1, 1), Eigen::Vector3d(12, 2, 2));
 }
 
+TEST(Similarity3, IsReadFromItsMatrix) {
+  Random random(2);
+  for (int i = 0; i < 100; ++i) {
+    const Similarity3 a = random_similarity(random);
+    const Similarity3 read = Similarity3::from_matrix(a.matrix());
+    EXPECT_NEAR(read.scale(), a.scale(), 1e-12 * a.scale());
+    EXPECT_LT((read.matrix() - a.matrix()).norm(), 1e-11);
+  }
+  Matrix4d rounded = Rigid3(rotation_exp({0.3, 0.2, 0.1}), {1, 2, 3}).matrix();
+  for (int i = 0; i < 16; ++i)
+    rounded(i / 4, i % 4) = std::round(1e6 * rounded(i / 4, i % 4)) / 1e6;
+  EXPECT_EQ(Similarity3::from_matrix(rounded).scale(), 1.0);
+  Matrix4d mirrored = Matrix4d::Identity();
+  mirrored(0, 0) = -1.0;
+  EXPECT_THROW(Similarity3::from_matrix(mirrored), Error);
+  Matrix4d sheared = Matrix4d::Identity();
+  sheared(0, 1) = 0.1;
+  EXPECT_THROW(Similarity3::from_matrix(sheared), Error);
+  EXPECT_THROW(Similarity3::from_matrix(Matrix4d::Zero()), Error);
+}
+
 TEST(Similarity3, RefusesScalesThatAreNotPositive) {
   for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
     EXPECT_THROW(Similarity3(scale, Rigid3()), Error);

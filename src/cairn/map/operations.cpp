@@ -163,21 +163,32 @@ LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end) {
   return with_rows(map, frames, landmarks);
 }
 
-LandmarkMap transformed(const LandmarkMap& map, const Rigid3& new_from_old) {
+LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old) {
   MapTables tables = copied_tables(map);
-  const Eigen::Matrix3d rotation = new_from_old.rotation();
+  const Rigid3& rigid = new_from_old.rigid();
+  const Eigen::Matrix3d rotation = rigid.rotation();
+  const double scale = new_from_old.scale();
   if (tables.info.gravity) tables.info.gravity = rotation * *tables.info.gravity;
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    const Rigid3 pose = new_from_old * map.world_from_camera(FrameIndex{i});
-    const Eigen::Quaterniond q = pose.quaternion();
-    tables.frames.translations[i] = pose.translation();
+    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+    const Eigen::Quaterniond q = (rigid * pose).quaternion();
+    tables.frames.translations[i] = new_from_old * pose.translation();
     tables.frames.quaternions[i] = {q.w(), q.x(), q.y(), q.z()};
   }
   for (Eigen::Vector3d& position : tables.landmarks.positions) position = new_from_old * position;
   for (Eigen::Matrix3d& covariance : tables.landmarks.covariances) {
     const Eigen::Matrix3d moved = rotated_covariance(covariance, rotation);
-    covariance = 0.5 * (moved + moved.transpose());
+    covariance = scale * scale * 0.5 * (moved + moved.transpose());
   }
+  for (std::optional<double>& depth : tables.observations.depths) {
+    if (depth) *depth *= scale;
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+LandmarkMap with_length_unit(const LandmarkMap& map, LengthUnit unit) {
+  MapTables tables = copied_tables(map);
+  tables.info.length_unit = unit;
   return LandmarkMap(std::move(tables));
 }
 

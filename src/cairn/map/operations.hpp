@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {
@@ -31,8 +31,13 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 /// @throws Error (misuse) if the map does not know its observations, or has no such frame
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
-/// The map in another world frame: positions, covariances, poses and gravity moved.
-LandmarkMap transformed(const LandmarkMap& map, const Rigid3& new_from_old);
+/// The map in another world frame: positions, covariances, poses and gravity moved, all lengths (those
+/// and the depths of observations, not named columns) times the scale. The unit of length is said to be
+/// the same.
+LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
+
+/// The map with its lengths said to be in the unit.
+LandmarkMap with_length_unit(const LandmarkMap& map, LengthUnit unit);
 
 /// The map with a named column added; one of that name is replaced.
 /// @param values one a landmark

@@ -275,6 +275,40 @@ TEST(Transformed, LeavesReprojectionUnchanged) {
   EXPECT_EQ(compared, 3U);
 }
 
+TEST(Transformed, ByASimilarityScalesAllLengthsAndLeavesReprojectionUnchanged) {
+  constexpr double kScale = 2.5;
+  const LandmarkMap map = full_map();
+  const LandmarkMap moved = transformed(map, kFirst);
+  const LandmarkMap grown = transformed(map, Similarity3(kScale, kFirst));
+  const Eigen::Vector3d shift = kFirst.translation();
+  const auto expect_grown = [&](const Eigen::Vector3d& large, const Eigen::Vector3d& small) {
+    EXPECT_TRUE((large - shift).isApprox(kScale * (small - shift), 1e-12));
+  };
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    expect_grown(grown.landmarks().positions[i], moved.landmarks().positions[i]);
+    const auto large = grown.covariance(LandmarkIndex{i});
+    const auto small = moved.covariance(LandmarkIndex{i});
+    ASSERT_EQ(large.has_value(), small.has_value());
+    if (large) {
+      EXPECT_TRUE(large->isApprox(kScale * kScale * *small, 1e-12));
+    }
+  }
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    expect_grown(grown.frames().translations[i], moved.frames().translations[i]);
+  }
+  EXPECT_EQ(grown.frames().quaternions, moved.frames().quaternions);
+  std::size_t known = 0;
+  for (std::size_t i = 0; i < map.observations().depths.size(); ++i) {
+    const auto& depth = map.observations().depths[i];
+    ASSERT_EQ(grown.observations().depths[i].has_value(), depth.has_value());
+    if (!depth) continue;
+    EXPECT_DOUBLE_EQ(*grown.observations().depths[i], kScale * *depth);
+    ++known;
+  }
+  EXPECT_GT(known, 0U);
+  EXPECT_EQ(with_length_unit(grown, LengthUnit::kMetres).info().length_unit, LengthUnit::kMetres);
+}
+
 TEST(Transformed, KeepsAllElseAndDropsTheUuid) {
   const LandmarkMap map = full_map();
   MapTables moved = tables_of(transformed(map, kFirst));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
 
 namespace cairn {
@@ -17,8 +17,12 @@ class CentredPair {
 
   Rigid3 centred(const Rigid3& target_from_source) const;
   Rigid3 uncentred(const Rigid3& pose) const;
+  Similarity3 centred(const Similarity3& target_from_source) const;
+  Similarity3 uncentred(const Similarity3& pose) const;
   /// Covariance of uncentred(pose) for that of a centred pose; both left perturbations, (δt, δφ).
   Matrix6d uncentred(const Matrix6d& covariance, const Rigid3& pose) const;
+  /// The same with the scale's, (δt, δφ, δ log s).
+  Matrix7d uncentred(const Matrix7d& covariance, const Similarity3& pose) const;
 
  private:
   Eigen::Vector3d source_centre_;

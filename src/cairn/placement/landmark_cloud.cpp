@@ -77,6 +77,13 @@ void LandmarkCloud::validate(std::string_view name) const {
   }
 }
 
+LandmarkCloud scaled(LandmarkCloud cloud, double scale) {
+  for (Eigen::Vector3d& position : cloud.positions) position *= scale;
+  for (Eigen::Matrix3d& covariance : cloud.covariances) covariance *= scale * scale;
+  for (LandmarkView& view : cloud.views) view.centre *= scale;
+  return cloud;
+}
+
 LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>& weights,
                              const PointSetOptions& options) {
   PointSet points = point_set(map, weights, options);

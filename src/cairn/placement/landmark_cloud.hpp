@@ -43,6 +43,9 @@ struct LandmarkCloud {
   void validate(std::string_view name) const;
 };
 
+/// The same landmarks, all lengths times the scale.
+LandmarkCloud scaled(LandmarkCloud cloud, double scale);
+
 /// The landmarks of a map that take part in an alignment, in the order of landmarks_to_align().
 /// @param weights nothing: all alike
 /// @throws Error (input) where the map lacks the metric's input

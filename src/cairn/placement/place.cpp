@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <numeric>
 #include <span>
@@ -43,6 +44,11 @@ constexpr double kLongest = 1e6;            // time limit in seconds
 // Shares of the time limit that must see their part of the work done; the last refinement has the rest.
 constexpr double kSearchTime = 0.5;
 constexpr double kCandidatesTime = 0.85;
+// Where the scale is open: neighbours are refined to each other, and beyond the reach about what extents
+// and spacings suggest, maps have little in common.
+constexpr double kScaleStep = 1.25;
+constexpr int kScaleReach = 5;         // steps, to either side
+constexpr double kScaleMargin = 0.03;  // of the range's ends: no scale is found exactly
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
@@ -149,33 +155,51 @@ class TimeLimit {
   std::stop_token caller_;
 };
 
+// What lengths a pair of clouds gives where the source is scaled.
+struct PairScales {
+  CloudScales source;
+  CloudScales target;
+
+  KernelScales at(double scale) const {
+    return kernel_scales({scale * source.extent, scale * source.spacing, scale * source.noise},
+                         target);
+  }
+};
+
+void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
+  candidate.target_from_source = pose.rigid();
+  candidate.scale = pose.scale();
+}
+
 struct Candidates {
   std::vector<PlacementCandidate> poses;  // likeliest first
   bool cut_short = false;
 };
 
-// The search on samples of both maps, for a source that is no larger than the target: most of it has
-// its place there, if they overlap.
+// The search on samples of both maps, for a source that is no larger than the target, as far as that can
+// be told: most of it has its place there, if they overlap.
 class Placement {
  public:
-  Placement(const LandmarkCloud& source, const LandmarkCloud& target, const PlaceOptions& options)
+  /// @param scales of the source at which poses are searched for
+  Placement(const LandmarkCloud& source, const LandmarkCloud& target, std::vector<double> scales,
+            const PlaceOptions& options)
       : options_(options),
+        scales_(std::move(scales)),
         pair_(shuffled(source, Random(options.seed).fork(1)),
               shuffled(target, Random(options.seed).fork(2))),
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
         support_(pair_, source_tree_, target_tree_, kSample, options.executor),
         sight_(pair_, kSightPoints) {
-    const CloudScales source_scales = cloud_scales(pair_.source(), source_tree_, options.executor);
-    const CloudScales target_scales = cloud_scales(pair_.target(), target_tree_, options.executor);
-    scales_ = kernel_scales(source_scales, target_scales);
-    sample_scales_ = kernel_scales(sample_scales(pair_.source(), source_scales, options.executor),
-                                   sample_scales(pair_.target(), target_scales, options.executor));
+    all_ = {cloud_scales(pair_.source(), source_tree_, options.executor),
+            cloud_scales(pair_.target(), target_tree_, options.executor)};
+    sample_ = {sample_scales(pair_.source(), all_.source, options.executor),
+               sample_scales(pair_.target(), all_.target, options.executor)};
     distance_ = PoseDistance::of(pair_.source().positions);
   }
 
-  double fine() const { return scales_.fine; }
-  double radius() const { return kMatched * scales_.fine; }
+  /// Of the kernel, for a source of the scale.
+  double fine(double scale) const { return all_.at(scale).fine; }
   /// Of the smaller cloud, as far as they are looked at.
   std::size_t landmarks() const {
     return std::min({pair_.source().size(), pair_.target().size(), kSample});
@@ -190,41 +214,45 @@ class Placement {
     };
     Candidates result;
     std::vector<PlacementCandidate>& poses = result.poses;
-    std::vector<SearchCandidate> found;
-    result.cut_short = time.cuts(kSearchTime, [&](const std::stop_token& stop) {
-      found = search_poses(pair_.source().positions, pair_.source().weights,
-                           pair_.target().positions, pair_.target().weights,
-                           rotations(options_, Random(options_.seed).fork(3)), accept,
-                           {.coarse = scales_.coarse,
-                            .fine = scales_.fine,
-                            .executor = options_.executor,
-                            .stop = stop,
-                            .progress = options_.progress});
-    });
-    for (const SearchCandidate& candidate : found) {
-      poses.push_back({.target_from_source = candidate.target_from_source});
+    for (std::size_t i = 0; i < scales_.size(); ++i) {
+      // Each scale has its share of the time.
+      const double done = static_cast<double>(i) / static_cast<double>(scales_.size());
+      const double share = kSearchTime * (done + 1.0 / static_cast<double>(scales_.size()));
+      const bool cut = time.cuts(share, [&](const std::stop_token& stop) {
+        search(scales_[i], done, accept, stop, poses);
+      });
+      result.cut_short = result.cut_short || cut;
     }
-    DescriptorPoseOptions descriptors;
-    descriptors.tolerance = scales_.fine;
-    descriptors.executor = options_.executor;
-    for (const Rigid3& pose : descriptor_poses(pair_, Random(options_.seed).fork(4), descriptors)) {
-      if (accept(pose)) poses.push_back({.target_from_source = pose});
+    if (!options_.scale) {
+      DescriptorPoseOptions descriptors;
+      descriptors.tolerance = fine(1.0);
+      descriptors.executor = options_.executor;
+      for (const Rigid3& pose :
+           descriptor_poses(pair_, Random(options_.seed).fork(4), descriptors)) {
+        if (accept(pose)) poses.push_back({.target_from_source = pose});
+      }
     }
     const bool unrefined = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
-      const double rough = sample_scales_.fine;
-      refine_all(poses, rough, kShortPoints, kShortIterations, stop);
-      poses = distinct(std::move(poses), rough, kVariants);
-      refine_all(poses, scales_.fine, kSample, kFinalIterations, stop);
+      refine_all(poses, sample_, kShortPoints, kShortIterations, stop);
+      poses = distinct(std::move(poses), sample_, kVariants);
+      refine_all(poses, all_, kSample, kFinalIterations, stop);
     });
     result.cut_short = result.cut_short || unrefined;
-    poses = distinct(std::move(poses), scales_.fine, 1);
+    if (options_.scale) {
+      const auto [least, most] = *options_.scale;
+      std::erase_if(poses, [&](const PlacementCandidate& pose) {
+        return pose.scale < least * (1.0 - kScaleMargin) ||
+               pose.scale > most * (1.0 + kScaleMargin);
+      });
+    }
+    poses = distinct(std::move(poses), all_, 1);
     for (PlacementCandidate& pose : poses) {
-      const SightCounts sight = sight_(pose.target_from_source);
+      const SightCounts sight = sight_(pose.similarity());
       if (sight.total() >= kFewestSights) {
         pose.contradicted =
             static_cast<double>(sight.in_front) / static_cast<double>(sight.total());
       }
-      pose.target_from_source = pair_.uncentred(pose.target_from_source);
+      set_similarity(pose, pair_.uncentred(pose.similarity()));
     }
     const std::vector<double> likely = probabilities(poses, landmarks());
     for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
@@ -236,24 +264,47 @@ class Placement {
   }
 
  private:
-  // Moves each pose to the optimum near it at the scale, and counts its support there.
-  void refine_all(std::vector<PlacementCandidate>& poses, double scale, std::size_t points,
-                  int iterations, const std::stop_token& stop) const {
+  // Adds the poses that a search at the scale finds.
+  void search(double scale, double progress, const std::function<bool(const Rigid3&)>& accept,
+              const std::stop_token& stop, std::vector<PlacementCandidate>& poses) const {
+    const KernelScales kernel = all_.at(scale);
+    SearchOptions options{
+        .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
+    if (options_.progress) {
+      options.progress = [&](double share) {
+        options_.progress(progress + share / static_cast<double>(scales_.size()));
+      };
+    }
+    std::vector<Eigen::Vector3d> source = pair_.source().positions;
+    for (Eigen::Vector3d& position : source) position *= scale;
+    for (const SearchCandidate& found : search_poses(
+             source, pair_.source().weights, pair_.target().positions, pair_.target().weights,
+             rotations(options_, Random(options_.seed).fork(3)), accept, options)) {
+      poses.push_back({.target_from_source = found.target_from_source, .scale = scale});
+    }
+  }
+
+  // Moves each pose to the optimum near it, at the fine scale of the lengths, and counts its support
+  // there.
+  void refine_all(std::vector<PlacementCandidate>& poses, const PairScales& lengths,
+                  std::size_t points, int iterations, const std::stop_token& stop) const {
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
                                     Executor());
     options_.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        Rigid3& pose = poses[i].target_from_source;
-        pose = alignment
-                   .run(pose,
-                        {.coarse = sample_scales_.fine,
-                         .fine = scale,
-                         .max_iterations = iterations,
-                         .points = points},
-                        stop)
-                   .target_from_source;
-        const Support support = support_(pose, kMatched * scale);
+        const double fine = lengths.at(poses[i].scale).fine;
+        const Similarity3 pose = alignment
+                                     .run(poses[i].similarity(),
+                                          {.coarse = sample_.at(poses[i].scale).fine,
+                                           .fine = fine,
+                                           .max_iterations = iterations,
+                                           .points = points,
+                                           .free_scale = options_.scale.has_value()},
+                                          stop)
+                                     .target_from_source;
+        const Support support = support_(pose, kMatched * fine);
+        set_similarity(poses[i], pose);
         poses[i].support = support.share;
         poses[i].close_support = support.close_share;
         poses[i].evidence = support.evidence;
@@ -270,7 +321,8 @@ class Placement {
   }
 
   // The best of the poses, with at most so many variants of what people would call one.
-  std::vector<PlacementCandidate> distinct(std::vector<PlacementCandidate> poses, double scale,
+  std::vector<PlacementCandidate> distinct(std::vector<PlacementCandidate> poses,
+                                           const PairScales& lengths,
                                            std::ptrdiff_t variants) const {
     std::stable_sort(poses.begin(), poses.end(),
                      [](const PlacementCandidate& a, const PlacementCandidate& b) {
@@ -278,9 +330,10 @@ class Placement {
                      });
     std::vector<PlacementCandidate> kept;
     for (const PlacementCandidate& pose : poses) {
+      const double fine = lengths.at(pose.scale).fine;
       const auto within = [&](double radii) {
         return std::count_if(kept.begin(), kept.end(), [&](const PlacementCandidate& other) {
-          return distance_(pose.target_from_source, other.target_from_source) < radii * scale;
+          return distance_(pose.similarity(), other.similarity()) < radii * fine;
         });
       };
       if (within(kSame) == 0 && within(kDistinct) < variants) kept.push_back(pose);
@@ -290,36 +343,102 @@ class Placement {
   }
 
   const PlaceOptions& options_;
+  std::vector<double> scales_;
   CentredPair pair_;
   BatchTree source_tree_;
   BatchTree target_tree_;
   SupportCounter support_;
   SightChecker sight_;
-  KernelScales scales_;         // of all landmarks
-  KernelScales sample_scales_;  // of those that the search sees
+  PairScales all_;     // of all landmarks
+  PairScales sample_;  // of those that the search sees
   PoseDistance distance_;
 };
 
 struct Found {
   Candidates candidates;
-  double fine = 0.0;
-  double radius = 0.0;
+  double fine = 0.0;          // scale of the kernel for the likeliest
   std::size_t landmarks = 0;  // of the smaller cloud
 };
 
+// From the nearest to 1 outwards.
+std::vector<double> scales_about_one(const ScaleRange& range) {
+  std::vector<double> scales = {1.0};
+  for (int i = 1; i <= kScaleReach; ++i) {
+    scales.push_back(std::pow(kScaleStep, i));
+    scales.push_back(std::pow(kScaleStep, -i));
+  }
+  // Refinement goes half a step farther.
+  const double margin = std::sqrt(kScaleStep);
+  std::erase_if(scales, [&](double scale) {
+    return scale < range.least / margin || scale > range.most * margin;
+  });
+  return scales;
+}
+
+// For a source and a target of one scale, or, with PlaceOptions::scale, of nearly one.
 Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
                       PlaceOptions options, const TimeLimit& time) {
-  const bool inverted = cloud_extent(source) > cloud_extent(target);
+  // Which is the larger cannot be seen where the scale is open; the one with fewer landmarks is likely
+  // to be part of the other.
+  const bool inverted =
+      options.scale ? source.size() > target.size() : cloud_extent(source) > cloud_extent(target);
   if (inverted && options.gravity) std::swap(options.gravity->source, options.gravity->target);
-  const Placement placement(inverted ? target : source, inverted ? source : target, options);
-  Found found{placement.candidates(time), placement.fine(), placement.radius(),
-              placement.landmarks()};
+  if (inverted && options.scale) {
+    options.scale = ScaleRange{1.0 / options.scale->most, 1.0 / options.scale->least};
+  }
+  const Placement placement(
+      inverted ? target : source, inverted ? source : target,
+      options.scale ? scales_about_one(*options.scale) : std::vector<double>{1.0}, options);
+  Found found{.candidates = placement.candidates(time), .landmarks = placement.landmarks()};
+  std::vector<PlacementCandidate>& poses = found.candidates.poses;
+  const double best = poses.empty() ? 1.0 : poses.front().scale;
+  // In the unit of the caller's target.
+  found.fine = placement.fine(best) / (inverted ? best : 1.0);
   if (inverted) {
-    for (PlacementCandidate& pose : found.candidates.poses) {
-      pose.target_from_source = pose.target_from_source.inverse();
-    }
+    for (PlacementCandidate& pose : poses) set_similarity(pose, pose.similarity().inverse());
   }
   return found;
+}
+
+// By which the source is to be scaled for both clouds to have extents and spacings as alike as can be.
+double likely_scale(const LandmarkCloud& source, const LandmarkCloud& target,
+                    const Executor& executor) {
+  const CloudScales from = cloud_scales(source, BatchTree(source.positions), executor);
+  const CloudScales to = cloud_scales(target, BatchTree(target.positions), executor);
+  const double square = to.extent * to.spacing / (from.extent * from.spacing);
+  return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
+}
+
+// Refines the likeliest candidate with all landmarks.
+void refine_best(const LandmarkCloud& source, const LandmarkCloud& target,
+                 const PlaceOptions& options, double fine, const TimeLimit& time,
+                 PlacementResult& result) {
+  const PlacementCandidate& best = result.candidates.front();
+  result.probability = best.probability;
+  RefineOptions refinement;
+  refinement.initial = best.target_from_source;
+  if (options.scale) refinement.scale = best.scale;
+  refinement.coarse = kReopened * fine;
+  refinement.fine = fine;
+  refinement.use_covariances = options.use_covariances;
+  refinement.overlap_radius = options.overlap_radius.value_or(result.radius);
+  refinement.executor = options.executor;
+  refinement.trace = options.trace;
+  const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
+    refinement.stop = stop;
+    result.alignment = refine(source, target, refinement);
+  });
+  if (unfinished && result.alignment.status == AlignStatus::kCancelled) {
+    result.cut_short = true;
+    result.alignment.stop_reason = StopReason::kTimeLimit;
+    result.alignment.status = status_of(StopReason::kTimeLimit);
+    result.alignment.reason = fmt::format("stopped at the limit of time after {} iterations",
+                                          result.alignment.iterations);
+  }
+  if (result.alignment.status != AlignStatus::kAligned) {
+    result.verdict = Verdict::kRejected;
+    result.reason = result.alignment.reason;
+  }
 }
 
 }  // namespace
@@ -330,6 +449,10 @@ void PlaceOptions::validate() const {
           time_limit_s.value_or(0.0), "a positive number of at most 1e6");
   require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
           "overlap_radius", overlap_radius.value_or(0.0), "a positive number");
+  require(!scale || (scale->least > 0.0 && std::isfinite(scale->least)), "scale.least",
+          scale ? scale->least : 0.0, "a positive number");
+  require(!scale || (scale->most >= scale->least && std::isfinite(scale->most)), "scale.most",
+          scale ? scale->most : 0.0, "a number not below scale.least");
   if (!gravity) return;
   for (const Eigen::Vector3d& down : {gravity->source, gravity->target}) {
     require(down.allFinite() && down.norm() > 0.0, "gravity", "no direction", "a vector downwards");
@@ -353,38 +476,27 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     result.alignment.reason = result.reason;
   } else {
     const TimeLimit time(start, options);
-    Found found = find_candidates(source, target, options, time);
+    Found found;
+    if (options.scale) {
+      const double scale = std::clamp(likely_scale(source, target, options.executor),
+                                      options.scale->least, options.scale->most);
+      PlaceOptions about_one = options;
+      about_one.scale = {options.scale->least / scale, options.scale->most / scale};
+      found = find_candidates(scaled(source, scale), target, std::move(about_one), time);
+      for (PlacementCandidate& pose : found.candidates.poses) pose.scale *= scale;
+    } else {
+      found = find_candidates(source, target, options, time);
+    }
     result.candidates = std::move(found.candidates.poses);
     result.cut_short = found.candidates.cut_short;
-    result.radius = found.radius;
+    result.radius = kMatched * found.fine;
     Judgement judgement = judge(result.candidates, found.landmarks, result.radius);
     result.verdict = judgement.verdict;
     result.reason = std::move(judgement.reason);
-    RefineOptions refinement;
-    if (!result.candidates.empty()) {
-      result.probability = result.candidates.front().probability;
-      refinement.initial = result.candidates.front().target_from_source;
-    }
-    refinement.coarse = kReopened * found.fine;
-    refinement.fine = found.fine;
-    refinement.use_covariances = options.use_covariances;
-    refinement.overlap_radius = options.overlap_radius.value_or(result.radius);
-    refinement.executor = options.executor;
-    refinement.trace = options.trace;
-    const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
-      refinement.stop = stop;
-      result.alignment = refine(source, target, refinement);
-    });
-    if (unfinished && result.alignment.status == AlignStatus::kCancelled) {
-      result.cut_short = true;
-      result.alignment.stop_reason = StopReason::kTimeLimit;
-      result.alignment.status = status_of(StopReason::kTimeLimit);
-      result.alignment.reason = fmt::format("stopped at the limit of time after {} iterations",
-                                            result.alignment.iterations);
-    }
-    if (result.alignment.status != AlignStatus::kAligned) {
-      result.verdict = Verdict::kRejected;
-      result.reason = result.alignment.reason;
+    if (result.candidates.empty()) {
+      result.alignment.reason = result.reason;
+    } else {
+      refine_best(source, target, options, found.fine, time, result);
     }
     if (result.cut_short) result.reason += "; the time limit cut the work short";
   }

@@ -23,12 +23,23 @@ struct GravityPrior {
   double max_tilt_rad = 0.17;                          ///< most that the two may differ; in (0, π]
 };
 
+/// Numbers among which is the one that the source's lengths are multiplied by to be in the target's unit.
+/// Looked for are those of them that are no more than about three times off what the maps' extents and
+/// spacings suggest: of a map that is less than a tenth of the other, no scale is found.
+struct ScaleRange {
+  double least = 1.0 / 20.0;
+  double most = 20.0;
+};
+
 /// How to place a map from no initial pose.
 struct PlaceOptions {
   std::uint64_t seed = 0;
   /// Work in units of the default's: how many rotations are tried; from 1/16 to 64.
   double effort = 1.0;
   std::optional<GravityPrior> gravity = {};
+  /// For maps that need not be of one scale, such as those of a single camera; takes some times longer,
+  /// and descriptors are not asked. Nothing: both maps are of one scale.
+  std::optional<ScaleRange> scale = {};
   /// Wall time after which the search makes do with what it has: half of it for the search for poses,
   /// the rest to refine and judge them. What is found then depends on the machine, and so can be another
   /// from run to run. What has to be done whatever is found (trees, descriptors, overlap) is done, so the
@@ -69,7 +80,9 @@ struct PlacementResult {
 ///
 /// Search: from thousands of evenly spread rotations, each with the translations that put parts of the
 /// source on parts of the target, a tournament of robust refinements (search.hpp) on samples of both
-/// maps leaves a few distinct poses. These are refined against all landmarks of the samples and ranked
+/// maps leaves a few distinct poses. Where the scale is open, this is done at scales a quarter apart,
+/// about what the maps' extents and spacings suggest, and the refinements that follow free the scale.
+/// The poses are refined against all landmarks of the samples and ranked
 /// by how likely they are right (probability.hpp), from their support and from what the keyframes of
 /// either map say of the other's landmarks. The best is refined once more with all landmarks and their
 /// covariances.

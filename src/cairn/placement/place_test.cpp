@@ -94,17 +94,91 @@ TEST(Place, MovesWithEitherMap) {
 
 TEST(Place, WorksAtAnySize) {
   const SyntheticPair pair = synthetic_pair({.seed = 10});
-  const auto scaled = [](LandmarkCloud cloud) {
-    for (auto& position : cloud.positions) position *= 1000.0;
-    for (auto& covariance : cloud.covariances) covariance *= 1e6;
-    return cloud;
-  };
-  const LandmarkCloud source = scaled(landmark_cloud(pair.source));
-  const PlacementResult result = place(source, scaled(landmark_cloud(pair.target)), two_threads());
+  const LandmarkCloud source = scaled(landmark_cloud(pair.source), 1000.0);
+  const PlacementResult result =
+      place(source, scaled(landmark_cloud(pair.target), 1000.0), two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   const Rigid3 truth(pair.target_from_source.quaternion(),
                      1000.0 * pair.target_from_source.translation());
   EXPECT_LT(difference(result.alignment.target_from_source, truth, source).translation, 5.0);
+}
+
+// The source in another unit, which is to be found.
+void expect_found(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth,
+                  double unit) {
+  PlaceOptions options = two_threads();
+  options.effort = 0.25;
+  options.scale = ScaleRange();
+  const PlacementResult result = place(scaled(source, unit), target, options);
+  EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
+  EXPECT_NEAR(result.alignment.scale * unit, 1.0, 0.01);
+  const Difference error = difference(result.alignment.target_from_source, truth, source);
+  EXPECT_LT(error.rotation_deg, 0.5);
+  EXPECT_LT(error.translation, 0.03);
+  EXPECT_TRUE(result.alignment.covariance_with_scale);
+  EXPECT_NEAR(result.candidates.front().scale, result.alignment.scale,
+              0.01 * result.alignment.scale);
+}
+
+TEST(Place, FindsTheScaleWhereAsked) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 1500, .overlap = 0.4});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  expect_found(source, target, pair.target_from_source, 0.06);
+  expect_found(target, source, pair.target_from_source.inverse(), 18.0);
+}
+
+// Extents say that the part is larger than it is.
+TEST(Place, FindsTheScaleOfAPartOfAMap) {
+  const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 2500, .overlap = 0.8});
+  const LandmarkCloud all = landmark_cloud(pair.source);
+  const Eigen::Vector3d middle = centroid(all.positions);
+  LandmarkCloud part;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if ((all.positions[i] - middle).norm() > 0.3) continue;
+    part.positions.push_back(all.positions[i]);
+    part.covariances.push_back(all.covariances[i]);
+  }
+  ASSERT_LT(part.size(), all.size() / 2);
+  expect_found(part, landmark_cloud(pair.target), pair.target_from_source, 3.0);
+}
+
+TEST(Place, LooksForScalesInTheRangeOnly) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 800});
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PlaceOptions options = two_threads();
+  options.effort = 0.25;
+  options.scale = ScaleRange{2.0, 4.0};
+  const PlacementResult outside = place(landmark_cloud(pair.source), target, options);
+  EXPECT_NE(outside.verdict, Verdict::kAligned) << outside.reason;
+  const LandmarkCloud small = scaled(landmark_cloud(pair.source), 1.0 / 3.0);
+  const PlacementResult inside = place(small, target, options);
+  EXPECT_EQ(inside.verdict, Verdict::kAligned) << inside.reason;
+  EXPECT_NEAR(inside.alignment.scale, 3.0, 0.03);
+  ASSERT_FALSE(inside.candidates.empty());
+  for (const PlacementResult& result : {outside, inside}) {
+    for (const PlacementCandidate& candidate : result.candidates) {
+      EXPECT_GT(candidate.scale, 1.9);
+      EXPECT_LT(candidate.scale, 4.2);
+    }
+  }
+  // Lengths are in the target's unit.
+  options.scale = ScaleRange{200.0, 400.0};
+  const PlacementResult large = place(small, scaled(target, 100.0), options);
+  EXPECT_NEAR(large.radius, 100.0 * inside.radius, inside.radius);
+  // Of an end of the range, where no scale is found exactly, too.
+  options.scale = ScaleRange{3.0, 3.0};
+  EXPECT_EQ(place(small, target, options).verdict, Verdict::kAligned);
+}
+
+TEST(Place, RejectsMapsOfDifferentScenesAtAnyScale) {
+  PlaceOptions options = two_threads();
+  options.effort = 0.25;
+  options.scale = ScaleRange();
+  const PlacementResult result =
+      place(scaled(landmark_cloud(synthetic_map({.seed = 101, .landmarks = 1500})), 0.3),
+            landmark_cloud(synthetic_map({.seed = 201, .landmarks = 1500})), options);
+  EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
 }
 
 TEST(Place, IsTheSameForAnyNumberOfThreads) {
@@ -240,6 +314,9 @@ TEST(Place, RefusesInvalidOptionsByName) {
                 HasSubstr(field));
   };
   refused({.effort = 0.0}, "PlaceOptions.effort");
+  refused({.scale = ScaleRange{0.0, 1.0}}, "PlaceOptions.scale.least");
+  refused({.scale = ScaleRange{2.0, 1.0}}, "PlaceOptions.scale.most");
+  refused({.scale = ScaleRange{1.0, HUGE_VAL}}, "PlaceOptions.scale.most");
   refused({.effort = 1000.0}, "PlaceOptions.effort");
   refused({.effort = std::nan("")}, "PlaceOptions.effort");
   refused({.time_limit_s = 0.0}, "PlaceOptions.time_limit_s");

@@ -40,10 +40,11 @@ std::string sentence(const AlignResult& result, double fine) {
 }
 
 // The same matches, seen from what was their target: of each the closest, by ascending index.
-std::vector<Match> turned_round(const std::vector<Match>& matches) {
+// `unit`: of what was the source, in that of what was the target.
+std::vector<Match> turned_round(const std::vector<Match>& matches, double unit) {
   std::vector<Match> result;
   for (const Match& match : matches) {
-    result.push_back({match.target, match.source, match.squared_distance});
+    result.push_back({match.target, match.source, match.squared_distance / (unit * unit)});
   }
   std::sort(result.begin(), result.end(), [](const Match& a, const Match& b) {
     return std::tie(a.source, a.squared_distance, a.target) <
@@ -54,86 +55,142 @@ std::vector<Match> turned_round(const std::vector<Match>& matches) {
   return result;
 }
 
-// What is said of the moving cloud's pose in the other's frame, as said of its inverse. Score and
-// overlap are not of the pose's sense.
-void turn_round(AlignResult& result) {
-  const Rigid3 pose = result.target_from_source;
-  result.target_from_source = pose.inverse();
-  result.matches = turned_round(result.matches);
-  for (IterationRecord& record : result.history) {
-    record.target_from_source = record.target_from_source.inverse();
-    record.matches = turned_round(record.matches);
+// The refinement of a pair, of which one is moved and the other stands. Scores and overlap are as the
+// caller has them, in the unit of the caller's target.
+class Refinement {
+ public:
+  /// @param inverted what is moved is the caller's target
+  Refinement(CentredPair pair, bool inverted, const RefineOptions& options)
+      : pair_(std::move(pair)),
+        inverted_(inverted),
+        options_(options),
+        source_tree_(pair_.source().positions),
+        target_tree_(pair_.target().positions) {}
+
+  void run(AlignResult& result) const;
+
+ private:
+  std::vector<double> from_source(const Similarity3& pose) const {
+    return nearest_squared_distances(pair_.source().positions, pose, target_tree_,
+                                     options_.executor);
   }
-  if (result.covariance) result.covariance = inverse_covariance(pose, *result.covariance);
-  const Eigen::Matrix3d back = -result.target_from_source.rotation();
+  std::vector<double> from_target(const Similarity3& pose) const {
+    return nearest_squared_distances(pair_.target().positions, pose.inverse(), source_tree_,
+                                     options_.executor);
+  }
+  // Of the caller's landmarks; either way the tree is that of the caller's target.
+  std::vector<double> distances(const Similarity3& pose) const {
+    return inverted_ ? from_target(pose) : from_source(pose);
+  }
+  KernelScales kernel() const;
+  IterationRecord record(RobustAlignment::Iteration iteration) const;
+  void turn_round(const Similarity3& pose, AlignResult& result) const;
+
+  CentredPair pair_;
+  bool inverted_;
+  const RefineOptions& options_;
+  BatchTree source_tree_;
+  BatchTree target_tree_;
+};
+
+KernelScales Refinement::kernel() const {
+  // Asked of the clouds only where the caller has not said.
+  const KernelScales own =
+      options_.fine && options_.coarse
+          ? KernelScales{}
+          : kernel_scales(cloud_scales(pair_.source(), source_tree_, options_.executor),
+                          cloud_scales(pair_.target(), target_tree_, options_.executor));
+  const double fine =
+      options_.fine.value_or(std::min(own.fine, options_.coarse.value_or(own.fine)));
+  return {.coarse = options_.coarse.value_or(std::max(own.coarse, fine)), .fine = fine};
+}
+
+IterationRecord Refinement::record(RobustAlignment::Iteration iteration) const {
+  const Similarity3 pose = pair_.uncentred(iteration.target_from_source);
+  const Similarity3 callers = inverted_ ? pose.inverse() : pose;
+  const double unit = inverted_ ? pose.scale() : 1.0;
+  IterationRecord record;
+  record.target_from_source = callers.rigid();
+  record.scale = callers.scale();
+  record.mean_squared_distance = iteration.mean_squared_distance / (unit * unit);
+  record.match_count = iteration.matches.size();
+  if (options_.trace) {
+    record.score = fitness_score(distances(iteration.target_from_source));
+    record.matches =
+        inverted_ ? turned_round(iteration.matches, unit) : std::move(iteration.matches);
+  }
+  return record;
+}
+
+// What is said of the moving cloud's pose in the other's frame, as said of its inverse.
+void Refinement::turn_round(const Similarity3& pose, AlignResult& result) const {
+  const Similarity3 inverse = pose.inverse();
+  result.target_from_source = inverse.rigid();
+  result.scale = inverse.scale();
+  result.matches = turned_round(result.matches, pose.scale());
+  if (result.covariance_with_scale) {
+    const Matrix7d turned = inverse_covariance(pose, *result.covariance_with_scale);
+    result.covariance_with_scale = turned;
+    result.covariance = turned.topLeftCorner<6, 6>();
+  } else if (result.covariance) {
+    result.covariance = inverse_covariance(pose.rigid(), *result.covariance);
+  }
   for (OpenDirection& open : result.unobservable) {
-    open = {back * open.translation, back * open.rotation};
+    open = {-(inverse.linear() * open.translation), -(inverse.rigid().quaternion() * open.rotation),
+            -open.log_scale};
   }
 }
 
-// `inverted`: the pair's source is the caller's target. Scores and overlap are as the caller has them.
-void run(const CentredPair& pair, bool inverted, const RefineOptions& options,
-         AlignResult& result) {
-  const BatchTree source_tree(pair.source().positions);
-  const BatchTree target_tree(pair.target().positions);
-  // Asked of the clouds only where the caller has not said.
-  const KernelScales own =
-      options.fine && options.coarse
-          ? KernelScales{}
-          : kernel_scales(cloud_scales(pair.source(), source_tree, options.executor),
-                          cloud_scales(pair.target(), target_tree, options.executor));
-  const double fine = options.fine.value_or(std::min(own.fine, options.coarse.value_or(own.fine)));
-  const double coarse = options.coarse.value_or(std::max(own.coarse, fine));
-  const RobustAlignment alignment(pair, target_tree, options.use_covariances, options.one_to_one,
-                                  options.executor);
-  const auto from_source = [&](const Rigid3& pose) {
-    return nearest_squared_distances(pair.source().positions, pose, target_tree, options.executor);
-  };
-  const auto from_target = [&](const Rigid3& pose) {
-    return nearest_squared_distances(pair.target().positions, pose.inverse(), source_tree,
-                                     options.executor);
-  };
-  const auto from_callers_source = [&](const Rigid3& pose) {
-    return inverted ? from_target(pose) : from_source(pose);
-  };
-  const Rigid3 initial = pair.centred(inverted ? options.initial.inverse() : options.initial);
-  result.initial_score = fitness_score(from_callers_source(initial));
-  const IcpRun icp = alignment.run(
-      initial, {.coarse = coarse, .fine = fine, .max_iterations = options.max_iterations},
-      options.stop, [&](Iteration iteration) {
-        IterationRecord record;
-        record.target_from_source = pair.uncentred(iteration.target_from_source);
-        record.mean_squared_distance = iteration.mean_squared_distance;
-        record.match_count = iteration.matches.size();
-        if (options.trace) {
-          record.score = fitness_score(from_callers_source(iteration.target_from_source));
-          record.matches = std::move(iteration.matches);
-        }
-        result.history.push_back(std::move(record));
-        if (options.progress) {
-          options.progress(static_cast<double>(result.history.size()) / options.max_iterations);
+void Refinement::run(AlignResult& result) const {
+  const auto [coarse, fine] = kernel();
+  const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances,
+                                  options_.one_to_one, options_.executor);
+  const bool free_scale = options_.scale.has_value();
+  const Similarity3 initial =
+      pair_.centred(inverted_ ? options_.initial.inverse() : options_.initial);
+  result.initial_score = fitness_score(distances(initial));
+  const RobustAlignment::Run run = alignment.run(
+      initial,
+      {.coarse = coarse,
+       .fine = fine,
+       .max_iterations = options_.max_iterations,
+       .free_scale = free_scale},
+      options_.stop, [&](RobustAlignment::Iteration iteration) {
+        result.history.push_back(record(std::move(iteration)));
+        if (options_.progress) {
+          options_.progress(static_cast<double>(result.history.size()) / options_.max_iterations);
         }
       });
-  const Rigid3& pose = icp.target_from_source;
-  result.iterations = icp.iterations;
-  result.stop_reason = icp.stop_reason;
-  result.target_from_source = pair.uncentred(pose);
-  result.matches = alignment.matches(pose);
-  const std::vector<double> distances = from_callers_source(pose);
-  result.score = fitness_score(distances);
-  if (options.overlap_radius) {
-    const std::vector<double> back = inverted ? from_source(pose) : from_target(pose);
-    result.overlap = Overlap{*share_within(distances, *options.overlap_radius),
-                             *share_within(back, *options.overlap_radius)};
+  const Similarity3& centred = run.target_from_source;
+  const Similarity3 pose = pair_.uncentred(centred);
+  result.iterations = run.iterations;
+  result.stop_reason = run.stop_reason;
+  result.target_from_source = pose.rigid();
+  result.scale = pose.scale();
+  result.matches = alignment.matches(centred);
+  const std::vector<double> there = distances(centred);
+  result.score = fitness_score(there);
+  if (options_.overlap_radius) {
+    const double radius = *options_.overlap_radius;
+    // These are in the unit of the caller's source.
+    const std::vector<double> back = inverted_ ? from_source(centred) : from_target(centred);
+    const double unit = inverted_ ? pose.scale() : 1.0 / pose.scale();
+    result.overlap = Overlap{*share_within(there, radius), *share_within(back, radius * unit)};
   }
   // Only of an optimum there is something to say.
-  if (icp.stop_reason == StopReason::kNoMotion || icp.stop_reason == StopReason::kIterationLimit) {
-    PoseUncertainty uncertainty = alignment.uncertainty(pose, fine, result.matches);
+  if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
+    PoseUncertainty uncertainty = alignment.uncertainty(centred, fine, result.matches, free_scale);
     result.unobservable = std::move(uncertainty.unobservable);
-    if (uncertainty.covariance) result.covariance = pair.uncentred(*uncertainty.covariance, pose);
+    if (uncertainty.covariance_with_scale) {
+      const Matrix7d covariance = pair_.uncentred(*uncertainty.covariance_with_scale, centred);
+      result.covariance_with_scale = covariance;
+      result.covariance = covariance.topLeftCorner<6, 6>();
+    } else if (uncertainty.covariance) {
+      result.covariance = pair_.uncentred(*uncertainty.covariance, centred.rigid());
+    }
   }
   result.reason = sentence(result, fine);
-  if (inverted) turn_round(result);
+  if (inverted_) turn_round(pose, result);
 }
 
 }  // namespace
@@ -144,6 +201,7 @@ void RefineOptions::validate() const {
             "a positive number");
   };
   require(initial.matrix().allFinite(), "initial", "not finite", "a rigid transform");
+  require_length(scale, "scale");
   require_length(coarse, "coarse");
   require_length(fine, "fine");
   require(!coarse || !fine || *fine <= *coarse, "fine", fine.value_or(0.0), "at most coarse");
@@ -159,14 +217,22 @@ AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
   target.validate("target");
   AlignResult result;
   result.target_from_source = options.initial;
+  result.scale = options.scale.value_or(1.0);
   if (source.size() < kFewestMatches || target.size() < kFewestMatches) {
     result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
                                 source.size(), target.size(), kFewestMatches);
   } else {
+    // In one unit, or nearly so, the scale to be estimated is about 1.
+    const double scale = options.scale.value_or(1.0);
+    LandmarkCloud moving = scaled(source, scale);
     // Landmarks of the larger map beside the smaller one would pull it their way.
-    const bool inverted = cloud_extent(source) > cloud_extent(target);
-    run(inverted ? CentredPair(target, source) : CentredPair(source, target), inverted, options,
-        result);
+    const bool inverted = cloud_extent(moving) > cloud_extent(target);
+    Refinement(
+        inverted ? CentredPair(target, std::move(moving)) : CentredPair(std::move(moving), target),
+        inverted, options)
+        .run(result);
+    result.scale *= scale;  // run() has that of what was scaled already
+    for (IterationRecord& record : result.history) record.scale *= scale;
   }
   result.status = status_of(result.stop_reason);
   result.duration_s =

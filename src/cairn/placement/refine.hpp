@@ -12,9 +12,13 @@
 
 namespace cairn {
 
-/// How to refine a pose robustly. Lengths are in the maps' unit.
+/// How to refine a pose robustly. Lengths are in the unit of the maps; where a scale is estimated, of the
+/// target.
 struct RefineOptions {
   Rigid3 initial = {};  ///< target_from_source to start from
+  /// Of the source, to start from, where it is to be estimated with the pose (see AlignResult::scale);
+  /// positive. Nothing: both maps are of one scale.
+  std::optional<double> scale = {};
   /// Scale of the kernel in the beginning: matches much farther apart hardly count. Nothing: half the
   /// extent of the smaller cloud, from which a pose far off is still drawn in.
   std::optional<double> coarse = {};
@@ -40,7 +44,7 @@ struct RefineOptions {
 ///
 /// The smaller of the two clouds is moved: each of its landmarks is matched with the nearest of the
 /// other. The residual r of a match counts by its Mahalanobis distance,
-/// m² = rᵀ·(R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both landmarks, under the kernel of Geman
+/// m² = rᵀ·(s²·R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both landmarks, under the kernel of Geman
 /// and McClure, m²/(1 + m²), whose scale σ falls from coarse to fine as the iteration proceeds
 /// (graduated non-convexity; Black and Rangarajan 1996).
 ///

@@ -13,8 +13,11 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/centroid.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+#include "cairn/registration/score/fitness.hpp"
 
 #include "support/refusal.hpp"
 
@@ -268,6 +271,121 @@ TEST(Refine, KnowsHowWellASmallMapIsHeldInALargeOneAndTheOtherWayRound) {
     if (i > 0) {
       ASSERT_LT(back.matches[i - 1].source, back.matches[i].source);
     }
+  }
+}
+
+// What lies within a small ball about the cloud's middle.
+LandmarkCloud middle_of(const LandmarkCloud& cloud, double share) {
+  const Eigen::Vector3d middle = centroid(cloud.positions);
+  std::vector<std::pair<double, std::size_t>> near;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    near.emplace_back((cloud.positions[i] - middle).norm(), i);
+  }
+  std::sort(near.begin(), near.end());
+  near.resize(static_cast<std::size_t>(share * static_cast<double>(cloud.size())));
+  LandmarkCloud part;
+  for (const auto& [distance, i] : near) {
+    part.positions.push_back(cloud.positions[i]);
+    part.covariances.push_back(cloud.covariances[i]);
+  }
+  return part;
+}
+
+// Of a source that is the smaller cloud, and of one that is the larger: which of them moves must not show.
+TEST(Refine, FindsTheScaleTooAndSaysAllInTheTargetsUnit) {
+  constexpr double kUnit = 7.0;  // of the source
+  constexpr double kRadius = 0.02;
+  const Pair pair = synthetic({.seed = 3, .landmarks = 3000, .outlier_fraction = 0.1});
+  for (const bool source_is_small : {true, false}) {
+    const LandmarkCloud source =
+        scaled(source_is_small ? middle_of(pair.source, 0.4) : pair.source, kUnit);
+    const LandmarkCloud target = source_is_small ? pair.target : middle_of(pair.target, 0.4);
+    RefineOptions options;
+    options.initial = pair.truth;
+    options.coarse = 0.1;
+    options.scale = 1.04 / kUnit;
+    options.overlap_radius = kRadius;
+    options.trace = true;
+    const AlignResult result = refine(source, target, options);
+    EXPECT_EQ(result.status, AlignStatus::kAligned) << result.reason;
+    EXPECT_NEAR(result.scale * kUnit, 1.0, 5e-3);
+    EXPECT_LT(distance(result.target_from_source, pair.truth), 0.02);
+    ASSERT_TRUE(result.covariance_with_scale);
+    EXPECT_EQ(*result.covariance, (result.covariance_with_scale->topLeftCorner<6, 6>()));
+
+    const BatchTree tree(target.positions);
+    const auto there =
+        nearest_squared_distances(source.positions, result.similarity(), tree, Executor());
+    EXPECT_NEAR(*result.score, *fitness_score(there), 1e-9);
+    EXPECT_NEAR(result.overlap->source, *share_within(there, kRadius), 1e-3);
+    const LandmarkCloud sized = scaled(source, result.scale);
+    const auto back =
+        nearest_squared_distances(target.positions, result.target_from_source.inverse(),
+                                  BatchTree(sized.positions), Executor());
+    EXPECT_NEAR(result.overlap->target, *share_within(back, kRadius), 1e-3);
+    for (const Match& match : result.matches) {
+      ASSERT_NEAR(
+          (result.similarity() * source.positions[match.source] - target.positions[match.target])
+              .squaredNorm(),
+          match.squared_distance, 1e-9);
+    }
+    const IterationRecord& last = result.history.back();
+    EXPECT_EQ(last.scale, result.scale);
+    EXPECT_NEAR(*last.score, *result.score, 1e-9);
+    const Similarity3 start(*options.scale, options.initial);
+    EXPECT_NEAR(
+        *result.initial_score,
+        *fitness_score(nearest_squared_distances(source.positions, start, tree, Executor())), 1e-9);
+  }
+}
+
+TEST(Refine, WithAScaleSaysTheSameOfTheSmallerMapWhicheverIsTheSource) {
+  const Pair pair = synthetic({.seed = 7, .landmarks = 1500, .overlap = 0.9});
+  constexpr double kUnit = 3.0;  // of the source
+  const LandmarkCloud source = scaled(pair.source, kUnit);
+  RefineOptions options;
+  options.coarse = 0.1;
+  options.fine = 0.03;
+  options.initial = pair.truth;
+  options.scale = 1.0 / kUnit;
+  const AlignResult there = refine(source, pair.target, options);
+  const Similarity3 back_truth = Similarity3(1.0 / kUnit, pair.truth).inverse();
+  options.coarse = 0.1 * kUnit;
+  options.fine = 0.03 * kUnit;
+  options.initial = back_truth.rigid();
+  options.scale = kUnit;
+  const AlignResult back = refine(pair.target, source, options);
+  EXPECT_NEAR(back.scale * there.scale, 1.0, 1e-6);
+  EXPECT_LT(distance(back.similarity().inverse().rigid(), there.target_from_source), 1e-5);
+  ASSERT_TRUE(there.covariance_with_scale);
+  ASSERT_TRUE(back.covariance_with_scale);
+  EXPECT_NEAR(normalised_squared_error(back.similarity(), *back.covariance_with_scale, back_truth),
+              normalised_squared_error(there.similarity(), *there.covariance_with_scale,
+                                       Similarity3(1.0 / kUnit, pair.truth)),
+              0.5);
+}
+
+TEST(Refine, CovarianceCoversTheErrorOfTheScale) {
+  constexpr int kTrials = 20;
+  for (const double overlap : {0.3, 0.8}) {
+    int inside = 0;
+    double sum = 0.0;
+    for (std::uint64_t seed = 0; seed < kTrials; ++seed) {
+      const Pair pair =
+          synthetic({.seed = 500 + seed, .landmarks = 1500, .frames = 40, .overlap = overlap});
+      RefineOptions options;
+      options.initial = pair.truth;
+      options.scale = 1.0;
+      options.coarse = 0.1;
+      const AlignResult result = refine(pair.source, pair.target, options);
+      ASSERT_TRUE(result.covariance_with_scale);
+      const double squared =
+          normalised_squared_error(result.similarity(), *result.covariance_with_scale, pair.truth);
+      inside += squared < kNormalisedSquaredErrorWithScale95 ? 1 : 0;
+      sum += squared;
+    }
+    EXPECT_GE(inside, kTrials * 0.85) << "overlap " << overlap;
+    EXPECT_GT(sum / kTrials, 2.0) << "overlap " << overlap << ": so large that it says nothing";
   }
 }
 

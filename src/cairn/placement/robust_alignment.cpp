@@ -16,25 +16,30 @@
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/placement/spatial_groups.hpp"
+#include "cairn/registration/icp.hpp"
 
 namespace cairn {
 namespace {
 
-using Jacobian = Eigen::Matrix<double, 3, 6>;
+template <int kFreedoms>
+using Vector = Eigen::Matrix<double, kFreedoms, 1>;
 
 // The scale falls by this a step: slower gains nothing, faster leaves the basin now and then.
 constexpr double kCooling = 0.85;
 // A step below this share of the fine scale changes nothing worth knowing.
 constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
+// In units of the fine scale: under a wider kernel, matches of what the maps do not share would blow the
+// source up or shrink it.
+constexpr double kScaleFreed = 2.0;
+constexpr double kMostGrowth = 0.25;  // of the logarithm of the scale, in one step
 // A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
 constexpr double kNegligible = 1.0 / 26.0;
 // Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does,
 // and the covariance comes out too small; by more, too large.
 constexpr double kStiffnessStep = 0.25;
-constexpr std::size_t kErrorGroups = 64;       // parts of the matched landmarks, which err apart
-constexpr std::size_t kFewestErrorGroups = 7;  // fewer leave a direction without any error
-constexpr double kSignificant = 3.0;           // standard errors
+constexpr std::size_t kErrorGroups = 64;  // parts of the matched landmarks, which err apart
+constexpr double kSignificant = 3.0;      // standard errors
 
 // Whether landmarks gain by more than what differs between parts of the map, each of which is one
 // witness. One gain a place.
@@ -61,6 +66,33 @@ bool gain_is_significant(std::span<const Eigen::Vector3d> places, std::span<cons
   return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
 }
 
+// The pose after a small motion about a pivot in the target frame: a shift, a turn and, of seven
+// freedoms, the logarithm of a scale; the last two times the length.
+template <int kFreedoms>
+Similarity3 moved_about(const Similarity3& pose, const Vector<kFreedoms>& delta,
+                        const Eigen::Vector3d& pivot, double length) {
+  double scale = 1.0;
+  if constexpr (kFreedoms == 7) {
+    scale = std::exp(std::clamp(delta[6] / length, -kMostGrowth, kMostGrowth));
+  }
+  const Rigid3 turn(rotation_exp(delta.template segment<3>(3) / length), Eigen::Vector3d::Zero());
+  const Rigid3 about_pivot(turn.quaternion(),
+                           pivot - scale * (turn * pivot) + delta.template head<3>());
+  return Similarity3(scale, about_pivot) * pose;
+}
+
+// How a point at the arm's end moves with the freedoms.
+template <int kFreedoms>
+Eigen::Matrix<double, 3, kFreedoms> jacobian_at(const Eigen::Vector3d& arm, double length) {
+  Eigen::Matrix<double, 3, kFreedoms> jacobian;
+  if constexpr (kFreedoms == 7) {
+    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length, arm / length;
+  } else {
+    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length;
+  }
+  return jacobian;
+}
+
 }  // namespace
 
 RobustAlignment::RobustAlignment(const CentredPair& pair, const BatchTree& target_tree,
@@ -71,7 +103,9 @@ RobustAlignment::RobustAlignment(const CentredPair& pair, const BatchTree& targe
       one_to_one_(one_to_one),
       executor_(executor) {}
 
-RobustAlignment::Equations& RobustAlignment::Equations::operator+=(const Equations& other) {
+template <int kFreedoms>
+RobustAlignment::Equations<kFreedoms>& RobustAlignment::Equations<kFreedoms>::operator+=(
+    const Equations& other) {
   information += other.information;
   gradient += other.gradient;
   weight += other.weight;
@@ -108,13 +142,13 @@ std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d
 
 std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d& moved,
                                                            const Match& match,
-                                                           const Eigen::Matrix3d& rotation,
+                                                           const Eigen::Matrix3d& linear,
                                                            double scale) const {
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
   Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
   if (use_covariances_ && !source.covariances.empty()) {
-    spread += rotation * source.covariances[match.source] * rotation.transpose();
+    spread += linear * source.covariances[match.source] * linear.transpose();
   }
   if (use_covariances_ && !target.covariances.empty()) spread += target.covariances[match.target];
   const Eigen::Matrix3d information = spread.inverse();
@@ -126,21 +160,20 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
   return Term{information, force, trust * kernel * kernel, trust * kernel};
 }
 
-RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vector3d> moved,
-                                                      std::span<const Match> matches,
-                                                      const Rigid3& pose, double scale,
-                                                      const Arm& arm) const {
+template <int kFreedoms>
+RobustAlignment::Equations<kFreedoms> RobustAlignment::equations(
+    std::span<const Eigen::Vector3d> moved, std::span<const Match> matches, const Similarity3& pose,
+    double scale, const Arm& arm) const {
   constexpr std::size_t kBlock = 1024;
-  const Eigen::Matrix3d rotation = pose.rotation();
-  std::vector<Equations> parts((matches.size() + kBlock - 1) / kBlock);
+  const Eigen::Matrix3d linear = pose.linear();
+  std::vector<Equations<kFreedoms>> parts((matches.size() + kBlock - 1) / kBlock);
   executor_.for_blocks(matches.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-    Equations& part = parts[begin / kBlock];
+    Equations<kFreedoms>& part = parts[begin / kBlock];
     for (std::size_t i = begin; i < end; ++i) {
       const Eigen::Vector3d& point = moved[matches[i].source];
-      const std::optional<Term> one = term(point, matches[i], rotation, scale);
+      const std::optional<Term> one = term(point, matches[i], linear, scale);
       if (!one) continue;
-      Jacobian jacobian;
-      jacobian << Eigen::Matrix3d::Identity(), -skew(point - arm.pivot) / arm.length;
+      const auto jacobian = jacobian_at<kFreedoms>(point - arm.pivot, arm.length);
       part.information += one->weight * jacobian.transpose() * one->information * jacobian;
       part.gradient += one->weight * jacobian.transpose() * one->force;
       part.weight += one->weight;
@@ -148,21 +181,28 @@ RobustAlignment::Equations RobustAlignment::equations(std::span<const Eigen::Vec
     }
   });
   // In the order of the blocks, so that rounding does not depend on the threads.
-  Equations sum;
-  for (const Equations& part : parts) sum += part;
+  Equations<kFreedoms> sum;
+  for (const Equations<kFreedoms>& part : parts) sum += part;
   return sum;
 }
 
-IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
-                            const std::stop_token& stop,
-                            const std::function<void(Iteration)>& observe) const {
+RobustAlignment::Run RobustAlignment::run(const Similarity3& initial, const Schedule& schedule,
+                                          const std::stop_token& stop,
+                                          const std::function<void(Iteration)>& observe) const {
+  return schedule.free_scale ? run_with<7>(initial, schedule, stop, observe)
+                             : run_with<6>(initial, schedule, stop, observe);
+}
+
+template <int kFreedoms>
+RobustAlignment::Run RobustAlignment::run_with(
+    const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop,
+    const std::function<void(Iteration)>& observe) const {
   const std::size_t count = std::min(schedule.points, pair_.source().size());
   const std::span<const Eigen::Vector3d> source = std::span(pair_.source().positions).first(count);
-  const double length = radius(count);
+  const double length = initial.scale() * radius(count);
   BatchTree::Batch queries = target_tree_.batch(1);
-  IcpRun run;
+  Run run;
   run.target_from_source = initial;
-  run.stop_reason = StopReason::kIterationLimit;
   double scale = schedule.coarse;
   while (run.iterations < schedule.max_iterations) {
     if (stop.stop_requested()) {
@@ -171,21 +211,27 @@ IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
     }
     const std::vector<Eigen::Vector3d> moved = moved_points(source, run.target_from_source);
     std::vector<Match> matches = find_matches(moved, queries);
-    Equations sum = equations(moved, matches, run.target_from_source, scale,
-                              {run.target_from_source.translation(), length});
+    // The pivot is the moved centroid, which the centred source has at its origin.
+    const Eigen::Vector3d pivot = run.target_from_source.translation();
+    Equations<kFreedoms> sum =
+        equations<kFreedoms>(moved, matches, run.target_from_source, scale, {pivot, length});
     // Fewer matches than these would be free to turn.
     if (sum.count < kFewestMatches || !(sum.weight > 0.0)) {
       run.stop_reason = StopReason::kTooFewMatches;
       break;
     }
+    if constexpr (kFreedoms == 7) {
+      if (scale > kScaleFreed * schedule.fine) {
+        sum.information.row(6).setZero();
+        sum.information.col(6).setZero();
+        sum.gradient[6] = 0.0;
+      }
+    }
     // What the matches leave open does not move.
     sum.information.diagonal().array() += kDamping * sum.information.trace();
-    Eigen::Matrix<double, 6, 1> delta =
-        Eigen::Matrix<double, 6, 6>(sum.information).ldlt().solve(sum.gradient);
+    const Vector<kFreedoms> delta = sum.information.ldlt().solve(sum.gradient);
     const double motion = delta.norm();
-    delta.tail<3>() /= length;
-    // The pivot is the moved centroid, which the centred source has at its origin.
-    run.target_from_source = run.target_from_source.perturbed(delta);
+    run.target_from_source = moved_about<kFreedoms>(run.target_from_source, delta, pivot, length);
     ++run.iterations;
     if (observe) {
       observe({run.target_from_source, mean_squared_distance(matches), std::move(matches)});
@@ -199,15 +245,19 @@ IcpRun RobustAlignment::run(const Rigid3& initial, const Schedule& schedule,
   return run;
 }
 
-std::vector<Match> RobustAlignment::matches(const Rigid3& pose) const {
+std::vector<Match> RobustAlignment::matches(const Similarity3& pose) const {
   BatchTree::Batch queries = target_tree_.batch(1);
   return find_matches(moved_points(pair_.source().positions, pose), queries);
 }
 
 // Tries motions out on some thousands of source landmarks, which stand for all.
+template <int kFreedoms>
 class RobustAlignment::Trial {
  public:
-  Trial(const RobustAlignment& alignment, const Rigid3& pose, double scale, const Arm& arm)
+  using Direction = Vector<kFreedoms>;
+  using Matrix = typename Equations<kFreedoms>::Matrix;
+
+  Trial(const RobustAlignment& alignment, const Similarity3& pose, double scale, const Arm& arm)
       : alignment_(alignment),
         pose_(pose),
         scale_(scale),
@@ -219,12 +269,12 @@ class RobustAlignment::Trial {
   // How the gradient of all landmarks answers small motions, each finding its match anew. With the
   // matches held it would seem much stiffer: a landmark that is none of the target's is not held by
   // its neighbour.
-  Matrix6d stiffness() {
+  Matrix stiffness() {
     const double step = kStiffnessStep * scale_;
     const double share = static_cast<double>(tried_.size()) / static_cast<double>(all().size());
-    Matrix6d result;
-    for (int i = 0; i < 6; ++i) {
-      const Vector6d direction = Vector6d::Unit(i);
+    Matrix result;
+    for (int i = 0; i < kFreedoms; ++i) {
+      const Direction direction = Direction::Unit(i);
       result.col(i) = (gradient(moved(-step * direction)) - gradient(moved(step * direction))) /
                       (2.0 * step * share);
     }
@@ -232,7 +282,7 @@ class RobustAlignment::Trial {
   }
 
   // Whether landmarks fit better here than a little way along the direction, on both sides.
-  bool holds(const Vector6d& direction) {
+  bool holds(const Direction& direction) {
     return is_better_than(moved(-kProbe * scale_ * direction)) &&
            is_better_than(moved(kProbe * scale_ * direction));
   }
@@ -243,15 +293,12 @@ class RobustAlignment::Trial {
 
   const std::vector<Eigen::Vector3d>& all() const { return alignment_.pair_.source().positions; }
 
-  Rigid3 moved(const Vector6d& direction) const {
-    const Rigid3 turn(rotation_exp(direction.tail<3>() / arm_.length), Eigen::Vector3d::Zero());
-    const Rigid3 about_pivot(turn.quaternion(),
-                             arm_.pivot - turn * arm_.pivot + direction.head<3>());
-    return about_pivot * pose_;
+  Similarity3 moved(const Direction& direction) const {
+    return moved_about<kFreedoms>(pose_, direction, arm_.pivot, arm_.length);
   }
 
   // Of the landmarks tried, at a pose; moved_ has their places then.
-  std::vector<Match> matches(const Rigid3& pose) {
+  std::vector<Match> matches(const Similarity3& pose) {
     std::vector<Eigen::Vector3d> places;
     places.reserve(tried_.size());
     for (const std::size_t landmark : tried_) {
@@ -262,24 +309,24 @@ class RobustAlignment::Trial {
     return found;
   }
 
-  Vector6d gradient(const Rigid3& pose) {
+  Direction gradient(const Similarity3& pose) {
     const std::vector<Match> found = matches(pose);
     const Arm arm = {pose * (pose_.inverse() * arm_.pivot), arm_.length};
-    return alignment_.equations(moved_, found, pose, scale_, arm).gradient;
+    return alignment_.template equations<kFreedoms>(moved_, found, pose, scale_, arm).gradient;
   }
 
   // What each landmark adds to the objective, one a landmark of the source; 0 of those not tried.
-  std::vector<double> terms(const Rigid3& pose) {
+  std::vector<double> terms(const Similarity3& pose) {
     std::vector<double> values(all().size(), 0.0);
-    const Eigen::Matrix3d rotation = pose.rotation();
+    const Eigen::Matrix3d linear = pose.linear();
     for (const Match& match : matches(pose)) {
-      const auto one = alignment_.term(moved_[match.source], match, rotation, scale_);
+      const auto one = alignment_.term(moved_[match.source], match, linear, scale_);
       if (one) values[match.source] = one->value;
     }
     return values;
   }
 
-  bool is_better_than(const Rigid3& other) {
+  bool is_better_than(const Similarity3& other) {
     const std::vector<double> there = terms(other);
     // Landmarks that meet nothing at either pose say nothing. Those that do at the other alone count:
     // without them, every pose would seem better than its neighbours.
@@ -294,7 +341,7 @@ class RobustAlignment::Trial {
   }
 
   const RobustAlignment& alignment_;
-  Rigid3 pose_;
+  Similarity3 pose_;
   double scale_;
   Arm arm_;
   BatchTree::Batch queries_;
@@ -304,12 +351,19 @@ class RobustAlignment::Trial {
   std::vector<double> here_;            // terms at the pose
 };
 
-PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale,
-                                             std::vector<Match> matches) const {
+PoseUncertainty RobustAlignment::uncertainty(const Similarity3& pose, double scale,
+                                             std::vector<Match> matches, bool free_scale) const {
+  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches))
+                    : uncertainty_with<6>(pose, scale, std::move(matches));
+}
+
+template <int kFreedoms>
+PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, double scale,
+                                                  std::vector<Match> matches) const {
   const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
-  const Eigen::Matrix3d rotation = pose.rotation();
+  const Eigen::Matrix3d linear = pose.linear();
   std::erase_if(matches, [&](const Match& match) {
-    return !term(moved[match.source], match, rotation, scale);
+    return !term(moved[match.source], match, linear, scale);
   });
   if (matches.size() < kFewestMatches) return {};
   std::vector<Eigen::Vector3d> places;
@@ -317,18 +371,19 @@ PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale,
   // Of what is matched: elsewhere a turn moves it much or hardly at all.
   const PoseDistance spread = PoseDistance::of(places);
   const Arm arm = {spread.centroid, spread.radius > 0.0 ? spread.radius : 1.0};
-  PoseEvidence evidence;
+  PoseEvidence<kFreedoms> evidence;
   evidence.pivot = arm.pivot;
   evidence.length = arm.length;
-  Trial trial(*this, pose, scale, arm);
+  Trial<kFreedoms> trial(*this, pose, scale, arm);
   evidence.information = trial.stiffness();
 
   PoseUncertainty open;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(evidence.information);
-  for (int i = 0; i < 6; ++i) {
-    const Vector6d direction = eigen.eigenvectors().col(i);
+  const Eigen::SelfAdjointEigenSolver<typename Equations<kFreedoms>::Matrix> eigen(
+      evidence.information);
+  for (int i = 0; i < kFreedoms; ++i) {
+    const Vector<kFreedoms> direction = eigen.eigenvectors().col(i);
     if (trial.holds(direction)) continue;
-    open.unobservable.push_back({direction.head<3>(), direction.tail<3>() / evidence.length});
+    open.unobservable.push_back(open_direction<kFreedoms>(direction, evidence.length));
   }
   if (!open.unobservable.empty()) return open;
 
@@ -338,10 +393,11 @@ PoseUncertainty RobustAlignment::uncertainty(const Rigid3& pose, double scale,
   for (std::size_t i = 0; i < matches.size(); ++i) groups[group_of[i]].push_back(matches[i]);
   std::erase_if(groups, [](const auto& group) { return group.empty(); });
   for (const std::vector<Match>& group : groups) {
-    const Vector6d pull = equations(moved, group, pose, scale, arm).gradient;
+    const Vector<kFreedoms> pull = equations<kFreedoms>(moved, group, pose, scale, arm).gradient;
     evidence.scatter += pull * pull.transpose();
   }
-  if (groups.size() < kFewestErrorGroups) return {};
+  // The pulls add up to nothing: fewer leave a direction without any error.
+  if (groups.size() < kFreedoms + 1) return {};
   evidence.count = static_cast<double>(groups.size());
   return pose_uncertainty(pose, evidence);
 }

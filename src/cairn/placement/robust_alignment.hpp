@@ -8,11 +8,11 @@
 #include <stop_token>
 #include <vector>
 
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/centred_pair.hpp"
 #include "cairn/placement/scales.hpp"
 #include "cairn/registration/concepts.hpp"
 #include "cairn/registration/estimation/pose_covariance.hpp"
-#include "cairn/registration/icp.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
@@ -25,6 +25,19 @@ class RobustAlignment {
     double fine = 0.0;
     int max_iterations = 100;
     std::size_t points = static_cast<std::size_t>(-1);  ///< the first of the source that take part
+    bool free_scale = false;  ///< the scale is estimated; else it stays as it is
+  };
+
+  struct Iteration {
+    Similarity3 target_from_source;      ///< after the iteration's step
+    double mean_squared_distance = 0.0;  ///< of its matches, before the step
+    std::vector<Match> matches;
+  };
+
+  struct Run {
+    Similarity3 target_from_source;
+    int iterations = 0;  ///< steps made
+    StopReason stop_reason = StopReason::kIterationLimit;
   };
 
   /// @param pair, target_tree must outlive this; the tree is of the target's positions
@@ -33,17 +46,21 @@ class RobustAlignment {
 
   /// From a centred pose to the nearest optimum.
   /// @param observe called after each iteration; may be empty
-  IcpRun run(const Rigid3& initial, const Schedule& schedule, const std::stop_token& stop = {},
-             const std::function<void(Iteration)>& observe = {}) const;
+  Run run(const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop = {},
+          const std::function<void(Iteration)>& observe = {}) const;
 
-  std::vector<Match> matches(const Rigid3& pose) const;
+  std::vector<Match> matches(const Similarity3& pose) const;
 
   /// Of a centred pose that is an optimum at this scale; nothing is known of one with few matches. A
   /// direction is open if, a little way along it, landmarks fit about as well as at the pose.
   /// @param matches of the pose, from matches()
-  PoseUncertainty uncertainty(const Rigid3& pose, double scale, std::vector<Match> matches) const;
+  /// @param free_scale as in Schedule
+  PoseUncertainty uncertainty(const Similarity3& pose, double scale, std::vector<Match> matches,
+                              bool free_scale = false) const;
 
  private:
+  // Of as many freedoms as a motion has: 6 of a rigid one, 7 with a scale.
+  template <int kFreedoms>
   class Trial;
 
   // What a turn is about, and the length that makes its angle comparable to a translation.
@@ -61,9 +78,13 @@ class RobustAlignment {
   };
 
   // Normal equations of a step.
+  template <int kFreedoms>
   struct Equations {
-    Matrix6d information = Matrix6d::Zero();
-    Vector6d gradient = Vector6d::Zero();
+    using Matrix = Eigen::Matrix<double, kFreedoms, kFreedoms>;
+    using Vector = Eigen::Matrix<double, kFreedoms, 1>;
+
+    Matrix information = Matrix::Zero();
+    Vector gradient = Vector::Zero();
     double weight = 0.0;
     std::size_t count = 0;
 
@@ -74,9 +95,17 @@ class RobustAlignment {
                                   BatchTree::Batch& queries) const;
   // Nothing for a match that hardly counts.
   std::optional<Term> term(const Eigen::Vector3d& moved, const Match& match,
-                           const Eigen::Matrix3d& rotation, double scale) const;
-  Equations equations(std::span<const Eigen::Vector3d> moved, std::span<const Match> matches,
-                      const Rigid3& pose, double scale, const Arm& arm) const;
+                           const Eigen::Matrix3d& linear, double scale) const;
+  template <int kFreedoms>
+  Equations<kFreedoms> equations(std::span<const Eigen::Vector3d> moved,
+                                 std::span<const Match> matches, const Similarity3& pose,
+                                 double scale, const Arm& arm) const;
+  template <int kFreedoms>
+  Run run_with(const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop,
+               const std::function<void(Iteration)>& observe) const;
+  template <int kFreedoms>
+  PoseUncertainty uncertainty_with(const Similarity3& pose, double scale,
+                                   std::vector<Match> matches) const;
   double radius(std::size_t points) const;
 
   const CentredPair& pair_;

@@ -93,7 +93,7 @@ SightCounts SightChecker::count(const std::vector<Seen>& views,
   return counts;
 }
 
-SightCounts SightChecker::operator()(const Rigid3& pose) const {
+SightCounts SightChecker::operator()(const Similarity3& pose) const {
   const auto sample = [this](const LandmarkCloud& cloud) {
     return std::span(cloud.positions).first(std::min(sample_, cloud.size()));
   };

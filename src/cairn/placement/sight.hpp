@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/centred_pair.hpp"
 
 namespace cairn {
@@ -31,7 +32,7 @@ class SightChecker {
   SightChecker(const CentredPair& pair, std::size_t sample);
 
   /// Nothing but zeros if the clouds have no views.
-  SightCounts operator()(const Rigid3& pose) const;
+  SightCounts operator()(const Similarity3& pose) const;
 
  private:
   // Least and greatest distance seen in each direction; 0 where nothing was.

@@ -14,8 +14,8 @@
 namespace cairn {
 namespace {
 
-std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points, const Rigid3& pose,
-                                      const BatchTree& tree) {
+std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points,
+                                      const Similarity3& pose, const BatchTree& tree) {
   const std::vector<Eigen::Vector3d> moved = moved_points(points, pose);
   std::vector<Neighbor> found(points.size());
   tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
@@ -66,7 +66,7 @@ SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_
       source_groups_(spatial_groups(std::span(pair.source().positions).first(sample_), kGroups)),
       target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)) {}
 
-Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
+Support SupportCounter::operator()(const Similarity3& pose, double radius) const {
   // What is farther than this, in units of its spacing, is by chance; closer than the other, copies of
   // a landmark must not decide alone.
   constexpr double kFarthest = 3.0;
@@ -90,7 +90,7 @@ Support SupportCounter::operator()(const Rigid3& pose, double radius) const {
     const double squared = there[i].squared_distance;
     if (squared <= radius * radius) ++within;
     if (4.0 * squared <= radius * radius) ++close;
-    const double spacing = source_spacings_[i] * target_spacings_[there[i].index];
+    const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
     const double chance = -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * ratio);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/centred_pair.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -28,9 +29,10 @@ struct Support {
 ///
 /// Where landmarks of both lie on a surface independently of each other, two that are each other's nearest
 /// are within a distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the
-/// eighth neighbour (the geometric mean of both maps'): u is spread evenly over 0 to 1. Landmarks that are one are far closer than that; their u is taken to have the
-/// density 1 / (2·√u). The evidence is that of the mixture with the likeliest share of such pairs. It
-/// asks for no radius, and a match counts by how little it is to be expected where it is.
+/// eighth neighbour (the geometric mean of both maps'): u is spread evenly over 0 to 1. Landmarks that
+/// are one are far closer than that; their u is taken to have the density 1 / (2·√u). The evidence is
+/// that of the mixture with the likeliest share of such pairs. It asks for no radius, and a match counts
+/// by how little it is to be expected where it is.
 class SupportCounter {
  public:
   /// @param pair, trees of its positions; must outlive this
@@ -38,7 +40,7 @@ class SupportCounter {
   SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
                  const BatchTree& target_tree, std::size_t sample, const Executor& executor);
 
-  Support operator()(const Rigid3& pose, double radius) const;
+  Support operator()(const Similarity3& pose, double radius) const;
 
  private:
   const CentredPair& pair_;

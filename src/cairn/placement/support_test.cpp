@@ -33,7 +33,8 @@ LandmarkCloud with_shared(LandmarkCloud cloud, const LandmarkCloud& other, std::
   return cloud;
 }
 
-Support support(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& pose = {}) {
+Support support(const LandmarkCloud& source, const LandmarkCloud& target,
+                const Similarity3& pose = {}) {
   const CentredPair pair(source, target);
   const BatchTree source_tree(pair.source().positions);
   const BatchTree target_tree(pair.target().positions);
@@ -47,6 +48,15 @@ TEST(Support, OfACloudAndItselfIsWhole) {
   EXPECT_DOUBLE_EQ(all.share, 1.0);
   EXPECT_GT(all.evidence, 1000.0);
   EXPECT_GT(all.spread_evidence, 0.8 * all.evidence);
+}
+
+TEST(Support, IsTheSameWhateverTheSourcesUnit) {
+  const LandmarkCloud target = wall(1000, 1);
+  const LandmarkCloud source = with_shared(wall(1000, 2), target, 0, 300);
+  const Support one = support(source, target);
+  const Support other = support(scaled(source, 0.125), target, Similarity3(8.0, Rigid3()));
+  EXPECT_EQ(other.share, one.share);
+  EXPECT_NEAR(other.evidence, one.evidence, 1e-6 * one.evidence);
 }
 
 TEST(Support, ThereIsNoEvidenceWhereOnlySurfacesMeet) {

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn {
 
@@ -24,6 +24,7 @@ std::string_view to_string(Verdict verdict);
 /// A pose that explains the maps to some extent, distinct from the others.
 struct PlacementCandidate {
   Rigid3 target_from_source;
+  double scale = 1.0;  ///< of the source, which is scaled before it is moved
   /// Share of the smaller map's landmarks that are matched, one to one.
   double support = 0.0;
   double close_support = 0.0;  ///< the same within half the radius
@@ -35,6 +36,9 @@ struct PlacementCandidate {
   std::optional<double> contradicted = {};
   /// That it is the right pose; what is missing to 1 over all candidates is that none is.
   double probability = 0.0;
+
+  /// The pose with its scale.
+  Similarity3 similarity() const { return {scale, target_from_source}; }
 };
 
 struct Judgement {

@@ -63,6 +63,7 @@ AlignStatus status_of(StopReason reason);
 
 struct IterationRecord {
   Rigid3 target_from_source;           ///< after the iteration
+  double scale = 1.0;                  ///< of the source, after the iteration; see AlignResult
   double mean_squared_distance = 0.0;  ///< of its matches, before its step
   std::size_t match_count = 0;
   std::optional<double> score;  ///< after the iteration; with AlignOptions::trace
@@ -87,6 +88,9 @@ struct AlignResult {
   StopReason stop_reason = StopReason::kTooFewMatches;
   std::string reason;         ///< one sentence for people
   Rigid3 target_from_source;  ///< maps the source as passed in; the initial pose is part of it
+  /// Of the source, which is scaled before it is moved: x_in_target = R·(scale·x_in_source) + t. 1 where
+  /// it is not estimated. All that is said below is in the target's unit.
+  double scale = 1.0;
   std::optional<double> initial_score;  ///< Eq. 5 at the initial pose; nothing of no points
   std::optional<double> score;          ///< Eq. 5 at the final pose
   int iterations = 0;                   ///< with all points
@@ -96,10 +100,14 @@ struct AlignResult {
   std::optional<RepeatedMatches> repetition;
   std::vector<Match> matches;  ///< at the final pose
   std::vector<IterationRecord> history;
-  std::optional<Matrix6d> covariance;  ///< see PoseUncertainty; nothing if unknown
+  std::optional<Matrix6d> covariance;             ///< see PoseUncertainty; nothing if unknown
+  std::optional<Matrix7d> covariance_with_scale;  ///< the same, where a scale is estimated
   std::vector<OpenDirection> unobservable;
   std::optional<Overlap> overlap;
   double duration_s = 0.0;  ///< wall time of the whole call
+
+  /// The pose with its scale.
+  Similarity3 similarity() const { return {scale, target_from_source}; }
 };
 
 /// Aligns one set of points to another: the paper's ICP. Base if the target has no confidences,

@@ -12,7 +12,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 /// What a report shows. The types mirror docs/report_format.md, which says what each field means to a
@@ -103,7 +103,7 @@ struct Matches {
 struct AlignmentRun {
   std::string name = {};
   std::vector<std::pair<std::string, Scalar>> summary = {};
-  std::vector<Rigid3> target_from_source =
+  std::vector<Similarity3> target_from_source =
       {};  ///< the initial pose, then that after each iteration
   std::vector<double> mean_squared_distance = {};
   std::vector<double> scores = {};
@@ -116,7 +116,7 @@ struct AlignmentRun {
 struct Scene {
   std::optional<std::string> source = {};  ///< id of a map
   std::string target = {};                 ///< id of a map
-  std::optional<Rigid3> truth = {};        ///< true target_from_source
+  std::optional<Similarity3> truth = {};   ///< true target_from_source
   std::optional<Eigen::Vector3d> up = {};  ///< unit vector in the target's frame
   std::vector<AlignmentRun> runs = {};
 };

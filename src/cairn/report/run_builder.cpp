@@ -46,9 +46,9 @@ std::vector<std::int32_t> match_list(const std::vector<Match>& matches, const Sh
   return list;
 }
 
-void add_errors(AlignmentRun& run, const Rigid3& truth,
+void add_errors(AlignmentRun& run, const Similarity3& truth,
                 const std::vector<Eigen::Vector3d>& positions) {
-  for (const Rigid3& pose : run.target_from_source) {
+  for (const Similarity3& pose : run.target_from_source) {
     const PoseError error = pose_error(pose, truth, positions);
     run.rotation_error_deg.push_back(degrees(error.rotation_rad));
     run.translation_error.push_back(error.translation);
@@ -121,7 +121,9 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
                       const ShownPoints& target, const RunOptions& options) {
   AlignmentRun run;
   run.name = options.name;
-  run.target_from_source = {options.initial};
+  // Shown in the target's unit from the first: a start from no pose has no scale of its own.
+  const double initial_scale = result.history.empty() ? 1.0 : result.history.front().scale;
+  run.target_from_source = {Similarity3(initial_scale, options.initial)};
   run.mean_squared_distance = {kNan};
   run.scores = {result.initial_score.value_or(kNan)};
   std::vector<IterationRecord> history = result.history;
@@ -136,7 +138,7 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
   }
   bool traced = !history.empty();
   for (const IterationRecord& iteration : history) {
-    run.target_from_source.push_back(iteration.target_from_source);
+    run.target_from_source.emplace_back(iteration.scale, iteration.target_from_source);
     run.mean_squared_distance.push_back(iteration.mean_squared_distance);
     run.scores.push_back(iteration.score.value_or(kNan));
     traced = traced && !iteration.matches.empty();
@@ -150,6 +152,7 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
       options.status.empty() ? std::string(to_string(result.status)) : options.status;
   const bool has_pose = result.status != AlignStatus::kFailed;
   const bool has_error = has_pose && !run.rotation_error_deg.empty();
+  const bool has_scale = has_pose && result.scale != 1.0;  // of maps of one scale there is none
   const auto& overlap = result.overlap;
   run.summary = {
       {"status", status},
@@ -157,6 +160,7 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
       {"stop_reason", std::string(to_string(result.stop_reason))},
       {"k", static_cast<double>(options.k)},
       {"iterations", static_cast<double>(result.iterations)},
+      {"scale", has_scale ? Scalar(result.scale) : Scalar()},
       {"initial_score", scalar(result.initial_score)},
       {"score", scalar(result.score)},
       {"rotation_error_deg", has_error ? Scalar(run.rotation_error_deg.back()) : Scalar()},

@@ -31,10 +31,10 @@ struct ShownPoints {
 };
 
 struct RunOptions {
-  std::string name = {};             ///< e.g. "base"
-  Rigid3 initial = {};               ///< target_from_source that the alignment started from
-  std::size_t k = 1;                 ///< candidates it chose among
-  std::optional<Rigid3> truth = {};  ///< true target_from_source: adds errors
+  std::string name = {};                  ///< e.g. "base"
+  Rigid3 initial = {};                    ///< target_from_source that the alignment started from
+  std::size_t k = 1;                      ///< candidates it chose among
+  std::optional<Similarity3> truth = {};  ///< true target_from_source: adds errors
   /// What people read as its status; empty: the result's.
   std::string status = {};
 };

@@ -95,6 +95,21 @@ TEST(MakeRun, PosesBeginWithTheInitialOne) {
   EXPECT_EQ(run.translation_error.back(), error.translation);
 }
 
+TEST(MakeRun, KeepsScales) {
+  Aligned aligned;
+  const auto source = ShownPoints::among_all(aligned.pair.source, aligned.point_options);
+  const auto target = ShownPoints::among_all(aligned.pair.target, aligned.point_options);
+  aligned.result.history.front().scale = 1.25;
+  aligned.result.scale = aligned.result.history.back().scale = 1.5;
+  const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
+  EXPECT_EQ(run.target_from_source.front().scale(), 1.25);
+  EXPECT_EQ(run.target_from_source[2].scale(), 1.0);
+  EXPECT_EQ(run.target_from_source.back().scale(), 1.5);
+  const PoseError error = pose_error(Similarity3(1.5, aligned.result.target_from_source),
+                                     aligned.pair.target_from_source, source.positions);
+  EXPECT_EQ(run.translation_error.back(), error.translation);
+}
+
 TEST(MakeRun, APoseTakenFromACycleComesLast) {
   Aligned aligned;
   aligned.options.stop_at_repetition = true;

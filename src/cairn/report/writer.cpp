@@ -132,7 +132,7 @@ Json to_json(const Eigen::Vector3d& vector) {
   return {to_json(vector.x()), to_json(vector.y()), to_json(vector.z())};
 }
 
-Json to_json(const Rigid3& pose) {
+Json to_json(const Similarity3& pose) {
   const Matrix4d matrix = pose.matrix();
   Json numbers = Json::array();
   for (int i = 0; i < 16; ++i) numbers.push_back(to_json(matrix(i / 4, i % 4)));
@@ -221,6 +221,22 @@ std::vector<Number> numbers_of(const std::vector<Rigid3>& poses) {
     }
   }
   return numbers;
+}
+
+std::vector<Rigid3> rigid_parts(const std::vector<Similarity3>& poses) {
+  std::vector<Rigid3> parts;
+  parts.reserve(poses.size());
+  for (const Similarity3& pose : poses) parts.push_back(pose.rigid());
+  return parts;
+}
+
+// Nothing if all are 1.
+std::vector<double> scales_of(const std::vector<Similarity3>& poses) {
+  std::vector<double> scales;
+  for (const Similarity3& pose : poses) scales.push_back(pose.scale());
+  const bool plain =
+      std::all_of(scales.begin(), scales.end(), [](double scale) { return scale == 1.0; });
+  return plain ? std::vector<double>() : scales;
 }
 
 bool is_id(std::string_view id) {
@@ -379,7 +395,9 @@ Json Document::run_json(const AlignmentRun& run, std::size_t source_count, std::
   require(count > 0, where, "no pose", "at least the initial one");
   Json json = {{"name", run.name}, {"summary", Json::object()}};
   for (const auto& [name, value] : run.summary) json["summary"][name] = to_json(value);
-  json["poses"] = buffers_.keep(numbers_of<double>(run.target_from_source));
+  json["poses"] = buffers_.keep(numbers_of<double>(rigid_parts(run.target_from_source)));
+  std::vector<double> scales = scales_of(run.target_from_source);
+  json["scales"] = scales.empty() ? Json(nullptr) : buffers_.keep(std::move(scales));
   json["mean_squared_distance"] =
       series_json(run.mean_squared_distance, count, where, "mean_squared_distance");
   json["scores"] = series_json(run.scores, count, where, "scores");

@@ -66,7 +66,8 @@ Report full_report() {
   run.name = "base";
   run.summary = {{"status", "aligned"}, {"score", 0.25}, {"iterations", 2.0}, {"reason", {}}};
   run.target_from_source = {
-      Rigid3(), Rigid3(Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0), {1.0, 2.0, 3.0}), Rigid3()};
+      Rigid3(), Similarity3(1.5, Rigid3(Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0), {1.0, 2.0, 3.0})),
+      Rigid3()};
   run.mean_squared_distance = {kNan, 0.5, 0.25};
   run.scores = {0.75, 0.5, 0.25};
   run.matches = Matches{{0, -1, 3}, {2}, {0, 1}, {-1, 2}};
@@ -215,6 +216,8 @@ TEST(WriteReport, SceneNamesItsMapsAndRuns) {
   const Json& run = scene.at("runs").at(0);
   EXPECT_EQ(run.at("summary"),
             Json({{"status", "aligned"}, {"score", 0.25}, {"iterations", 2}, {"reason", nullptr}}));
+  EXPECT_THAT(page.numbers<double>(run.at("scales"), "f64"), ElementsAre(1.0, 1.5, 1.0));
+  EXPECT_TRUE(scene.at("runs").at(1).at("scales").is_null());
   const auto poses = page.numbers<double>(run.at("poses"), "f64");
   ASSERT_EQ(poses.size(), 21U);
   EXPECT_THAT(std::vector<double>(poses.begin() + 7, poses.begin() + 14),

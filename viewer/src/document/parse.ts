@@ -246,6 +246,7 @@ function parseRun(
       : Object.entries(summary.object()).map(([key, value]) => [key, summaryValue(value)]),
     iterations: steps - 1,
     poses,
+    scales: perStep("scales"),
     meanSquaredDistance: perStep("mean_squared_distance"),
     scores: perStep("scores"),
     rotationErrorDeg: perStep("rotation_error_deg"),

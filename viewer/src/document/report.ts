@@ -63,6 +63,8 @@ export interface Run {
   iterations: number;
   /** (iterations + 1) times tx ty tz qw qx qy qz of target_from_source. */
   poses: Float64Array;
+  /** Of the source at each pose; null where all are 1. */
+  scales: Float64Array | null;
   meanSquaredDistance: Float64Array | null;
   scores: Float64Array | null;
   rotationErrorDeg: Float64Array | null;

@@ -19,6 +19,21 @@ export function poseAt(poses: ArrayLike<number>, index: number): Affine {
   );
 }
 
+/** The same of a transform that scales before it rotates; of rigid ones there are no scales. */
+export function similarityAt(
+  poses: ArrayLike<number>,
+  scales: ArrayLike<number> | null,
+  index: number,
+): Affine {
+  const pose = poseAt(poses, index);
+  const scale = scales ? scales[index] : 1;
+  return pose.map((value, i) => (i % 4 === 3 ? value : scale * value));
+}
+
+export function scaleOf(transform: Affine): number {
+  return Math.hypot(transform[0], transform[4], transform[8]);
+}
+
 export function fromRowMajor(matrix: readonly number[]): Affine {
   return Float64Array.from(matrix.slice(0, 12));
 }

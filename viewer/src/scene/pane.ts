@@ -3,7 +3,7 @@ import { Color, Matrix4, PerspectiveCamera, Scene, Vector4 } from "three";
 import { button, h, s } from "../dom";
 import type { LandmarkCloud, Run, SummaryValue } from "../document/report";
 import { formatLength, formatNumber, idText } from "../math/format";
-import { apply, compose, dequantise, kIdentity, positionOf, type Affine } from "../math/pose";
+import { apply, compose, dequantise, kIdentity, positionOf, scaleOf, type Affine } from "../math/pose";
 import { symbolPath } from "../charts/shared";
 import { seriesColor, seriesSymbol } from "../series_style";
 import type { Palette } from "../theme";
@@ -78,7 +78,9 @@ export class Pane {
     }
     for (const [role, cloud] of [["target", target], ["source", source]] as const) {
       if (cloud?.frames && cloud.frames.count > 0) {
-        const layer = new CameraLayer(cloud, cloud.frames, model.reach);
+        // In the map's own unit, of a size with the scene.
+        const scale = role === "source" ? scaleOf(model.restingPose) : 1;
+        const layer = new CameraLayer(cloud, cloud.frames, model.reach / scale);
         this.#cameras.push({ role, layer });
         this.#scene.add(layer.object);
       }

@@ -1,7 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { Frames, LandmarkCloud, Run, SceneSection } from "../document/report";
 import { MatchTimeline } from "../document/matches";
-import { apply, fromRowMajor, kIdentity, poseAt, positionOf, unit, type Affine } from "../math/pose";
+import {
+  apply,
+  fromRowMajor,
+  kIdentity,
+  poseAt,
+  positionOf,
+  similarityAt,
+  unit,
+  type Affine,
+} from "../math/pose";
 import { quantileSorted, robustRange } from "../math/statistics";
 import { columnScale, type ColorMode, type ColorScale } from "./coloring";
 import { Orbit } from "./orbit";
@@ -67,7 +76,7 @@ export class SceneModel {
   /** Where the source stands when no run says so: at the truth if that is known. */
   get restingPose(): Affine {
     const run = this.section.runs[0];
-    return run ? poseAt(run.poses, run.iterations) : (this.truth ?? kIdentity);
+    return run ? similarityAt(run.poses, run.scales, run.iterations) : (this.truth ?? kIdentity);
   }
 
   get landmarkCount(): number {
@@ -76,7 +85,9 @@ export class SceneModel {
 
   /** The pose of `run` at iteration `iteration`, held at its last one. */
   pose(run: Run | null, iteration: number): Affine {
-    return run ? poseAt(run.poses, Math.min(iteration, run.iterations)) : this.restingPose;
+    return run
+      ? similarityAt(run.poses, run.scales, Math.min(iteration, run.iterations))
+      : this.restingPose;
   }
 
   /** The matches found at the pose of `iteration`; at the last pose, those that led to it. */

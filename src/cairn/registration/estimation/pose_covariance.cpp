@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 #include "cairn/geometry/covariance.hpp"
 
@@ -18,27 +19,40 @@ constexpr double kOpen = 1e-9;
 
 }  // namespace
 
-PoseUncertainty pose_uncertainty(const Rigid3& target_from_source, const PoseEvidence& evidence) {
+template <int kFreedoms>
+PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
+                                 const PoseEvidence<kFreedoms>& evidence) {
+  using Matrix = typename PoseEvidence<kFreedoms>::Matrix;
   PoseUncertainty result;
   const double length = evidence.length;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(evidence.information);
-  for (int i = 0; i < 6; ++i) {
-    if (eigen.eigenvalues()[i] > kOpen * eigen.eigenvalues()[5]) continue;
-    const Vector6d direction = eigen.eigenvectors().col(i);
-    result.unobservable.push_back({direction.head<3>(), direction.tail<3>() / length});
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kFreedoms, kFreedoms>> eigen(
+      evidence.information);
+  for (int i = 0; i < kFreedoms; ++i) {
+    if (eigen.eigenvalues()[i] > kOpen * eigen.eigenvalues()[kFreedoms - 1]) continue;
+    result.unobservable.push_back(open_direction<kFreedoms>(eigen.eigenvectors().col(i), length));
   }
   if (!result.unobservable.empty()) return result;
 
-  const Matrix6d inverse = evidence.information.inverse();
-  const Matrix6d about_pivot =
-      evidence.count / (evidence.count - 2.0) * inverse * evidence.scatter * inverse;
-  // δt = δpivot - δφ × (pivot - t), and undo the scaling of the rotation.
-  Matrix6d to_pose = Matrix6d::Identity();
-  to_pose.topRightCorner<3, 3>() = skew(evidence.pivot - target_from_source.translation()) / length;
-  to_pose.bottomRightCorner<3, 3>() /= length;
-  result.covariance = propagated_covariance(to_pose, about_pivot);
+  const Matrix inverse = evidence.information.inverse();
+  const Matrix about_pivot =
+      evidence.count / (evidence.count - kFreedoms / 3.0) * inverse * evidence.scatter * inverse;
+  // δt = δpivot - (δφ × (pivot - t) + δlog s·(pivot - t)), and undo the scaling of the rotation.
+  const Eigen::Vector3d arm = evidence.pivot - target_from_source.translation();
+  Matrix to_pose = Matrix::Identity();
+  to_pose.template block<3, 3>(0, 3) = skew(arm) / length;
+  to_pose.template block<3, 3>(3, 3) /= length;
+  if constexpr (kFreedoms == 7) {
+    to_pose.template block<3, 1>(0, 6) = -arm / length;
+    to_pose(6, 6) /= length;
+  }
+  const Matrix covariance = propagated_covariance(to_pose, about_pivot);
+  result.covariance = covariance.template topLeftCorner<6, 6>();
+  if constexpr (kFreedoms == 7) result.covariance_with_scale = covariance;
   return result;
 }
+
+template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseEvidence<6>&);
+template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseEvidence<7>&);
 
 PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
                                  std::span<const Eigen::Vector3d> moved_source,
@@ -64,7 +78,7 @@ PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
   }
   radius = std::sqrt(radius / total);
 
-  PoseEvidence evidence;
+  PoseEvidence<6> evidence;
   evidence.pivot = centroid;
   evidence.length = radius > 0.0 ? radius : 1.0;
   evidence.count = static_cast<double>(matches.size());
@@ -77,7 +91,7 @@ PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
     evidence.information += weight(match) * jacobian.transpose() * jacobian;
     evidence.scatter += gradient * gradient.transpose();
   }
-  return pose_uncertainty(target_from_source, evidence);
+  return pose_uncertainty(Similarity3(target_from_source), evidence);
 }
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/registration/concepts.hpp"
 
 namespace cairn {
@@ -14,28 +15,48 @@ namespace cairn {
 struct OpenDirection {
   Eigen::Vector3d translation;  ///< of the matched points' centroid, per unit of the motion
   Eigen::Vector3d rotation;     ///< about the centroid, axis times angle, per unit of the motion
+  double log_scale = 0.0;       ///< about the centroid, where a scale is estimated
 };
+
+/// Of a small motion in the parameters of PoseEvidence.
+template <int kFreedoms>
+OpenDirection open_direction(const Eigen::Matrix<double, kFreedoms, 1>& motion, double length) {
+  OpenDirection open = {motion.template head<3>(), motion.template segment<3>(3) / length};
+  if constexpr (kFreedoms == 7) open.log_scale = motion[6] / length;
+  return open;
+}
 
 /// How well matched points determine a pose.
 struct PoseUncertainty {
   /// Of target_from_source: left perturbation in the target frame, order (δt, δφ), metres (or the
   /// map's unit) and radians. Nothing where a direction is open.
   std::optional<Matrix6d> covariance;
+  /// The same with the scale's, (δt, δφ, δ log s), where one is estimated.
+  std::optional<Matrix7d> covariance_with_scale;
   std::vector<OpenDirection> unobservable;
 };
 
 /// What matches tell of a small motion of the moved source: its parameters are the translation of a
-/// pivot, and the rotation about it times a length, so that all six are lengths and compare.
+/// pivot, and the rotation about it times a length, so that all six are lengths and compare. A seventh
+/// is the logarithm of a scale about the pivot, times the same length.
+template <int kFreedoms>
 struct PoseEvidence {
+  using Matrix = Eigen::Matrix<double, kFreedoms, kFreedoms, Eigen::DontAlign>;
+
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< in the target frame
   double length = 1.0;                              ///< of the order of the matched points' spread
-  Matrix6d information = Matrix6d::Zero();          ///< A = Σ w·JᵀJ
-  Matrix6d scatter = Matrix6d::Zero();  ///< Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms
-  double count = 0.0;                   ///< of the scatter's independent terms; above 2
+  Matrix information = Matrix::Zero();              ///< A = Σ w·JᵀJ
+  Matrix scatter = Matrix::Zero();  ///< Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms
+  double count = 0.0;               ///< of the scatter's independent terms, of 3 residuals each
 };
 
-/// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations.
-PoseUncertainty pose_uncertainty(const Rigid3& target_from_source, const PoseEvidence& evidence);
+/// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations: of a
+/// rigid motion with 6 freedoms, of a similarity with 7.
+template <int kFreedoms>
+PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
+                                 const PoseEvidence<kFreedoms>& evidence);
+extern template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseEvidence<6>&);
+extern template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseEvidence<7>&);
 
 /// Covariance of a point-to-point pose from the scatter of its own residuals: the
 /// heteroscedasticity-consistent ("sandwich") estimator A⁻¹·B·A⁻¹ with A = Σ w·JᵀJ and

@@ -21,8 +21,8 @@ namespace cairn {
 template <class Batch>
   requires(!NeighborSearch<std::remove_cvref_t<Batch>>)
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
-                                              const Rigid3& search_from_points, Batch&& queries,
-                                              const Executor& executor) {
+                                              const Similarity3& search_from_points,
+                                              Batch&& queries, const Executor& executor) {
   const std::vector<Eigen::Vector3d> moved = moved_points(points, search_from_points);
   std::vector<double> distances(points.size());
   queries.for_each(moved, executor, [&](std::size_t i, const NearestList auto& nearest) {
@@ -34,7 +34,7 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
 /// The same, of a search.
 template <NeighborSearch Search>
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
-                                              const Rigid3& search_from_points,
+                                              const Similarity3& search_from_points,
                                               const Search& search, const Executor& executor) {
   return nearest_squared_distances(points, search_from_points, query_batch(search, 1), executor);
 }
