@@ -280,7 +280,7 @@ TEST(Transformed, ByASimilarityScalesAllLengthsAndLeavesReprojectionUnchanged) {
   const LandmarkMap map = full_map();
   const LandmarkMap moved = transformed(map, kFirst);
   const LandmarkMap grown = transformed(map, Similarity3(kScale, kFirst));
-  const Eigen::Vector3d shift = kFirst.translation();
+  const Eigen::Vector3d& shift = kFirst.translation();
   const auto expect_grown = [&](const Eigen::Vector3d& large, const Eigen::Vector3d& small) {
     EXPECT_TRUE((large - shift).isApprox(kScale * (small - shift), 1e-12));
   };

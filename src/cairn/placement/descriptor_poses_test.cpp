@@ -30,7 +30,7 @@ Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind = "
   const auto anywhere = [&random] {
     return Eigen::Vector3d(random.uniform(-2, 2), random.uniform(-2, 2), random.uniform(0, 2));
   };
-  const auto look = [&random](LandmarkCloud& cloud, const std::array<std::uint8_t, kBytes>& bytes) {
+  const auto look = [](LandmarkCloud& cloud, const std::array<std::uint8_t, kBytes>& bytes) {
     cloud.descriptors->bytes.insert(cloud.descriptors->bytes.end(), bytes.begin(), bytes.end());
   };
   for (std::size_t i = 0; i < count; ++i) {

@@ -122,10 +122,10 @@ void expect_found(const LandmarkCloud& source, const LandmarkCloud& target, cons
 
 TEST(Place, FindsTheScaleWhereAsked) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 1500, .overlap = 0.4});
-  const LandmarkCloud source = landmark_cloud(pair.source);
-  const LandmarkCloud target = landmark_cloud(pair.target);
-  expect_found(source, target, pair.target_from_source, 0.06);
-  expect_found(target, source, pair.target_from_source.inverse(), 18.0);
+  const LandmarkCloud one = landmark_cloud(pair.source);
+  const LandmarkCloud other = landmark_cloud(pair.target);
+  expect_found(one, other, pair.target_from_source, 0.06);
+  expect_found(other, one, pair.target_from_source.inverse(), 18.0);
 }
 
 // Extents say that the part is larger than it is.

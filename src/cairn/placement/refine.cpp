@@ -55,6 +55,25 @@ std::vector<Match> turned_round(const std::vector<Match>& matches, double unit) 
   return result;
 }
 
+// What is said of the moving cloud's pose in the other's frame, as said of its inverse.
+void turn_round(const Similarity3& pose, AlignResult& result) {
+  const Similarity3 inverse = pose.inverse();
+  result.target_from_source = inverse.rigid();
+  result.scale = inverse.scale();
+  result.matches = turned_round(result.matches, pose.scale());
+  if (result.covariance_with_scale) {
+    const Matrix7d turned = inverse_covariance(pose, *result.covariance_with_scale);
+    result.covariance_with_scale = turned;
+    result.covariance = turned.topLeftCorner<6, 6>();
+  } else if (result.covariance) {
+    result.covariance = inverse_covariance(pose.rigid(), *result.covariance);
+  }
+  for (OpenDirection& open : result.unobservable) {
+    open = {-(inverse.linear() * open.translation), -(inverse.rigid().quaternion() * open.rotation),
+            -open.log_scale};
+  }
+}
+
 // The refinement of a pair, of which one is moved and the other stands. Scores and overlap are as the
 // caller has them, in the unit of the caller's target.
 class Refinement {
@@ -84,7 +103,6 @@ class Refinement {
   }
   KernelScales kernel() const;
   IterationRecord record(RobustAlignment::Iteration iteration) const;
-  void turn_round(const Similarity3& pose, AlignResult& result) const;
 
   CentredPair pair_;
   bool inverted_;
@@ -120,25 +138,6 @@ IterationRecord Refinement::record(RobustAlignment::Iteration iteration) const {
         inverted_ ? turned_round(iteration.matches, unit) : std::move(iteration.matches);
   }
   return record;
-}
-
-// What is said of the moving cloud's pose in the other's frame, as said of its inverse.
-void Refinement::turn_round(const Similarity3& pose, AlignResult& result) const {
-  const Similarity3 inverse = pose.inverse();
-  result.target_from_source = inverse.rigid();
-  result.scale = inverse.scale();
-  result.matches = turned_round(result.matches, pose.scale());
-  if (result.covariance_with_scale) {
-    const Matrix7d turned = inverse_covariance(pose, *result.covariance_with_scale);
-    result.covariance_with_scale = turned;
-    result.covariance = turned.topLeftCorner<6, 6>();
-  } else if (result.covariance) {
-    result.covariance = inverse_covariance(pose.rigid(), *result.covariance);
-  }
-  for (OpenDirection& open : result.unobservable) {
-    open = {-(inverse.linear() * open.translation), -(inverse.rigid().quaternion() * open.rotation),
-            -open.log_scale};
-  }
 }
 
 void Refinement::run(AlignResult& result) const {
