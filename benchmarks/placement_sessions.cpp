@@ -174,13 +174,13 @@ PlacementCandidate true_candidate(const Pair& pair, double radius) {
   refinement.coarse = 4.0 * radius;
   const CentredPair centred(pair.source, pair.target);
   const Rigid3 pose =
-      centred.centred(refine(pair.source, pair.target, refinement).target_from_source);
+      centred.centred(refine(pair.source, pair.target, refinement).target_from_source).rigid();
   const BatchTree source_tree(centred.source().positions);
   const BatchTree target_tree(centred.target().positions);
   const Support support = SupportCounter(centred, source_tree, target_tree, pair.source.size(),
                                          Executor())(pose, radius);
   PlacementCandidate candidate;
-  candidate.target_from_source = centred.uncentred(pose);
+  candidate.target_from_source = centred.uncentred(pose).rigid();
   candidate.support = support.share;
   candidate.close_support = support.close_share;
   candidate.evidence = support.evidence;

@@ -109,12 +109,7 @@ Json json_of(const std::vector<JudgedAlignment>& judged) {
     Json entry = {{"confidence", alignment.confidence},
                   {"status", alignment.status},
                   {"length_unit", alignment.length_unit}};
-    entry["error"] = nullptr;
-    if (error) {
-      entry["error"] = {{"rotation_deg", degrees(error->rotation_rad)},
-                        {"translation", error->translation},
-                        {"log_scale", error->log_scale}};
-    }
+    entry["error"] = error ? to_json(*error) : Json(nullptr);
     entry["success"] = to_json(success);
     results.push_back(std::move(entry));
   }

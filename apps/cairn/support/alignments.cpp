@@ -250,12 +250,7 @@ Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit
       {"support_radius", placement ? Json(placement->radius) : Json(nullptr)},
       {"duration_s", result.duration_s},
   };
-  json["error"] = nullptr;
-  if (alignment.error) {
-    json["error"] = {{"rotation_deg", degrees(alignment.error->rotation_rad)},
-                     {"translation", alignment.error->translation},
-                     {"log_scale", alignment.error->log_scale}};
-  }
+  json["error"] = alignment.error ? to_json(*alignment.error) : Json(nullptr);
   json["history"] = json_of(result.history, options.trace);
   return json;
 }

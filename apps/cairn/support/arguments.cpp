@@ -78,6 +78,16 @@ Matrix4d matrix_of_file(const std::string& path) {
   return is_json ? matrix_of_json(path, text) : matrix_of_text(path, text);
 }
 
+template <class Transform>
+Transform read_transform(const std::string& path) {
+  const Matrix4d matrix = matrix_of_file(path);
+  try {
+    return Transform::from_matrix(matrix);
+  } catch (const Error& error) {
+    throw Error(ErrorKind::kInput, path, error.what(), "");
+  }
+}
+
 }  // namespace
 
 CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& text,
@@ -174,21 +184,11 @@ Rigid3 parse_pose(const std::string& text, std::string_view option) {
 }
 
 Similarity3 read_similarity_file(const std::string& path) {
-  const Matrix4d matrix = matrix_of_file(path);
-  try {
-    return Similarity3::from_matrix(matrix);
-  } catch (const Error& error) {
-    throw Error(ErrorKind::kInput, path, error.what(), "");
-  }
+  return read_transform<Similarity3>(path);
 }
 
 Rigid3 read_pose_file(const std::string& path) {
-  const Matrix4d matrix = matrix_of_file(path);
-  try {
-    return Rigid3::from_matrix(matrix);
-  } catch (const Error& error) {
-    throw Error(ErrorKind::kInput, path, error.what(), "");
-  }
+  return read_transform<Rigid3>(path);
 }
 
 void PoseArguments::add_to(CLI::App& command, const std::string& name, const std::string& what) {

@@ -8,6 +8,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
@@ -167,6 +168,12 @@ Json to_json(const Matrix6d& matrix) {
 
 Json to_json(const Matrix7d& matrix) {
   return rows_of(matrix);
+}
+
+Json to_json(const PoseError& error) {
+  return {{"rotation_deg", degrees(error.rotation_rad)},
+          {"translation", error.translation},
+          {"log_scale", error.log_scale}};
 }
 
 Json text_or_null(const std::string& text) {

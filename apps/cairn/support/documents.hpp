@@ -8,7 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/core/csv.hpp"
-#include "cairn/geometry/rigid3.hpp"
+#include "cairn/evaluation/pose_error.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -73,6 +74,7 @@ Json to_json(const Matrix4d& matrix);
 Json to_json(const Eigen::Vector3d& vector);
 Json to_json(const Matrix6d& matrix);
 Json to_json(const Matrix7d& matrix);
+Json to_json(const PoseError& error);
 template <class Value>
 Json to_json(const std::optional<Value>& value) {
   return value ? Json(*value) : Json(nullptr);

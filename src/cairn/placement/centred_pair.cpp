@@ -27,14 +27,6 @@ CentredPair::CentredPair(LandmarkCloud source, LandmarkCloud target)
       source_(moved(std::move(source), -source_centre_)),
       target_(moved(std::move(target), -target_centre_)) {}
 
-Rigid3 CentredPair::centred(const Rigid3& target_from_source) const {
-  return translation(-target_centre_) * target_from_source * translation(source_centre_);
-}
-
-Rigid3 CentredPair::uncentred(const Rigid3& pose) const {
-  return translation(target_centre_) * pose * translation(-source_centre_);
-}
-
 Similarity3 CentredPair::centred(const Similarity3& target_from_source) const {
   return Similarity3(translation(-target_centre_)) * target_from_source *
          Similarity3(translation(source_centre_));

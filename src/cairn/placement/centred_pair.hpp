@@ -15,8 +15,6 @@ class CentredPair {
   const LandmarkCloud& source() const { return source_; }
   const LandmarkCloud& target() const { return target_; }
 
-  Rigid3 centred(const Rigid3& target_from_source) const;
-  Rigid3 uncentred(const Rigid3& pose) const;
   Similarity3 centred(const Similarity3& target_from_source) const;
   Similarity3 uncentred(const Similarity3& pose) const;
   /// Covariance of uncentred(pose) for that of a centred pose; both left perturbations, (δt, δφ).

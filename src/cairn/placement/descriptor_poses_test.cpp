@@ -61,7 +61,7 @@ std::vector<Rigid3> poses(const Clouds& clouds, const Executor& executor = Execu
   options.tolerance = 0.03;
   options.executor = executor;
   std::vector<Rigid3> found = descriptor_poses(pair, Random(1), options);
-  for (Rigid3& pose : found) pose = pair.uncentred(pose);
+  for (Rigid3& pose : found) pose = pair.uncentred(pose).rigid();
   return found;
 }
 

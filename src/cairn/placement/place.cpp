@@ -214,12 +214,13 @@ class Placement {
     };
     Candidates result;
     std::vector<PlacementCandidate>& poses = result.poses;
+    const auto turns = rotations(options_, Random(options_.seed).fork(3));
     for (std::size_t i = 0; i < scales_.size(); ++i) {
       // Each scale has its share of the time.
       const double done = static_cast<double>(i) / static_cast<double>(scales_.size());
       const double share = kSearchTime * (done + 1.0 / static_cast<double>(scales_.size()));
       const bool cut = time.cuts(share, [&](const std::stop_token& stop) {
-        search(scales_[i], done, accept, stop, poses);
+        search(scales_[i], done, turns, accept, stop, poses);
       });
       result.cut_short = result.cut_short || cut;
     }
@@ -265,8 +266,9 @@ class Placement {
 
  private:
   // Adds the poses that a search at the scale finds.
-  void search(double scale, double progress, const std::function<bool(const Rigid3&)>& accept,
-              const std::stop_token& stop, std::vector<PlacementCandidate>& poses) const {
+  void search(double scale, double progress, std::span<const Eigen::Quaterniond> turns,
+              const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
+              std::vector<PlacementCandidate>& poses) const {
     const KernelScales kernel = all_.at(scale);
     SearchOptions options{
         .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
@@ -277,9 +279,9 @@ class Placement {
     }
     std::vector<Eigen::Vector3d> source = pair_.source().positions;
     for (Eigen::Vector3d& position : source) position *= scale;
-    for (const SearchCandidate& found : search_poses(
-             source, pair_.source().weights, pair_.target().positions, pair_.target().weights,
-             rotations(options_, Random(options_.seed).fork(3)), accept, options)) {
+    for (const SearchCandidate& found :
+         search_poses(source, pair_.source().weights, pair_.target().positions,
+                      pair_.target().weights, turns, accept, options)) {
       poses.push_back({.target_from_source = found.target_from_source, .scale = scale});
     }
   }

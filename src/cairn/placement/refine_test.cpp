@@ -69,6 +69,23 @@ Pair noisy(std::uint64_t seed, double shared) {
   return pair;
 }
 
+// The landmarks nearest to the cloud's middle.
+LandmarkCloud middle_of(const LandmarkCloud& cloud, std::size_t count) {
+  const Eigen::Vector3d middle = centroid(cloud.positions);
+  std::vector<std::pair<double, std::size_t>> near;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    near.emplace_back((cloud.positions[i] - middle).norm(), i);
+  }
+  std::sort(near.begin(), near.end());
+  near.resize(count);
+  LandmarkCloud part;
+  for (const auto& [distance, i] : near) {
+    part.positions.push_back(cloud.positions[i]);
+    part.covariances.push_back(cloud.covariances[i]);
+  }
+  return part;
+}
+
 TEST(Refine, FindsTheTruthFromAFewDegreesAway) {
   const Pair pair = synthetic({.seed = 3, .outlier_fraction = 0.1});
   RefineOptions options;
@@ -236,19 +253,7 @@ TEST(Refine, SaysWhichWayACorridorIsOpen) {
 
 TEST(Refine, KnowsHowWellASmallMapIsHeldInALargeOneAndTheOtherWayRound) {
   const Pair pair = synthetic({.seed = 7, .landmarks = 4000, .overlap = 0.9});
-  // What lies within a small ball of the source's middle.
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const auto& position : pair.source.positions) middle += position / pair.source.size();
-  std::vector<std::pair<double, std::size_t>> near;
-  for (std::size_t i = 0; i < pair.source.size(); ++i) {
-    near.emplace_back((pair.source.positions[i] - middle).norm(), i);
-  }
-  std::sort(near.begin(), near.end());
-  LandmarkCloud small;
-  for (std::size_t i = 0; i < pair.source.size() / 15; ++i) {
-    small.positions.push_back(pair.source.positions[near[i].second]);
-    small.covariances.push_back(pair.source.covariances[near[i].second]);
-  }
+  const LandmarkCloud small = middle_of(pair.source, pair.source.size() / 15);
   RefineOptions options;
   options.coarse = 0.1;
   options.fine = 0.04;
@@ -274,32 +279,16 @@ TEST(Refine, KnowsHowWellASmallMapIsHeldInALargeOneAndTheOtherWayRound) {
   }
 }
 
-// What lies within a small ball about the cloud's middle.
-LandmarkCloud middle_of(const LandmarkCloud& cloud, double share) {
-  const Eigen::Vector3d middle = centroid(cloud.positions);
-  std::vector<std::pair<double, std::size_t>> near;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    near.emplace_back((cloud.positions[i] - middle).norm(), i);
-  }
-  std::sort(near.begin(), near.end());
-  near.resize(static_cast<std::size_t>(share * static_cast<double>(cloud.size())));
-  LandmarkCloud part;
-  for (const auto& [distance, i] : near) {
-    part.positions.push_back(cloud.positions[i]);
-    part.covariances.push_back(cloud.covariances[i]);
-  }
-  return part;
-}
-
 // Of a source that is the smaller cloud, and of one that is the larger: which of them moves must not show.
 TEST(Refine, FindsTheScaleTooAndSaysAllInTheTargetsUnit) {
   constexpr double kUnit = 7.0;  // of the source
   constexpr double kRadius = 0.02;
   const Pair pair = synthetic({.seed = 3, .landmarks = 3000, .outlier_fraction = 0.1});
   for (const bool source_is_small : {true, false}) {
-    const LandmarkCloud source =
-        scaled(source_is_small ? middle_of(pair.source, 0.4) : pair.source, kUnit);
-    const LandmarkCloud target = source_is_small ? pair.target : middle_of(pair.target, 0.4);
+    const LandmarkCloud source = scaled(
+        source_is_small ? middle_of(pair.source, pair.source.size() * 2 / 5) : pair.source, kUnit);
+    const LandmarkCloud target =
+        source_is_small ? pair.target : middle_of(pair.target, pair.target.size() * 2 / 5);
     RefineOptions options;
     options.initial = pair.truth;
     options.coarse = 0.1;

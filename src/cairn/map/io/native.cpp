@@ -97,7 +97,8 @@ class RecordEstimate {
         counts_.frames += block[0] == 'F' ? 1 : 0;
       }
       const std::size_t newline = block.find('\n');
-      const std::string_view line = newline == std::string_view::npos ? block : block.substr(0, newline + 1);
+      const std::string_view line =
+          newline == std::string_view::npos ? block : block.substr(0, newline + 1);
       // Most lines are landmarks': the tokens of the others are taken off again.
       if (!in_landmark_) {
         const TokenCount others = count_tokens(before_, line);
