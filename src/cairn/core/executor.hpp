@@ -41,8 +41,8 @@ class Executor {
                     const std::function<std::shared_ptr<void>(std::size_t)>& make,
                     const std::function<void(std::size_t, void*)>& use) const;
 
-  struct Arena;
-  std::shared_ptr<Arena> arena_;
+  struct Threads;
+  std::shared_ptr<Threads> threads_;
 };
 
 }  // namespace cairn
