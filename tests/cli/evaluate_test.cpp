@@ -26,8 +26,6 @@ using ::testing::ContainsRegex;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::Not;
-using ::testing::StartsWith;
 
 class EvaluateTest : public CliTest {
  protected:
@@ -143,7 +141,7 @@ class EvaluateTrajectoryTest : public EvaluateTest {
     write_trajectory("estimate.txt", both.estimate);
     return both;
   }
-  Words evaluate(const Words& more = {}) const {
+  static Words evaluate(const Words& more = {}) {
     Words words = {"evaluate", "trajectory", "estimate.txt", "truth.txt"};
     words.insert(words.end(), more.begin(), more.end());
     return words;

@@ -82,7 +82,7 @@ TEST_F(ExperimentTest, PaperAndSweepWriteReports) {
   EXPECT_THAT(content("r.html"), HasSubstr("<title>The paper&#39;s experiments"));
   expect_refusal({"report", ".", "-o", "no.html"}, kBadInput, {"holds no experiment.json"});
   std::string broken = content("r/experiment.json");
-  broken.replace(broken.find("\"success_score_m2\": "), 20, "\"success_score_m2\": \"x\", \"_\":");
+  broken.replace(broken.find(R"("success_score_m2": )"), 20, R"("success_score_m2": "x", "_":)");
   write("r/experiment.json", broken);
   expect_refusal({"report", "r", "-o", "no.html"}, kBadInput, {"success_score_m2 is \"x\""});
   EXPECT_FALSE(std::filesystem::exists(path("no.html")));

@@ -32,17 +32,16 @@ class MapCliTest : public CliTest {
   void SetUp() override {
 #ifdef CAIRN_HAS_SIMULATION
     // Made once, and copied: most tests damage theirs.
-    static const TemporaryFolder kMade;
-    static const CommandResult kResult = [] {
-      kMade.write(
-          "small.yaml",
-          "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n");
+    static const TemporaryFolder made;
+    static const CommandResult result = [] {
+      made.write("small.yaml",
+                 "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n");
       return run_command(
           command({"simulate", "s", "--camera", "small.yaml", "--frames", "16", "--rate", "8"}),
-          {.folder = kMade.path()});
+          {.folder = made.path()});
     }();
-    ASSERT_EQ(kResult.exit_code, kDone) << kResult.errors;
-    fs::copy(kMade / "s", path("s"), fs::copy_options::recursive);
+    ASSERT_EQ(result.exit_code, kDone) << result.errors;
+    fs::copy(made / "s", path("s"), fs::copy_options::recursive);
 #else
     GTEST_SKIP() << "built without the simulation: cairn map was not tested on a made sequence";
 #endif

@@ -12,7 +12,9 @@
 #include <utility>
 #include <vector>
 
+// NOLINTBEGIN(readability-identifier-naming): named by libFuzzer
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
+// NOLINTEND(readability-identifier-naming)
 
 namespace cairn::testing {
 
@@ -67,14 +69,16 @@ inline std::size_t mutate_tokens(std::uint8_t* data, std::size_t size, std::size
     text.insert(lines[below(lines.size())].first, text.substr(line_begin, line_size));
   }
   const std::size_t new_size = std::min(text.size(), max_size);
-  std::memcpy(data, text.data(), new_size);
+  std::copy_n(text.data(), new_size, data);
   return new_size;
 }
 
 }  // namespace cairn::testing
 
-// This header is for the one source of a target.
+// Named by libFuzzer; this header is for the one source of a target.
+// NOLINTBEGIN(readability-identifier-naming,misc-definitions-in-headers)
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size,
                                                std::size_t max_size, unsigned int seed) {
   return cairn::testing::mutate_tokens(data, size, max_size, seed);
 }
+// NOLINTEND(readability-identifier-naming,misc-definitions-in-headers)

@@ -33,8 +33,8 @@ MapAtPoses map_of(const Recording& recording, const Trajectory& poses,
 }
 
 const MapAtPoses& sweep_map() {
-  static const MapAtPoses kMap = map_of(sweep(), sweep().truth);
-  return kMap;
+  static const MapAtPoses map = map_of(sweep(), sweep().truth);
+  return map;
 }
 
 // Every nth pose, its time off by so much.

@@ -18,9 +18,9 @@ namespace cairn::testing {
 inline const Camera kCamera{{1}, "PINHOLE", 320, 240, {262.0, 262.0, 159.5, 119.5}};
 
 inline const Environment& desk() {
-  static const Environment kDesk =
+  static const Environment environment =
       make_environment({.kind = EnvironmentKind::kDesk, .texture_scale = 0.5});
-  return kDesk;
+  return environment;
 }
 
 inline FrameImages images_of(const RgbdFrame& frame, std::size_t index) {
@@ -67,8 +67,8 @@ inline Recording record(const Trajectory& path, const Camera& camera = kCamera,
 }
 
 inline const Recording& sweep() {
-  static const Recording kSweep = record(make_path(desk(), {.frames = 60}));
-  return kSweep;
+  static const Recording recording = record(make_path(desk(), {.frames = 60}));
+  return recording;
 }
 
 }  // namespace cairn::testing

@@ -16,8 +16,8 @@ inline constexpr Pinhole kTestPinhole{500.0, 505.0, 319.5, 239.5};
 
 /// 640 x 480 pixels, four octaves.
 inline const SensorModel& test_sensor() {
-  static const SensorModel kSensor({}, kTestPinhole, {1.0, 1.2, 1.44, 1.728});
-  return kSensor;
+  static const SensorModel sensor({}, kTestPinhole, {1.0, 1.2, 1.44, 1.728});
+  return sensor;
 }
 
 inline Descriptor random_descriptor(Random& random) {

@@ -46,7 +46,7 @@ Moments moments(const Values& values) {
     sum += value;
     squares += static_cast<double>(value) * value;
   }
-  const double n = static_cast<double>(values.size());
+  const auto n = static_cast<double>(values.size());
   return {sum / n, std::sqrt(std::max(0.0, squares / n - sum / n * sum / n))};
 }
 
