@@ -78,14 +78,17 @@ void read_iostream(benchmark::State& state) {
 // From a file to a map, as the tool does it: the real map of the folder that CAIRN_DATA names; without
 // CAIRN_DATA, a synthetic one of about its size.
 void load(benchmark::State& state, const std::string& extension) {
-  static const char* const data = std::getenv("CAIRN_DATA");
+  static const std::string data = [] {
+    const char* const folder = std::getenv("CAIRN_DATA");
+    return std::string(folder == nullptr ? "" : folder);
+  }();
   static const LandmarkMap map =
-      data != nullptr ? read_map(std::string(data) + "/map_fr1_desk.txt") : example_map();
+      data.empty() ? example_map() : read_map(data + "/map_fr1_desk.txt");
   const auto path =
       std::filesystem::temp_directory_path() / ("cairn_parsing_benchmark" + extension);
-  if (data != nullptr && extension == ".txt") {
+  if (!data.empty() && extension == ".txt") {
     // With the digits that its authors wrote.
-    std::filesystem::copy_file(std::string(data) + "/map_fr1_desk.txt", path,
+    std::filesystem::copy_file(data + "/map_fr1_desk.txt", path,
                                std::filesystem::copy_options::overwrite_existing);
   } else {
     write_map(map, path);

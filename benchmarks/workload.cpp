@@ -53,9 +53,10 @@ Workload make_workload(const LandmarkMap& map) {
 const Workload& workload() {
   static const Workload result = [] {
     const char* const data = std::getenv("CAIRN_DATA");
-    return data == nullptr ? workload(kLandmarks)
-                           : make_workload(well_observed(
-                                 read_map(std::string(data) + "/map_fr1_desk.txt"), kLandmarks));
+    return data == nullptr || *data == '\0'
+               ? workload(kLandmarks)
+               : make_workload(
+                     well_observed(read_map(std::string(data) + "/map_fr1_desk.txt"), kLandmarks));
   }();
   return result;
 }

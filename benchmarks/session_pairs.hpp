@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/placement/landmark_cloud.hpp"
+
+namespace cairn::benchmarks {
+
+/// Parts of two mapped sessions, both moved anyhow.
+struct SessionPair {
+  std::uint64_t number = 0;
+  std::string source_place;
+  std::string target_place;
+  LandmarkCloud source;
+  LandmarkCloud target;
+  Rigid3 truth;  ///< target_from_source; means nothing between places
+  /// Share of the smaller part's landmarks with a counterpart; 0 between places.
+  double overlap = 0.0;
+  std::array<double, 2> overlap_range = {};  ///< which it was drawn for, the end not among it
+
+  bool same_place() const { return source_place == target_place; }
+};
+
+/// Draws pairs, every other of two different places, the same each time.
+///
+/// @param folder holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground
+///               truth (benchmarks/placement_sessions.sh makes them)
+/// @param odd    of places of odd seed, to which a model may be fitted; or of even seed, which test it
+/// @throws Error or std::runtime_error if there are no two sessions
+void for_each_session_pair(const std::filesystem::path& folder, std::uint64_t count, bool odd,
+                           const std::function<void(const SessionPair&)>& take);
+
+}  // namespace cairn::benchmarks
