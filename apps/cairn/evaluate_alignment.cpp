@@ -9,11 +9,13 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/registration/point_set.hpp"
 
 #include "commands.hpp"
@@ -44,8 +46,10 @@ struct EvaluateAlignmentArguments {
 // One result beside the truth; what is not known stays nothing.
 struct JudgedAlignment {
   SavedAlignment alignment;
-  std::optional<PoseError> error;
-  std::optional<bool> success;
+  std::optional<PoseError> error = {};
+  std::optional<bool> success = {};
+  std::optional<double> normalised_squared_error = {};
+  std::optional<bool> in_ellipsoid = {};  ///< of 95 % by the stated covariance
 };
 
 void EvaluateAlignmentArguments::add_to(CLI::App& command) {
@@ -84,20 +88,46 @@ std::string EvaluateAlignmentArguments::source_path(const SavedAlignments& saved
               "--source MAP");
 }
 
+// How the error compares to the stated covariance.
+void judge_covariance(const Similarity3& truth, JudgedAlignment& judged) {
+  const auto& pose = judged.alignment.target_from_source;
+  const auto& covariance = judged.alignment.covariance;
+  if (!pose || !covariance) return;
+  const bool with_scale = covariance->rows() == 7;
+  // Six rows know nothing of a scale.
+  if (!with_scale && pose->scale() != truth.scale()) return;
+  // As of a map aligned to itself, whose residuals are none.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(*covariance,
+                                                                Eigen::EigenvaluesOnly);
+  if (!(spectrum.eigenvalues().minCoeff() > 1e-12 * spectrum.eigenvalues().maxCoeff())) return;
+  judged.normalised_squared_error =
+      with_scale ? normalised_squared_error(*pose, Matrix7d(*covariance), truth)
+                 : normalised_squared_error(pose->rigid(), Matrix6d(*covariance), truth.rigid());
+  judged.in_ellipsoid =
+      *judged.normalised_squared_error <=
+      (with_scale ? kNormalisedSquaredErrorWithScale95 : kNormalisedSquaredError95);
+}
+
+std::string yes_or_no(const std::optional<bool>& value, const char* unknown) {
+  if (!value) return unknown;
+  return *value ? "yes" : "no";
+}
+
 double percent_of(const PoseError& error) {
   return 100.0 * std::expm1(error.log_scale);
 }
 
 Csv rows_of(const std::vector<JudgedAlignment>& judged) {
   Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
-            "success", "log_scale_error"});
-  for (const auto& [alignment, error, success] : judged) {
+            "success", "log_scale_error", "normalised_squared_error", "in_ellipsoid"});
+  for (const auto& [alignment, error, success, normalised, inside] : judged) {
     rows << alignment.confidence << alignment.status;
     rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
     rows << (error ? std::optional(error->translation) : std::nullopt);
     rows << alignment.length_unit;
-    rows << (success ? (*success ? "yes" : "no") : "");
+    rows << yes_or_no(success, "");
     rows << (error ? std::optional(error->log_scale) : std::nullopt);
+    rows << normalised << yes_or_no(inside, "");
     rows.end_row();
   }
   return rows;
@@ -105,30 +135,38 @@ Csv rows_of(const std::vector<JudgedAlignment>& judged) {
 
 Json json_of(const std::vector<JudgedAlignment>& judged) {
   Json results = Json::array();
-  for (const auto& [alignment, error, success] : judged) {
+  for (const auto& [alignment, error, success, normalised, inside] : judged) {
     Json entry = {{"confidence", alignment.confidence},
                   {"status", alignment.status},
                   {"length_unit", alignment.length_unit}};
     entry["error"] = error ? to_json(*error) : Json(nullptr);
     entry["success"] = to_json(success);
+    entry["normalised_squared_error"] = to_json(normalised);
+    entry["in_ellipsoid"] = to_json(inside);
     results.push_back(std::move(entry));
   }
   return results;
 }
 
-std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale) {
+std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale,
+                     bool with_ellipsoid) {
   std::vector<std::string> header = {"confidence", "status", "rotation error", "translation error",
                                      "success"};
   if (with_scale) header.emplace_back("scale error");
+  if (with_ellipsoid) header.emplace_back("in ellipsoid");
   Table table(header);
-  for (const auto& [alignment, error, success] : judged) {
+  for (const auto& [alignment, error, success, normalised, inside] : judged) {
     const char* const unit = alignment.length_unit == "metres" ? "m" : "units";
     std::vector<std::string> row = {
         alignment.confidence, alignment.status,
         error ? fixed(degrees(error->rotation_rad), 4) + " deg" : "-",
         error ? fmt::format("{} {}", fixed(error->translation, 5), unit) : "-",
-        success ? (*success ? "yes" : "no") : "-"};
+        yes_or_no(success, "-")};
     if (with_scale) row.push_back(error ? fixed(percent_of(*error), 3) + " %" : "-");
+    if (with_ellipsoid) {
+      row.push_back(normalised ? fmt::format("{} ({:.3g})", yes_or_no(inside, "-"), *normalised)
+                               : "-");
+    }
     table.add_row(std::move(row));
   }
   return table.text();
@@ -164,7 +202,8 @@ int EvaluateAlignmentArguments::run() {
   std::vector<JudgedAlignment> judged;
   std::optional<std::size_t> successes;  // of those in metres
   for (const SavedAlignment& alignment : saved.results) {
-    JudgedAlignment entry{alignment, std::nullopt, std::nullopt};
+    JudgedAlignment entry{.alignment = alignment};
+    judge_covariance(true_pose, entry);
     const bool metric = alignment.length_unit == "metres";
     if (alignment.target_from_source) {
       entry.error = pose_error(*alignment.target_from_source, true_pose, points.positions);
@@ -199,7 +238,10 @@ int EvaluateAlignmentArguments::run() {
         const auto& pose = entry.alignment.target_from_source;
         return pose && pose->scale() != 1.0;
       });
-  console.print(table_of(judged, with_scale));
+  const bool with_ellipsoid = std::any_of(
+      judged.begin(), judged.end(),
+      [](const JudgedAlignment& entry) { return entry.normalised_squared_error.has_value(); });
+  console.print(table_of(judged, with_scale, with_ellipsoid));
   console.print(
       fmt::format("\ntranslation error  displacement of the centroid of {} source landmarks\n",
                   points.positions.size()));
@@ -212,6 +254,12 @@ int EvaluateAlignmentArguments::run() {
   } else {
     console.print("success            unknown: metres say nothing of maps of free scale\n");
   }
+  if (with_ellipsoid)
+    console.print(fmt::format(
+        "in ellipsoid       whether the truth lies in the 95 % ellipsoid of the stated "
+        "covariance\n                   (squared error under it: at most {:.1f}, with a "
+        "scale {:.1f})\n",
+        kNormalisedSquaredError95, kNormalisedSquaredErrorWithScale95));
   return kDone;
 }
 

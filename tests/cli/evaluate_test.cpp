@@ -335,13 +335,89 @@ TEST_F(EvaluateAlignmentTest, ResultIsATruthToo) {
   EXPECT_LT(json.at("results").at(0).at("error").at("translation"), 1e-12);
 }
 
+TEST_F(EvaluateAlignmentTest, TellsWhetherTheTruthIsWhereTheCovarianceSays) {
+  write_result();
+  Json result = Json::parse(content("result.json"));
+  // Held against itself, moved by two centimetres along x.
+  Json truth = result.at("results").at(0).at("target_from_source");
+  truth[0][3] = truth[0][3].get<double>() + 0.02;
+  const auto write_truth = [&](double scale) {
+    std::string text;
+    for (std::size_t row = 0; row < 4; ++row) {
+      for (std::size_t column = 0; column < 4; ++column) {
+        const bool scaled = row < 3 && column < 3;
+        text += Json(truth[row][column].get<double>() * (scaled ? scale : 1.0)).dump() + " ";
+      }
+    }
+    write("moved.txt", text);
+  };
+  const Words judge = {"evaluate", "alignment", "result.json", "--truth", "moved.txt"};
+  const auto judged_with = [&](const std::vector<double>& deviations) {
+    Json covariance = Json::array();
+    for (std::size_t i = 0; i < deviations.size(); ++i) {
+      covariance.push_back(std::vector<double>(deviations.size(), 0.0));
+      covariance[i][i] = deviations[i] * deviations[i];
+    }
+    result.at("results").at(0)["covariance"] = covariance;
+    result.at("results").at(1)["covariance"] = nullptr;
+    write("result.json", result.dump());
+    return document(judge).at("results");
+  };
+  // Along x alone counts, whatever the others are.
+  write_truth(1.0);
+  const Json wide = judged_with({0.02, 1.0, 2.0, 3.0, 4.0, 5.0});
+  EXPECT_NEAR(wide.at(0).at("normalised_squared_error").get<double>(), 1.0, 1e-9);
+  EXPECT_EQ(wide.at(0).at("in_ellipsoid"), true);
+  EXPECT_TRUE(wide.at(1).at("normalised_squared_error").is_null());
+  EXPECT_TRUE(wide.at(1).at("in_ellipsoid").is_null());
+  const Json narrow = judged_with({0.005, 1.0, 2.0, 3.0, 4.0, 5.0});
+  EXPECT_NEAR(narrow.at(0).at("normalised_squared_error").get<double>(), 16.0, 1e-9);
+  EXPECT_EQ(narrow.at(0).at("in_ellipsoid"), false);
+  EXPECT_THAT(answer(judge), HasSubstr("no (16)"));
+
+  // A map aligned to itself has no residuals, and so no spread.
+  EXPECT_TRUE(judged_with(std::vector<double>(6, 0.0)).at(0).at("in_ellipsoid").is_null());
+
+  // Six rows say nothing of a scale; seven do.
+  write_truth(1.01);
+  EXPECT_TRUE(judged_with(std::vector<double>(6, 0.01)).at(0).at("in_ellipsoid").is_null());
+  const Json with_scale = judged_with({0.02, 1.0, 1.0, 1.0, 1.0, 1.0, std::log(1.01)});
+  EXPECT_NEAR(with_scale.at(0).at("normalised_squared_error").get<double>(), 2.0, 1e-6);
+  EXPECT_EQ(with_scale.at(0).at("in_ellipsoid"), true);
+
+  const auto refuses = [&](const Json& covariance) {
+    result.at("results").at(0)["covariance"] = covariance;
+    write("result.json", result.dump());
+    expect_refusal(judge, kBadInput, {"result.json", "result 0", "covariance", "definite"});
+  };
+  Json identity = Json::array();
+  for (std::size_t i = 0; i < 6; ++i) {
+    identity.push_back(std::vector<double>(6, 0.0));
+    identity[i][i] = 1.0;
+  }
+  Json negative = identity;
+  negative[0][0] = -1.0;
+  refuses(negative);
+  Json asymmetric = identity;
+  asymmetric[0][1] = 0.5;
+  refuses(asymmetric);
+  Json ragged = identity;
+  ragged[5].push_back(0.0);
+  refuses(ragged);
+  Json small = identity;
+  small.erase(5);
+  for (Json& row : small) row.erase(5);
+  refuses(small);
+  refuses("wide");
+}
+
 TEST_F(EvaluateAlignmentTest, CsvHasARowForEachResult) {
   write_result();
   const auto rows = cells(answer(evaluate({"--csv", "-"})));
   ASSERT_EQ(rows.size(), 3U);
-  EXPECT_THAT(rows[0],
-              ElementsAre("confidence", "status", "rotation_error_deg", "translation_error",
-                          "length_unit", "success", "log_scale_error"));
+  EXPECT_THAT(rows[0], ElementsAre("confidence", "status", "rotation_error_deg",
+                                   "translation_error", "length_unit", "success", "log_scale_error",
+                                   "normalised_squared_error", "in_ellipsoid"));
   EXPECT_EQ(rows[1][0], "none");
   EXPECT_EQ(rows[2][0], "covariance");
   EXPECT_EQ(rows[2][4], "metres");

@@ -3,7 +3,9 @@
 
 #include <array>
 #include <string_view>
+#include <vector>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
@@ -21,6 +23,29 @@ std::optional<Value> value_at(const json& document, const char* pointer) {
   if (!document.contains(place)) return std::nullopt;
   try {
     return document.at(place).get<Value>();
+  } catch (const json::exception&) {
+    return std::nullopt;
+  }
+}
+
+// Nothing if it is no positive semidefinite matrix of six or seven rows.
+std::optional<Eigen::MatrixXd> covariance_of_rows(const json& rows) {
+  try {
+    const auto numbers = rows.get<std::vector<std::vector<double>>>();
+    const std::size_t size = numbers.size();
+    if (size != 6 && size != 7) return std::nullopt;
+    Eigen::MatrixXd matrix(size, size);
+    for (std::size_t row = 0; row < size; ++row) {
+      if (numbers[row].size() != size) return std::nullopt;
+      for (std::size_t column = 0; column < size; ++column) {
+        matrix(row, column) = numbers[row][column];
+      }
+    }
+    const bool is_symmetric = (matrix - matrix.transpose()).norm() <= 1e-9 * matrix.norm();
+    if (!is_symmetric) return std::nullopt;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(matrix, Eigen::EigenvaluesOnly);
+    const double most = spectrum.eigenvalues().maxCoeff();
+    return spectrum.eigenvalues().minCoeff() >= -1e-9 * most ? std::optional(matrix) : std::nullopt;
   } catch (const json::exception&) {
     return std::nullopt;
   }
@@ -77,6 +102,14 @@ SavedAlignments read_alignments(const std::string& path) {
             Similarity3(scale.is_null() ? 1.0 : scale.get<double>(), Rigid3::from_matrix(*matrix));
       } catch (const Error& error) {
         throw Error(ErrorKind::kInput, fmt::format("{}: result {}", path, i), error.what(), "");
+      }
+    }
+    const json covariance = value_at<json>(result, "/covariance").value_or(nullptr);
+    if (!covariance.is_null()) {
+      alignment.covariance = covariance_of_rows(covariance);
+      if (!alignment.covariance) {
+        refuse(
+            fmt::format("result {}: covariance is no positive semidefinite 6x6 or 7x7 matrix", i));
       }
     }
     saved.results.push_back(std::move(alignment));

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 #include "cairn/geometry/similarity3.hpp"
@@ -18,6 +19,8 @@ struct SavedAlignment {
   std::string status;
   std::string length_unit;                        ///< "metres" or "free"
   std::optional<Similarity3> target_from_source;  ///< nothing if the alignment failed
+  /// Of the pose, 6x6, or with its scale, 7x7; nothing if the alignment did not state any.
+  std::optional<Eigen::MatrixXd> covariance;
 };
 
 /// What `align --json` wrote.
