@@ -49,6 +49,8 @@ struct PlaceOptions {
   /// Within which distance the refined result's landmarks count as overlapping; nothing: the
   /// placement's own radius.
   std::optional<double> overlap_radius = {};
+  /// Symbol of the target's unit of length, for the sentence that gives the reason.
+  std::string unit = {};
   bool trace = false;  ///< keep score and matches of every iteration of the final refinement
 
   Executor executor = Executor();

@@ -39,14 +39,14 @@ std::string_view to_string(Verdict verdict) {
 }
 
 Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
-                double radius) {
+                double radius, std::string_view unit) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();
   double any = 0.0;
   for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
   std::string found = fmt::format(
-      "the best pose matches {} of {} landmarks one to one within {:.3g}, {}",
-      percent(best.support), landmarks, radius,
+      "the best pose matches {} of {} landmarks one to one within {:.3g}{}{}, {}",
+      percent(best.support), landmarks, radius, unit.empty() ? "" : " ", unit,
       candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support))
                             : "there is no other");
   if (best.contradicted) {

@@ -51,7 +51,8 @@ struct Judgement {
 /// @param candidates likeliest first
 /// @param landmarks  of the smaller map, whose share the supports are
 /// @param radius     within which landmarks were matched, for the sentence
+/// @param unit       of the radius, for the sentence; may be empty
 Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
-                double radius);
+                double radius, std::string_view unit = {});
 
 }  // namespace cairn

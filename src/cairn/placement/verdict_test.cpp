@@ -46,6 +46,12 @@ TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
   EXPECT_EQ(verdict_of({}).verdict, Verdict::kRejected);
 }
 
+TEST(Verdict, SaysTheRadiusInItsUnit) {
+  const std::vector<PlacementCandidate> candidates = {candidate(0.996)};
+  EXPECT_THAT(judge(candidates, 3000, 0.02, "m").reason, HasSubstr("within 0.02 m, "));
+  EXPECT_THAT(judge(candidates, 3000, 0.02).reason, HasSubstr("within 0.02, "));
+}
+
 TEST(Verdict, NeverSaysThatAPoseIsCertain) {
   EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("over 99.99 %"));
   EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("below 0.01 %"));
