@@ -39,15 +39,18 @@ struct AlignArguments {
   AlignOptions options;
   bool stop_as_pcl = false;
   PointSetOptions point_options;
-  std::string method = "icp";
+  std::string method;
   bool gravity = false;
   bool estimate_scale = false;
   RobustMethod robust;
+  std::vector<const CLI::Option*> of_icp_alone;
+  const CLI::Option* one_to_one = nullptr;
 
   void add_to(CLI::App& command);
   int run();
 
  private:
+  bool is_robust() const;
   void check_options() const;
   Json options_json(const std::vector<Strategy>& strategies) const;
   report::Report make_report(const LoadedMap& source_map, const LoadedMap& target_map,
@@ -66,7 +69,7 @@ void AlignArguments::add_to(CLI::App& command) {
            "METRIC,...")
       ->capture_default_str();
   add_number(command, "-k,--neighbors", options.k,
-             "Nearest target landmarks among which the most trusted is matched");
+             "With icp: nearest target landmarks among which the most trusted is matched");
   initial.add_to(command, "initial", "Displacement of the source map before alignment");
   add_text(command, "--truth", truth,
            "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors",
@@ -75,27 +78,28 @@ void AlignArguments::add_to(CLI::App& command) {
   add_number(command, "--max-iterations", options.max_iterations, "Limit of the iterations");
   command.add_flag(
       "--stop-as-pcl", stop_as_pcl,
-      "Go on where matches repeat, until the mean squared distance settles or the limit "
+      "With icp: go on where matches repeat, until the mean squared distance settles or the limit "
       "is reached, as PCL does");
-  command.add_flag("--fast", options.coarse_to_fine,
-                   "Align growing samples of the maps first: sooner done, and now and then at "
-                   "another optimum");
+  command.add_flag(
+      "--fast", options.coarse_to_fine,
+      "With icp: align growing samples of the maps first: sooner done, and now and then at "
+      "another optimum");
   add_number(command, "--min-observations", point_options.min_observations,
              "Leave out landmarks observed less often");
   add_number(command, "--max-distance", options.max_distance,
-             "Longest distance of a match, in the maps' unit (default: unlimited)");
-  command.add_flag("--reciprocal", options.reciprocal, "Keep only matches that hold both ways");
+             "With icp: longest distance of a match, in the maps' unit (default: unlimited)");
+  command.add_flag("--reciprocal", options.reciprocal,
+                   "With icp: keep only matches that hold both ways");
   add_number(command, "--trim", options.trimmed_fraction,
-             "Share of the matches, the farthest apart, to leave out");
+             "With icp: share of the matches, the farthest apart, to leave out");
   command.add_flag("--weight-by-confidence", options.weight_by_source_confidence,
-                   "Weigh matches in the estimate by the source landmark's confidence");
+                   "With icp: weigh matches in the estimate by the source landmark's confidence");
   add_text(command, "--method", method,
-           "icp (the paper's) or robust (graduated kernel, landmark covariances; confidences are "
-           "weights)",
-           "METHOD")
-      ->capture_default_str();
-  command.add_flag("--one-to-one", robust.one_to_one,
-                   "With --method robust: match no target landmark twice");
+           "robust (graduated kernel, landmark covariances; confidences are weights) or icp (the "
+           "paper's) (default: robust, or icp where an option that only icp has is given)",
+           "METHOD");
+  one_to_one = command.add_flag("--one-to-one", robust.one_to_one,
+                                "With robust: match no target landmark twice");
   add_number(
       command, "--overlap-radius", options.overlap_radius,
       fmt::format("Distance within which landmarks overlap, in the maps' unit (default: {:g} "
@@ -110,10 +114,14 @@ void AlignArguments::add_to(CLI::App& command) {
   auto* const anywhere = command.add_flag(
       "--anywhere", robust.anywhere,
       "Align from no initial pose, robustly, and judge: aligned, ambiguous or rejected");
-  for (const char* const other : {"--initial", "--initial-matrix", "--method", "--neighbors",
-                                  "--max-iterations", "--max-distance", "--reciprocal", "--trim",
-                                  "--weight-by-confidence", "--one-to-one", "--fast"}) {
+  for (const char* const other :
+       {"--initial", "--initial-matrix", "--method", "--max-iterations", "--one-to-one"}) {
     anywhere->excludes(command.get_option(other));
+  }
+  for (const char* const name : {"--neighbors", "--stop-as-pcl", "--fast", "--max-distance",
+                                 "--reciprocal", "--trim", "--weight-by-confidence"}) {
+    of_icp_alone.push_back(command.get_option(name));
+    anywhere->excludes(command.get_option(name));
   }
   command
       .add_flag("--gravity", gravity,
@@ -137,9 +145,15 @@ void AlignArguments::add_to(CLI::App& command) {
   command.footer(
       "Example: align two maps of one place of which nothing else is known\n"
       "  cairn align later.map earlier.map --anywhere\n"
-      "Example: align two maps from a guess, by two strategies, and keep the result\n"
-      "  cairn align later.map earlier.map --confidence none,observations \\\n"
+      "Example: refine a guess by the paper's ICP, by two strategies, and keep the result\n"
+      "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
+}
+
+bool AlignArguments::is_robust() const {
+  if (robust.anywhere || !method.empty()) return method != "icp";
+  return std::none_of(of_icp_alone.begin(), of_icp_alone.end(),
+                      [](const CLI::Option* option) { return option->count() > 0; });
 }
 
 void AlignArguments::check_options() const {
@@ -154,12 +168,19 @@ void AlignArguments::check_options() const {
                       options.validate();
                       robust.placement.validate();
                     });
-  if (method != "icp" && method != "robust") {
+  if (!method.empty() && method != "icp" && method != "robust") {
     throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
                 "icp or robust");
   }
-  if (options.coarse_to_fine && method == "robust") {
-    throw Error(ErrorKind::kMisuse, "--fast", "given with --method robust", "--method icp");
+  for (const CLI::Option* const option : of_icp_alone) {
+    if (method == "robust" && option->count() > 0) {
+      throw Error(ErrorKind::kMisuse, option->get_name(), "given with --method robust",
+                  "--method icp");
+    }
+  }
+  if (!is_robust() && one_to_one->count() > 0) {
+    throw Error(ErrorKind::kMisuse, one_to_one->get_name(), "given with what only icp has",
+                "--method robust");
   }
 }
 
@@ -167,7 +188,7 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
   Json names = Json::array();
   for (const Strategy& strategy : strategies) names.push_back(strategy.name);
   return {{"confidence", std::move(names)},
-          {"method", robust.anywhere ? "robust" : method},
+          {"method", is_robust() ? "robust" : "icp"},
           {"anywhere", robust.anywhere},
           {"gravity", gravity},
           {"estimate_scale", estimate_scale},
@@ -301,13 +322,13 @@ int AlignArguments::run() {
   }
   AlignOptions traced = options;
   traced.trace = options.trace || !common.report_path.empty();
-  const bool is_robust = robust.anywhere || method == "robust";
   robust.placement.seed = common.seed;
+  robust.placement.unit = unit_symbol(unit);
   if (estimate_scale) robust.placement.scale = ScaleRange();
   if (gravity) robust.placement.gravity = gravity_of(source_map.map, target_map.map);
   const std::vector<Alignment> alignments =
       align_by_all(source_map.map, target_map.map, strategies, traced, point_options, true_pose,
-                   common, is_robust ? std::optional(robust) : std::nullopt);
+                   common, is_robust() ? std::optional(robust) : std::nullopt);
 
   if (!output.empty()) {
     if (is_aligned(alignments.front())) {

@@ -78,7 +78,7 @@ void DemoArguments::add_to(CLI::App& command) {
       "Example: keep the maps and align them by hand\n"
       "  cairn demo --save desk\n"
       "  cairn align desk/source.map desk/target.map --initial-matrix desk/initial.txt \\\n"
-      "      --truth desk/truth.txt --confidence observations");
+      "      --truth desk/truth.txt --method icp --confidence observations");
 }
 
 // The displacement happens at the landmarks: about the source's origin, a turn would also throw the

@@ -4,7 +4,7 @@
 
     cairn demo --save desk
     cairn align desk/source.map desk/target.map --initial-matrix desk/initial.txt \
-        --confidence observations --json desk/result.json
+        --method icp --confidence observations --json desk/result.json
     docs/images/plot_alignment.py desk docs/images/alignment.svg
 """
 import json

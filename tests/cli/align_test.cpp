@@ -21,7 +21,9 @@ using ::testing::Not;
 
 class AlignTest : public CliTest {
  protected:
-  const Words pair_ = {"align", "source.map", "target.map", "--initial-matrix", "start.txt"};
+  // By the paper's ICP, which most tests are about.
+  const Words pair_ = {"align",     "source.map", "target.map", "--initial-matrix",
+                       "start.txt", "--method",   "icp"};
 
   Words pair(const Words& more) const {
     Words words = pair_;
@@ -150,7 +152,7 @@ TEST_F(AlignTest, SavedResultServesAsInitialPoseAndAsTruth) {
   write_pair();
   answer(pair({"--json", "result.json"}));
   const Json again = document({"align", "source.map", "target.map", "--initial-matrix",
-                               "result.json", "--truth", "result.json"});
+                               "result.json", "--truth", "result.json", "--method", "icp"});
   const Json saved = Json::parse(content("result.json"));
   EXPECT_TRUE(
       pose_of(again.at("options").at("initial"))
@@ -205,7 +207,7 @@ TEST_F(AlignTest, MapWithNothingToAlignFails) {
   write("nothing.map", "CAIRN 2\n");
   const CommandResult empty = cairn({"align", "nothing.map", "target.map"});
   EXPECT_EQ(empty.exit_code, kNoAlignment);
-  EXPECT_THAT(empty.output, HasSubstr("the source has no landmarks"));
+  EXPECT_THAT(empty.output, HasSubstr("0 source and 418 target landmarks"));
   const Json json = document(pair({"--min-observations", "1000"}), kNoAlignment);
   EXPECT_EQ(json.at("inputs").at("source").at("kept_landmarks"), 0);
   EXPECT_TRUE(json.at("results").at(0).at("score").is_null());
@@ -311,7 +313,8 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_EQ(result.at("status"), "aligned");
   EXPECT_EQ(result.at("verdict"), "aligned");
   EXPECT_EQ(result.at("method"), "robust");
-  EXPECT_THAT(result.at("reason").get<std::string>(), HasSubstr("one to one"));
+  EXPECT_THAT(result.at("reason").get<std::string>(),
+              ContainsRegex("one to one within [0-9.e-]+ m, "));
   EXPECT_LT(result.at("error").at("rotation_deg").get<double>(), 0.5);
   EXPECT_LT(result.at("error").at("translation").get<double>(), 0.005);
   EXPECT_GE(result.at("probability").get<double>(), 0.99);
@@ -433,14 +436,28 @@ TEST_F(AlignTest, AnywhereIsTheSameForAnyNumberOfThreads) {
   EXPECT_EQ(pose("1"), pose("2"));
 }
 
-TEST_F(AlignTest, RobustMethodRefinesAGuess) {
+TEST_F(AlignTest, GuessIsRefinedRobustlyUnlessIcpIsAskedFor) {
   write_pair();
-  const Json result =
-      document(pair({"--method", "robust", "--truth", "truth.txt"})).at("results").at(0);
+  const Words words = {"align",     "source.map", "target.map", "--initial-matrix",
+                       "start.txt", "--truth",    "truth.txt"};
+  const Json answered = document(words);
+  const Json& result = answered.at("results").at(0);
+  EXPECT_EQ(answered.at("options").at("method"), "robust");
   EXPECT_EQ(result.at("method"), "robust");
   EXPECT_EQ(result.at("verdict"), "none");
   EXPECT_TRUE(result.at("candidates").is_null());
   EXPECT_LT(result.at("error").at("translation").get<double>(), 0.005);
+  const auto method_with = [&](const Words& more) {
+    Words all = words;
+    all.insert(all.end(), more.begin(), more.end());
+    return document(all).at("options").at("method");
+  };
+  EXPECT_EQ(method_with({"--method", "robust"}), "robust");
+  EXPECT_EQ(method_with({"--method", "icp"}), "icp");
+  // What only ICP has can only mean ICP.
+  EXPECT_EQ(method_with({"--neighbors", "5"}), "icp");
+  EXPECT_EQ(method_with({"--fast"}), "icp");
+  EXPECT_EQ(method_with({"--one-to-one"}), "robust");
 }
 
 TEST_F(AlignTest, RefusesWhatDoesNotGoWithAnywhere) {
@@ -449,9 +466,26 @@ TEST_F(AlignTest, RefusesWhatDoesNotGoWithAnywhere) {
   expect_refusal({"align", "source.map", "target.map", "--gravity"}, kWrongUsage, {"--anywhere"});
   expect_refusal({"align", "source.map", "target.map", "--anywhere", "--effort", "0"}, kWrongUsage,
                  {"--effort", "1/16"});
-  expect_refusal(pair({"--fast", "--method", "robust"}), kWrongUsage, {"--fast", "robust"});
   expect_refusal({"align", "source.map", "target.map", "--method", "magic"}, kWrongUsage,
                  {"--method", "robust"});
+}
+
+TEST_F(AlignTest, RefusesOptionsOfAnotherMethod) {
+  write_pair();
+  const std::vector<Words> of_icp = {
+      {"--fast"},        {"--neighbors", "3"},       {"--max-distance", "1"}, {"--reciprocal"},
+      {"--trim", "0.1"}, {"--weight-by-confidence"}, {"--stop-as-pcl"}};
+  for (Words words : of_icp) {
+    const std::string option = words.front();
+    words.insert(words.begin(), {"align", "source.map", "target.map"});
+    words.insert(words.end(), {"--method", "robust"});
+    expect_refusal(words, kWrongUsage, {option, "robust", "--method icp"});
+  }
+  expect_refusal(pair({"--one-to-one"}), kWrongUsage, {"--one-to-one", "--method robust"});
+  expect_refusal({"align", "source.map", "target.map", "--one-to-one", "--fast"}, kWrongUsage,
+                 {"--one-to-one", "only icp has"});
+  expect_refusal({"align", "source.map", "target.map", "--anywhere", "--stop-as-pcl"}, kWrongUsage,
+                 {"--stop-as-pcl", "--anywhere"});
 }
 
 }  // namespace

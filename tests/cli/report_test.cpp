@@ -23,7 +23,8 @@ constexpr const char* kNoViewer =
 class ReportTest : public CliTest {
  protected:
   static Words align(const Words& more) {
-    Words words = {"align", "source.map", "target.map", "--initial-matrix", "start.txt"};
+    Words words = {"align",     "source.map", "target.map", "--initial-matrix",
+                   "start.txt", "--method",   "icp"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }

@@ -420,6 +420,7 @@ void refine_best(const LandmarkCloud& source, const LandmarkCloud& target,
   RefineOptions refinement;
   refinement.initial = best.target_from_source;
   if (options.scale) refinement.scale = best.scale;
+  refinement.by_icp_too = false;
   refinement.coarse = kReopened * fine;
   refinement.fine = fine;
   refinement.use_covariances = options.use_covariances;
@@ -492,7 +493,7 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
     result.candidates = std::move(found.candidates.poses);
     result.cut_short = found.candidates.cut_short;
     result.radius = kMatched * found.fine;
-    Judgement judgement = judge(result.candidates, found.landmarks, result.radius);
+    Judgement judgement = judge(result.candidates, found.landmarks, result.radius, options.unit);
     result.verdict = judgement.verdict;
     result.reason = std::move(judgement.reason);
     if (result.candidates.empty()) {

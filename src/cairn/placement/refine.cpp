@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -18,6 +19,10 @@
 namespace cairn {
 namespace {
 
+// The pose where ICP leads has to have so many times the objective: where the maps share little, most
+// poses have some of it, and the guess is the better witness.
+constexpr double kClearlyBetter = 2.0;
+
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
   if (valid) return;
@@ -25,11 +30,13 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-std::string sentence(const AlignResult& result, double fine) {
+// @param icp_iterations that led to where the refinement began; 0: it began at the initial pose
+std::string sentence(const AlignResult& result, double fine, int icp_iterations) {
   switch (result.stop_reason) {
     case StopReason::kNoMotion:
-      return fmt::format("converged after {} iterations at a kernel scale of {:.3g}",
-                         result.iterations, fine);
+      return fmt::format(
+          "converged after {} iterations{} at a kernel scale of {:.3g}", result.iterations,
+          icp_iterations > 0 ? fmt::format(", the first {} by ICP,", icp_iterations) : "", fine);
     case StopReason::kCancelled:
       return fmt::format("cancelled after {} iterations", result.iterations);
     case StopReason::kTooFewMatches:
@@ -89,6 +96,19 @@ class Refinement {
   void run(AlignResult& result) const;
 
  private:
+  // One way to an optimum, all in the centred frames.
+  struct Path {
+    RobustAlignment::Run run;
+    int icp_iterations = 0;         // that led to where the run began
+    int coarse_icp_iterations = 0;  // before these, on samples
+    std::vector<IterationRecord> history;
+    std::vector<Match> matches;
+    double value = 0.0;  // of the objective
+  };
+
+  // @param path on which the run began, with where it is
+  void follow(const RobustAlignment& alignment, const KernelScales& kernel, Path& path) const;
+  std::optional<Path> drawn_in(const Similarity3& initial) const;
   std::vector<double> from_source(const Similarity3& pose) const {
     return nearest_squared_distances(pair_.source().positions, pose, target_tree_,
                                      options_.executor);
@@ -102,7 +122,7 @@ class Refinement {
     return inverted_ ? from_target(pose) : from_source(pose);
   }
   KernelScales kernel() const;
-  IterationRecord record(RobustAlignment::Iteration iteration) const;
+  IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
 
   CentredPair pair_;
   bool inverted_;
@@ -123,7 +143,8 @@ KernelScales Refinement::kernel() const {
   return {.coarse = options_.coarse.value_or(std::max(own.coarse, fine)), .fine = fine};
 }
 
-IterationRecord Refinement::record(RobustAlignment::Iteration iteration) const {
+IterationRecord Refinement::record(RobustAlignment::Iteration iteration,
+                                   std::size_t match_count) const {
   const Similarity3 pose = pair_.uncentred(iteration.target_from_source);
   const Similarity3 callers = inverted_ ? pose.inverse() : pose;
   const double unit = inverted_ ? pose.scale() : 1.0;
@@ -131,7 +152,7 @@ IterationRecord Refinement::record(RobustAlignment::Iteration iteration) const {
   record.target_from_source = callers.rigid();
   record.scale = callers.scale();
   record.mean_squared_distance = iteration.mean_squared_distance / (unit * unit);
-  record.match_count = iteration.matches.size();
+  record.match_count = match_count;
   if (options_.trace) {
     record.score = fitness_score(distances(iteration.target_from_source));
     record.matches =
@@ -140,33 +161,80 @@ IterationRecord Refinement::record(RobustAlignment::Iteration iteration) const {
   return record;
 }
 
+// Of samples first, which ends where plain ICP does and takes less time; nothing if it fails.
+std::optional<Refinement::Path> Refinement::drawn_in(const Similarity3& initial) const {
+  AlignOptions icp;
+  icp.initial = initial.rigid();
+  icp.k = 1;
+  icp.max_iterations = options_.max_iterations;
+  icp.coarse_to_fine = true;
+  icp.trace = options_.trace;
+  icp.executor = options_.executor;
+  icp.stop = options_.stop;
+  AlignResult result =
+      align(PointSet{.positions = pair_.source().positions, .confidences = {}},
+            PointSet{.positions = pair_.target().positions, .confidences = {}}, icp);
+  if (result.status != AlignStatus::kAligned) return std::nullopt;
+  Path path;
+  path.run.target_from_source = Similarity3(1.0, result.target_from_source);
+  path.icp_iterations = result.iterations;
+  path.coarse_icp_iterations = result.coarse_iterations;
+  for (IterationRecord& one : result.history) {
+    path.history.push_back(record({Similarity3(1.0, one.target_from_source),
+                                   one.mean_squared_distance, std::move(one.matches)},
+                                  one.match_count));
+  }
+  return path;
+}
+
+void Refinement::follow(const RobustAlignment& alignment, const KernelScales& kernel,
+                        Path& path) const {
+  path.run = alignment.run(
+      path.run.target_from_source,
+      {.coarse = kernel.coarse,
+       .fine = kernel.fine,
+       .max_iterations = options_.max_iterations,
+       .free_scale = options_.scale.has_value()},
+      options_.stop, [&](RobustAlignment::Iteration iteration) {
+        const std::size_t count = iteration.matches.size();
+        path.history.push_back(record(std::move(iteration), count));
+        if (options_.progress) {
+          const auto done = static_cast<int>(path.history.size()) - path.icp_iterations;
+          options_.progress(static_cast<double>(done) / options_.max_iterations);
+        }
+      });
+  path.matches = alignment.matches(path.run.target_from_source);
+  path.value = alignment.value(path.run.target_from_source, kernel.fine, path.matches);
+}
+
 void Refinement::run(AlignResult& result) const {
-  const auto [coarse, fine] = kernel();
+  const KernelScales scales = kernel();
+  const double fine = scales.fine;
   const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances,
                                   options_.one_to_one, options_.executor);
   const bool free_scale = options_.scale.has_value();
   const Similarity3 initial =
       pair_.centred(inverted_ ? options_.initial.inverse() : options_.initial);
   result.initial_score = fitness_score(distances(initial));
-  const RobustAlignment::Run run = alignment.run(
-      initial,
-      {.coarse = coarse,
-       .fine = fine,
-       .max_iterations = options_.max_iterations,
-       .free_scale = free_scale},
-      options_.stop, [&](RobustAlignment::Iteration iteration) {
-        result.history.push_back(record(std::move(iteration)));
-        if (options_.progress) {
-          options_.progress(static_cast<double>(result.history.size()) / options_.max_iterations);
-        }
-      });
+  Path path;
+  path.run.target_from_source = initial;
+  follow(alignment, scales, path);
+  if (options_.by_icp_too && !free_scale && path.run.stop_reason != StopReason::kCancelled) {
+    if (auto other = drawn_in(initial)) {
+      follow(alignment, scales, *other);
+      if (other->value > kClearlyBetter * path.value) path = std::move(*other);
+    }
+  }
+  const RobustAlignment::Run& run = path.run;
+  result.history = std::move(path.history);
   const Similarity3& centred = run.target_from_source;
   const Similarity3 pose = pair_.uncentred(centred);
-  result.iterations = run.iterations;
+  result.iterations = path.icp_iterations + run.iterations;
+  result.coarse_iterations = path.coarse_icp_iterations;
   result.stop_reason = run.stop_reason;
   result.target_from_source = pose.rigid();
   result.scale = pose.scale();
-  result.matches = alignment.matches(centred);
+  result.matches = std::move(path.matches);
   const std::vector<double> there = distances(centred);
   result.score = fitness_score(there);
   if (options_.overlap_radius) {
@@ -188,7 +256,7 @@ void Refinement::run(AlignResult& result) const {
       result.covariance = pair_.uncentred(*uncertainty.covariance, centred.rigid());
     }
   }
-  result.reason = sentence(result, fine);
+  result.reason = sentence(result, fine, path.icp_iterations);
   if (inverted_) turn_round(pose, result);
 }
 

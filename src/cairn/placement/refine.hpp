@@ -25,9 +25,13 @@ struct RefineOptions {
   /// Scale in the end, at most `coarse`. Nothing: what landmarks that are one differ by, from their
   /// spacing and covariances.
   std::optional<double> fine = {};
+  /// Also from where the paper's base ICP leads, whose matches may be ever so far: that is the result if
+  /// it fits twice as well. Where the maps share most of what they hold, ICP is drawn in from farther off;
+  /// where they do not, it is led astray. Not with a scale.
+  bool by_icp_too = true;
   bool use_covariances = true;  ///< weigh residuals by the landmarks' covariances, where known
   bool one_to_one = false;  ///< match a target landmark only with the source landmark closest to it
-  int max_iterations = 100;  ///< at least 1
+  int max_iterations = 100;  ///< of either method; at least 1
   /// Within which distance landmarks count as overlapping; nothing: overlap is not computed.
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< keep score and matches of every iteration

@@ -25,6 +25,7 @@ namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 double distance(const Rigid3& a, const Rigid3& b) {
   return a.difference_to(b).norm();
@@ -95,6 +96,43 @@ TEST(Refine, FindsTheTruthFromAFewDegreesAway) {
   EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
   ASSERT_TRUE(result.covariance);
   EXPECT_LT(*result.score, *result.initial_score);
+}
+
+TEST(Refine, IsDrawnInByIcpWhereMapsShareMuch) {
+  const Pair pair = synthetic({.seed = 3, .overlap = 0.95});
+  const Eigen::Vector3d middle = centroid(pair.target.positions);
+  const Rigid3 to_middle(Eigen::Quaterniond::Identity(), middle);
+  const Rigid3 turn = Rigid3::from_roll_pitch_yaw({0.0, 0.6, 0.3}, 0.17, 0.0, 0.4);
+  const Rigid3 far = to_middle * turn * to_middle.inverse() * pair.truth;
+  RefineOptions options;
+  options.initial = far;
+  options.trace = true;
+  const AlignResult result = refine(pair.source, pair.target, options);
+  EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
+  EXPECT_THAT(result.reason, HasSubstr("by ICP"));
+  EXPECT_EQ(result.history.size(), static_cast<std::size_t>(result.iterations));
+  EXPECT_EQ(result.history.back().score, result.score);
+
+  // The other way round, the same.
+  options.initial = far.inverse();
+  const AlignResult back = refine(pair.target, pair.source, options);
+  EXPECT_LT(distance(back.target_from_source, result.target_from_source.inverse()), 1e-3);
+  EXPECT_EQ(back.history.back().score, back.score);
+
+  options.initial = far;
+  options.by_icp_too = false;
+  const AlignResult alone = refine(pair.source, pair.target, options);
+  EXPECT_GT(distance(alone.target_from_source, pair.truth), 0.1);
+  EXPECT_THAT(alone.reason, Not(HasSubstr("by ICP")));
+}
+
+TEST(Refine, IsNotLedAstrayByIcp) {
+  // ICP leaves the truth where most landmarks have no counterpart.
+  const Pair pair = synthetic({.seed = 3, .overlap = 0.3});
+  RefineOptions options;
+  options.initial = pair.truth;
+  EXPECT_LT(distance(refine(pair.source, pair.target, options).target_from_source, pair.truth),
+            5e-3);
 }
 
 TEST(Refine, IsCloserWithCovariances) {

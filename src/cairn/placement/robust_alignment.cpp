@@ -250,6 +250,17 @@ std::vector<Match> RobustAlignment::matches(const Similarity3& pose) const {
   return find_matches(moved_points(pair_.source().positions, pose), queries);
 }
 
+double RobustAlignment::value(const Similarity3& pose, double scale,
+                              std::span<const Match> matches) const {
+  const Eigen::Matrix3d linear = pose.linear();
+  double sum = 0.0;
+  for (const Match& match : matches) {
+    const Eigen::Vector3d moved = pose * pair_.source().positions[match.source];
+    if (const auto one = term(moved, match, linear, scale)) sum += one->value;
+  }
+  return sum;
+}
+
 // Tries motions out on some thousands of source landmarks, which stand for all.
 template <int kFreedoms>
 class RobustAlignment::Trial {

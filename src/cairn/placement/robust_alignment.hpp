@@ -51,6 +51,10 @@ class RobustAlignment {
 
   std::vector<Match> matches(const Similarity3& pose) const;
 
+  /// The objective, which is large where many landmarks meet.
+  /// @param matches of the pose, from matches()
+  double value(const Similarity3& pose, double scale, std::span<const Match> matches) const;
+
   /// Of a centred pose that is an optimum at this scale; nothing is known of one with few matches. A
   /// direction is open if, a little way along it, landmarks fit about as well as at the pose.
   /// @param matches of the pose, from matches()
