@@ -4,18 +4,19 @@
 # What is there already is kept, so that it can be stopped and gone on with.
 set -euo pipefail
 
-if [ $# -lt 2 ] || [ $# -gt 3 ]; then
-  echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEEDS=6]" >&2
+if [ $# -lt 2 ]; then
+  echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEED...]  (1 to 6 by default)" >&2
   exit 2
 fi
 cairn=$1
 folder=$2
-seeds=${3:-6}
+shift 2
+[ $# -gt 0 ] || set -- 1 2 3 4 5 6
 mkdir -p "$folder"
 sequence=$(mktemp -d)
 trap 'rm -rf "$sequence"' EXIT
 
-for seed in $(seq "$seeds"); do
+for seed in "$@"; do
   for kind in desk office corridor warehouse room; do
     for session in 0 1; do
       name=$folder/$kind-$seed-$session

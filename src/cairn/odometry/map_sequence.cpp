@@ -76,7 +76,8 @@ void Mapping::add(PreparedFrame frame, std::size_t frames) {
   if (report.status == FrameStatus::kWaiting) ++result_.waiting;
   was_lost_ = report.status == FrameStatus::kLost;
 
-  if (report.status == FrameStatus::kTracked && is_long_enough()) {
+  // A map that began without depth would be lost at once; the next frame may do.
+  if (report.status == FrameStatus::kTracked && is_long_enough() && odometry_.can_begin_new_map()) {
     FinishedMap finished = odometry_.begin_new_map(options_->map);
     add_poses(finished.trajectory);
     first_from_map_ = first_from_map_ * finished.to_next.previous_from_next;

@@ -247,6 +247,24 @@ TEST(MapFrames, CutsIntoMiniMapsAfterSoManyFrames) {
   expect_true(mapped.trajectory, 0.02);
 }
 
+TEST(MapFrames, CutsIntoMiniMapsWhereThereIsDepth) {
+  MapSequenceOptions options;
+  options.mini_maps = every_frames(10);
+  const MappedSequence mapped = map_frames(
+      30,
+      [](std::size_t i) {
+        FrameImages frame = frame_at(i);
+        if (i >= 9 && i < 12) frame.depth_m = cv::Mat();
+        return frame;
+      },
+      kCamera, options);
+  EXPECT_EQ(mapped.frames_without_depth, 3U);
+  EXPECT_EQ(mapped.tracked, 30U);
+  expect_true(mapped.trajectory);
+  ASSERT_GE(mapped.maps.size(), 2U);
+  EXPECT_NEAR(mapped.maps[1].frames().timestamps_s.front().value(), 10.0 + 0.1 * 12, 1e-9);
+}
+
 TEST(MapFrames, CutsIntoMiniMapsAfterSoMuchPath) {
   MapSequenceOptions options;
   options.mini_maps = every_metres(0.4);

@@ -60,6 +60,10 @@ std::optional<Rigid3> Odometry::last_pose() const {
   return tracker_->last_pose();
 }
 
+bool Odometry::can_begin_new_map() const {
+  return tracker_->can_begin_new_map();
+}
+
 FinishedMap Odometry::begin_new_map(const MapOptions& options) {
   return tracker_->begin_new_map(options);
 }

@@ -104,9 +104,12 @@ class Odometry {
 
   /// Where the last frame was, in the map; nothing if it was not tracked.
   std::optional<Rigid3> last_pose() const;
+  /// Whether a map can begin at the last frame: it was tracked, and has the depth and the texture that
+  /// a first frame needs.
+  bool can_begin_new_map() const;
   /// Ends the map at the last frame, which becomes its last keyframe, and begins another, in the
   /// frame of that camera, with it as the first keyframe. The two maps share no landmark.
-  /// @throws Error (misuse) if the last frame was not tracked
+  /// @throws Error (misuse) unless can_begin_new_map()
   FinishedMap begin_new_map(const MapOptions& options = {});
 
  private:

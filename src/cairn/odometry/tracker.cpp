@@ -12,7 +12,13 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kFewestToStart = 50;  // corners with depth
+// Whether a map can be built from the frame alone.
+bool can_start_map(const Features& features) {
+  constexpr std::ptrdiff_t kFewest = 50;  // corners with depth
+  const auto keypoints = features.keypoints();
+  return std::count_if(keypoints.begin(), keypoints.end(),
+                       [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }) >= kFewest;
+}
 
 }  // namespace
 
@@ -83,11 +89,7 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
 }
 
 bool Odometry::Tracker::start(TrackedFrame& frame) {
-  const auto keypoints = frame.features.keypoints();
-  const auto with_depth = static_cast<std::size_t>(
-      std::count_if(keypoints.begin(), keypoints.end(),
-                    [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }));
-  if (with_depth < kFewestToStart) return false;
+  if (!can_start_map(frame.features)) return false;
   if (options_.start) frame.world_from_camera = options_.start(frame.timestamp_s);
   make_keyframe(frame);
   recorded_.push_back({frame.timestamp_s, 0, Rigid3()});
@@ -289,10 +291,16 @@ std::optional<Rigid3> Odometry::Tracker::last_pose() const {
   return previous_->world_from_camera;
 }
 
+bool Odometry::Tracker::can_begin_new_map() const {
+  return last_pose().has_value() && can_start_map(previous_->features);
+}
+
 FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
-  if (!last_pose()) {
-    throw Error(ErrorKind::kMisuse, "begin_new_map", "the last frame was not tracked",
-                "a call after a frame that was");
+  if (!can_begin_new_map()) {
+    throw Error(ErrorKind::kMisuse, "begin_new_map",
+                last_pose() ? "the last frame has too few corners with depth"
+                            : "the last frame was not tracked",
+                "a call where can_begin_new_map()");
   }
   complete();
   options.validate();

@@ -24,6 +24,7 @@ class Odometry::Tracker {
   Trajectory trajectory() const;
   LandmarkMap map(const MapOptions& options) const;
   std::optional<Rigid3> last_pose() const;
+  bool can_begin_new_map() const;
   FinishedMap begin_new_map(const MapOptions& options);
 
  private:
