@@ -2,7 +2,6 @@
 #include "cairn/odometry/features.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <string_view>
@@ -156,12 +155,6 @@ cv::Point2f refined(const cv::Mat& image, int x, int y) {
 }
 
 }  // namespace
-
-int hamming_distance(const Descriptor& a, const Descriptor& b) {
-  int bits = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) bits += std::popcount(a[i] ^ b[i]);
-  return bits;
-}
 
 Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
                    std::vector<cv::Mat> pyramid, cv::Mat depth_m)

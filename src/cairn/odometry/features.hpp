@@ -29,9 +29,6 @@ struct Pinhole : Intrinsics {
 /// A binary descriptor of 256 bits.
 using Descriptor = std::array<std::uint64_t, 4>;
 
-/// Number of bits that differ.
-int hamming_distance(const Descriptor& a, const Descriptor& b);
-
 /// How it is known where a landmark appears in an image.
 enum class PixelSource : std::uint8_t {
   kCorner,     ///< a corner was found there

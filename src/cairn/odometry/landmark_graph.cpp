@@ -6,6 +6,8 @@
 
 #include <Eigen/LU>
 
+#include "cairn/core/hamming.hpp"
+
 namespace cairn {
 
 std::uint32_t LandmarkGraph::add_keyframe(Keyframe keyframe) {

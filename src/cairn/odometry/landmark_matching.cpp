@@ -7,6 +7,8 @@
 #include <limits>
 #include <numbers>
 
+#include "cairn/core/hamming.hpp"
+
 namespace cairn {
 namespace {
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -13,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include "cairn/core/hamming.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {
@@ -53,9 +53,7 @@ class Descriptors {
 };
 
 std::uint32_t differing_bits(const std::uint64_t* a, const std::uint64_t* b, std::size_t words) {
-  int sum = 0;
-  for (std::size_t i = 0; i < words; ++i) sum += std::popcount(a[i] ^ b[i]);
-  return static_cast<std::uint32_t>(sum);
+  return static_cast<std::uint32_t>(hamming_distance({a, words}, {b, words}));
 }
 
 std::uint32_t squared_difference(const std::uint64_t* a, const std::uint64_t* b,

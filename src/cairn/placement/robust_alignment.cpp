@@ -35,6 +35,7 @@ constexpr double kScaleFreed = 2.0;
 constexpr double kMostGrowth = 0.25;  // of the logarithm of the scale, in one step
 // A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
 constexpr double kNegligible = 1.0 / 26.0;
+constexpr double kFarthest = 1.0 / kNegligible;  // its squared distance, and one more for rounding
 // Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does,
 // and the covariance comes out too small; by more, too large.
 constexpr double kStiffnessStep = 0.25;
@@ -146,13 +147,21 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
                                                            double scale) const {
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
-  Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
-  if (use_covariances_ && !source.covariances.empty()) {
-    spread += linear * source.covariances[match.source] * linear.transpose();
-  }
-  if (use_covariances_ && !target.covariances.empty()) spread += target.covariances[match.target];
-  const Eigen::Matrix3d information = spread.inverse();
+  const Eigen::Matrix3d* const of_source =
+      use_covariances_ && !source.covariances.empty() ? &source.covariances[match.source] : nullptr;
+  const Eigen::Matrix3d* const of_target =
+      use_covariances_ && !target.covariances.empty() ? &target.covariances[match.target] : nullptr;
   const Eigen::Vector3d residual = target.positions[match.target] - moved;
+  // No direction has a larger variance than this sum: most matches far apart are seen to be negligible by
+  // that alone.
+  double variance = scale * scale;
+  if (of_source != nullptr) variance += linear.col(0).squaredNorm() * of_source->trace();
+  if (of_target != nullptr) variance += of_target->trace();
+  if (residual.squaredNorm() > kFarthest * variance) return std::nullopt;
+  Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
+  if (of_source != nullptr) spread += linear * *of_source * linear.transpose();
+  if (of_target != nullptr) spread += *of_target;
+  const Eigen::Matrix3d information = spread.inverse();
   const Eigen::Vector3d force = information * residual;
   const double kernel = 1.0 / (1.0 + residual.dot(force));
   if (kernel < kNegligible) return std::nullopt;

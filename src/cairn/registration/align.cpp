@@ -154,9 +154,11 @@ class Alignment {
     result.repetition = repetition.result();
     if (icp.stop_reason == StopReason::kCycle) icp.target_from_source = repetition.best_pose();
     result.target_from_source = uncentred(icp.target_from_source);
+    // One after the other: of large maps, what each of them needs is most of the memory.
+    describe_fit(icp.target_from_source, queries, result);
     const Points moved_source = moved_points(source_, icp.target_from_source);
     result.matches = find_matches(moved_source, icp.target_from_source);
-    describe_final_pose(icp.target_from_source, moved_source, queries, result);
+    describe_uncertainty(icp.target_from_source, moved_source, result);
     return result;
   }
 
@@ -211,8 +213,7 @@ class Alignment {
     options_.progress(static_cast<double>(iterations) / options_.max_iterations);
   }
 
-  void describe_final_pose(const Rigid3& pose, const Points& moved_source,
-                           BatchTree::Batch& queries, AlignResult& result) const {
+  void describe_fit(const Rigid3& pose, BatchTree::Batch& queries, AlignResult& result) const {
     const std::vector<double> distances =
         nearest_squared_distances(source_, pose, queries, options_.executor);
     result.score = fitness_score(distances);
@@ -222,6 +223,10 @@ class Alignment {
       result.overlap = Overlap{*share_within(distances, *options_.overlap_radius),
                                *share_within(back, *options_.overlap_radius)};
     }
+  }
+
+  void describe_uncertainty(const Rigid3& pose, const Points& moved_source,
+                            AlignResult& result) const {
     PoseUncertainty uncertainty =
         pose_uncertainty(pose, moved_source, target_, result.matches, weights_);
     result.unobservable = std::move(uncertainty.unobservable);

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace cairn {
+
+/// In how many bits two descriptors of the same length differ.
+///
+/// Counted in words of 64 bits, in parallel within them (Warren, "Hacker's Delight", 5-1): std::popcount
+/// is a call into a library wherever the instruction cannot be taken for granted, as on x86-64, and four
+/// times as slow.
+inline int hamming_distance(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b) {
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::uint64_t bits = a[i] ^ b[i];
+    bits -= (bits >> 1) & 0x5555555555555555ULL;
+    bits = (bits & 0x3333333333333333ULL) + ((bits >> 2) & 0x3333333333333333ULL);
+    bits = (bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0fULL;
+    sum += (bits * 0x0101010101010101ULL) >> 56;
+  }
+  return static_cast<int>(sum);
+}
+
+}  // namespace cairn
