@@ -107,6 +107,20 @@ void simulated(std::uint64_t count, const Take& take) {
   }
 }
 
+void large(std::uint64_t count, std::uint64_t landmarks, const Take& take) {
+  for (std::uint64_t trial = 0; trial < count; ++trial) {
+    const SyntheticPair pair = synthetic_pair({.seed = 1000 + trial,
+                                               .landmarks = static_cast<std::size_t>(landmarks),
+                                               .overlap = 0.5,
+                                               .outlier_fraction = 0.1});
+    take({.group = "large",
+          .trial = trial,
+          .source = landmark_cloud(pair.source),
+          .target = landmark_cloud(pair.target),
+          .truth = pair.target_from_source});
+  }
+}
+
 LandmarkMap stranger(std::uint64_t trial) {
   return synthetic_map({.seed = 5000 + 2 * trial});
 }
@@ -189,6 +203,8 @@ void for_each_pair(std::span<const std::string> words, const Take& take) {
     sessions(count_of(words[1]), words[2], take);
   } else if (kind == "simulated" && more == 0 && words.size() == 2) {
     simulated(count_of(words[1]), take);
+  } else if (kind == "large" && more == 1) {
+    large(count_of(words[1]), count_of(words[2]), take);
   } else if (kind == "strangers" && more == 0 && words.size() == 2) {
     strangers(count_of(words[1]), take);
   } else if (kind == "scaled" && more == 0 && words.size() == 2) {

@@ -34,6 +34,8 @@ inline constexpr char kPairsUsage[] =
     "                                       the 4x4 target_from_source, else the pose of all "
     "landmarks\n"
     "  simulated PAIRS                      synthetic pairs by overlap\n"
+    "  large PAIRS LANDMARKS                synthetic pairs of so many landmarks a map, half of "
+    "them in common\n"
     "  strangers PAIRS                      synthetic maps of different scenes\n"
     "  scaled PAIRS                         both, the source of any scale and pose\n"
     "  sessions PAIRS FOLDER                parts of mapped sessions, by overlap; see "
