@@ -103,7 +103,7 @@ class CliTest : public ::testing::Test {
     return plain_map();
   }
 
- private:
+  /// As a file of a pose has it.
   static std::string matrix_text(const Rigid3& pose) {
     const Matrix4d matrix = pose.matrix();
     std::string text;
@@ -111,6 +111,7 @@ class CliTest : public ::testing::Test {
     return text;
   }
 
+ private:
   TemporaryFolder folder_;
 };
 

@@ -256,6 +256,36 @@ TEST_F(WrittenReportTest, FailedAlignmentIsShownAsOne) {
   EXPECT_EQ(section(report, "scene").at("runs").at(0).at("summary").at("status"), "failed");
 }
 
+TEST_F(WrittenReportTest, NamesTheMethodAlsoWhenSaved) {
+  const SyntheticPair pair = write_pair(3000);  // fewer are not sampled
+  const Words words = {"align",     "source.map",   "target.map",       "--initial-matrix",
+                       "start.txt", "--confidence", "none,observations"};
+  const auto names_with = [&](const Words& more) {
+    Words all = words;
+    all.insert(all.end(), more.begin(), more.end());
+    all.insert(all.end(), {"--json", "r.json", "--report", "r.html", "--quiet"});
+    EXPECT_EQ(cairn(all).exit_code, kDone);
+    answer({"report", "r.json", "-o", "saved.html"});
+    std::vector<std::string> names;
+    for (const char* const name : {"r.html", "saved.html"}) {
+      const ReportPage report = page(name);
+      for (const Json& run : section(report, "scene").at("runs")) names.push_back(run.at("name"));
+      std::filesystem::remove(path(name));
+    }
+    return names;
+  };
+  // From this far off, ICP on samples leads the robust method; that does not make it ICP.
+  write("start.txt", matrix_text(Rigid3::from_roll_pitch_yaw({0.4, 0.5, 0.2}, 0.17, 0.0, 0.4) *
+                                 pair.target_from_source));
+  EXPECT_THAT(names_with({}),
+              ElementsAre("robust", "robust observations", "robust", "robust observations"));
+  EXPECT_GT(Json::parse(content("r.json")).at("results").at(0).at("coarse_iterations"), 0);
+  EXPECT_THAT(names_with({"--method", "icp"}),
+              ElementsAre("base", "observations", "base", "observations"));
+  EXPECT_THAT(names_with({"--fast"}),
+              ElementsAre("fast", "fast observations", "fast", "fast observations"));
+}
+
 TEST_F(WrittenReportTest, AVerdictIsSaidFirstAlsoWhenSaved) {
   write_map(synthetic_map({.seed = 21, .landmarks = 600, .frames = 20}), path("a.map"));
   write_map(synthetic_map({.seed = 22, .landmarks = 600, .frames = 20}), path("b.map"));

@@ -22,8 +22,9 @@ namespace {
 
 Method method_of(const Alignment& alignment) {
   if (alignment.placement) return Method::kAnywhere;
-  if (alignment.result.coarse_iterations > 0) return Method::kFast;
-  return alignment.method == to_string(Method::kRobust) ? Method::kRobust : Method::kIcp;
+  // Before it is asked for samples: ICP on samples may have led the robust method.
+  if (alignment.method == to_string(Method::kRobust)) return Method::kRobust;
+  return alignment.result.coarse_iterations > 0 ? Method::kFast : Method::kIcp;
 }
 
 std::string name_of(const Alignment& alignment) {
