@@ -166,8 +166,8 @@ void with_scale(std::uint64_t count, const Take& take) {
   }
 }
 
-void sessions(std::uint64_t count, const std::string& folder, const Take& take) {
-  for_each_session_pair(folder, count, false, [&](const SessionPair& pair) {
+void sessions(PairNumbers numbers, const std::string& folder, const Take& take) {
+  for_each_session_pair(folder, numbers, false, [&](const SessionPair& pair) {
     const auto& [least, most] = pair.overlap_range;
     const std::string group = pair.same_place()
                                   ? group_of("sessions, overlap %.2f to %.2f", least, most)
@@ -200,7 +200,7 @@ void for_each_pair(std::span<const std::string> words, const Take& take) {
     trials(words[2] + " to " + words[3], count_of(words[1]), read_map(words[2]), read_map(words[3]),
            more == 3 ? std::optional(pose_of_file(words[4])) : std::nullopt, take);
   } else if (kind == "sessions" && more == 1) {
-    sessions(count_of(words[1]), words[2], take);
+    sessions(pair_numbers(words[1]), words[2], take);
   } else if (kind == "simulated" && more == 0 && words.size() == 2) {
     simulated(count_of(words[1]), take);
   } else if (kind == "large" && more == 1) {

@@ -2,8 +2,8 @@
 // Places parts of mapped sessions on each other, with truth: what the model of the verdict's probability
 // is fitted to, and what it is tested with.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [THREADS]
-// FOLDER: see for_each_session_pair. PART: fit (places of odd seed) or test (of even seed). One CSV row a
-// candidate to stdout; that of rank -1 is the true pose, refined.
+// FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-LAST. PART: fit (places of odd seed) or test
+// (of even seed). One CSV row a candidate to stdout; that of rank -1 is the true pose, refined.
 #include <cstdio>
 #include <exception>
 #include <numbers>
@@ -94,10 +94,11 @@ int main(int argc, char** argv) {
   try {
     std::puts(
         "pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
-        "support,close_support,evidence,spread_evidence,contradicted,probability,rotation_deg,"
-        "translation_m,mahalanobis");
+        "support,close_support,evidence,spread_evidence,contradicted,probability,"
+        "rotation_deg,translation_m,mahalanobis");
     const Executor executor(words.size() > 3 ? static_cast<unsigned>(std::stoul(words[3])) : 0);
-    benchmarks::for_each_session_pair(words[0], std::stoull(words[1]), words[2] == "fit",
+    benchmarks::for_each_session_pair(words[0], benchmarks::pair_numbers(words[1]),
+                                      words[2] == "fit",
                                       [&](const SessionPair& pair) { tell(pair, executor); });
     return 0;
   } catch (const std::exception& error) {

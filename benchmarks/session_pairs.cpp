@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/io/map_file.hpp"
@@ -140,10 +141,23 @@ std::optional<SessionPair> draw_pair(const Session& one, const std::vector<const
 
 }  // namespace
 
-void for_each_session_pair(const std::filesystem::path& folder, std::uint64_t count, bool odd,
+PairNumbers pair_numbers(const std::string& word) {
+  const auto number = [&](const std::string& digits) {
+    if (digits.empty() || digits.find_first_not_of("0123456789") != std::string::npos) {
+      throw Error(ErrorKind::kMisuse, "pairs", "\"" + word + "\" is no number of pairs",
+                  "a number, or two with a dash between them");
+    }
+    return std::stoull(digits);
+  };
+  const std::size_t dash = word.find('-');
+  if (dash == std::string::npos) return {0, number(word)};
+  return {number(word.substr(0, dash)), number(word.substr(dash + 1))};
+}
+
+void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, bool odd,
                            const std::function<void(const SessionPair&)>& take) {
   const std::vector<Session> sessions = read_sessions(folder, odd);
-  for (std::uint64_t number = 0; number < count; ++number) {
+  for (std::uint64_t number = numbers.first; number < numbers.last; ++number) {
     Random random = Random(number).fork(odd ? 1 : 2);
     const Session& one = sessions[random.index(sessions.size())];
     const bool same = number % 2 == 0;

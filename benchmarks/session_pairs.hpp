@@ -27,13 +27,24 @@ struct SessionPair {
   bool same_place() const { return source_place == target_place; }
 };
 
-/// Draws pairs, every other of two different places, the same each time.
+/// The pairs with these numbers, the last not among them.
+struct PairNumbers {
+  std::uint64_t first = 0;
+  std::uint64_t last = 0;
+};
+
+/// Numbers as written: "700" for the first 700 pairs, "700-1400" for the next.
+/// @throws Error (misuse) for anything else
+PairNumbers pair_numbers(const std::string& word);
+
+/// Draws pairs, every other of two different places; a number means the same pair each time. For some
+/// no parts that overlap as wanted are found: these are left out.
 ///
 /// @param folder holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground
 ///               truth (benchmarks/placement_sessions.sh makes them)
 /// @param odd    of places of odd seed, to which a model may be fitted; or of even seed, which test it
 /// @throws Error or std::runtime_error if there are no two sessions
-void for_each_session_pair(const std::filesystem::path& folder, std::uint64_t count, bool odd,
+void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, bool odd,
                            const std::function<void(const SessionPair&)>& take);
 
 }  // namespace cairn::benchmarks
