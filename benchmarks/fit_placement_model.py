@@ -5,10 +5,11 @@
   benchmarks/fit_placement_model.py FIT.csv TEST.csv [DIAGRAM.svg]
 
 The tables are those of cairn_placement_sessions_benchmark, of parts fit and test. Needs NumPy. A
-conditional logit by Newton's method, with a slight penalty on the weights; once with the lines of sight
-and once without. The diagram shows how often poses of a stated probability were right, in the test.
+conditional logit by Newton's method, with a slight penalty on the weights; with and without the lines
+of sight, with and without the likeness of descriptors. The diagram shows how often poses of a stated probability were right, in the test.
 """
 import csv
+import itertools
 import math
 import sys
 
@@ -17,7 +18,7 @@ import numpy as np
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
 SAMPLE = 4096            # landmarks that place() looks at
 PENALTY = 0.02
-NAMES = ["constant", "evidence", "deviations", "contradicted"]
+NAMES = ["constant", "evidence", "deviations", "contradicted", "likeness"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
@@ -31,7 +32,7 @@ def read_pairs(path):
     return list(pairs.values())
 
 
-def features(rows, with_sight):
+def features(rows, with_sight, with_likeness):
     """One line a candidate, as probabilities() has them, and which candidate is right (or -1)."""
     count = min(SAMPLE, int(rows[0]["source_landmarks"]), int(rows[0]["target_landmarks"]))
     close = [count * float(row["close_support"]) for row in rows]
@@ -39,12 +40,13 @@ def features(rows, with_sight):
     for i, row in enumerate(rows):
         others = close[:i] + close[i + 1:]
         middle = float(np.median(others)) if others else 0.5 * close[i]
+        # In the order of NAMES; what the model does not know is 0.
         line = [1.0, math.log1p(float(row["spread_evidence"])),
                 0.2 * (math.sqrt(close[i] + 0.375) - math.sqrt(middle + 0.375))]
-        if with_sight:
-            # Where too few lines of sight were looked at: a share that says little.
-            share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05
-            line.append(math.log((share + 0.002) / (1.002 - share)))
+        # Where too few lines of sight were looked at: a share that says little.
+        share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05
+        line.append(math.log((share + 0.002) / (1.002 - share)) if with_sight else 0.0)
+        line.append(math.log1p(max(float(row["spread_likeness"]), 0.0)) if with_likeness else 0.0)
         lines.append(line)
     right = [i for i, row in enumerate(rows)
              if float(row["rotation_deg"]) <= TOLERANCE[0]
@@ -159,14 +161,14 @@ def main():
     if len(sys.argv) not in (3, 4):
         sys.exit(__doc__)
     fit_pairs, test_pairs = read_pairs(sys.argv[1]), read_pairs(sys.argv[2])
-    for with_sight in (True, False):
-        weights = fit([features(rows, with_sight) for rows in fit_pairs])
-        print("with lines of sight:" if with_sight else "without:",
+    for known in itertools.product((True, False), repeat=2):
+        weights = fit([features(rows, *known) for rows in fit_pairs])
+        print("lines of sight {}, likeness {}:".format(*("yes" if k else "no" for k in known)),
               ", ".join(f"{name} {value:.3f}" for name, value in zip(NAMES, weights)))
         for name, pairs in (("fit", fit_pairs), ("test", test_pairs)):
-            judged = judge(pairs, [features(rows, with_sight) for rows in pairs], weights)
+            judged = judge(pairs, [features(rows, *known) for rows in pairs], weights)
             report(name, judged)
-            if with_sight and name == "test" and len(sys.argv) == 4:
+            if all(known) and name == "test" and len(sys.argv) == 4:
                 diagram(judged, sys.argv[3])
 
 

@@ -52,6 +52,8 @@ PlacementCandidate true_candidate(const SessionPair& pair, double radius) {
   candidate.close_support = support.close_share;
   candidate.evidence = support.evidence;
   candidate.spread_evidence = support.spread_evidence;
+  candidate.likeness = support.likeness;
+  candidate.spread_likeness = support.spread_likeness;
   return candidate;
 }
 
@@ -69,12 +71,14 @@ void tell(const SessionPair& pair, const Executor& executor) {
         same ? pose_error(candidate.target_from_source, pair.truth, pair.source.positions)
              : PoseError{std::numbers::pi, 100.0};
     std::printf(
-        "%llu,%s,%s,%d,%.4f,%zu,%zu,%s,%.3f,%d,%.5f,%.5f,%.3f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
+        "%llu,%s,%s,%d,%.4f,%zu,%zu,%s,%.3f,%d,%.5f,%.5f,%.3f,%.3f,"
+        "%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
         static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
         pair.target_place.c_str(), same ? 1 : 0, pair.overlap, pair.source.size(),
         pair.target.size(), std::string(to_string(result.verdict)).c_str(), result.duration_s,
         i < result.candidates.size() ? static_cast<int>(i) : -1, candidate.support,
         candidate.close_support, candidate.evidence, candidate.spread_evidence,
+        candidate.likeness ? candidate.spread_likeness : -1.0,
         candidate.contradicted.value_or(-1.0), candidate.probability, degrees(error.rotation_rad),
         error.translation,
         i == 0 && same ? squared_mahalanobis(result.alignment, pair.truth) : -1.0);
@@ -94,7 +98,7 @@ int main(int argc, char** argv) {
   try {
     std::puts(
         "pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
-        "support,close_support,evidence,spread_evidence,contradicted,probability,"
+        "support,close_support,evidence,spread_evidence,spread_likeness,contradicted,probability,"
         "rotation_deg,translation_m,mahalanobis");
     const Executor executor(words.size() > 3 ? static_cast<unsigned>(std::stoul(words[3])) : 0);
     benchmarks::for_each_session_pair(words[0], benchmarks::pair_numbers(words[1]),

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cairn/core/file.hpp"
+#include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -325,11 +326,33 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_GT(candidates.at(0).at("evidence").get<double>(),
             candidates.at(0).at("spread_evidence").get<double>());
   EXPECT_LT(candidates.at(0).at("contradicted").get<double>(), 0.05);
+  EXPECT_TRUE(candidates.at(0).at("likeness").is_null());  // maps without descriptors
   EXPECT_EQ(candidates.at(0).at("probability"), result.at("probability"));
   EXPECT_EQ(result.at("deterministic"), true);
   EXPECT_TRUE(files().contains("aligned.map"));
   const std::string text = answer({"align", "source.map", "target.map", "--anywhere"});
   EXPECT_THAT(text, HasSubstr("none: aligned: the best pose matches"));
+}
+
+TEST_F(AlignTest, AnywhereTellsWhichMatchesLookAlike) {
+  MapTables tables = std::move(write_pair().source).tables();
+  const std::size_t count = tables.landmarks.ids.size();
+  Random random(5);
+  DescriptorColumn descriptors{"ORB", 32, std::vector<std::uint8_t>(count, 1), {}};
+  for (std::size_t i = 0; i < 32 * count; ++i) {
+    descriptors.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  tables.landmarks.descriptors = descriptors;
+  write_map(LandmarkMap(tables), path("seen.cairn"));
+  const Json result =
+      document({"align", "seen.cairn", "seen.cairn", "--anywhere"}).at("results").at(0);
+  EXPECT_THAT(result.at("reason").get<std::string>(),
+              HasSubstr("100.0 % of the matches look alike (1.6 % would by chance)"));
+  const Json& likeness = result.at("candidates").at(0).at("likeness");
+  EXPECT_EQ(likeness.at("alike"), likeness.at("compared"));
+  EXPECT_GT(likeness.at("compared"), count / 2);
+  EXPECT_GT(likeness.at("evidence"), likeness.at("spread_evidence"));
+  EXPECT_GT(likeness.at("spread_evidence"), 100.0);
 }
 
 TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {

@@ -51,6 +51,14 @@ Json json_of(const std::vector<IterationRecord>& history, bool trace) {
   return list;
 }
 
+Json likeness_json(const PlacementCandidate& candidate) {
+  if (!candidate.likeness) return nullptr;
+  return {{"compared", candidate.likeness->compared},
+          {"alike", candidate.likeness->alike},
+          {"evidence", candidate.likeness->evidence()},
+          {"spread_evidence", candidate.spread_likeness}};
+}
+
 Json json_of(const std::vector<PlacementCandidate>& candidates) {
   Json list = Json::array();
   for (const PlacementCandidate& candidate : candidates) {
@@ -61,6 +69,7 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
          {"close_support", candidate.close_support},
          {"evidence", candidate.evidence},
          {"spread_evidence", candidate.spread_evidence},
+         {"likeness", likeness_json(candidate)},
          {"contradicted", candidate.contradicted ? Json(*candidate.contradicted) : Json(nullptr)},
          {"probability", candidate.probability}});
   }

@@ -2,71 +2,20 @@
 #include "cairn/placement/descriptor_poses.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <iterator>
 #include <limits>
 #include <numeric>
-#include <string_view>
 #include <utility>
 
-#include "cairn/core/hamming.hpp"
+#include "cairn/placement/descriptors.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::size_t kFewestPairs = 4;  // of a pose: three fit any triple
-
-bool is_binary(std::string_view kind) {
-  constexpr std::array<std::string_view, 6> kBinary = {"ORB",   "BRIEF", "BRISK",
-                                                       "AKAZE", "FREAK", "LATCH"};
-  return std::find(kBinary.begin(), kBinary.end(), kind) != kBinary.end();
-}
-
-// The known descriptors among the first landmarks of a cloud, in words.
-class Descriptors {
- public:
-  Descriptors(const LandmarkCloud& cloud, std::size_t sample)
-      : words_((cloud.descriptors->bytes_each + 7) / 8) {
-    const DescriptorColumn& column = *cloud.descriptors;
-    for (std::uint32_t i = 0; i < std::min(sample, cloud.size()); ++i) {
-      if (column.known[i] == 0) continue;
-      landmarks_.push_back(i);
-      values_.resize(values_.size() + words_, 0);
-      std::memcpy(&values_[values_.size() - words_], column.bytes.data() + i * column.bytes_each,
-                  column.bytes_each);
-    }
-  }
-
-  std::size_t size() const { return landmarks_.size(); }
-  std::uint32_t landmark(std::size_t i) const { return landmarks_[i]; }
-  const std::uint64_t* words(std::size_t i) const { return &values_[i * words_]; }
-  std::size_t words() const { return words_; }
-
- private:
-  std::size_t words_;
-  std::vector<std::uint32_t> landmarks_;
-  std::vector<std::uint64_t> values_;
-};
-
-std::uint32_t differing_bits(const std::uint64_t* a, const std::uint64_t* b, std::size_t words) {
-  return static_cast<std::uint32_t>(hamming_distance({a, words}, {b, words}));
-}
-
-std::uint32_t squared_difference(const std::uint64_t* a, const std::uint64_t* b,
-                                 std::size_t words) {
-  const auto* const p = reinterpret_cast<const std::uint8_t*>(a);
-  const auto* const q = reinterpret_cast<const std::uint8_t*>(b);
-  std::uint32_t sum = 0;
-  for (std::size_t i = 0; i < 8 * words; ++i) {
-    const int difference = int{p[i]} - int{q[i]};
-    sum += static_cast<std::uint32_t>(difference * difference);
-  }
-  return sum;
-}
 
 struct Nearest {
   std::uint32_t index = 0;
@@ -81,7 +30,7 @@ std::vector<Nearest> nearest_of_each(const Descriptors& queries, const Descripto
   executor.for_blocks(queries.size(), 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       for (std::uint32_t j = 0; j < others.size(); ++j) {
-        const std::uint32_t d = distance(queries.words(i), others.words(j), queries.words());
+        const std::uint32_t d = distance(queries.words(i), others.words(j));
         if (d < found[i].distance) found[i] = {j, d};
       }
     }
@@ -96,13 +45,13 @@ struct LikePair {
   std::uint32_t distance = 0;
 };
 
+// Those that are each other's closest, the closest first.
 template <class Distance>
-std::vector<LikePair> like_pairs(const CentredPair& pair, const Distance& distance,
-                                 const DescriptorPoseOptions& options) {
-  const Descriptors source(pair.source(), options.sample);
-  const Descriptors target(pair.target(), options.sample);
-  const std::vector<Nearest> there = nearest_of_each(source, target, distance, options.executor);
-  const std::vector<Nearest> back = nearest_of_each(target, source, distance, options.executor);
+std::vector<LikePair> like_pairs(const CentredPair& pair, const Descriptors& source,
+                                 const Descriptors& target, const Distance& distance,
+                                 const Executor& executor) {
+  const std::vector<Nearest> there = nearest_of_each(source, target, distance, executor);
+  const std::vector<Nearest> back = nearest_of_each(target, source, distance, executor);
   std::vector<LikePair> pairs;
   for (std::size_t i = 0; i < there.size(); ++i) {
     if (target.size() == 0 || back[there[i].index].index != i) continue;
@@ -111,7 +60,6 @@ std::vector<LikePair> like_pairs(const CentredPair& pair, const Distance& distan
   }
   std::stable_sort(pairs.begin(), pairs.end(),
                    [](const LikePair& a, const LikePair& b) { return a.distance < b.distance; });
-  pairs.resize(std::min(pairs.size(), options.matches));
   return pairs;
 }
 
@@ -199,15 +147,16 @@ std::vector<Proposal> proposals(const std::vector<LikePair>& pairs, Random& rand
 
 std::vector<Rigid3> descriptor_poses(const CentredPair& pair, Random random,
                                      const DescriptorPoseOptions& options) {
-  const auto& source = pair.source().descriptors;
-  const auto& target = pair.target().descriptors;
-  if (!source || !target || source->kind != target->kind ||
-      source->bytes_each != target->bytes_each) {
-    return {};
-  }
-  const std::vector<LikePair> pairs = is_binary(source->kind)
-                                          ? like_pairs(pair, differing_bits, options)
-                                          : like_pairs(pair, squared_difference, options);
+  if (!have_like_descriptors(pair.source(), pair.target())) return {};
+  const Descriptors source(pair.source(), options.sample);
+  const Descriptors target(pair.target(), options.sample);
+  const auto pairs_by = [&](const auto& difference) {
+    return like_pairs(pair, source, target, difference, options.executor);
+  };
+  std::vector<LikePair> pairs =
+      source.binary() ? pairs_by([](const auto& a, const auto& b) { return differing_bits(a, b); })
+                      : pairs_by(squared_difference);
+  pairs.resize(std::min(pairs.size(), options.matches));
   std::vector<Rigid3> poses;
   for (const Proposal& proposal : proposals(pairs, random, options)) {
     if (poses.size() == options.poses) break;

@@ -311,6 +311,8 @@ class Placement {
         poses[i].close_support = support.close_share;
         poses[i].evidence = support.evidence;
         poses[i].spread_evidence = support.spread_evidence;
+        poses[i].likeness = support.likeness;
+        poses[i].spread_likeness = support.spread_likeness;
       }
     });
   }

@@ -45,6 +45,28 @@ TEST(Probability, GrowsWithWhatSpeaksForAPose) {
   EXPECT_GT(best_beside(candidate(0.15, 10.0, 0.03), 0.04), middle);
 }
 
+PlacementCandidate looking(PlacementCandidate candidate, double likeness) {
+  candidate.likeness = Likeness{100, 10};
+  candidate.spread_likeness = likeness;
+  return candidate;
+}
+
+TEST(Probability, GrowsWithHowManyMatchesLookAlike) {
+  for (const auto sight : {std::optional<double>(0.03), std::optional<double>()}) {
+    const PlacementCandidate other = looking(candidate(0.08, 0.0, sight), 0.0);
+    double last = 0.0;
+    for (const double likeness : {0.0, 5.0, 30.0, 200.0}) {
+      const double best = best_of({looking(candidate(0.15, 10.0, sight), likeness), other});
+      EXPECT_GT(best, last);
+      last = best;
+    }
+    // A weak pose whose landmarks look alike is believed; a fair one whose landmarks do not, less.
+    EXPECT_GT(best_of({looking(candidate(0.15, 10.0, sight), 200.0), other}), 0.99);
+    EXPECT_LT(best_of({looking(candidate(0.15, 10.0, sight), 0.0), other}),
+              best_of({candidate(0.15, 10.0, sight), candidate(0.08, 0.0, sight)}));
+  }
+}
+
 TEST(Probability, IsHighForClearPosesAndLowForChance) {
   const PlacementCandidate wrong = candidate(0.09, 0.0, 0.1);
   EXPECT_GT(best_of({candidate(0.4, 200.0, 0.01), wrong, wrong}), 0.99);

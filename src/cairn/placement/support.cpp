@@ -52,6 +52,16 @@ void add_evidence(std::span<const Pair> pairs, Support& support) {
       std::max(support.evidence - *std::max_element(by_group.begin(), by_group.end()), 0.0);
 }
 
+void add_likeness(std::span<const Likeness> by_group, Support& support) {
+  Likeness all;
+  for (const Likeness& group : by_group) all += group;
+  support.likeness = all;
+  support.spread_likeness = all.evidence();
+  for (const Likeness& group : by_group) {
+    support.spread_likeness = std::min(support.spread_likeness, (all - group).evidence());
+  }
+}
+
 }  // namespace
 
 SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
@@ -64,7 +74,8 @@ SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_
       source_spacings_(landmark_spacings(std::span(pair.source().positions).first(sample_),
                                          source_tree, executor)),
       source_groups_(spatial_groups(std::span(pair.source().positions).first(sample_), kGroups)),
-      target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)) {}
+      target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)),
+      likeness_(pair, sample_) {}
 
 Support SupportCounter::operator()(const Similarity3& pose, double radius) const {
   // What is farther than this, in units of its spacing, is by chance; closer than the other, copies of
@@ -85,10 +96,16 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
   std::size_t within = 0;
   std::size_t close = 0;
   std::vector<Pair> pairs;
+  std::array<Likeness, kGroups> likeness;
   for (std::size_t i = 0; i < sample_; ++i) {
     if (back[i].index != i) continue;
     const double squared = there[i].squared_distance;
-    if (squared <= radius * radius) ++within;
+    if (squared <= radius * radius) {
+      ++within;
+      if (const auto alike = likeness_.alike(static_cast<std::uint32_t>(i), there[i].index)) {
+        likeness[source_groups_[i]] += {1, *alike ? 1U : 0U};
+      }
+    }
     if (4.0 * squared <= radius * radius) ++close;
     const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
@@ -103,6 +120,7 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
   support.share = each * static_cast<double>(within);
   support.close_share = each * static_cast<double>(close);
   add_evidence(pairs, support);
+  if (likeness_.possible()) add_likeness(likeness, support);
   return support;
 }
 

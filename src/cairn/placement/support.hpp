@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/centred_pair.hpp"
+#include "cairn/placement/likeness.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
@@ -23,6 +25,10 @@ struct Support {
   /// The same without the part of the source, a sixteenth, that has the most of it: what one thing that
   /// stands in both places does not give.
   double spread_evidence = 0.0;
+  std::optional<Likeness> likeness =
+      {};  ///< of the pairs within the radius; nothing without descriptors
+  /// Its evidence without the part of the source that has the most of it.
+  double spread_likeness = 0.0;
 };
 
 /// Counts what two clouds have in common at centred poses.
@@ -32,7 +38,7 @@ struct Support {
 /// eighth neighbour (the geometric mean of both maps'): u is spread evenly over 0 to 1. Landmarks that
 /// are one are far closer than that; their u is taken to have the density 1 / (2·√u). The evidence is
 /// that of the mixture with the likeliest share of such pairs. It asks for no radius, and a match counts
-/// by how little it is to be expected where it is.
+/// by how little it is to be expected where it is. What landmarks look like is asked independently of that.
 class SupportCounter {
  public:
   /// @param pair, trees of its positions; must outlive this
@@ -50,6 +56,7 @@ class SupportCounter {
   std::vector<double> source_spacings_;  // of the sample
   std::vector<std::size_t> source_groups_;
   std::vector<double> target_spacings_;
+  LikenessTest likeness_;
 };
 
 }  // namespace cairn

@@ -49,6 +49,12 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
       percent(best.support), landmarks, radius, unit.empty() ? "" : " ", unit,
       candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support))
                             : "there is no other");
+  if (best.likeness && best.likeness->compared > 0) {
+    const auto share =
+        static_cast<double>(best.likeness->alike) / static_cast<double>(best.likeness->compared);
+    found += fmt::format(", {} of the matches look alike ({} would by chance)", percent(share),
+                         percent(1.0 / (LikenessTest::kOthers + 1)));
+  }
   if (best.contradicted) {
     found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
   }

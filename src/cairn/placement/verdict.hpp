@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "cairn/geometry/similarity3.hpp"
+#include "cairn/placement/likeness.hpp"
 
 namespace cairn {
 
@@ -31,6 +32,9 @@ struct PlacementCandidate {
   /// By how much likelier the distances of the matches are if some are one landmark: see Support.
   double evidence = 0.0;
   double spread_evidence = 0.0;  ///< without the part of the source that has the most of it
+  /// Which matches look alike; nothing where the maps have no descriptors to compare.
+  std::optional<Likeness> likeness = {};
+  double spread_likeness = 0.0;  ///< its evidence without the part that has the most of it
   /// Share of the lines of sight of either map's cameras on which the other map has a landmark in front
   /// of what they saw; nothing where too few were looked at to say. See SightChecker.
   std::optional<double> contradicted = {};

@@ -10,6 +10,7 @@ namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
                      std::size_t landmarks = 3000) {
@@ -31,6 +32,16 @@ TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
   EXPECT_THAT(judgement.reason, HasSubstr("1.5 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("99.60 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("3000"));
+}
+
+TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
+  PlacementCandidate best = candidate(0.996);
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
+  best.likeness = Likeness{200, 50};
+  EXPECT_THAT(verdict_of({best}).reason,
+              HasSubstr("25.0 % of the matches look alike (1.6 % would by chance)"));
+  best.likeness = Likeness{0, 0};
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
 }
 
 TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
