@@ -34,8 +34,7 @@ PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
   if (!result.unobservable.empty()) return result;
 
   const Matrix inverse = evidence.information.inverse();
-  const Matrix about_pivot =
-      evidence.count / (evidence.count - kFreedoms / 3.0) * inverse * evidence.scatter * inverse;
+  const Matrix about_pivot = inverse * evidence.scatter * inverse;
   // δt = δpivot - (δφ × (pivot - t) + δlog s·(pivot - t)), and undo the scaling of the rotation.
   const Eigen::Vector3d arm = evidence.pivot - target_from_source.translation();
   Matrix to_pose = Matrix::Identity();
@@ -81,7 +80,6 @@ PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
   PoseEvidence<6> evidence;
   evidence.pivot = centroid;
   evidence.length = radius > 0.0 ? radius : 1.0;
-  evidence.count = static_cast<double>(matches.size());
   for (const Match& match : matches) {
     const Eigen::Vector3d arm = moved_source[match.source] - centroid;
     const Eigen::Vector3d residual = moved_source[match.source] - target[match.target];
@@ -91,6 +89,8 @@ PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
     evidence.information += weight(match) * jacobian.transpose() * jacobian;
     evidence.scatter += gradient * gradient.transpose();
   }
+  const auto count = static_cast<double>(matches.size());
+  evidence.scatter *= count / (count - 2.0);
   return pose_uncertainty(Similarity3(target_from_source), evidence);
 }
 

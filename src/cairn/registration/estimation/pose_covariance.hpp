@@ -46,8 +46,8 @@ struct PoseEvidence {
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< in the target frame
   double length = 1.0;                              ///< of the order of the matched points' spread
   Matrix information = Matrix::Zero();              ///< A = Σ w·JᵀJ
-  Matrix scatter = Matrix::Zero();  ///< Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms
-  double count = 0.0;               ///< of the scatter's independent terms, of 3 residuals each
+  /// B = Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms, times what makes up for their being few.
+  Matrix scatter = Matrix::Zero();
 };
 
 /// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations: of a
