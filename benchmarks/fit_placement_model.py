@@ -6,7 +6,8 @@
 
 The tables are those of cairn_placement_sessions_benchmark, of parts fit and test. Needs NumPy. A
 conditional logit by Newton's method, with a slight penalty on the weights; with and without the lines
-of sight, with and without the likeness of descriptors. The diagram shows how often poses of a stated probability were right, in the test.
+of sight, with and without the likeness of descriptors. The diagram shows how often poses of a stated
+probability were right, in the test.
 """
 import csv
 import itertools
@@ -18,7 +19,10 @@ import numpy as np
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
 SAMPLE = 4096            # landmarks that place() looks at
 PENALTY = 0.02
-NAMES = ["constant", "evidence", "deviations", "contradicted", "likeness"]
+MATCHES_MORE = 20.0     # so that a few matches say little
+CLOSE_MORE = 3.0
+MOST_LEAD = 1.0          # more of it says no more: rooms are alike
+NAMES = ["constant", "evidence", "lead", "contradicted"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
@@ -40,13 +44,17 @@ def features(rows, with_sight, with_likeness):
     for i, row in enumerate(rows):
         others = close[:i] + close[i + 1:]
         middle = float(np.median(others)) if others else 0.5 * close[i]
+        matches = count * float(row["support"]) + MATCHES_MORE
+        # Of positions and of looks: independent of each other, so that they add up.
+        evidence = float(row["spread_evidence"])
+        if with_likeness:
+            evidence += max(float(row["spread_likeness"]), 0.0)
         # In the order of NAMES; what the model does not know is 0.
-        line = [1.0, math.log1p(float(row["spread_evidence"])),
-                0.2 * (math.sqrt(close[i] + 0.375) - math.sqrt(middle + 0.375))]
+        line = [1.0, math.sqrt(evidence / matches),
+                min(math.log((close[i] + CLOSE_MORE) / (middle + CLOSE_MORE)), MOST_LEAD)]
         # Where too few lines of sight were looked at: a share that says little.
         share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05
         line.append(math.log((share + 0.002) / (1.002 - share)) if with_sight else 0.0)
-        line.append(math.log1p(max(float(row["spread_likeness"]), 0.0)) if with_likeness else 0.0)
         lines.append(line)
     right = [i for i, row in enumerate(rows)
              if float(row["rotation_deg"]) <= TOLERANCE[0]

@@ -10,27 +10,26 @@ namespace {
 // What the logarithm of the odds is linear in.
 struct Weights {
   double constant;
-  double evidence;    // of the logarithm of 1 and the evidence
-  double deviations;  // of tens of standard deviations by which the close support is more than that
-                      // of other candidates
+  double evidence;  // of the root of the evidence a match
+  double lead;      // of the logarithm of how many times the close support is that of the others
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
-  double likeness;      // of the logarithm of 1 and the evidence of descriptors
 };
 
 // Made by benchmarks/fit_placement_model.py from 1,210 pairs; docs/method.md has how well they predict others.
-constexpr Weights kWithAll = {-9.026, 1.438, 4.172, -1.051, 0.680};
-constexpr Weights kWithSight = {-8.877, 1.876, 4.943, -1.040, 0.0};
-constexpr Weights kWithLikeness = {-5.630, 1.878, 4.010, 0.0, 0.809};
-constexpr Weights kWithNeither = {-5.529, 2.455, 4.954, 0.0, 0.0};
+constexpr Weights kWithAll = {-11.195, 15.504, 5.281, -1.253};
+constexpr Weights kWithSight = {-10.150, 18.019, 5.938, -1.161};
+constexpr Weights kWithLikeness = {-6.806, 17.869, 4.686, 0.0};
+constexpr Weights kWithNeither = {-6.280, 22.833, 5.727, 0.0};
+
+// So many more, so that a few say little.
+constexpr double kMatchesMore = 20.0;
+constexpr double kCloseMore = 3.0;
+constexpr double kMostLead =
+    1.0;  // more of it says no more: floors and walls of two rooms fit, too
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
   if (candidate.likeness) return candidate.contradicted ? kWithAll : kWithLikeness;
   return candidate.contradicted ? kWithSight : kWithNeither;
-}
-
-// By how many standard deviations a count is more than another (Anscombe 1948).
-double deviations(double count, double other) {
-  return 2.0 * (std::sqrt(count + 0.375) - std::sqrt(other + 0.375));
 }
 
 double log_odds(double share) {
@@ -61,10 +60,13 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
     const Weights& weights = weights_for(candidate);
     const double close = count * candidate.close_support;
     const double others = count * others_support(candidates, i);
-    result.push_back(weights.constant + weights.evidence * std::log1p(candidate.spread_evidence) +
-                     weights.deviations * 0.1 * deviations(close, others) +
-                     weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)) +
-                     weights.likeness * std::log1p(candidate.spread_likeness));
+    const double lead = std::log((close + kCloseMore) / (others + kCloseMore));
+    const double matches = count * candidate.support + kMatchesMore;
+    // Where landmarks are and what they look like are independent of each other.
+    const double evidence = candidate.spread_evidence + candidate.spread_likeness;
+    result.push_back(weights.constant + weights.evidence * std::sqrt(evidence / matches) +
+                     weights.lead * std::min(lead, kMostLead) +
+                     weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
     highest = std::max(highest, result.back());
   }
   double sum = std::exp(-highest);

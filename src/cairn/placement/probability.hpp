@@ -13,10 +13,10 @@ namespace cairn {
 /// that none of them is.
 ///
 /// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its
-/// evidence, with how far its close support exceeds that of the other candidates and with the likeness of
-/// its matches, and fall with the share of lines of sight that contradict it; what the maps do not know
-/// has no say, and the other three weigh more then. Fitted to simulated sessions of which half the pairs are
-/// of different places (docs/method.md); where far fewer of a user's maps overlap, the odds are lower
+/// evidence a match, of positions and of looks, and with how many times its close support is that of the
+/// other candidates; they fall with the share of lines of sight that contradict it. What the maps do not
+/// know has no say, and the rest weighs more then. Fitted to simulated sessions of which half the pairs
+/// are of different places (docs/method.md); where far fewer of a user's maps overlap, the odds are lower
 /// by as much.
 ///
 /// @param landmarks of the smaller map, whose shares the supports are
