@@ -17,6 +17,7 @@ const isDriverRemark = (text) => text.includes("GL Driver Message") && text.incl
 /** Opens a report from its file and notes everything a clean page must not do. */
 export async function openReport(browser, path, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1360, height: 900 }, acceptDownloads: true, ...options });
+  context.setDefaultTimeout(180_000); // a busy machine draws in software, and not at once
   const page = await context.newPage();
   const complaints = [];
   const requests = [];
