@@ -84,12 +84,12 @@ class Bench {
       if (right) tally.normalised.push_back(normalised);
     }
     const auto& poses = result.candidates;
-    std::printf("\"%s\",%llu,%s,%.3f,%.4f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n",
-                pair.group.c_str(), static_cast<unsigned long long>(pair.trial),
-                std::string(to_string(result.verdict)).c_str(), degrees(error.rotation_rad),
-                error.translation, log_scale, normalised, poses.empty() ? 0.0 : poses[0].support,
-                poses.empty() ? 0.0 : poses[0].probability,
-                poses.size() < 2 ? 0.0 : poses[1].support, result.radius, used, result.duration_s);
+    std::printf(
+        "\"%s\",%llu,%s,%.3f,%.4f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", pair.group.c_str(),
+        static_cast<unsigned long long>(pair.trial), std::string(to_string(result.verdict)).c_str(),
+        degrees(error.rotation_rad), error.translation, log_scale, normalised,
+        poses.empty() ? 0.0 : poses[0].support.share, poses.empty() ? 0.0 : poses[0].probability,
+        poses.size() < 2 ? 0.0 : poses[1].support.share, result.radius, used, result.duration_s);
     std::fflush(stdout);
   }
 

@@ -10,13 +10,14 @@
 #include <string>
 #include <vector>
 
+#include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/placement/centred_pair.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/refine.hpp"
-#include "cairn/placement/support.hpp"
+#include "cairn/placement/support_counter.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "session_pairs.hpp"
@@ -44,16 +45,10 @@ PlacementCandidate true_candidate(const SessionPair& pair, double radius) {
       centred.centred(refine(pair.source, pair.target, refinement).target_from_source).rigid();
   const BatchTree source_tree(centred.source().positions);
   const BatchTree target_tree(centred.target().positions);
-  const Support support = SupportCounter(centred, source_tree, target_tree, pair.source.size(),
-                                         Executor())(pose, radius);
   PlacementCandidate candidate;
   candidate.target_from_source = centred.uncentred(pose).rigid();
-  candidate.support = support.share;
-  candidate.close_support = support.close_share;
-  candidate.evidence = support.evidence;
-  candidate.spread_evidence = support.spread_evidence;
-  candidate.likeness = support.likeness;
-  candidate.spread_likeness = support.spread_likeness;
+  candidate.support = SupportCounter(centred, source_tree, target_tree, pair.source.size(),
+                                     Random(pair.number), Executor())(pose, radius);
   return candidate;
 }
 
@@ -67,20 +62,20 @@ void tell(const SessionPair& pair, const Executor& executor) {
   if (same) candidates.push_back(true_candidate(pair, result.radius));
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
+    const Support& support = candidate.support;
     const PoseError error =
         same ? pose_error(candidate.target_from_source, pair.truth, pair.source.positions)
              : PoseError{std::numbers::pi, 100.0};
     std::printf(
-        "%llu,%s,%s,%d,%.4f,%zu,%zu,%s,%.3f,%d,%.5f,%.5f,%.3f,%.3f,"
+        "%llu,%s,%s,%d,%.6f,%zu,%zu,%s,%.3f,%d,%zu,%zu,%.5f,%.3f,%.3f,"
         "%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
         static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
         pair.target_place.c_str(), same ? 1 : 0, pair.overlap, pair.source.size(),
         pair.target.size(), std::string(to_string(result.verdict)).c_str(), result.duration_s,
-        i < result.candidates.size() ? static_cast<int>(i) : -1, candidate.support,
-        candidate.close_support, candidate.evidence, candidate.spread_evidence,
-        candidate.likeness ? candidate.spread_likeness : -1.0,
-        candidate.contradicted.value_or(-1.0), candidate.probability, degrees(error.rotation_rad),
-        error.translation,
+        i < result.candidates.size() ? static_cast<int>(i) : -1, support.matches,
+        support.close_matches, support.share, support.evidence, support.spread_evidence,
+        support.likeness ? support.spread_likeness : -1.0, candidate.contradicted.value_or(-1.0),
+        candidate.probability, degrees(error.rotation_rad), error.translation,
         i == 0 && same ? squared_mahalanobis(result.alignment, pair.truth) : -1.0);
   }
   std::fflush(stdout);
@@ -98,7 +93,8 @@ int main(int argc, char** argv) {
   try {
     std::puts(
         "pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
-        "support,close_support,evidence,spread_evidence,spread_likeness,contradicted,probability,"
+        "matches,close_matches,support,evidence,spread_evidence,spread_likeness,contradicted,"
+        "probability,"
         "rotation_deg,translation_m,mahalanobis");
     const Executor executor(words.size() > 3 ? static_cast<unsigned>(std::stoul(words[3])) : 0);
     benchmarks::for_each_session_pair(words[0], benchmarks::pair_numbers(words[1]),

@@ -51,12 +51,12 @@ Json json_of(const std::vector<IterationRecord>& history, bool trace) {
   return list;
 }
 
-Json likeness_json(const PlacementCandidate& candidate) {
-  if (!candidate.likeness) return nullptr;
-  return {{"compared", candidate.likeness->compared},
-          {"alike", candidate.likeness->alike},
-          {"evidence", candidate.likeness->evidence()},
-          {"spread_evidence", candidate.spread_likeness}};
+Json likeness_json(const Support& support) {
+  if (!support.likeness) return nullptr;
+  return {{"compared", support.likeness->compared},
+          {"alike", support.likeness->alike},
+          {"evidence", support.likeness->evidence()},
+          {"spread_evidence", support.spread_likeness}};
 }
 
 Json json_of(const std::vector<PlacementCandidate>& candidates) {
@@ -65,11 +65,12 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
     list.push_back(
         {{"target_from_source", to_json(candidate.target_from_source)},
          {"scale", candidate.scale},
-         {"support", candidate.support},
-         {"close_support", candidate.close_support},
-         {"evidence", candidate.evidence},
-         {"spread_evidence", candidate.spread_evidence},
-         {"likeness", likeness_json(candidate)},
+         {"support", candidate.support.share},
+         {"matches", candidate.support.matches},
+         {"close_matches", candidate.support.close_matches},
+         {"evidence", candidate.support.evidence},
+         {"spread_evidence", candidate.support.spread_evidence},
+         {"likeness", likeness_json(candidate.support)},
          {"contradicted", candidate.contradicted ? Json(*candidate.contradicted) : Json(nullptr)},
          {"probability", candidate.probability}});
   }

@@ -59,6 +59,9 @@ void LandmarkCloud::validate(std::string_view name) const {
                 descriptors->bytes.size() == size() * descriptors->bytes_each,
             fmt::format("{} descriptors of {} landmarks", descriptors->known.size(), size()),
             "one a landmark, each of bytes_each bytes");
+    require(descriptors->bytes_each >= 1 && descriptors->bytes_each <= kMostDescriptorBytes,
+            fmt::format("descriptors of {} bytes", descriptors->bytes_each),
+            fmt::format("1 to {} bytes", kMostDescriptorBytes));
   }
   for (std::size_t i = 0; i < size(); ++i) {
     require(positions[i].allFinite(), fmt::format("position of landmark {} is not finite", i),

@@ -24,7 +24,7 @@
 #include "cairn/placement/rotations.hpp"
 #include "cairn/placement/search.hpp"
 #include "cairn/placement/sight.hpp"
-#include "cairn/placement/support.hpp"
+#include "cairn/placement/support_counter.hpp"
 
 namespace cairn {
 namespace {
@@ -189,7 +189,8 @@ class Placement {
               shuffled(target, Random(options.seed).fork(2))),
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
-        support_(pair_, source_tree_, target_tree_, kSample, options.executor),
+        support_(pair_, source_tree_, target_tree_, kSample, Random(options.seed).fork(5),
+                 options.executor),
         sight_(pair_, kSightPoints) {
     all_ = {cloud_scales(pair_.source(), source_tree_, options.executor),
             cloud_scales(pair_.target(), target_tree_, options.executor)};
@@ -255,7 +256,7 @@ class Placement {
       }
       set_similarity(pose, pair_.uncentred(pose.similarity()));
     }
-    const std::vector<double> likely = probabilities(poses, landmarks());
+    const std::vector<double> likely = probabilities(poses);
     for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
     std::stable_sort(poses.begin(), poses.end(),
                      [](const PlacementCandidate& a, const PlacementCandidate& b) {
@@ -305,14 +306,8 @@ class Placement {
                                            .free_scale = options_.scale.has_value()},
                                           stop)
                                      .target_from_source;
-        const Support support = support_(pose, kMatched * fine);
+        poses[i].support = support_(pose, kMatched * fine);
         set_similarity(poses[i], pose);
-        poses[i].support = support.share;
-        poses[i].close_support = support.close_share;
-        poses[i].evidence = support.evidence;
-        poses[i].spread_evidence = support.spread_evidence;
-        poses[i].likeness = support.likeness;
-        poses[i].spread_likeness = support.spread_likeness;
       }
     });
   }
@@ -321,7 +316,7 @@ class Placement {
   // must not outweigh a tenth of all.
   static double merit(const PlacementCandidate& pose) {
     constexpr double kSupport = 50.0;
-    return pose.spread_evidence + kSupport * pose.support;
+    return pose.support.spread_evidence + kSupport * pose.support.share;
   }
 
   // The best of the poses, with at most so many variants of what people would call one.

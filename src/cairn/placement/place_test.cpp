@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/place.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,6 +24,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 Rigid3 any_pose(Random& random, double most_translation) {
@@ -181,19 +185,77 @@ TEST(Place, RejectsMapsOfDifferentScenesAtAnyScale) {
   EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
 }
 
-TEST(Place, IsTheSameForAnyNumberOfThreads) {
-  const SyntheticPair pair = synthetic_pair({.seed = 11});
-  const LandmarkCloud source = landmark_cloud(pair.source);
-  const LandmarkCloud target = landmark_cloud(pair.target);
-  const PlacementResult one = place(source, target);
-  const PlacementResult two = place(source, target, two_threads());
+// Both clouds of a pair with descriptors: of what is one landmark the same but for some bits.
+std::pair<LandmarkCloud, LandmarkCloud> clouds_with_descriptors(const SyntheticPair& pair) {
+  constexpr std::size_t kBytes = 32;
+  Random random(3);
+  const auto with_any = [&](LandmarkCloud cloud) {
+    cloud.descriptors =
+        DescriptorColumn{"ORB", kBytes, std::vector<std::uint8_t>(cloud.size(), 1), {}};
+    for (std::size_t i = 0; i < cloud.size() * kBytes; ++i) {
+      cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+    }
+    return cloud;
+  };
+  LandmarkCloud source = with_any(landmark_cloud(pair.source));
+  LandmarkCloud target = with_any(landmark_cloud(pair.target));
+  const auto source_rows = landmarks_to_align(pair.source);
+  const auto target_rows = landmarks_to_align(pair.target);
+  const auto row = [](const std::vector<LandmarkIndex>& rows, LandmarkIndex landmark) {
+    return static_cast<std::size_t>(std::find(rows.begin(), rows.end(), landmark) - rows.begin());
+  };
+  for (const auto& [from, to] : pair.shared) {
+    const std::size_t i = row(source_rows, from);
+    const std::size_t j = row(target_rows, to);
+    if (i == source_rows.size() || j == target_rows.size()) continue;
+    for (std::size_t byte = 0; byte < kBytes; ++byte) {
+      target.descriptors->bytes[j * kBytes + byte] = static_cast<std::uint8_t>(
+          source.descriptors->bytes[i * kBytes + byte] ^ (1U << random.index(8)));
+    }
+  }
+  return {std::move(source), std::move(target)};
+}
+
+void expect_same(const PlacementResult& one, const PlacementResult& two) {
   EXPECT_EQ(one.alignment.target_from_source.matrix(), two.alignment.target_from_source.matrix());
   EXPECT_EQ(one.reason, two.reason);
   ASSERT_EQ(one.candidates.size(), two.candidates.size());
   for (std::size_t i = 0; i < one.candidates.size(); ++i) {
-    EXPECT_EQ(one.candidates[i].target_from_source.matrix(),
-              two.candidates[i].target_from_source.matrix());
-    EXPECT_EQ(one.candidates[i].support, two.candidates[i].support);
+    const PlacementCandidate& a = one.candidates[i];
+    const PlacementCandidate& b = two.candidates[i];
+    EXPECT_EQ(a.target_from_source.matrix(), b.target_from_source.matrix());
+    EXPECT_EQ(a.support.matches, b.support.matches);
+    EXPECT_EQ(a.support.spread_likeness, b.support.spread_likeness);
+    EXPECT_EQ(a.probability, b.probability);
+  }
+}
+
+TEST(Place, IsTheSameForAnyNumberOfThreads) {
+  const SyntheticPair pair = synthetic_pair({.seed = 11});
+  const auto [source, target] = clouds_with_descriptors(pair);
+  expect_same(place(source, target), place(source, target, two_threads()));
+  const LandmarkCloud without = landmark_cloud(pair.source);
+  expect_same(place(without, target), place(without, target, two_threads()));
+}
+
+TEST(Place, RefusesDescriptorsOfNoBytes) {
+  LandmarkCloud cloud = landmark_cloud(synthetic_map({.seed = 1, .landmarks = 100}));
+  cloud.descriptors = DescriptorColumn{"ORB", 0, std::vector<std::uint8_t>(cloud.size(), 1), {}};
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { place(cloud, cloud); }),
+              AllOf(HasSubstr("source"), HasSubstr("0 bytes"), HasSubstr("1 to 4096")));
+}
+
+TEST(Place, LooksAtDescriptorsEitherWay) {
+  const SyntheticPair pair = synthetic_pair({.seed = 11});
+  const auto [source, target] = clouds_with_descriptors(pair);
+  for (const bool there : {true, false}) {
+    const PlacementResult result =
+        there ? place(source, target, two_threads()) : place(target, source, two_threads());
+    ASSERT_EQ(result.verdict, Verdict::kAligned) << result.reason;
+    const auto& likeness = result.candidates.front().support.likeness;
+    ASSERT_TRUE(likeness);
+    EXPECT_GT(2 * likeness->alike, likeness->compared);
+    EXPECT_THAT(result.reason, HasSubstr("of the matches look alike (1.6 % would by chance)"));
   }
 }
 

@@ -10,8 +10,8 @@ namespace {
 // What the logarithm of the odds is linear in.
 struct Weights {
   double constant;
-  double evidence;  // of the root of the evidence a match
-  double lead;      // of the logarithm of how many times the close support is that of the others
+  double evidence;      // of the root of the evidence a match
+  double lead;          // of the logarithm of how many times the close matches of the others it has
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
@@ -24,11 +24,11 @@ constexpr Weights kWithNeither = {-6.280, 22.833, 5.727, 0.0};
 // So many more, so that a few say little.
 constexpr double kMatchesMore = 20.0;
 constexpr double kCloseMore = 3.0;
-constexpr double kMostLead =
-    1.0;  // more of it says no more: floors and walls of two rooms fit, too
+// More lead says no more: floors and walls of two rooms fit, too.
+constexpr double kMostLead = 1.0;
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
-  if (candidate.likeness) return candidate.contradicted ? kWithAll : kWithLikeness;
+  if (candidate.support.likeness) return candidate.contradicted ? kWithAll : kWithLikeness;
   return candidate.contradicted ? kWithSight : kWithNeither;
 }
 
@@ -36,34 +36,36 @@ double log_odds(double share) {
   return std::log((share + 0.002) / (1.002 - share));
 }
 
-// Median close support of all candidates but one: those are wrong, or at least most of them.
-double others_support(std::span<const PlacementCandidate> candidates, std::size_t but) {
-  std::vector<double> supports;
+double close_matches(const PlacementCandidate& candidate) {
+  return static_cast<double>(candidate.support.close_matches);
+}
+
+// Median of the close matches of all candidates but one: those are wrong, or at least most of them.
+double close_matches_of_others(std::span<const PlacementCandidate> candidates, std::size_t but) {
+  std::vector<double> counts;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (i != but) supports.push_back(candidates[i].close_support);
+    if (i != but) counts.push_back(close_matches(candidates[i]));
   }
   // Of a single one: as if there were another, clearly worse.
-  if (supports.empty()) return 0.5 * candidates[but].close_support;
-  std::sort(supports.begin(), supports.end());
-  return 0.5 * (supports[(supports.size() - 1) / 2] + supports[supports.size() / 2]);
+  if (counts.empty()) return 0.5 * close_matches(candidates[but]);
+  std::sort(counts.begin(), counts.end());
+  return 0.5 * (counts[(counts.size() - 1) / 2] + counts[counts.size() / 2]);
 }
 
 }  // namespace
 
-std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
-                                  std::size_t landmarks) {
-  const auto count = static_cast<double>(landmarks);
+std::vector<double> probabilities(std::span<const PlacementCandidate> candidates) {
   std::vector<double> result;
   double highest = 0.0;  // of the alternative that none is right
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Weights& weights = weights_for(candidate);
-    const double close = count * candidate.close_support;
-    const double others = count * others_support(candidates, i);
-    const double lead = std::log((close + kCloseMore) / (others + kCloseMore));
-    const double matches = count * candidate.support + kMatchesMore;
-    // Where landmarks are and what they look like are independent of each other.
-    const double evidence = candidate.spread_evidence + candidate.spread_likeness;
+    const Support& support = candidate.support;
+    const double lead = std::log((close_matches(candidate) + kCloseMore) /
+                                 (close_matches_of_others(candidates, i) + kCloseMore));
+    const double matches = static_cast<double>(support.matches) + kMatchesMore;
+    // As if where landmarks are and what they look like were independent of each other.
+    const double evidence = support.spread_evidence + support.spread_likeness;
     result.push_back(weights.constant + weights.evidence * std::sqrt(evidence / matches) +
                      weights.lead * std::min(lead, kMostLead) +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));

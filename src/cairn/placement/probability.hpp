@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -13,14 +12,11 @@ namespace cairn {
 /// that none of them is.
 ///
 /// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its
-/// evidence a match, of positions and of looks, and with how many times its close support is that of the
-/// other candidates; they fall with the share of lines of sight that contradict it. What the maps do not
+/// evidence a match, of positions and of looks, and with how many times the close matches of the
+/// other candidates it has; they fall with the share of lines of sight that contradict it. What the maps do not
 /// know has no say, and the rest weighs more then. Fitted to simulated sessions of which half the pairs
 /// are of different places (docs/method.md); where far fewer of a user's maps overlap, the odds are lower
 /// by as much.
-///
-/// @param landmarks of the smaller map, whose shares the supports are
-std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
-                                  std::size_t landmarks);
+std::vector<double> probabilities(std::span<const PlacementCandidate> candidates);
 
 }  // namespace cairn

@@ -10,28 +10,30 @@
 namespace cairn {
 namespace {
 
-PlacementCandidate candidate(double support, double evidence,
+// @param close share of 3,000 landmarks that meet closely
+PlacementCandidate candidate(double close, double evidence,
                              std::optional<double> contradicted = std::nullopt) {
+  const auto close_matches = static_cast<std::size_t>(3000.0 * close);
   return {.target_from_source = {},
-          .support = 2.0 * support,
-          .close_support = support,
-          .evidence = 1.2 * evidence,
-          .spread_evidence = evidence,
+          .support = {.matches = 2 * close_matches,
+                      .close_matches = close_matches,
+                      .evidence = 1.2 * evidence,
+                      .spread_evidence = evidence},
           .contradicted = contradicted};
 }
 
-double best_of(const std::vector<PlacementCandidate>& candidates, std::size_t landmarks = 3000) {
-  return probabilities(candidates, landmarks).front();
+double best_of(const std::vector<PlacementCandidate>& candidates) {
+  return probabilities(candidates).front();
 }
 
 TEST(Probability, LeavesRoomForNone) {
   const std::vector<PlacementCandidate> poses = {candidate(0.2, 30.0, 0.01),
                                                  candidate(0.1, 0.0, 0.1), candidate(0.1, 0.0)};
-  const std::vector<double> all = probabilities(poses, 2000);
+  const std::vector<double> all = probabilities(poses);
   ASSERT_EQ(all.size(), poses.size());
   for (const double probability : all) EXPECT_GT(probability, 0.0);
   EXPECT_LT(std::accumulate(all.begin(), all.end(), 0.0), 1.0);
-  EXPECT_TRUE(probabilities({}, 1000).empty());
+  EXPECT_TRUE(probabilities({}).empty());
 }
 
 TEST(Probability, GrowsWithWhatSpeaksForAPose) {
@@ -46,8 +48,8 @@ TEST(Probability, GrowsWithWhatSpeaksForAPose) {
 }
 
 PlacementCandidate looking(PlacementCandidate candidate, double likeness) {
-  candidate.likeness = Likeness{100, 10};
-  candidate.spread_likeness = likeness;
+  candidate.support.likeness = Likeness{100, 10};
+  candidate.support.spread_likeness = likeness;
   return candidate;
 }
 
@@ -79,7 +81,7 @@ TEST(Probability, IsSharedAmongEquals) {
   const PlacementCandidate right = candidate(0.4, 200.0, 0.01);
   const PlacementCandidate wrong = candidate(0.09, 0.0, 0.1);
   const std::vector<double> all =
-      probabilities(std::vector<PlacementCandidate>{right, right, wrong, wrong, wrong}, 3000);
+      probabilities(std::vector<PlacementCandidate>{right, right, wrong, wrong, wrong});
   EXPECT_DOUBLE_EQ(all[0], all[1]);
   EXPECT_NEAR(all[0], 0.5, 0.02);
   EXPECT_LT(all[2], 0.01);

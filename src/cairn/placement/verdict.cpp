@@ -46,14 +46,14 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
   for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
   std::string found = fmt::format(
       "the best pose matches {} of {} landmarks one to one within {:.3g}{}{}, {}",
-      percent(best.support), landmarks, radius, unit.empty() ? "" : " ", unit,
-      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support))
+      percent(best.support.share), landmarks, radius, unit.empty() ? "" : " ", unit,
+      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
                             : "there is no other");
-  if (best.likeness && best.likeness->compared > 0) {
+  if (const auto& likeness = best.support.likeness; likeness && likeness->compared > 0) {
     const auto share =
-        static_cast<double>(best.likeness->alike) / static_cast<double>(best.likeness->compared);
+        static_cast<double>(likeness->alike) / static_cast<double>(likeness->compared);
     found += fmt::format(", {} of the matches look alike ({} would by chance)", percent(share),
-                         percent(1.0 / (LikenessTest::kOthers + 1)));
+                         percent(Likeness::kChance));
   }
   if (best.contradicted) {
     found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));

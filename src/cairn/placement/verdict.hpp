@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/placement/likeness.hpp"
+#include "cairn/placement/support.hpp"
 
 namespace cairn {
 
@@ -26,15 +26,7 @@ std::string_view to_string(Verdict verdict);
 struct PlacementCandidate {
   Rigid3 target_from_source;
   double scale = 1.0;  ///< of the source, which is scaled before it is moved
-  /// Share of the smaller map's landmarks that are matched, one to one.
-  double support = 0.0;
-  double close_support = 0.0;  ///< the same within half the radius
-  /// By how much likelier the distances of the matches are if some are one landmark: see Support.
-  double evidence = 0.0;
-  double spread_evidence = 0.0;  ///< without the part of the source that has the most of it
-  /// Which matches look alike; nothing where the maps have no descriptors to compare.
-  std::optional<Likeness> likeness = {};
-  double spread_likeness = 0.0;  ///< its evidence without the part that has the most of it
+  Support support = {};
   /// Share of the lines of sight of either map's cameras on which the other map has a landmark in front
   /// of what they saw; nothing where too few were looked at to say. See SightChecker.
   std::optional<double> contradicted = {};

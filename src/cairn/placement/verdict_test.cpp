@@ -19,7 +19,7 @@ Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
 
 PlacementCandidate candidate(double probability, double support = 0.4) {
   return {.target_from_source = {},
-          .support = support,
+          .support = {.share = support},
           .contradicted = 0.015,
           .probability = probability};
 }
@@ -37,10 +37,10 @@ TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
 TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
   PlacementCandidate best = candidate(0.996);
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
-  best.likeness = Likeness{200, 50};
+  best.support.likeness = Likeness{200, 50};
   EXPECT_THAT(verdict_of({best}).reason,
               HasSubstr("25.0 % of the matches look alike (1.6 % would by chance)"));
-  best.likeness = Likeness{0, 0};
+  best.support.likeness = Likeness{0, 0};
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
 }
 

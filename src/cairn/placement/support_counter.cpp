@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/placement/support.hpp"
+#include "cairn/placement/support_counter.hpp"
 
 #include <algorithm>
 #include <array>
@@ -66,7 +66,7 @@ void add_likeness(std::span<const Likeness> by_group, Support& support) {
 
 SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
                                const BatchTree& target_tree, std::size_t sample,
-                               const Executor& executor)
+                               const Random& random, const Executor& executor)
     : pair_(pair),
       source_tree_(source_tree),
       target_tree_(target_tree),
@@ -75,7 +75,7 @@ SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_
                                          source_tree, executor)),
       source_groups_(spatial_groups(std::span(pair.source().positions).first(sample_), kGroups)),
       target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)),
-      likeness_(pair, sample_) {}
+      looks_(pair, sample_, random) {}
 
 Support SupportCounter::operator()(const Similarity3& pose, double radius) const {
   // What is farther than this, in units of its spacing, is by chance; closer than the other, copies of
@@ -93,20 +93,19 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
   met.reserve(sample_);
   for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
   const std::vector<Neighbor> back = nearest_of_each(met, pose.inverse(), source_tree_);
-  std::size_t within = 0;
-  std::size_t close = 0;
+  Support support;
   std::vector<Pair> pairs;
   std::array<Likeness, kGroups> likeness;
   for (std::size_t i = 0; i < sample_; ++i) {
     if (back[i].index != i) continue;
     const double squared = there[i].squared_distance;
     if (squared <= radius * radius) {
-      ++within;
-      if (const auto alike = likeness_.alike(static_cast<std::uint32_t>(i), there[i].index)) {
+      ++support.matches;
+      if (const auto alike = looks_.alike(static_cast<std::uint32_t>(i), there[i].index)) {
         likeness[source_groups_[i]] += {1, *alike ? 1U : 0U};
       }
     }
-    if (4.0 * squared <= radius * radius) ++close;
+    if (4.0 * squared <= radius * radius) ++support.close_matches;
     const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
@@ -116,11 +115,9 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
   // The sample stands for the source; a share is that of the smaller cloud.
   const double each = static_cast<double>(source.size()) /
                       static_cast<double>(sample_ * std::min(source.size(), target.size()));
-  Support support;
-  support.share = each * static_cast<double>(within);
-  support.close_share = each * static_cast<double>(close);
+  support.share = each * static_cast<double>(support.matches);
   add_evidence(pairs, support);
-  if (likeness_.possible()) add_likeness(likeness, support);
+  if (looks_.possible()) add_likeness(likeness, support);
   return support;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/placement/support.hpp"
+#include "cairn/placement/support_counter.hpp"
 
 #include <gtest/gtest.h>
 
@@ -34,11 +34,11 @@ LandmarkCloud with_shared(LandmarkCloud cloud, const LandmarkCloud& other, std::
 }
 
 Support support(const LandmarkCloud& source, const LandmarkCloud& target,
-                const Similarity3& pose = {}) {
+                const Similarity3& pose = {}, std::size_t sample = 10'000) {
   const CentredPair pair(source, target);
   const BatchTree source_tree(pair.source().positions);
   const BatchTree target_tree(pair.target().positions);
-  return SupportCounter(pair, source_tree, target_tree, source.size(), Executor())(
+  return SupportCounter(pair, source_tree, target_tree, sample, Random(1), Executor())(
       pair.centred(pose), kRadius);
 }
 
@@ -96,6 +96,18 @@ TEST(Support, OneThingInBothPlacesGivesNoSpreadEvidence) {
   const Support thing = support(source, target);
   EXPECT_GT(thing.evidence, 50.0);
   EXPECT_LT(thing.spread_evidence, 0.2 * thing.evidence);
+}
+
+// Else what is known a match would depend on how many are looked at.
+TEST(Support, OfASampleCountsWhatItLookedAtAndSharesWhatAllHave) {
+  const LandmarkCloud source = wall(4000, 1);
+  const LandmarkCloud target = with_shared(wall(2000, 2), source, 0, 1000);
+  const Support all = support(source, target);
+  const Support half = support(source, target, {}, 2000);
+  EXPECT_EQ(all.share, static_cast<double>(all.matches) / 2000.0);
+  EXPECT_GT(all.matches, all.close_matches);
+  EXPECT_LT(half.matches, all.matches);
+  EXPECT_EQ(half.share, 2.0 * static_cast<double>(half.matches) / 2000.0);
 }
 
 TEST(Support, HasNothingAgainstLandmarksThatCoincide) {

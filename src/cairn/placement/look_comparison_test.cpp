@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/look_comparison.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
+#include "cairn/placement/likeness.hpp"
+#include "cairn/placement/support_counter.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kBytes = 32;
+constexpr std::size_t kCount = 2000;
+constexpr std::size_t kOthers = Likeness::kOthers;
+constexpr double kChance = Likeness::kChance;
+
+// Landmarks on a wall of 2 m by 2 m that look like nothing else, but for those that are copied.
+LandmarkCloud wall(std::uint64_t seed, const std::string& kind = "ORB") {
+  Random random(seed);
+  LandmarkCloud cloud;
+  cloud.descriptors = DescriptorColumn{kind, kBytes, std::vector<std::uint8_t>(kCount, 1), {}};
+  for (std::size_t i = 0; i < kCount; ++i) {
+    cloud.positions.emplace_back(random.uniform(0, 2), random.uniform(0, 2), 0.0);
+  }
+  for (std::size_t i = 0; i < kCount * kBytes; ++i) {
+    cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  return cloud;
+}
+
+// As seen another time: one bit in ten differs, or one byte in ten by a little.
+LandmarkCloud seen_again(LandmarkCloud cloud) {
+  Random random(77);
+  const bool binary = cloud.descriptors->kind == "ORB";
+  for (std::uint8_t& byte : cloud.descriptors->bytes) {
+    if (binary) {
+      for (int bit = 0; bit < 8; ++bit) {
+        if (random.index(10) == 0) byte = static_cast<std::uint8_t>(byte ^ (1 << bit));
+      }
+    } else if (random.index(10) == 0) {
+      byte = static_cast<std::uint8_t>(byte / 2 + 60);
+    }
+  }
+  return cloud;
+}
+
+double share_alike(const LandmarkCloud& source, const LandmarkCloud& target, std::uint32_t shift) {
+  const CentredPair pair(source, target);
+  const LookComparison looks(pair, source.size(), Random(1));
+  EXPECT_TRUE(looks.possible());
+  Likeness likeness;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    if (const auto alike = looks.alike(i, (i + shift) % kCount)) likeness += {1, *alike ? 1U : 0U};
+  }
+  EXPECT_EQ(likeness.compared, kCount);
+  return static_cast<double>(likeness.alike) / static_cast<double>(likeness.compared);
+}
+
+TEST(LookComparison, LandmarksThatAreOneLookAlikeAndOthersOnlyByChance) {
+  for (const std::string kind : {"ORB", "SIFT"}) {
+    const LandmarkCloud cloud = wall(1, kind);
+    EXPECT_GT(share_alike(cloud, seen_again(cloud), 0), 0.99) << kind;
+    // Five standard deviations.
+    EXPECT_NEAR(share_alike(cloud, seen_again(cloud), 1), kChance,
+                5.0 * std::sqrt(kChance / kCount))
+        << kind;
+    EXPECT_NEAR(share_alike(cloud, wall(2, kind), 0), kChance, 5.0 * std::sqrt(kChance / kCount))
+        << kind;
+  }
+}
+
+TEST(LookComparison, IsUnknownWhereADescriptorIs) {
+  LandmarkCloud source = wall(1);
+  LandmarkCloud target = seen_again(source);
+  source.descriptors->known[100] = 0;
+  target.descriptors->known[200] = 0;
+  const CentredPair pair(source, target);
+  const LookComparison looks(pair, source.size(), Random(1));
+  EXPECT_FALSE(looks.alike(100, 100));
+  EXPECT_FALSE(looks.alike(200, 200));
+  EXPECT_TRUE(looks.alike(300, 300).value());
+}
+
+TEST(LookComparison, IsPossibleOnlyWhereMostDescriptorsAreKnownAndOfOneKind) {
+  const LandmarkCloud cloud = wall(1);
+  const auto possible = [&](const LandmarkCloud& other) {
+    return LookComparison(CentredPair(cloud, other), kCount, Random(1)).possible() &&
+           LookComparison(CentredPair(other, cloud), kCount, Random(1)).possible();
+  };
+  EXPECT_TRUE(possible(wall(2)));
+  EXPECT_FALSE(possible(wall(2, "BRISK")));
+  LandmarkCloud without = wall(2);
+  without.descriptors.reset();
+  EXPECT_FALSE(possible(without));
+  LandmarkCloud few = wall(2);
+  for (std::size_t i = 0; i < kCount; i += 3) few.descriptors->known[i] = 0;
+  EXPECT_TRUE(possible(few));
+  for (std::size_t i = 1; i < kCount; i += 3) few.descriptors->known[i] = 0;
+  EXPECT_FALSE(possible(few));
+}
+
+// Of small maps too, where many a partner is among those that all are compared with.
+TEST(LookComparison, NeedsMoreDescriptorsThanItComparesWith) {
+  const LandmarkCloud source = wall(1);
+  const LandmarkCloud again = seen_again(source);
+  const auto with_known = [&](std::size_t count) {
+    LandmarkCloud target = again;
+    target.positions.resize(count);
+    target.descriptors->known.resize(count);
+    target.descriptors->bytes.resize(count * kBytes);
+    return target;
+  };
+  EXPECT_FALSE(
+      LookComparison(CentredPair(source, with_known(kOthers)), kCount, Random(1)).possible());
+  for (const std::size_t count : {kOthers + 1, kOthers + 2, 2 * kOthers}) {
+    const LookComparison looks(CentredPair(source, with_known(count)), kCount, Random(1));
+    ASSERT_TRUE(looks.possible()) << count;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      EXPECT_EQ(looks.alike(i, i), std::optional(true)) << i << " of " << count;
+    }
+    std::size_t alike = 0;
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+      // None of these is the other again.
+      if (looks.alike(i, (i + 1) % static_cast<std::uint32_t>(count)).value()) ++alike;
+    }
+    EXPECT_NEAR(static_cast<double>(alike) / kCount, kChance, 5.0 * std::sqrt(kChance / kCount));
+  }
+}
+
+TEST(LookComparison, IsDrawnByItsSeedAlone) {
+  const CentredPair pair(wall(1), wall(2));
+  const auto all = [&](std::uint64_t seed) {
+    const LookComparison looks(pair, kCount, Random(seed));
+    std::vector<bool> result;
+    for (std::uint32_t i = 0; i < kCount; ++i) result.push_back(looks.alike(i, i).value());
+    return result;
+  };
+  EXPECT_EQ(all(1), all(1));
+  EXPECT_NE(all(1), all(2));
+}
+
+Support support(const LandmarkCloud& source, const LandmarkCloud& target) {
+  const CentredPair pair(source, target);
+  const BatchTree source_tree(pair.source().positions);
+  const BatchTree target_tree(pair.target().positions);
+  return SupportCounter(pair, source_tree, target_tree, source.size(), Random(1), Executor())(
+      pair.centred(Similarity3()), 0.02);
+}
+
+TEST(LookComparison, OfASupportIsThatOfItsPairs) {
+  const LandmarkCloud cloud = wall(1);
+  const Support same = support(cloud, seen_again(cloud));
+  ASSERT_TRUE(same.likeness);
+  EXPECT_EQ(same.likeness->compared, kCount);
+  EXPECT_GT(same.spread_likeness, 0.8 * same.likeness->evidence());
+  const Support other = support(cloud, wall(2));
+  ASSERT_TRUE(other.likeness);
+  EXPECT_GT(other.likeness->compared, 50U);
+  EXPECT_LT(other.spread_likeness, 3.0);
+  LandmarkCloud without = wall(2);
+  without.descriptors.reset();
+  EXPECT_FALSE(support(cloud, without).likeness);
+}
+
+// One poster that hangs in both places.
+TEST(LookComparison, OfOneThingAloneIsNotSpread) {
+  const LandmarkCloud source = wall(1);
+  const LandmarkCloud again = seen_again(source);
+  LandmarkCloud target = wall(2);
+  for (std::size_t i = 0; i < kCount; ++i) {
+    if (source.positions[i].norm() > 0.3) continue;
+    target.positions[i] = source.positions[i];
+    std::copy_n(again.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(i * kBytes), kBytes,
+                target.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(i * kBytes));
+  }
+  const Support found = support(source, target);
+  ASSERT_TRUE(found.likeness);
+  EXPECT_GT(found.likeness->evidence(), 20.0);
+  EXPECT_LT(found.spread_likeness, 0.3 * found.likeness->evidence());
+}
+
+}  // namespace
+}  // namespace cairn

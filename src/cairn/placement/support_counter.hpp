@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/placement/centred_pair.hpp"
+#include "cairn/placement/look_comparison.hpp"
+#include "cairn/placement/support.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+
+namespace cairn {
+
+/// Counts what two clouds have in common at centred poses.
+///
+/// Where landmarks of both lie on a surface independently of each other, two that are each other's nearest
+/// are within a distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the
+/// eighth neighbour (the geometric mean of both maps'): u is spread evenly over 0 to 1. Landmarks that
+/// are one are far closer than that; their u is taken to have the density 1 / (2·√u). The evidence is
+/// that of the mixture with the likeliest share of such pairs. It asks for no radius, and a match counts
+/// by how little it is to be expected where it is. What landmarks look like is asked apart from that.
+class SupportCounter {
+ public:
+  /// @param pair, trees of its positions; must outlive this
+  /// @param sample the first of the source that are looked at; in random order, they stand for all
+  /// @param random draws what looks are compared with
+  SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
+                 const BatchTree& target_tree, std::size_t sample, const Random& random,
+                 const Executor& executor);
+
+  Support operator()(const Similarity3& pose, double radius) const;
+
+ private:
+  const CentredPair& pair_;
+  const BatchTree& source_tree_;
+  const BatchTree& target_tree_;
+  std::size_t sample_;
+  std::vector<double> source_spacings_;  // of the sample
+  std::vector<std::size_t> source_groups_;
+  std::vector<double> target_spacings_;
+  LookComparison looks_;
+};
+
+}  // namespace cairn
