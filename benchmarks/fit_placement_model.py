@@ -6,8 +6,9 @@
 
 The tables are those of cairn_placement_sessions_benchmark, of parts fit and test. Needs NumPy. A
 conditional logit by Newton's method, with a slight penalty on the weights; with and without the lines
-of sight, with and without the likeness of descriptors. The diagram shows how often poses of a stated
-probability were right, in the test.
+of sight, with and without the likeness of descriptors. Each set is judged as if all maps knew just what
+it needs; last, as shipped: each candidate by what is known of it. The diagram shows how often poses of a
+stated probability were right in the test, as shipped.
 """
 import csv
 import itertools
@@ -17,9 +18,9 @@ import sys
 import numpy as np
 
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
-SAMPLE = 4096            # landmarks that place() looks at
+BEYOND_DOUBT = 0.995     # what the verdict accepts; verdict.cpp has the same
 PENALTY = 0.02
-MATCHES_MORE = 20.0     # so that a few matches say little
+MATCHES_MORE = 20.0      # so that a few matches say little
 CLOSE_MORE = 3.0
 MOST_LEAD = 1.0          # more of it says no more: rooms are alike
 NAMES = ["constant", "evidence", "lead", "contradicted"]
@@ -36,36 +37,48 @@ def read_pairs(path):
     return list(pairs.values())
 
 
-def features(rows, with_sight, with_likeness):
-    """One line a candidate, as probabilities() has them, and which candidate is right (or -1)."""
-    count = min(SAMPLE, int(rows[0]["source_landmarks"]), int(rows[0]["target_landmarks"]))
-    close = [count * float(row["close_support"]) for row in rows]
-    lines = []
-    for i, row in enumerate(rows):
-        others = close[:i] + close[i + 1:]
-        middle = float(np.median(others)) if others else 0.5 * close[i]
-        matches = count * float(row["support"]) + MATCHES_MORE
-        # Of positions and of looks: independent of each other, so that they add up.
-        evidence = float(row["spread_evidence"])
-        if with_likeness:
-            evidence += max(float(row["spread_likeness"]), 0.0)
-        # In the order of NAMES; what the model does not know is 0.
-        line = [1.0, math.sqrt(evidence / matches),
-                min(math.log((close[i] + CLOSE_MORE) / (middle + CLOSE_MORE)), MOST_LEAD)]
-        # Where too few lines of sight were looked at: a share that says little.
-        share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05
-        line.append(math.log((share + 0.002) / (1.002 - share)) if with_sight else 0.0)
-        lines.append(line)
+def right_of(rows):
+    """Which candidate is right, or -1."""
     right = [i for i, row in enumerate(rows)
              if float(row["rotation_deg"]) <= TOLERANCE[0]
              and float(row["translation_m"]) <= TOLERANCE[1]]
-    return np.array(lines), right[0] if right else -1
+    return right[0] if right else -1
 
 
-def probabilities(lines, weights):
-    values = np.append(lines @ weights, 0.0)
-    values = np.exp(values - values.max())
+def features(rows, i, with_sight, with_likeness):
+    """What probabilities() is linear in, of candidate i, in the order of NAMES; 0 for what has no say."""
+    close = [int(row["close_matches"]) for row in rows]
+    others = close[:i] + close[i + 1:]
+    middle = float(np.median(others)) if others else 0.5 * close[i]
+    row = rows[i]
+    # As if positions and looks were independent of each other.
+    evidence = float(row["spread_evidence"])
+    if with_likeness:
+        evidence += max(float(row["spread_likeness"]), 0.0)
+    line = [1.0, math.sqrt(evidence / (int(row["matches"]) + MATCHES_MORE)),
+            min(math.log((close[i] + CLOSE_MORE) / (middle + CLOSE_MORE)), MOST_LEAD), 0.0]
+    if with_sight:
+        # Where too few lines of sight were looked at: a share that says little.
+        share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05
+        line[3] = math.log((share + 0.002) / (1.002 - share))
+    return line
+
+
+def data_of(pairs, with_sight, with_likeness):
+    """(features of all candidates, the right one) of each pair."""
+    return [(np.array([features(rows, i, with_sight, with_likeness) for i in range(len(rows))]),
+             right_of(rows)) for rows in pairs]
+
+
+def softmax(values):
+    """Of values beside 0, which stands for none."""
+    values = np.exp(np.append(values, 0.0) - max(values.max(), 0.0))
     return (values / values.sum())[:-1]
+
+
+def known_of(row):
+    """Whether lines of sight and descriptors have a say in a candidate."""
+    return float(row["contradicted"]) >= 0.0, float(row["spread_likeness"]) >= 0.0
 
 
 def fit(data):
@@ -76,7 +89,7 @@ def fit(data):
         gradient = penalty * weights
         hessian = np.diag(penalty)
         for lines, right in data:
-            likely = probabilities(lines, weights)
+            likely = softmax(lines @ weights)
             mean = lines.T @ likely
             gradient = gradient + mean - (lines[right] if right >= 0 else 0.0)
             hessian = hessian + (lines.T * likely) @ lines - np.outer(mean, mean)
@@ -87,13 +100,13 @@ def fit(data):
     return weights
 
 
-def judge(pairs, data, weights):
+def judge(pairs, values_of):
     """Rows of (probability of the likeliest, is it right, of one place, overlap)."""
     result = []
-    for rows, (lines, right) in zip(pairs, data):
-        likely = probabilities(lines, weights)
+    for rows in pairs:
+        likely = softmax(values_of(rows))
         best = int(np.argmax(likely))
-        result.append((likely[best], best == right, rows[0]["same"] == "1",
+        result.append((likely[best], best == right_of(rows), rows[0]["same"] == "1",
                        float(rows[0]["overlap"])))
     return result
 
@@ -121,20 +134,30 @@ def reliability(judged):
     return rows
 
 
+def share(successes, trials):
+    low, high = wilson(successes, trials)
+    return f"{successes} of {trials} ({100 * low:.1f} to {100 * high:.1f} %)"
+
+
 def report(name, judged):
     print(f"{name}: {len(judged)} pairs, likeliest pose right in {sum(j[1] for j in judged)}")
-    for least in (0.5, 0.9, 0.95, 0.99):
+    for least in (0.5, 0.9, 0.95, 0.99, BEYOND_DOUBT):
         accepted = [j for j in judged if j[0] >= least]
         wrong = [j for j in accepted if not j[1]]
         print(f"  probability {least} and more: {len(accepted) - len(wrong)} right, "
               f"{len(wrong)} wrong, {sum(not j[2] for j in wrong)} of them of different places")
-    for low, high in ((0.0, 0.01), (0.1, 0.25), (0.25, 0.4), (0.4, 0.6), (0.6, 1.01)):
-        inside = [j for j in judged if j[2] and low <= j[3] < high]
-        print(f"  overlap {low} to {high}: {len(inside)} pairs, likeliest right "
-              f"{sum(j[1] for j in inside)}, with 0.99 and more "
-              f"{sum(j[1] and j[0] >= 0.99 for j in inside)}")
-    for mean, share, (low, high), trials in reliability(judged):
-        print(f"  said {mean:.4f}: right {share:.3f} ({low:.3f} to {high:.3f}) of {trials}")
+    bins = [("overlap 0.6 and more", 0.6, 1.01), ("0.4 to 0.6", 0.4, 0.6),
+            ("0.25 to 0.4", 0.25, 0.4), ("0.1 to 0.25", 0.1, 0.25), ("below 0.1", 0.0, 0.1)]
+    groups = [(title, [j for j in judged if j[2] and low <= j[3] < high])
+              for title, low, high in bins]
+    groups.append(("different places", [j for j in judged if not j[2]]))
+    for title, inside in groups:
+        accepted = [j for j in inside if j[0] >= BEYOND_DOUBT]
+        right = sum(j[1] for j in accepted)
+        print(f"  {title}: likeliest right {share(sum(j[1] for j in inside), len(inside))}, "
+              f"accepted right {share(right, len(inside))}, wrong {len(accepted) - right}")
+    for mean, part, (low, high), trials in reliability(judged):
+        print(f"  said {mean:.4f}: right {part:.3f} ({low:.3f} to {high:.3f}) of {trials}")
 
 
 def diagram(judged, path):
@@ -168,16 +191,30 @@ def diagram(judged, path):
 def main():
     if len(sys.argv) not in (3, 4):
         sys.exit(__doc__)
-    fit_pairs, test_pairs = read_pairs(sys.argv[1]), read_pairs(sys.argv[2])
+    tables = [("fit", read_pairs(sys.argv[1])), ("test", read_pairs(sys.argv[2]))]
+    weights = {}
     for known in itertools.product((True, False), repeat=2):
-        weights = fit([features(rows, *known) for rows in fit_pairs])
+        weights[known] = fit(data_of(tables[0][1], *known))
         print("lines of sight {}, likeness {}:".format(*("yes" if k else "no" for k in known)),
-              ", ".join(f"{name} {value:.3f}" for name, value in zip(NAMES, weights)))
-        for name, pairs in (("fit", fit_pairs), ("test", test_pairs)):
-            judged = judge(pairs, [features(rows, *known) for rows in pairs], weights)
-            report(name, judged)
-            if all(known) and name == "test" and len(sys.argv) == 4:
-                diagram(judged, sys.argv[3])
+              ", ".join(f"{name} {value:.3f}" for name, value in zip(NAMES, weights[known])))
+
+        def values(rows):
+            return np.array([features(rows, i, *known) @ weights[known] for i in range(len(rows))])
+
+        for name, pairs in tables:
+            report(name, judge(pairs, values))
+
+    def shipped(rows):
+        return np.array([features(rows, i, *known_of(row)) @ weights[known_of(row)]
+                         for i, row in enumerate(rows)])
+
+    print("as shipped:")
+    for name, pairs in tables:
+        judged = judge(pairs, shipped)
+        report(name, judged)
+        if name == "test" and len(sys.argv) == 4:
+            diagram(judged, sys.argv[3])
 
 
-main()
+if __name__ == "__main__":
+    main()

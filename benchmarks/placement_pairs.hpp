@@ -38,7 +38,7 @@ inline constexpr char kPairsUsage[] =
     "them in common\n"
     "  strangers PAIRS                      synthetic maps of different scenes\n"
     "  scaled PAIRS                         both, the source of any scale and pose\n"
-    "  sessions PAIRS|FIRST-LAST FOLDER     parts of mapped sessions, by overlap; see "
+    "  sessions PAIRS|FIRST-END FOLDER      parts of mapped sessions, by overlap; see "
     "session_pairs.hpp\n";
 
 /// Makes the pairs that the words ask for, one after the other, the same each time.

@@ -2,7 +2,7 @@
 // Places parts of mapped sessions on each other, with truth: what the model of the verdict's probability
 // is fitted to, and what it is tested with.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [THREADS]
-// FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-LAST. PART: fit (places of odd seed) or test
+// FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit (places of odd seed) or test
 // (of even seed). One CSV row a candidate to stdout; that of rank -1 is the true pose, refined.
 #include <cstdio>
 #include <exception>

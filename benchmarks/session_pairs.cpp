@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <map>
 #include <optional>
 #include <stdexcept>
+#include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -142,22 +145,28 @@ std::optional<SessionPair> draw_pair(const Session& one, const std::vector<const
 }  // namespace
 
 PairNumbers pair_numbers(const std::string& word) {
-  const auto number = [&](const std::string& digits) {
-    if (digits.empty() || digits.find_first_not_of("0123456789") != std::string::npos) {
-      throw Error(ErrorKind::kMisuse, "pairs", "\"" + word + "\" is no number of pairs",
-                  "a number, or two with a dash between them");
-    }
-    return std::stoull(digits);
+  PairNumbers numbers;
+  const auto parse = [](std::string_view digits, std::uint64_t& number) {
+    const auto [end, error] = std::from_chars(digits.begin(), digits.end(), number);
+    return error == std::errc() && end == digits.end();
   };
-  const std::size_t dash = word.find('-');
-  if (dash == std::string::npos) return {0, number(word)};
-  return {number(word.substr(0, dash)), number(word.substr(dash + 1))};
+  const std::string_view view = word;
+  const std::size_t dash = view.find('-');
+  const bool well_formed =
+      dash == std::string_view::npos
+          ? parse(view, numbers.end)
+          : parse(view.substr(0, dash), numbers.first) && parse(view.substr(dash + 1), numbers.end);
+  if (!well_formed || numbers.end <= numbers.first) {
+    throw Error(ErrorKind::kMisuse, "pairs", "\"" + word + "\" names no pairs",
+                "a number, or FIRST-END with END, which is not among them, the larger");
+  }
+  return numbers;
 }
 
 void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, bool odd,
                            const std::function<void(const SessionPair&)>& take) {
   const std::vector<Session> sessions = read_sessions(folder, odd);
-  for (std::uint64_t number = numbers.first; number < numbers.last; ++number) {
+  for (std::uint64_t number = numbers.first; number < numbers.end; ++number) {
     Random random = Random(number).fork(odd ? 1 : 2);
     const Session& one = sessions[random.index(sessions.size())];
     const bool same = number % 2 == 0;

@@ -27,14 +27,14 @@ struct SessionPair {
   bool same_place() const { return source_place == target_place; }
 };
 
-/// The pairs with these numbers, the last not among them.
+/// The pairs from the number first on, up to end, which is not among them.
 struct PairNumbers {
   std::uint64_t first = 0;
-  std::uint64_t last = 0;
+  std::uint64_t end = 0;
 };
 
 /// Numbers as written: "700" for the first 700 pairs, "700-1400" for the next.
-/// @throws Error (misuse) for anything else
+/// @throws Error (misuse) for anything else, and where there is no such pair
 PairNumbers pair_numbers(const std::string& word);
 
 /// Draws pairs, every other of two different places; a number means the same pair each time. For some

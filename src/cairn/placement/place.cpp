@@ -316,7 +316,8 @@ class Placement {
   // must not outweigh a tenth of all.
   static double merit(const PlacementCandidate& pose) {
     constexpr double kSupport = 50.0;
-    return pose.support.spread_evidence + kSupport * pose.support.share;
+    const Support& support = pose.support;
+    return support.spread_evidence + support.spread_likeness + kSupport * support.share;
   }
 
   // The best of the poses, with at most so many variants of what people would call one.

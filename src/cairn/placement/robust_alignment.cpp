@@ -68,9 +68,10 @@ bool gain_is_significant(std::span<const Eigen::Vector3d> places, std::span<cons
   return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
 }
 
-// By how much too small an ellipsoid is that holds 95 % of errors if the scatter is of infinitely many
-// parts: the quantile of Hotelling's distribution over that of the chi-squared one, to within a few per
-// cent for 12 parts and more. Nothing where there are too few parts for an ellipsoid.
+// How much larger the covariance has to be for the 95 % ellipsoid to hold as many errors, the scatter
+// being of a few parts only: about the quantile of Hotelling's distribution over that of the chi-squared
+// one, for 16 parts and 6 or 7 freedoms; for fewer parts it is larger than that. Nothing for fewer than 12
+// parts, 14 with a scale: so few would need an ellipsoid that says nothing.
 std::optional<double> correction_for_few(std::size_t parts, int freedoms) {
   const double spent = 1.57 * freedoms;
   const auto count = static_cast<double>(parts);

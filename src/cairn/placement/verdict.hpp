@@ -27,8 +27,8 @@ struct PlacementCandidate {
   Rigid3 target_from_source;
   double scale = 1.0;  ///< of the source, which is scaled before it is moved
   Support support = {};
-  /// Share of the lines of sight of either map's cameras on which the other map has a landmark in front
-  /// of what they saw; nothing where too few were looked at to say. See SightChecker.
+  /// Share of the lines of sight of either map's keyframes on which the other map has a landmark in front
+  /// of what they saw; nothing where too few lines were compared to say. See SightChecker.
   std::optional<double> contradicted = {};
   /// That it is the right pose; what is missing to 1 over all candidates is that none is.
   double probability = 0.0;
