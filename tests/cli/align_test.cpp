@@ -368,8 +368,8 @@ TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {
   expect_refusal({"align", "free.map", "target.map", "--anywhere"}, kBadInput, {"--scale"});
   expect_refusal({"align", "free.map", "target.map", "--scale"}, kWrongUsage, {"--anywhere"});
 
-  const Words words = {"align",   "free.map",  "target.map", "--anywhere", "--scale",
-                       "--truth", "truth.txt", "-o",         "aligned.map"};
+  const Words words = {"align", "free.map", "target.map", "--anywhere", "--scale",    "--effort",
+                       "0.25",  "--truth",  "truth.txt",  "-o",         "aligned.map"};
   Words with_report = words;
   with_report.insert(with_report.end(), {"--report", "report.html"});
   const Json json = document(with_report);
@@ -412,7 +412,8 @@ TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {
 
   // Of a target without a known unit, too.
   write_map(with_length_unit(maps.target, LengthUnit::kFree), path("free_target.map"));
-  const Json free = document({"align", "free.map", "free_target.map", "--anywhere", "--scale"});
+  const Json free = document(
+      {"align", "free.map", "free_target.map", "--anywhere", "--scale", "--effort", "0.25"});
   EXPECT_EQ(free.at("results").at(0).at("length_unit"), "free");
   EXPECT_EQ(free.at("results").at(0).at("overlap").at("radius"),
             free.at("results").at(0).at("support_radius"));
