@@ -32,9 +32,13 @@ def read_pairs(path):
     pairs = {}
     with open(path, newline="") as file:
         for row in csv.DictReader(file):
+            candidates = pairs.setdefault(row["pair"], [])
             if int(row["rank"]) >= 0:
-                pairs.setdefault(row["pair"], []).append(row)
-    return list(pairs.values())
+                candidates.append(row)
+    without = sum(not rows for rows in pairs.values())
+    if without > 0:
+        print(f"{path}: {without} pairs without any candidate are left out")
+    return [rows for rows in pairs.values() if rows]
 
 
 def right_of(rows):
@@ -42,6 +46,9 @@ def right_of(rows):
     right = [i for i, row in enumerate(rows)
              if float(row["rotation_deg"]) <= TOLERANCE[0]
              and float(row["translation_m"]) <= TOLERANCE[1]]
+    if len(right) > 1:
+        # Candidates are farther apart than that in maps of rooms; the model knows one right pose.
+        sys.exit(f"pair {rows[0]['pair']}: more than one candidate is right")
     return right[0] if right else -1
 
 
@@ -170,8 +177,8 @@ def diagram(judged, path):
            'stroke="#999"/>',
            '<line x1="{}" y1="{}" x2="{}" y2="{}" stroke="#999" stroke-dasharray="4"/>'.format(
                *at(0, 0), *at(1, 1))]
-    for mean, share, (low, high), trials in reliability(judged):
-        x, y = at(mean, share)
+    for mean, part, (low, high), trials in reliability(judged):
+        x, y = at(mean, part)
         out.append('<line x1="{0:.1f}" y1="{1:.1f}" x2="{0:.1f}" y2="{2:.1f}" stroke="#0072b2"/>'
                    .format(x, at(0, low)[1], at(0, high)[1]))
         out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="#0072b2"><title>{trials} pairs'

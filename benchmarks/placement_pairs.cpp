@@ -180,13 +180,6 @@ void sessions(PairNumbers numbers, const std::string& folder, const Take& take) 
   });
 }
 
-std::uint64_t count_of(const std::string& word) {
-  if (word.empty() || word.find_first_not_of("0123456789") != std::string::npos) {
-    throw Error(ErrorKind::kMisuse, "pairs", "\"" + word + "\" is no number of pairs", "a number");
-  }
-  return std::stoull(word);
-}
-
 }  // namespace
 
 void for_each_pair(std::span<const std::string> words, const Take& take) {
@@ -194,21 +187,22 @@ void for_each_pair(std::span<const std::string> words, const Take& take) {
   const std::size_t more = words.size() < 2 ? 0 : words.size() - 2;
   if (kind == "halves" && more == 1) {
     const LandmarkMap map = read_map(std::filesystem::path(words[2]) / "map_fr1_desk.txt");
-    trials(kind, count_of(words[1]), cut_frames(map, FrameId{120}, FrameId{1'000'000}),
+    trials(kind, whole_number(words[1]), cut_frames(map, FrameId{120}, FrameId{1'000'000}),
            cut_frames(map, FrameId{0}, FrameId{120}), std::nullopt, take);
   } else if (kind == "maps" && (more == 2 || more == 3)) {
-    trials(words[2] + " to " + words[3], count_of(words[1]), read_map(words[2]), read_map(words[3]),
-           more == 3 ? std::optional(pose_of_file(words[4])) : std::nullopt, take);
+    trials(words[2] + " to " + words[3], whole_number(words[1]), read_map(words[2]),
+           read_map(words[3]), more == 3 ? std::optional(pose_of_file(words[4])) : std::nullopt,
+           take);
   } else if (kind == "sessions" && more == 1) {
     sessions(pair_numbers(words[1]), words[2], take);
   } else if (kind == "simulated" && more == 0 && words.size() == 2) {
-    simulated(count_of(words[1]), take);
+    simulated(whole_number(words[1]), take);
   } else if (kind == "large" && more == 1) {
-    large(count_of(words[1]), count_of(words[2]), take);
+    large(whole_number(words[1]), whole_number(words[2]), take);
   } else if (kind == "strangers" && more == 0 && words.size() == 2) {
-    strangers(count_of(words[1]), take);
+    strangers(whole_number(words[1]), take);
   } else if (kind == "scaled" && more == 0 && words.size() == 2) {
-    with_scale(count_of(words[1]), take);
+    with_scale(whole_number(words[1]), take);
   } else {
     throw Error(ErrorKind::kMisuse, "pairs", "no such pairs",
                 "one of\n" + std::string(kPairsUsage));

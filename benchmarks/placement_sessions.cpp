@@ -33,7 +33,8 @@ double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
   return normalised_squared_error(result.target_from_source, *result.covariance, truth);
 }
 
-// What the true pose would be as a candidate: tells a failing search from maps that do not say more.
+// What the true pose would be as a candidate: tells a failing search from maps that do not say more. All
+// landmarks of the source are looked at, where place() looks at 4,096 of the map that extends less.
 PlacementCandidate true_candidate(const SessionPair& pair, double radius) {
   RefineOptions refinement;
   refinement.initial = pair.truth;

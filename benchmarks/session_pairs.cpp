@@ -7,7 +7,6 @@
 #include <map>
 #include <optional>
 #include <stdexcept>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -144,19 +143,23 @@ std::optional<SessionPair> draw_pair(const Session& one, const std::vector<const
 
 }  // namespace
 
+std::uint64_t whole_number(std::string_view word) {
+  std::uint64_t number = 0;
+  const char* const end = word.data() + word.size();
+  const auto [last, error] = std::from_chars(word.data(), end, number);
+  if (error != std::errc() || last != end) {
+    throw Error(ErrorKind::kMisuse, "pairs", "\"" + std::string(word) + "\" is not their number",
+                "a whole number");
+  }
+  return number;
+}
+
 PairNumbers pair_numbers(const std::string& word) {
-  PairNumbers numbers;
-  const auto parse = [](std::string_view digits, std::uint64_t& number) {
-    const auto [end, error] = std::from_chars(digits.begin(), digits.end(), number);
-    return error == std::errc() && end == digits.end();
-  };
-  const std::string_view view = word;
-  const std::size_t dash = view.find('-');
-  const bool well_formed =
-      dash == std::string_view::npos
-          ? parse(view, numbers.end)
-          : parse(view.substr(0, dash), numbers.first) && parse(view.substr(dash + 1), numbers.end);
-  if (!well_formed || numbers.end <= numbers.first) {
+  const std::size_t dash = word.find('-');
+  const bool range = dash != std::string::npos;
+  const PairNumbers numbers = {range ? whole_number(std::string_view(word).substr(0, dash)) : 0,
+                               whole_number(std::string_view(word).substr(range ? dash + 1 : 0))};
+  if (numbers.end <= numbers.first) {
     throw Error(ErrorKind::kMisuse, "pairs", "\"" + word + "\" names no pairs",
                 "a number, or FIRST-END with END, which is not among them, the larger");
   }

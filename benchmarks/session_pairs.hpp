@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <string_view>
 
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
@@ -32,6 +33,9 @@ struct PairNumbers {
   std::uint64_t first = 0;
   std::uint64_t end = 0;
 };
+
+/// @throws Error (misuse) for anything but the digits of a number
+std::uint64_t whole_number(std::string_view word);
 
 /// Numbers as written: "700" for the first 700 pairs, "700-1400" for the next.
 /// @throws Error (misuse) for anything else, and where there is no such pair

@@ -323,6 +323,9 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   const Json& candidates = result.at("candidates");
   ASSERT_GE(candidates.size(), 1U);
   EXPECT_GT(candidates.at(0).at("support").get<double>(), 0.2);
+  EXPECT_GT(candidates.at(0).at("matches").get<int>(),
+            candidates.at(0).at("close_matches").get<int>());
+  EXPECT_GT(candidates.at(0).at("close_matches").get<int>(), 0);
   EXPECT_GT(candidates.at(0).at("evidence").get<double>(),
             candidates.at(0).at("spread_evidence").get<double>());
   EXPECT_LT(candidates.at(0).at("contradicted").get<double>(), 0.05);

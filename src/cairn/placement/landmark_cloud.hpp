@@ -38,7 +38,8 @@ struct LandmarkCloud {
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }
 
   /// @throws Error (misuse) for columns of different lengths, for numbers that are not finite, weights
-  ///         that are negative and views of landmarks that are not there
+  ///         that are negative, views of landmarks that are not there, and descriptors of no bytes or of
+  ///         more than kMostDescriptorBytes
   /// @param name of the cloud, for the message
   void validate(std::string_view name) const;
 };

@@ -14,10 +14,10 @@ namespace cairn {
 
 /// Tells by their descriptors which landmarks that a pose brings together look alike.
 ///
-/// Two do if the source's descriptor is closer to the target's than to any of Likeness::kOthers of the
-/// target's that are drawn at random, for each of the source anew. Where a pose is wrong, and what it brings
-/// together is no more of one kind than any two landmarks are, that is so of one pair in kOthers + 1,
-/// whatever the descriptor: no threshold is asked for.
+/// Two do if the source's descriptor is closer to its partner's than to Likeness::kOthers others of the
+/// target: a run of one random order of these, from a random place for each of the source. Where a pose is
+/// wrong, and what it brings together is no more of one kind than any two landmarks are, that is so of at
+/// most one pair in kOthers + 1 (ties are unlike), whatever the descriptor: no threshold is asked for.
 class LookComparison {
  public:
   /// @param sample the first of the source that are asked for

@@ -201,10 +201,8 @@ class Placement {
 
   /// Of the kernel, for a source of the scale.
   double fine(double scale) const { return all_.at(scale).fine; }
-  /// Of the smaller cloud, as far as they are looked at.
-  std::size_t landmarks() const {
-    return std::min({pair_.source().size(), pair_.target().size(), kSample});
-  }
+  /// Of the smaller cloud.
+  std::size_t landmarks() const { return std::min(pair_.source().size(), pair_.target().size()); }
 
   Candidates candidates(const TimeLimit& time) const {
     const auto accept = [&](const Rigid3& pose) {
@@ -312,8 +310,8 @@ class Placement {
     });
   }
 
-  // By which poses go on. Most wrong ones have no evidence at all; a few landmarks that happen to meet
-  // must not outweigh a tenth of all.
+  // By which poses go on: evidence of positions and of looks. Most wrong ones have none of either; a few
+  // landmarks that happen to meet must not outweigh a tenth of all.
   static double merit(const PlacementCandidate& pose) {
     constexpr double kSupport = 50.0;
     const Support& support = pose.support;

@@ -38,7 +38,7 @@ struct PlaceOptions {
   double effort = 1.0;
   std::optional<GravityPrior> gravity = {};
   /// For maps that need not be of one scale, such as those of a single camera; takes some times longer,
-  /// and descriptors are not asked. Nothing: both maps are of one scale.
+  /// and descriptors propose no poses. Nothing: both maps are of one scale.
   std::optional<ScaleRange> scale = {};
   /// Wall time after which the search makes do with what it has: half of it for the search for poses,
   /// the rest to refine and judge them. What is found then depends on the machine, and so can be another

@@ -225,6 +225,8 @@ void expect_same(const PlacementResult& one, const PlacementResult& two) {
     const PlacementCandidate& b = two.candidates[i];
     EXPECT_EQ(a.target_from_source.matrix(), b.target_from_source.matrix());
     EXPECT_EQ(a.support.matches, b.support.matches);
+    EXPECT_EQ(a.support.close_matches, b.support.close_matches);
+    EXPECT_EQ(a.support.spread_evidence, b.support.spread_evidence);
     EXPECT_EQ(a.support.spread_likeness, b.support.spread_likeness);
     EXPECT_EQ(a.probability, b.probability);
   }
@@ -238,11 +240,42 @@ TEST(Place, IsTheSameForAnyNumberOfThreads) {
   expect_same(place(without, target), place(without, target, two_threads()));
 }
 
-TEST(Place, RefusesDescriptorsOfNoBytes) {
-  LandmarkCloud cloud = landmark_cloud(synthetic_map({.seed = 1, .landmarks = 100}));
-  cloud.descriptors = DescriptorColumn{"ORB", 0, std::vector<std::uint8_t>(cloud.size(), 1), {}};
-  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { place(cloud, cloud); }),
-              AllOf(HasSubstr("source"), HasSubstr("0 bytes"), HasSubstr("1 to 4096")));
+// A star of 12 rays that are alike: as many poses fit equally well, and more than go on.
+TEST(Place, OfPosesThatFitAlikeKeepsTheOneThatLooksRight) {
+  constexpr std::size_t kRays = 12;
+  constexpr std::size_t kBytes = 32;
+  Random random(7);
+  LandmarkCloud scene;
+  for (int i = 0; i < 120; ++i) {
+    const Eigen::Vector3d point(random.uniform(0.3, 1), random.uniform(-0.05, 0.05),
+                                random.uniform(-0.05, 0.05));
+    for (std::size_t ray = 0; ray < kRays; ++ray) {
+      const double turn = 2.0 * std::numbers::pi * static_cast<double>(ray) / kRays;
+      scene.positions.push_back(Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()) * point);
+    }
+  }
+  scene.descriptors =
+      DescriptorColumn{"ORB", kBytes, std::vector<std::uint8_t>(scene.size(), 1), {}};
+  for (std::size_t i = 0; i < scene.size() * kBytes; ++i) {
+    scene.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  for (const std::size_t turned : {1U, 3U, 5U, 9U}) {
+    // The same positions, so that the same poses fit; each ray looks like the one so many farther on.
+    LandmarkCloud source = scene;
+    auto& bytes = source.descriptors->bytes;
+    for (auto star = bytes.begin(); star != bytes.end(); star += kRays * kBytes) {
+      std::rotate(star, star + static_cast<std::ptrdiff_t>(turned * kBytes),
+                  star + static_cast<std::ptrdiff_t>(kRays * kBytes));
+    }
+    const PlacementResult result = place(source, scene, two_threads());
+    EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
+    EXPECT_EQ(result.candidates.size(), 8U);
+    const double angle = 2.0 * std::numbers::pi * static_cast<double>(turned) / kRays;
+    const Rigid3 truth(rotation_exp({0, 0, angle}), Eigen::Vector3d::Zero());
+    const Difference error = difference(result.alignment.target_from_source, truth, scene);
+    EXPECT_LT(error.rotation_deg, 0.1) << turned;
+    EXPECT_LT(error.translation, 0.001) << turned;
+  }
 }
 
 TEST(Place, LooksAtDescriptorsEitherWay) {

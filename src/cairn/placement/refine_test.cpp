@@ -167,7 +167,7 @@ TEST(Refine, CovarianceCoversTheErrorWhereMatchesAreRight) {
     sum += error_of(result, pair.truth);
   }
   // The covariance is made larger for its few parts, 2.43 times for 16: of Gaussian errors the mean would be
-  // 4.9 (Hotelling's distribution of 15 degrees of freedom, over 2.43).
+  // 4.9 (16/15 of that of Hotelling's distribution of 15 degrees of freedom, 11.25, over 2.43).
   EXPECT_GT(sum / kTrials, 3.0);
   EXPECT_LT(sum / kTrials, 7.0);
 }

@@ -16,8 +16,9 @@ struct Support {
   /// The matches of all landmarks, as a share of the smaller cloud: what a pose cannot gain by moving
   /// many landmarks onto one.
   double share = 0.0;
-  /// By how much likelier the distances are if some of these pairs are one landmark, seen twice, than if
-  /// only surfaces meet: logarithm of the ratio, at least 0.
+  /// By how much likelier the distances of all pairs that are each other's nearest, whatever the radius,
+  /// are if some of these pairs are one landmark, seen twice, than if only surfaces meet: logarithm of the
+  /// ratio, at least 0.
   double evidence = 0.0;
   /// The same without the part of the source, a sixteenth, that has the most of it: what one thing that
   /// stands in both places does not give.

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/support_counter.hpp"
 
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
@@ -42,7 +46,7 @@ Support support(const LandmarkCloud& source, const LandmarkCloud& target,
       pair.centred(pose), kRadius);
 }
 
-TEST(Support, OfACloudAndItselfIsWhole) {
+TEST(SupportCounter, OfACloudAndItselfIsWhole) {
   const LandmarkCloud cloud = wall(1000, 1);
   const Support all = support(cloud, cloud);
   EXPECT_DOUBLE_EQ(all.share, 1.0);
@@ -50,7 +54,7 @@ TEST(Support, OfACloudAndItselfIsWhole) {
   EXPECT_GT(all.spread_evidence, 0.8 * all.evidence);
 }
 
-TEST(Support, IsTheSameWhateverTheSourcesUnit) {
+TEST(SupportCounter, IsTheSameWhateverTheSourcesUnit) {
   const LandmarkCloud target = wall(1000, 1);
   const LandmarkCloud source = with_shared(wall(1000, 2), target, 0, 300);
   const Support one = support(source, target);
@@ -59,7 +63,7 @@ TEST(Support, IsTheSameWhateverTheSourcesUnit) {
   EXPECT_NEAR(other.evidence, one.evidence, 1e-6 * one.evidence);
 }
 
-TEST(Support, ThereIsNoEvidenceWhereOnlySurfacesMeet) {
+TEST(SupportCounter, ThereIsNoEvidenceWhereOnlySurfacesMeet) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const Support chance = support(wall(1500, 2 * seed), wall(1500, 2 * seed + 1));
     EXPECT_GT(chance.share, 0.1);
@@ -67,7 +71,7 @@ TEST(Support, ThereIsNoEvidenceWhereOnlySurfacesMeet) {
   }
 }
 
-TEST(Support, FewLandmarksThatAreOneAreEvidenceThatGrowsWithTheirNumber) {
+TEST(SupportCounter, FewLandmarksThatAreOneAreEvidenceThatGrowsWithTheirNumber) {
   const LandmarkCloud source = wall(1500, 1);
   double last = kOfChance;
   for (const std::size_t shared : {150, 300, 600}) {
@@ -77,7 +81,7 @@ TEST(Support, FewLandmarksThatAreOneAreEvidenceThatGrowsWithTheirNumber) {
   }
 }
 
-TEST(Support, EvidenceIsGoneBesideThePose) {
+TEST(SupportCounter, EvidenceIsGoneBesideThePose) {
   const LandmarkCloud source = wall(1500, 1);
   const LandmarkCloud target = with_shared(wall(1500, 2), source, 0, 400);
   EXPECT_LT(support(source, target,
@@ -86,7 +90,7 @@ TEST(Support, EvidenceIsGoneBesideThePose) {
             kOfChance);
 }
 
-TEST(Support, OneThingInBothPlacesGivesNoSpreadEvidence) {
+TEST(SupportCounter, OneThingInBothPlacesGivesNoSpreadEvidence) {
   const LandmarkCloud source = wall(3000, 1);
   LandmarkCloud target = wall(3000, 2);
   for (std::size_t i = 0; i < source.size(); ++i) {
@@ -98,19 +102,78 @@ TEST(Support, OneThingInBothPlacesGivesNoSpreadEvidence) {
   EXPECT_LT(thing.spread_evidence, 0.2 * thing.evidence);
 }
 
-// Else what is known a match would depend on how many are looked at.
-TEST(Support, OfASampleCountsWhatItLookedAtAndSharesWhatAllHave) {
-  const LandmarkCloud source = wall(4000, 1);
-  const LandmarkCloud target = with_shared(wall(2000, 2), source, 0, 1000);
-  const Support all = support(source, target);
-  const Support half = support(source, target, {}, 2000);
-  EXPECT_EQ(all.share, static_cast<double>(all.matches) / 2000.0);
-  EXPECT_GT(all.matches, all.close_matches);
-  EXPECT_LT(half.matches, all.matches);
-  EXPECT_EQ(half.share, 2.0 * static_cast<double>(half.matches) / 2000.0);
+TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
+  // Far apart from each other, so that each meets its own.
+  LandmarkCloud cloud;
+  for (int i = 0; i < 100; ++i) cloud.positions.emplace_back(0.2 * (i % 10), 0.2 * (i / 10), 0.0);
+  const auto beside = [&](double radii) {
+    LandmarkCloud other = cloud;
+    for (Eigen::Vector3d& position : other.positions) position.z() += radii * kRadius;
+    return support(cloud, other);
+  };
+  EXPECT_EQ(beside(0.4).close_matches, 100U);
+  EXPECT_EQ(beside(0.6).close_matches, 0U);
+  EXPECT_EQ(beside(0.6).matches, 100U);
+  EXPECT_EQ(beside(1.1).matches, 0U);
 }
 
-TEST(Support, HasNothingAgainstLandmarksThatCoincide) {
+// The probability is of evidence a match: both have to be of the landmarks looked at.
+TEST(SupportCounter, CountsWhatItLooksAtAndSharesWhatAllHave) {
+  const LandmarkCloud source = wall(4000, 1);
+  LandmarkCloud target = wall(2000, 2);
+  for (std::size_t i = 0; i < 2000; i += 2) target.positions[i] = source.positions[2 * i];
+  const Support all = support(source, target);
+  const Support half = support(source, target, {}, 2000);
+  EXPECT_DOUBLE_EQ(all.share, static_cast<double>(all.matches) / 2000.0);
+  EXPECT_DOUBLE_EQ(half.share, 2.0 * static_cast<double>(half.matches) / 2000.0);
+  EXPECT_NEAR(half.share, all.share, 0.1 * all.share);
+}
+
+constexpr std::size_t kBytes = 32;
+
+LandmarkCloud with_looks(LandmarkCloud cloud, std::uint64_t seed) {
+  Random random(seed);
+  cloud.descriptors =
+      DescriptorColumn{"ORB", kBytes, std::vector<std::uint8_t>(cloud.size(), 1), {}};
+  for (std::size_t i = 0; i < cloud.size() * kBytes; ++i) {
+    cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  return cloud;
+}
+
+TEST(SupportCounter, TellsHowManyOfTheMatchesLookAlike) {
+  const LandmarkCloud cloud = with_looks(wall(2000, 1), 1);
+  const Support same = support(cloud, cloud);
+  ASSERT_TRUE(same.likeness);
+  EXPECT_EQ(same.likeness->compared, same.matches);
+  EXPECT_EQ(same.likeness->alike, same.matches);
+  EXPECT_GT(same.spread_likeness, 0.8 * same.likeness->evidence());
+  const Support other = support(cloud, with_looks(wall(2000, 2), 2));
+  ASSERT_TRUE(other.likeness);
+  EXPECT_EQ(other.likeness->compared, other.matches);
+  EXPECT_GT(other.matches, 50U);
+  EXPECT_LT(other.spread_likeness, 3.0);
+  EXPECT_FALSE(support(cloud, wall(2000, 2)).likeness);
+}
+
+// One poster that hangs in both places.
+TEST(SupportCounter, LikenessOfOneThingAloneIsNotSpread) {
+  const LandmarkCloud source = with_looks(wall(2000, 1), 1);
+  LandmarkCloud target = with_looks(wall(2000, 2), 2);
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    if (source.positions[i].norm() > 0.3) continue;
+    target.positions[i] = source.positions[i];
+    const auto first = static_cast<std::ptrdiff_t>(i * kBytes);
+    std::copy_n(source.descriptors->bytes.begin() + first, kBytes,
+                target.descriptors->bytes.begin() + first);
+  }
+  const Support found = support(source, target);
+  ASSERT_TRUE(found.likeness);
+  EXPECT_GT(found.likeness->evidence(), 20.0);
+  EXPECT_LT(found.spread_likeness, 0.3 * found.likeness->evidence());
+}
+
+TEST(SupportCounter, HasNothingAgainstLandmarksThatCoincide) {
   LandmarkCloud cloud;
   cloud.positions.assign(100, Eigen::Vector3d(1.0, 2.0, 3.0));
   EXPECT_GE(support(cloud, cloud).evidence, 0.0);
