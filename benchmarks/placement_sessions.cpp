@@ -92,14 +92,14 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
+    const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
     std::puts(
         "pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
         "matches,close_matches,support,evidence,spread_evidence,spread_likeness,contradicted,"
         "probability,"
         "rotation_deg,translation_m,mahalanobis");
     const Executor executor(words.size() > 3 ? static_cast<unsigned>(std::stoul(words[3])) : 0);
-    benchmarks::for_each_session_pair(words[0], benchmarks::pair_numbers(words[1]),
-                                      words[2] == "fit",
+    benchmarks::for_each_session_pair(words[0], numbers, words[2] == "fit",
                                       [&](const SessionPair& pair) { tell(pair, executor); });
     return 0;
   } catch (const std::exception& error) {
