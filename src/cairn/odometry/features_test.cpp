@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
 
 namespace cairn {
