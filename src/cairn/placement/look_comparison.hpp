@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "cairn/core/random.hpp"
@@ -14,10 +15,11 @@ namespace cairn {
 
 /// Tells by their descriptors which landmarks that a pose brings together look alike.
 ///
-/// Two do if the source's descriptor is closer to its partner's than to Likeness::kOthers others of the
-/// target: a run of one random order of these, from a random place for each of the source. Where a pose is
-/// wrong, and what it brings together is no more of one kind than any two landmarks are, that is so of at
-/// most one pair in kOthers + 1 (ties are unlike), whatever the descriptor: no threshold is asked for.
+/// One of the source and its partners, those of the target that it may be, do if its descriptor is closer
+/// to one of theirs than to Likeness::kOthers times as many others of the target: a run of one random order
+/// of these, from a random place for each of the source. Where a pose is wrong, and what it brings together
+/// is no more of one kind than any two landmarks are, that is so at most once in kOthers + 1 (ties are
+/// unlike), whatever the descriptor: no threshold is asked for.
 class LookComparison {
  public:
   /// @param sample the first of the source that are asked for
@@ -27,8 +29,12 @@ class LookComparison {
   /// something to say.
   bool possible() const { return descriptors_.has_value(); }
 
-  /// Nothing where a descriptor is unknown.
-  std::optional<bool> alike(std::uint32_t source, std::uint32_t target) const;
+  /// Most partners that are looked at.
+  static constexpr std::size_t kPartners = 8;
+
+  /// Nothing where the source's descriptor is unknown, or those of all partners.
+  /// @param targets the partners, nearest first
+  std::optional<bool> alike(std::uint32_t source, std::span<const std::uint32_t> targets) const;
 
  private:
   // By number among the known descriptors.
@@ -38,12 +44,13 @@ class LookComparison {
     std::vector<std::uint32_t> order = {};  // of the target's, at random
     std::vector<std::uint32_t> place = {};  // in that order, of each of the target's
     std::vector<std::uint32_t> first = {};  // place of the first other, of each of the source's
-    std::vector<std::uint32_t> least = {};  // difference to any other, of each of the source's
+    std::size_t partners = 0;               // for how many there are others enough
+    // Least difference to the others of one partner, of two and so on; of each of the source's.
+    std::vector<std::uint32_t> least = {};
 
     std::uint32_t difference(std::size_t i, std::size_t j) const;
-    // To the others of i; where one of them is to be left out, there is one more.
-    // @param left_out its number among them, or kOthers
-    std::uint32_t least_difference(std::size_t i, std::size_t left_out) const;
+    // Least difference to as many others that are none of the partners.
+    std::uint32_t least_but(std::size_t i, std::span<const std::size_t> partners) const;
   };
   std::optional<Both> descriptors_;
 };

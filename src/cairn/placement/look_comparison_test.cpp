@@ -50,13 +50,22 @@ LandmarkCloud seen_again(LandmarkCloud cloud) {
   return cloud;
 }
 
-double share_alike(const LandmarkCloud& source, const LandmarkCloud& target, std::uint32_t shift) {
+std::optional<bool> alike(const LookComparison& looks, std::uint32_t source,
+                          const std::vector<std::uint32_t>& targets) {
+  return looks.alike(source, targets);
+}
+
+// Of landmarks and so many of the target's, that `shift` farther on and those after it.
+double share_alike(const LandmarkCloud& source, const LandmarkCloud& target, std::uint32_t shift,
+                   std::uint32_t partners = 1) {
   const CentredPair pair(source, target);
   const LookComparison looks(pair, source.size(), Random(1));
   EXPECT_TRUE(looks.possible());
   Likeness likeness;
   for (std::uint32_t i = 0; i < kCount; ++i) {
-    if (const auto alike = looks.alike(i, (i + shift) % kCount)) likeness += {1, *alike ? 1U : 0U};
+    std::vector<std::uint32_t> targets;
+    for (std::uint32_t j = 0; j < partners; ++j) targets.push_back((i + shift + j) % kCount);
+    if (const auto does = looks.alike(i, targets)) likeness += {1, *does ? 1U : 0U};
   }
   EXPECT_EQ(likeness.compared, kCount);
   return static_cast<double>(likeness.alike) / static_cast<double>(likeness.compared);
@@ -75,6 +84,19 @@ TEST(LookComparison, LandmarksThatAreOneLookAlikeAndOthersOnlyByChance) {
   }
 }
 
+TEST(LookComparison, OfSeveralPartnersTheOneThatLooksMostAlikeCounts) {
+  const LandmarkCloud cloud = wall(1);
+  const LandmarkCloud again = seen_again(cloud);
+  for (const std::uint32_t partners : {2U, 5U, 8U}) {
+    EXPECT_GT(share_alike(cloud, again, kCount + 1 - partners, partners), 0.99) << partners;
+    // As often by chance as of one: there are as many times the others to be beaten.
+    EXPECT_NEAR(share_alike(cloud, again, 1, partners), kChance, 5.0 * std::sqrt(kChance / kCount))
+        << partners;
+  }
+  // More are not looked at.
+  EXPECT_NEAR(share_alike(cloud, again, kCount - 8, 9), kChance, 5.0 * std::sqrt(kChance / kCount));
+}
+
 TEST(LookComparison, IsUnknownWhereADescriptorIs) {
   LandmarkCloud source = wall(1);
   LandmarkCloud target = seen_again(source);
@@ -82,9 +104,11 @@ TEST(LookComparison, IsUnknownWhereADescriptorIs) {
   target.descriptors->known[200] = 0;
   const CentredPair pair(source, target);
   const LookComparison looks(pair, source.size(), Random(1));
-  EXPECT_FALSE(looks.alike(100, 100));
-  EXPECT_FALSE(looks.alike(200, 200));
-  EXPECT_TRUE(looks.alike(300, 300).value());
+  EXPECT_FALSE(alike(looks, 100, {100}));
+  EXPECT_FALSE(alike(looks, 200, {200}));
+  EXPECT_TRUE(alike(looks, 300, {300}).value());
+  EXPECT_TRUE(alike(looks, 300, {200, 300}).value());
+  EXPECT_FALSE(alike(looks, 300, {}));
 }
 
 TEST(LookComparison, IsPossibleOnlyWhereMostDescriptorsAreKnownAndOfOneKind) {
@@ -124,14 +148,15 @@ TEST(LookComparison, NeedsMoreDescriptorsThanItComparesWith) {
     const LookComparison looks(CentredPair(source, with_known(count)), kCount, Random(1));
     ASSERT_TRUE(looks.possible()) << count;
     for (std::uint32_t i = 0; i < count; ++i) {
-      EXPECT_EQ(looks.alike(i, i), std::optional(true)) << i << " of " << count;
+      EXPECT_EQ(alike(looks, i, {i}), std::optional(true)) << i << " of " << count;
     }
-    std::size_t alike = 0;
+    std::size_t by_chance = 0;
     for (std::uint32_t i = 0; i < kCount; ++i) {
       // None of these is the other again.
-      if (looks.alike(i, (i + 1) % static_cast<std::uint32_t>(count)).value()) ++alike;
+      if (alike(looks, i, {(i + 1) % static_cast<std::uint32_t>(count)}).value()) ++by_chance;
     }
-    EXPECT_NEAR(static_cast<double>(alike) / kCount, kChance, 5.0 * std::sqrt(kChance / kCount));
+    EXPECT_NEAR(static_cast<double>(by_chance) / kCount, kChance,
+                5.0 * std::sqrt(kChance / kCount));
   }
 }
 
@@ -140,7 +165,7 @@ TEST(LookComparison, IsDrawnByItsSeedAlone) {
   const auto all = [&](std::uint64_t seed) {
     const LookComparison looks(pair, kCount, Random(seed));
     std::vector<bool> result;
-    for (std::uint32_t i = 0; i < kCount; ++i) result.push_back(looks.alike(i, i).value());
+    for (std::uint32_t i = 0; i < kCount; ++i) result.push_back(alike(looks, i, {i}).value());
     return result;
   };
   EXPECT_EQ(all(1), all(1));

@@ -16,10 +16,10 @@ struct Weights {
 };
 
 // Made by benchmarks/fit_placement_model.py from 1,210 pairs; docs/method.md has how well they predict others.
-constexpr Weights kWithAll = {-10.999, 14.971, 4.835, -1.235};
-constexpr Weights kWithSight = {-9.788, 17.802, 5.434, -1.126};
-constexpr Weights kWithLikeness = {-6.783, 17.247, 4.327, 0.0};
-constexpr Weights kWithNeither = {-6.106, 22.574, 5.317, 0.0};
+constexpr Weights kWithAll = {-11.234, 13.506, 4.676, -1.287};
+constexpr Weights kWithSight = {-9.916, 18.377, 5.432, -1.149};
+constexpr Weights kWithLikeness = {-6.728, 15.328, 4.076, 0.0};
+constexpr Weights kWithNeither = {-6.084, 23.175, 5.229, 0.0};
 
 // So many more, so that a few say little.
 constexpr double kMatchesMore = 20.0;

@@ -14,17 +14,14 @@
 namespace cairn {
 namespace {
 
-std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> points,
-                                      const Similarity3& pose, const BatchTree& tree) {
-  const std::vector<Eigen::Vector3d> moved = moved_points(points, pose);
-  std::vector<Neighbor> found(points.size());
+std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> moved,
+                                      const BatchTree& tree) {
+  std::vector<Neighbor> found(moved.size());
   tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
     found[i] = {nearest.index(0), nearest.squared_distance(0)};
   });
   return found;
 }
-
-constexpr std::size_t kGroups = 16;
 
 // A pair of landmarks that are each other's nearest.
 struct Pair {
@@ -46,7 +43,7 @@ void add_evidence(std::span<const Pair> pairs, Support& support) {
     support.evidence = sum;
     likeliest = share;
   }
-  std::array<double, kGroups> by_group{};
+  std::array<double, SupportCounter::kGroups> by_group{};
   for (const Pair& pair : pairs) by_group[pair.group] += log_ratio(pair, likeliest);
   support.spread_evidence =
       std::max(support.evidence - *std::max_element(by_group.begin(), by_group.end()), 0.0);
@@ -87,24 +84,21 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
   constexpr double kBothEmpty = 1.609;
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
-  const std::vector<Neighbor> there =
-      nearest_of_each(std::span(source.positions).first(sample_), pose, target_tree_);
+  const std::vector<Eigen::Vector3d> moved =
+      moved_points(std::span(source.positions).first(sample_), pose);
+  const std::vector<Neighbor> there = nearest_of_each(moved, target_tree_);
   std::vector<Eigen::Vector3d> met;
   met.reserve(sample_);
   for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
-  const std::vector<Neighbor> back = nearest_of_each(met, pose.inverse(), source_tree_);
+  const std::vector<Neighbor> back =
+      nearest_of_each(moved_points(met, pose.inverse()), source_tree_);
   Support support;
   std::vector<Pair> pairs;
-  std::array<Likeness, kGroups> likeness;
-  for (std::size_t i = 0; i < sample_; ++i) {
+  std::vector<std::uint32_t> matched;
+  for (std::uint32_t i = 0; i < sample_; ++i) {
     if (back[i].index != i) continue;
     const double squared = there[i].squared_distance;
-    if (squared <= radius * radius) {
-      ++support.matches;
-      if (const auto alike = looks_.alike(static_cast<std::uint32_t>(i), there[i].index)) {
-        likeness[source_groups_[i]] += {1, *alike ? 1U : 0U};
-      }
-    }
+    if (squared <= radius * radius) matched.push_back(i);
     if (4.0 * squared <= radius * radius) ++support.close_matches;
     const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
@@ -112,13 +106,35 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
     const double chance = -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * ratio);
     pairs.push_back({std::max(chance, kLeastChance), source_groups_[i]});
   }
+  support.matches = matched.size();
   // The sample stands for the source; a share is that of the smaller cloud.
   const double each = static_cast<double>(source.size()) /
                       static_cast<double>(sample_ * std::min(source.size(), target.size()));
   support.share = each * static_cast<double>(support.matches);
   add_evidence(pairs, support);
-  if (looks_.possible()) add_likeness(likeness, support);
+  if (looks_.possible()) add_likeness(likeness_by_group(matched, moved, radius), support);
   return support;
+}
+
+SupportCounter::Likenesses SupportCounter::likeness_by_group(std::span<const std::uint32_t> matched,
+                                                             std::span<const Eigen::Vector3d> moved,
+                                                             double radius) const {
+  std::vector<Eigen::Vector3d> places;
+  places.reserve(matched.size());
+  for (const std::uint32_t i : matched) places.push_back(moved[i]);
+  Likenesses result;
+  std::vector<std::uint32_t> partners;
+  target_tree_.batch(LookComparison::kPartners)
+      .for_each(places, Executor(), [&](std::size_t m, const NearestList auto& nearest) {
+        partners.clear();
+        for (std::size_t j = 0; j < nearest.size(); ++j) {
+          if (nearest.squared_distance(j) <= radius * radius) partners.push_back(nearest.index(j));
+        }
+        if (const auto alike = looks_.alike(matched[m], partners)) {
+          result[source_groups_[matched[m]]] += {1, *alike ? 1U : 0U};
+        }
+      });
+  return result;
 }
 
 }  // namespace cairn

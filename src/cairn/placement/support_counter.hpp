@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
@@ -24,6 +27,9 @@ namespace cairn {
 /// by how little it is to be expected where it is. What landmarks look like is asked apart from that.
 class SupportCounter {
  public:
+  /// Parts of the source, none of which is to decide alone.
+  static constexpr std::size_t kGroups = 16;
+
   /// @param pair, trees of its positions; must outlive this
   /// @param sample the first of the source that are looked at; in random order, they stand for all
   /// @param random draws what looks are compared with
@@ -34,6 +40,15 @@ class SupportCounter {
   Support operator()(const Similarity3& pose, double radius) const;
 
  private:
+  using Likenesses = std::array<Likeness, kGroups>;
+
+  // A corner has several landmarks in either map: which of them are each other's nearest is by chance. So
+  // of the partners within the radius the one that looks most like it counts.
+  // @param matched of the sample
+  // @param moved   where the pose has the sample
+  Likenesses likeness_by_group(std::span<const std::uint32_t> matched,
+                               std::span<const Eigen::Vector3d> moved, double radius) const;
+
   const CentredPair& pair_;
   const BatchTree& source_tree_;
   const BatchTree& target_tree_;
