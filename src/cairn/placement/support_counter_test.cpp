@@ -156,6 +156,27 @@ TEST(SupportCounter, TellsHowManyOfTheMatchesLookAlike) {
   EXPECT_FALSE(support(cloud, wall(2000, 2)).likeness);
 }
 
+// As in dense maps, where a corner has several landmarks.
+TEST(SupportCounter, OfTheLandmarksWithinTheRadiusTheOneThatLooksMostAlikeCounts) {
+  const LandmarkCloud source = with_looks(wall(500, 1), 1);
+  const auto share_alike = [&](double beside) {
+    // First those that are nearest and look like nothing there, then those that are the same.
+    LandmarkCloud target = with_looks(wall(1000, 2), 2);
+    for (std::size_t i = 0; i < 500; ++i) {
+      target.positions[i] = source.positions[i] + Eigen::Vector3d(0.0, 0.0, 0.001);
+      target.positions[500 + i] = source.positions[i] + Eigen::Vector3d(0.0, 0.0, beside);
+    }
+    std::copy(source.descriptors->bytes.begin(), source.descriptors->bytes.end(),
+              target.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(500 * kBytes));
+    const Support found = support(source, target);
+    EXPECT_GT(found.matches, 450U);
+    return static_cast<double>(found.likeness->alike) /
+           static_cast<double>(found.likeness->compared);
+  };
+  EXPECT_GT(share_alike(0.9 * kRadius), 0.99);
+  EXPECT_LT(share_alike(1.5 * kRadius), 0.1);
+}
+
 // One poster that hangs in both places.
 TEST(SupportCounter, LikenessOfOneThingAloneIsNotSpread) {
   const LandmarkCloud source = with_looks(wall(2000, 1), 1);
