@@ -57,13 +57,13 @@ TEST(Probability, GrowsWithHowManyMatchesLookAlike) {
   for (const auto sight : {std::optional<double>(0.03), std::optional<double>()}) {
     const PlacementCandidate other = looking(candidate(0.08, 0.0, sight), 0.0);
     double last = 0.0;
-    for (const double likeness : {0.0, 5.0, 30.0, 200.0}) {
+    for (const double likeness : {0.0, 5.0, 30.0, 300.0}) {
       const double best = best_of({looking(candidate(0.15, 10.0, sight), likeness), other});
       EXPECT_GT(best, last);
       last = best;
     }
     // A weak pose whose landmarks look alike is believed; a fair one whose landmarks do not, less.
-    EXPECT_GT(best_of({looking(candidate(0.15, 10.0, sight), 200.0), other}), 0.95);
+    EXPECT_GT(best_of({looking(candidate(0.15, 10.0, sight), 300.0), other}), 0.95);
     EXPECT_LT(best_of({looking(candidate(0.15, 10.0, sight), 0.0), other}),
               best_of({candidate(0.15, 10.0, sight), candidate(0.08, 0.0, sight)}));
   }
