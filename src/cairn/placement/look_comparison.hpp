@@ -49,8 +49,8 @@ class LookComparison {
     std::vector<std::uint32_t> least = {};
 
     std::uint32_t difference(std::size_t i, std::size_t j) const;
-    // Least difference to as many others that are none of the partners.
-    std::uint32_t least_but(std::size_t i, std::span<const std::size_t> partners) const;
+    // Least difference to the others of as many partners as are left out, none of which is among them.
+    std::uint32_t least_but(std::size_t i, std::span<const std::size_t> left_out) const;
   };
   std::optional<Both> descriptors_;
 };

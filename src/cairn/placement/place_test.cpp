@@ -24,7 +24,6 @@
 namespace cairn {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 Rigid3 any_pose(Random& random, double most_translation) {

@@ -105,7 +105,11 @@ TEST(SupportCounter, OneThingInBothPlacesGivesNoSpreadEvidence) {
 TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
   // Far apart from each other, so that each meets its own.
   LandmarkCloud cloud;
-  for (int i = 0; i < 100; ++i) cloud.positions.emplace_back(0.2 * (i % 10), 0.2 * (i / 10), 0.0);
+  for (int row = 0; row < 10; ++row) {
+    for (int column = 0; column < 10; ++column) {
+      cloud.positions.emplace_back(0.2 * column, 0.2 * row, 0.0);
+    }
+  }
   const auto beside = [&](double radii) {
     LandmarkCloud other = cloud;
     for (Eigen::Vector3d& position : other.positions) position.z() += radii * kRadius;
