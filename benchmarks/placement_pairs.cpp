@@ -167,7 +167,7 @@ void with_scale(std::uint64_t count, const Take& take) {
 }
 
 void sessions(PairNumbers numbers, const std::string& folder, const Take& take) {
-  for_each_session_pair(folder, numbers, false, [&](const SessionPair& pair) {
+  for_each_session_pair(folder, numbers, SessionPart::kTest, [&](const SessionPair& pair) {
     const auto& [least, most] = pair.overlap_range;
     const std::string group = pair.same_place()
                                   ? group_of("sessions, overlap %.2f to %.2f", least, most)

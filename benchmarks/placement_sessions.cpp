@@ -1,24 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Places parts of mapped sessions on each other, with truth: what the model of the verdict's probability
 // is fitted to, and what it is tested with.
-//   cairn_placement_sessions_benchmark FOLDER PAIRS PART [THREADS]
-// FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit (places of odd seed) or test
-// (of even seed). One CSV row a candidate to stdout; that of rank -1 is the true pose, refined.
+//   cairn_placement_sessions_benchmark FOLDER PAIRS PART [VARIANT,...]
+// FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit, choose or test, by the
+// places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always) or undescribed
+// (maps without descriptors). One CSV row a candidate to stdout; rank -1 stands for there being none.
+#include <array>
 #include <cstdio>
 #include <exception>
 #include <numbers>
 #include <string>
 #include <vector>
 
-#include "cairn/core/random.hpp"
+#include <fmt/format.h>
+
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/placement/centred_pair.hpp"
 #include "cairn/placement/place.hpp"
-#include "cairn/placement/refine.hpp"
-#include "cairn/placement/support_counter.hpp"
-#include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "session_pairs.hpp"
 
@@ -33,48 +32,55 @@ double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
   return normalised_squared_error(result.target_from_source, *result.covariance, truth);
 }
 
-// What the true pose would be as a candidate: tells a failing search from maps that do not say more. All
-// landmarks of the source are looked at, where place() looks at 4,096 of the map that extends less.
-PlacementCandidate true_candidate(const SessionPair& pair, double radius) {
-  RefineOptions refinement;
-  refinement.initial = pair.truth;
-  refinement.fine = 2.0 * radius;
-  refinement.coarse = 4.0 * radius;
-  refinement.by_icp_too = false;
-  const CentredPair centred(pair.source, pair.target);
-  const Rigid3 pose =
-      centred.centred(refine(pair.source, pair.target, refinement).target_from_source).rigid();
-  const BatchTree source_tree(centred.source().positions);
-  const BatchTree target_tree(centred.target().positions);
-  PlacementCandidate candidate;
-  candidate.target_from_source = centred.uncentred(pose).rigid();
-  candidate.support = SupportCounter(centred, source_tree, target_tree, pair.source.size(),
-                                     Random(pair.number), Executor())(pose, radius);
-  return candidate;
-}
+struct Variant {
+  const char* name;
+  PoseSearch search;
+  bool with_descriptors;
+  bool with_views;
+};
 
-void tell(const SessionPair& pair, const Executor& executor) {
+constexpr std::array<Variant, 4> kVariants = {{
+    {"shipped", PoseSearch::kWhereNeeded, true, true},
+    {"descriptors", PoseSearch::kNever, true, true},
+    {"searched", PoseSearch::kAlways, true, true},
+    {"undescribed", PoseSearch::kAlways, false, true},
+}};
+
+void tell(const SessionPair& pair, const Variant& variant, const Executor& executor) {
   const bool same = pair.same_place();
   PlaceOptions options;
   options.seed = pair.number;
+  options.search = variant.search;
   options.executor = executor;
-  const PlacementResult result = place(pair.source, pair.target, options);
+  LandmarkCloud source = pair.source;
+  LandmarkCloud target = pair.target;
+  for (LandmarkCloud* const cloud : {&source, &target}) {
+    if (!variant.with_descriptors) cloud->descriptors.reset();
+    if (!variant.with_views) cloud->views.clear();
+  }
+  const PlacementResult result = place(source, target, options);
   std::vector<PlacementCandidate> candidates = result.candidates;
-  if (same) candidates.push_back(true_candidate(pair, result.radius));
+  // A pair of which nothing is known counts, too.
+  if (candidates.empty()) candidates.emplace_back();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Support& support = candidate.support;
     const PoseError error =
         same ? pose_error(candidate.target_from_source, pair.truth, pair.source.positions)
              : PoseError{std::numbers::pi, 100.0};
+    const DescriptorAgreement agreement = support.agreement.value_or(DescriptorAgreement{});
     std::printf(
-        "%llu,%s,%s,%d,%.6f,%zu,%zu,%s,%.3f,%d,%zu,%zu,%.5f,%.3f,%.3f,"
-        "%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
-        static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
+        "%s,%llu,%s,%s,%d,%.6f,%zu,%zu,%s,%.3f,%d,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,"
+        "%.3f,%.3f,%.3f,%.3f,%d,%zu,%zu,%zu,%.4f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
+        variant.name, static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
         pair.target_place.c_str(), same ? 1 : 0, pair.overlap, pair.source.size(),
         pair.target.size(), std::string(to_string(result.verdict)).c_str(), result.duration_s,
-        i < result.candidates.size() ? static_cast<int>(i) : -1, support.matches,
-        support.close_matches, support.share, support.evidence, support.spread_evidence,
+        i < result.candidates.size() ? static_cast<int>(i) : -1, support.within[0],
+        support.within[1], support.within[2], support.within[3], support.within[4],
+        support.within[5], support.share, support.evidence, support.spread_evidence,
+        support.proximity.all, support.proximity.spread, support.proximity.share,
+        support.proximity.deviation, support.agreement ? 1 : 0, agreement.matches,
+        agreement.agreeing, agreement.spread, agreement.expected,
         support.likeness ? support.spread_likeness : -1.0, candidate.contradicted.value_or(-1.0),
         candidate.probability, degrees(error.rotation_rad), error.translation,
         i == 0 && same ? squared_mahalanobis(result.alignment, pair.truth) : -1.0);
@@ -86,21 +92,28 @@ void tell(const SessionPair& pair, const Executor& executor) {
 
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.size() < 3 || (words[2] != "fit" && words[2] != "test")) {
-    std::fputs("usage: cairn_placement_sessions_benchmark FOLDER PAIRS fit|test [THREADS]\n",
+  if (words.size() < 3) {
+    std::fputs("usage: cairn_placement_sessions_benchmark FOLDER PAIRS fit|choose|test [VARIANT,...]\n",
                stderr);
     return 2;
   }
   try {
     const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
     std::puts(
-        "pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
-        "matches,close_matches,support,evidence,spread_evidence,spread_likeness,contradicted,"
-        "probability,"
+        "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
+        "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
+        "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
+        "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
         "rotation_deg,translation_m,mahalanobis");
-    const Executor executor(words.size() > 3 ? static_cast<unsigned>(std::stoul(words[3])) : 0);
-    benchmarks::for_each_session_pair(words[0], numbers, words[2] == "fit",
-                                      [&](const SessionPair& pair) { tell(pair, executor); });
+    const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
+    const Executor executor(1);
+    benchmarks::for_each_session_pair(
+        words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {
+          for (const Variant& variant : kVariants) {
+            if (wanted.find(fmt::format(",{},", variant.name)) == std::string::npos) continue;
+            tell(pair, variant, executor);
+          }
+        });
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -17,7 +17,7 @@ sequence=$(mktemp -d)
 trap 'rm -rf "$sequence"' EXIT
 
 for seed in "$@"; do
-  for kind in desk office corridor warehouse room; do
+  for kind in desk office corridor warehouse room kitchen; do
     for session in 0 1; do
       name=$folder/$kind-$seed-$session
       [ -f "$name.gt" ] && continue
@@ -26,7 +26,7 @@ for seed in "$@"; do
       path=sweep
       if [ $session = 1 ] && [ $((seed % 3)) != 1 ]; then changed=0.25; fi
       if [ $session = 1 ] && [ $((seed % 3)) = 0 ]; then
-        case $kind in corridor | warehouse) path=walk ;; *) path=orbit ;; esac
+        case $kind in corridor | warehouse | kitchen) path=walk ;; *) path=orbit ;; esac
       fi
       rm -rf "$sequence/frames"
       "$cairn" simulate "$sequence/frames" --environment "$kind" --seed "$seed" \

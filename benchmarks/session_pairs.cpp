@@ -44,7 +44,12 @@ struct Part {
   Rigid3 world_from_map;
 };
 
-std::vector<Session> read_sessions(const std::filesystem::path& folder, bool odd) {
+SessionPart part_of_seed(int seed) {
+  if (seed % 2 == 0) return SessionPart::kTest;
+  return seed % 4 == 1 ? SessionPart::kFit : SessionPart::kChoose;
+}
+
+std::vector<Session> read_sessions(const std::filesystem::path& folder, SessionPart part) {
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() == ".cairn") files.push_back(entry.path());
@@ -55,7 +60,9 @@ std::vector<Session> read_sessions(const std::filesystem::path& folder, bool odd
     const std::string name = file.stem().string();
     const std::string place = name.substr(0, name.rfind('-'));
     const int seed = std::stoi(place.substr(place.rfind('-') + 1));
-    if ((seed % 2 == 1) != odd) continue;
+    if (part_of_seed(seed) != part) continue;
+    // Still being made.
+    if (!exists(std::filesystem::path(file).replace_extension(".gt"))) continue;
     Session session{place, read_map(file), {}};
     FileReader truth(file.replace_extension(".gt"));
     for (const TimedPose& pose : read_tum_trajectory(truth).poses()) {
@@ -166,11 +173,19 @@ PairNumbers pair_numbers(const std::string& word) {
   return numbers;
 }
 
-void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, bool odd,
+SessionPart session_part(std::string_view name) {
+  if (name == "fit") return SessionPart::kFit;
+  if (name == "choose") return SessionPart::kChoose;
+  if (name == "test") return SessionPart::kTest;
+  throw Error(ErrorKind::kMisuse, "part", "\"" + std::string(name) + "\" is none",
+              "fit, choose or test");
+}
+
+void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, SessionPart part,
                            const std::function<void(const SessionPair&)>& take) {
-  const std::vector<Session> sessions = read_sessions(folder, odd);
+  const std::vector<Session> sessions = read_sessions(folder, part);
   for (std::uint64_t number = numbers.first; number < numbers.end; ++number) {
-    Random random = Random(number).fork(odd ? 1 : 2);
+    Random random = Random(number).fork(static_cast<std::uint64_t>(part));
     const Session& one = sessions[random.index(sessions.size())];
     const bool same = number % 2 == 0;
     std::vector<const Session*> others;

@@ -41,14 +41,24 @@ std::uint64_t whole_number(std::string_view word);
 /// @throws Error (misuse) for anything else, and where there is no such pair
 PairNumbers pair_numbers(const std::string& word);
 
+/// Places are split by their seed, so that what is measured with one part was not fitted to another.
+enum class SessionPart {
+  kFit = 1,     ///< seeds 1, 5, 9, ...: the model is fitted to them
+  kChoose = 3,  ///< seeds 3, 7, 11, ...: the threshold is chosen with them
+  kTest = 2,    ///< even seeds
+};
+
+/// "fit", "choose" or "test".
+/// @throws Error (misuse) for another name
+SessionPart session_part(std::string_view name);
+
 /// Draws pairs, every other of two different places; a number means the same pair each time. For some
 /// no parts that overlap as wanted are found: these are left out.
 ///
 /// @param folder holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground
 ///               truth (benchmarks/placement_sessions.sh makes them)
-/// @param odd    of places of odd seed, to which a model may be fitted; or of even seed, which test it
 /// @throws Error or std::runtime_error if there are no two sessions
-void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, bool odd,
+void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, SessionPart part,
                            const std::function<void(const SessionPair&)>& take);
 
 }  // namespace cairn::benchmarks

@@ -4,31 +4,35 @@
 #include <cstddef>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/placement/centred_pair.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 
 namespace cairn {
 
 struct DescriptorPoseOptions {
-  std::size_t sample = 2048;  ///< the first landmarks of each cloud that are compared
-  std::size_t matches = 600;  ///< the closest pairs of descriptors that are looked at
-  int draws = 4000;           ///< triples of pairs that are tried
+  std::size_t matches = 800;  ///< the most alike that poses are made from
+  int draws = 4000;           ///< triples of matches that are tried; with a free scale three times as many
   std::size_t poses = 8;      ///< at most so many are proposed
-  double tolerance = 0.0;     ///< by how much distances between landmarks may differ; positive
-  Executor executor = Executor();
+  /// By how much distances between landmarks may differ, in the target's unit; positive.
+  double tolerance = 0.0;
+  bool free_scale = false;  ///< the source's scale is estimated; else it is 1
+  double least_scale = 1.0 / 400.0;  ///< bounds of a free scale
+  double most_scale = 400.0;
 };
 
-/// Centred poses that pairs of like descriptors propose; none where either cloud has no descriptors or
-/// they are of different kinds. Nothing but proposals: whether one is right, geometry must tell.
+/// A pose on which several matches of descriptors agree.
+struct DescriptorPose {
+  Similarity3 pose;          ///< centred
+  std::size_t agreeing = 0;  ///< matches that it brings within the tolerance
+};
+
+/// Centred poses that mutual matches of descriptors propose, by consensus of random triples (RANSAC,
+/// Fischler and Bolles 1981): three landmarks as far from each other in one cloud as in the other, or,
+/// with a free scale, in one proportion, give a pose; it is re-estimated from all matches that agree.
 ///
-/// Pairs are each other's closest: by differing bits for binary kinds (ORB, BRIEF, BRISK, AKAZE, FREAK,
-/// LATCH), by the sum of squared differences of bytes for all others. Triples of pairs whose landmarks
-/// are as far from each other in one cloud as in the other give poses, ranked by how many pairs they
-/// bring together.
-///
-/// @return distinct, most pairs first; the same for any number of threads
-std::vector<Rigid3> descriptor_poses(const CentredPair& pair, Random random,
-                                     const DescriptorPoseOptions& options);
+/// @return distinct, most agreeing matches first; at least four matches agree on each
+std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
+                                             const DescriptorPoseOptions& options);
 
 }  // namespace cairn

@@ -7,15 +7,12 @@
 #include <string_view>
 
 namespace cairn {
-namespace {
 
 bool is_binary(std::string_view kind) {
   constexpr std::array<std::string_view, 6> kBinary = {"ORB",   "BRIEF", "BRISK",
                                                        "AKAZE", "FREAK", "LATCH"};
   return std::find(kBinary.begin(), kBinary.end(), kind) != kBinary.end();
 }
-
-}  // namespace
 
 bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b) {
   return a.descriptors && b.descriptors && a.descriptors->kind == b.descriptors->kind &&

@@ -5,12 +5,17 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/hamming.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
 
 namespace cairn {
+
+/// Whether descriptors of a kind are compared bit by bit (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH); others
+/// are compared byte by byte.
+bool is_binary(std::string_view kind);
 
 /// Whether descriptors of both clouds can be compared: both have some, of one kind and length.
 bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b);

@@ -17,8 +17,10 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/placement/descriptor_poses.hpp"
 #include "cairn/placement/probability.hpp"
+#include "cairn/placement/proximity.hpp"
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/robust_alignment.hpp"
 #include "cairn/placement/rotations.hpp"
@@ -34,9 +36,9 @@ constexpr std::size_t kSample = 4096;         // landmarks of a map that are loo
 constexpr double kRotations = 4608;           // at effort 1: about 15 degrees apart
 constexpr double kTurns = 72;                 // and about a known vertical: 5 degrees apart
 constexpr std::size_t kShortPoints = 1000;    // of the source, in the first look at each candidate
-constexpr int kShortIterations = 8;
+constexpr int kShortIterations = 16;
 constexpr int kFinalIterations = 60;
-constexpr std::size_t kFinalists = 8;
+constexpr std::size_t kFinalists = 12;
 constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each view of the other
 constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
 constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
@@ -54,6 +56,15 @@ constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
 constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
 constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
+constexpr double kFinest = 1.0 / 12.0;  // where refinement ends: most maps agree that closely
+// Proposals by descriptors are judged before any search if as many matches agree with one;
+constexpr std::size_t kFewestAgreeing = 7;
+// those with this share of its matches are its rivals;
+constexpr double kRivalShare = 0.4;
+// and a probability of this makes the search needless.
+constexpr double kDecided = 0.999;
+// Share of a candidate's merit that all landmarks must leave it.
+constexpr double kKept = 0.95;
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
@@ -171,8 +182,13 @@ void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
   candidate.scale = pose.scale();
 }
 
+// A pose on its way to be a candidate, centred.
+struct Finalist : PlacementCandidate {
+  Proximity proximity = {};
+};
+
 struct Candidates {
-  std::vector<PlacementCandidate> poses;  // likeliest first
+  std::vector<Finalist> poses;  // likeliest first
   bool cut_short = false;
 };
 
@@ -191,6 +207,7 @@ class Placement {
         target_tree_(pair_.target().positions),
         support_(pair_, source_tree_, target_tree_, kSample, Random(options.seed).fork(5),
                  options.executor),
+        matches_(pair_),
         sight_(pair_, kSightPoints) {
     all_ = {cloud_scales(pair_.source(), source_tree_, options.executor),
             cloud_scales(pair_.target(), target_tree_, options.executor)};
@@ -201,6 +218,51 @@ class Placement {
 
   /// Of the kernel, for a source of the scale.
   double fine(double scale) const { return all_.at(scale).fine; }
+  // The support of a pose.
+  Finalist assessed(const Similarity3& pose) const {
+    Finalist result;
+    set_similarity(result, pose);
+    const double radius = kMatched * fine(pose.scale());
+    result.support = support_(pose, radius, &result.proximity);
+    if (matches_.possible()) result.support.agreement = matches_.agreement(pose, radius);
+    return result;
+  }
+
+  // By which poses go on: evidence of positions and of looks. Most wrong ones have none of either; a few
+  // landmarks that happen to meet must not outweigh a tenth of all.
+  static double merit(const PlacementCandidate& pose) {
+    constexpr double kSupport = 50.0;
+    const Support& support = pose.support;
+    const double agreement = support.agreement ? support.agreement->evidence() : 0.0;
+    return support.spread_evidence + support.spread_likeness + agreement + kSupport * support.share;
+  }
+
+  // Each beside the others; likeliest first.
+  std::vector<Finalist> with_probabilities(std::vector<Finalist> poses) const {
+    for (Finalist& pose : poses) {
+      std::vector<const Proximity*> others;
+      for (const Finalist& other : poses) {
+        if (&other != &pose) others.push_back(&other.proximity);
+      }
+      pose.support.proximity = proximity_evidence(pose.proximity, others);
+      const SightCounts sight = sight_(pose.similarity());
+      pose.contradicted.reset();
+      if (sight.total() >= kFewestSights) {
+        pose.contradicted =
+            static_cast<double>(sight.in_front) / static_cast<double>(sight.total());
+      }
+    }
+    const std::vector<PlacementCandidate> candidates(poses.begin(), poses.end());
+    const std::vector<double> likely = probabilities(candidates);
+    for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
+    std::stable_sort(poses.begin(), poses.end(), [](const Finalist& a, const Finalist& b) {
+      return a.probability > b.probability;
+    });
+    return poses;
+  }
+
+  const CentredPair& pair() const { return pair_; }
+
   /// Of the smaller cloud.
   std::size_t landmarks() const { return std::min(pair_.source().size(), pair_.target().size()); }
 
@@ -211,8 +273,25 @@ class Placement {
       return down.dot(options_.gravity->target.normalized()) >=
              std::cos(options_.gravity->max_tilt_rad);
     };
+    std::vector<Finalist> proposed;
+    for (const DescriptorPose& proposal : proposals()) {
+      if (!accept(proposal.pose.rigid())) continue;
+      proposed.emplace_back();
+      set_similarity(proposed.back(), proposal.pose);
+      proposed.back().support.agreement = DescriptorAgreement{.agreeing = proposal.agreeing};
+    }
     Candidates result;
-    std::vector<PlacementCandidate>& poses = result.poses;
+    if (options_.search != PoseSearch::kAlways) {
+      std::vector<Finalist> rivals = rivals_of(proposed);
+      result.cut_short = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
+        refine_all(rivals, all_, kSample, kFinalIterations, stop);
+      });
+      result.poses = judged(std::move(rivals));
+      const bool decided =
+          !result.poses.empty() && result.poses.front().probability >= kDecided;
+      if (decided || options_.search == PoseSearch::kNever) return result;
+    }
+    std::vector<Finalist> poses;
     const auto turns = rotations(options_, Random(options_.seed).fork(3));
     for (std::size_t i = 0; i < scales_.size(); ++i) {
       // Each scale has its share of the time.
@@ -223,51 +302,65 @@ class Placement {
       });
       result.cut_short = result.cut_short || cut;
     }
-    if (!options_.scale) {
-      DescriptorPoseOptions descriptors;
-      descriptors.tolerance = fine(1.0);
-      descriptors.executor = options_.executor;
-      for (const Rigid3& pose :
-           descriptor_poses(pair_, Random(options_.seed).fork(4), descriptors)) {
-        if (accept(pose)) poses.push_back({.target_from_source = pose});
-      }
-    }
+    poses.insert(poses.end(), proposed.begin(), proposed.end());
     const bool unrefined = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
       refine_all(poses, sample_, kShortPoints, kShortIterations, stop);
       poses = distinct(std::move(poses), sample_, kVariants);
       refine_all(poses, all_, kSample, kFinalIterations, stop);
     });
     result.cut_short = result.cut_short || unrefined;
-    if (options_.scale) {
-      const auto [least, most] = *options_.scale;
-      std::erase_if(poses, [&](const PlacementCandidate& pose) {
-        return pose.scale < least * (1.0 - kScaleMargin) ||
-               pose.scale > most * (1.0 + kScaleMargin);
-      });
-    }
-    poses = distinct(std::move(poses), all_, 1);
-    for (PlacementCandidate& pose : poses) {
-      const SightCounts sight = sight_(pose.similarity());
-      if (sight.total() >= kFewestSights) {
-        pose.contradicted =
-            static_cast<double>(sight.in_front) / static_cast<double>(sight.total());
-      }
-      set_similarity(pose, pair_.uncentred(pose.similarity()));
-    }
-    const std::vector<double> likely = probabilities(poses);
-    for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
-    std::stable_sort(poses.begin(), poses.end(),
-                     [](const PlacementCandidate& a, const PlacementCandidate& b) {
-                       return a.probability > b.probability;
-                     });
+    result.poses = judged(std::move(poses));
     return result;
   }
 
  private:
+  // Poses on which descriptors agree.
+  std::vector<DescriptorPose> proposals() const {
+    DescriptorPoseOptions options;
+    options.free_scale = options_.scale.has_value();
+    // Where the scale is open, lengths of the target alone are known.
+    options.tolerance =
+        kMatched * (options.free_scale
+                        ? kernel_scales(all_.target, all_.target).fine
+                        : fine(1.0));
+    if (options_.scale) {
+      options.least_scale = options_.scale->least;
+      options.most_scale = options_.scale->most;
+    }
+    return descriptor_poses(matches_, Random(options_.seed).fork(4), options);
+  }
+
+  // Those that may be right if the first is not; none if too few matches agree with any.
+  static std::vector<Finalist> rivals_of(const std::vector<Finalist>& proposed) {
+    constexpr std::size_t kMost = 4;
+    std::vector<Finalist> rivals;
+    if (proposed.empty() || proposed.front().support.agreement->agreeing < kFewestAgreeing) {
+      return rivals;
+    }
+    const double most = static_cast<double>(proposed.front().support.agreement->agreeing);
+    for (const Finalist& one : proposed) {
+      const auto agreeing = static_cast<double>(one.support.agreement->agreeing);
+      if (agreeing >= kRivalShare * most && rivals.size() < kMost) rivals.push_back(one);
+    }
+    return rivals;
+  }
+
+  // The distinct ones with their probabilities, likeliest first.
+  std::vector<Finalist> judged(std::vector<Finalist> poses) const {
+    if (options_.scale) {
+      const auto [least, most] = *options_.scale;
+      std::erase_if(poses, [&](const Finalist& pose) {
+        return pose.scale < least * (1.0 - kScaleMargin) ||
+               pose.scale > most * (1.0 + kScaleMargin);
+      });
+    }
+    return with_probabilities(distinct(std::move(poses), all_, 1));
+  }
+
   // Adds the poses that a search at the scale finds.
   void search(double scale, double progress, std::span<const Eigen::Quaterniond> turns,
               const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
-              std::vector<PlacementCandidate>& poses) const {
+              std::vector<Finalist>& poses) const {
     const KernelScales kernel = all_.at(scale);
     SearchOptions options{
         .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
@@ -281,13 +374,14 @@ class Placement {
     for (const SearchCandidate& found :
          search_poses(source, pair_.source().weights, pair_.target().positions,
                       pair_.target().weights, turns, accept, options)) {
-      poses.push_back({.target_from_source = found.target_from_source, .scale = scale});
+      poses.emplace_back();
+      set_similarity(poses.back(), {scale, found.target_from_source});
     }
   }
 
   // Moves each pose to the optimum near it, at the fine scale of the lengths, and counts its support
   // there.
-  void refine_all(std::vector<PlacementCandidate>& poses, const PairScales& lengths,
+  void refine_all(std::vector<Finalist>& poses, const PairScales& lengths,
                   std::size_t points, int iterations, const std::stop_token& stop) const {
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
@@ -299,38 +393,30 @@ class Placement {
                                      .run(poses[i].similarity(),
                                           {.coarse = sample_.at(poses[i].scale).fine,
                                            .fine = fine,
+                                           .finest = kFinest * fine,
                                            .max_iterations = iterations,
                                            .points = points,
                                            .free_scale = options_.scale.has_value()},
                                           stop)
                                      .target_from_source;
-        poses[i].support = support_(pose, kMatched * fine);
-        set_similarity(poses[i], pose);
+        poses[i] = assessed(pose);
       }
     });
   }
 
-  // By which poses go on: evidence of positions and of looks. Most wrong ones have none of either; a few
-  // landmarks that happen to meet must not outweigh a tenth of all.
-  static double merit(const PlacementCandidate& pose) {
-    constexpr double kSupport = 50.0;
-    const Support& support = pose.support;
-    return support.spread_evidence + support.spread_likeness + kSupport * support.share;
-  }
-
   // The best of the poses, with at most so many variants of what people would call one.
-  std::vector<PlacementCandidate> distinct(std::vector<PlacementCandidate> poses,
+  std::vector<Finalist> distinct(std::vector<Finalist> poses,
                                            const PairScales& lengths,
                                            std::ptrdiff_t variants) const {
     std::stable_sort(poses.begin(), poses.end(),
-                     [](const PlacementCandidate& a, const PlacementCandidate& b) {
+                     [](const Finalist& a, const Finalist& b) {
                        return merit(a) > merit(b);
                      });
-    std::vector<PlacementCandidate> kept;
-    for (const PlacementCandidate& pose : poses) {
+    std::vector<Finalist> kept;
+    for (const Finalist& pose : poses) {
       const double fine = lengths.at(pose.scale).fine;
       const auto within = [&](double radii) {
-        return std::count_if(kept.begin(), kept.end(), [&](const PlacementCandidate& other) {
+        return std::count_if(kept.begin(), kept.end(), [&](const Finalist& other) {
           return distance_(pose.similarity(), other.similarity()) < radii * fine;
         });
       };
@@ -346,16 +432,11 @@ class Placement {
   BatchTree source_tree_;
   BatchTree target_tree_;
   SupportCounter support_;
+  DescriptorMatches matches_;
   SightChecker sight_;
   PairScales all_;     // of all landmarks
   PairScales sample_;  // of those that the search sees
   PoseDistance distance_;
-};
-
-struct Found {
-  Candidates candidates;
-  double fine = 0.0;          // scale of the kernel for the likeliest
-  std::size_t landmarks = 0;  // of the smaller cloud
 };
 
 // From the nearest to 1 outwards.
@@ -373,31 +454,6 @@ std::vector<double> scales_about_one(const ScaleRange& range) {
   return scales;
 }
 
-// For a source and a target of one scale, or, with PlaceOptions::scale, of nearly one.
-Found find_candidates(const LandmarkCloud& source, const LandmarkCloud& target,
-                      PlaceOptions options, const TimeLimit& time) {
-  // Which is the larger cannot be seen where the scale is open; the one with fewer landmarks is likely
-  // to be part of the other.
-  const bool inverted =
-      options.scale ? source.size() > target.size() : cloud_extent(source) > cloud_extent(target);
-  if (inverted && options.gravity) std::swap(options.gravity->source, options.gravity->target);
-  if (inverted && options.scale) {
-    options.scale = ScaleRange{1.0 / options.scale->most, 1.0 / options.scale->least};
-  }
-  const Placement placement(
-      inverted ? target : source, inverted ? source : target,
-      options.scale ? scales_about_one(*options.scale) : std::vector<double>{1.0}, options);
-  Found found{.candidates = placement.candidates(time), .landmarks = placement.landmarks()};
-  std::vector<PlacementCandidate>& poses = found.candidates.poses;
-  const double best = poses.empty() ? 1.0 : poses.front().scale;
-  // In the unit of the caller's target.
-  found.fine = placement.fine(best) / (inverted ? best : 1.0);
-  if (inverted) {
-    for (PlacementCandidate& pose : poses) set_similarity(pose, pose.similarity().inverse());
-  }
-  return found;
-}
-
 // By which the source is to be scaled for both clouds to have extents and spacings as alike as can be.
 double likely_scale(const LandmarkCloud& source, const LandmarkCloud& target,
                     const Executor& executor) {
@@ -407,37 +463,134 @@ double likely_scale(const LandmarkCloud& source, const LandmarkCloud& target,
   return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
 }
 
-// Refines the likeliest candidate with all landmarks.
-void refine_best(const LandmarkCloud& source, const LandmarkCloud& target,
-                 const PlaceOptions& options, double fine, const TimeLimit& time,
-                 PlacementResult& result) {
-  const PlacementCandidate& best = result.candidates.front();
-  result.probability = best.probability;
+// A placement of the caller's clouds, of which one may have to be scaled and the two exchanged first.
+class CallersPlacement {
+ public:
+  CallersPlacement(const LandmarkCloud& source, const LandmarkCloud& target,
+                   const PlaceOptions& options)
+      : source_(source),
+        target_(target),
+        callers_(options),
+        options_(options),
+        unit_(options.scale ? std::clamp(likely_scale(source, target, options.executor),
+                                         options.scale->least, options.scale->most)
+                            : 1.0),
+        // Which is the larger cannot be seen where the scale is open; the one with fewer landmarks is
+        // likely to be part of the other.
+        inverted_(options.scale ? source.size() > target.size()
+                                : cloud_extent(source) > cloud_extent(target)) {
+    if (inverted_ && options_.gravity) {
+      std::swap(options_.gravity->source, options_.gravity->target);
+    }
+    std::vector<double> scales = {1.0};
+    if (options_.scale) {
+      const double least = options_.scale->least / unit_;
+      const double most = options_.scale->most / unit_;
+      options_.scale = inverted_ ? ScaleRange{1.0 / most, 1.0 / least} : ScaleRange{least, most};
+      scales = scales_about_one(*options_.scale);
+    }
+    LandmarkCloud moving = scaled(source, unit_);
+    if (inverted_) {
+      placement_.emplace(target, moving, std::move(scales), options_);
+    } else {
+      placement_.emplace(moving, target, std::move(scales), options_);
+    }
+  }
+
+  void run(const TimeLimit& time, PlacementResult& result);
+
+ private:
+  Similarity3 callers(const Similarity3& centred) const {
+    const Similarity3 pose = placement_->pair().uncentred(centred);
+    const Similarity3 direct = inverted_ ? pose.inverse() : pose;
+    return {direct.scale() * unit_, direct.rigid()};
+  }
+  Similarity3 centred(const Similarity3& callers) const {
+    const Similarity3 direct(callers.scale() / unit_, callers.rigid());
+    return placement_->pair().centred(inverted_ ? direct.inverse() : direct);
+  }
+  // Scale of the kernel for a centred pose, in the unit of the caller's target.
+  double fine(const Finalist& pose) const {
+    return placement_->fine(pose.scale) / (inverted_ ? pose.scale : 1.0);
+  }
+  AlignResult refined(const Finalist& best, bool hold, const TimeLimit& time,
+                      PlacementResult& result) const;
+  void judge_result(PlacementResult& result) const;
+
+  const LandmarkCloud& source_;
+  const LandmarkCloud& target_;
+  const PlaceOptions& callers_;
+  PlaceOptions options_;  // as the placement has them
+  double unit_;           // by which the source is scaled
+  bool inverted_;
+  std::optional<Placement> placement_;
+};
+
+// The pose of a candidate at the scale where its refinement ended, with all landmarks.
+AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const TimeLimit& time,
+                                      PlacementResult& result) const {
+  const Similarity3 pose = callers(best.similarity());
   RefineOptions refinement;
-  refinement.initial = best.target_from_source;
-  if (options.scale) refinement.scale = best.scale;
+  refinement.initial = pose.rigid();
+  if (callers_.scale) refinement.scale = pose.scale();
   refinement.by_icp_too = false;
-  refinement.coarse = kReopened * fine;
-  refinement.fine = fine;
-  refinement.use_covariances = options.use_covariances;
-  refinement.overlap_radius = options.overlap_radius.value_or(result.radius);
-  refinement.executor = options.executor;
-  refinement.trace = options.trace;
+  refinement.one_to_one = true;
+  refinement.hold = hold;
+  refinement.coarse = refinement.fine = refinement.finest = kFinest * fine(best);
+  refinement.use_covariances = callers_.use_covariances;
+  refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
+  refinement.executor = callers_.executor;
+  refinement.trace = callers_.trace;
+  AlignResult alignment;
   const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
     refinement.stop = stop;
-    result.alignment = refine(source, target, refinement);
+    alignment = refine(source_, target_, refinement);
   });
-  if (unfinished && result.alignment.status == AlignStatus::kCancelled) {
+  if (unfinished && alignment.status == AlignStatus::kCancelled) {
     result.cut_short = true;
-    result.alignment.stop_reason = StopReason::kTimeLimit;
-    result.alignment.status = status_of(StopReason::kTimeLimit);
-    result.alignment.reason = fmt::format("stopped at the limit of time after {} iterations",
-                                          result.alignment.iterations);
+    alignment.stop_reason = StopReason::kTimeLimit;
+    alignment.status = status_of(StopReason::kTimeLimit);
+    alignment.reason =
+        fmt::format("stopped at the limit of time after {} iterations", alignment.iterations);
   }
-  if (result.alignment.status != AlignStatus::kAligned) {
+  return alignment;
+}
+
+void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
+  Candidates found = placement_->candidates(time);
+  result.cut_short = found.cut_short;
+  if (found.poses.empty()) {
+    result.radius = kMatched * placement_->fine(1.0);
     result.verdict = Verdict::kRejected;
-    result.reason = result.alignment.reason;
+    result.reason = judge({}, {}, placement_->landmarks(), result.radius).reason;
+    result.alignment.reason = result.reason;
+    return;
   }
+  const Finalist best = found.poses.front();
+  result.radius = kMatched * fine(best);
+  result.alignment = refined(best, false, time, result);
+  // What all landmarks make of the pose is judged like the candidates; where that has less to show for
+  // it, the candidate itself is the result.
+  if (result.alignment.status == AlignStatus::kAligned) {
+    std::vector<Finalist> after = found.poses;
+    after.front() = placement_->assessed(centred(result.alignment.similarity()));
+    const bool as_good = Placement::merit(after.front()) >= kKept * Placement::merit(best);
+    const Similarity3 refined_pose = after.front().similarity();
+    after = placement_->with_probabilities(std::move(after));
+    if (as_good && after.front().similarity().matrix() == refined_pose.matrix()) {
+      found.poses = std::move(after);
+    } else {
+      result.alignment = refined(best, true, time, result);
+    }
+  }
+  for (const Finalist& pose : found.poses) {
+    set_similarity(result.candidates.emplace_back(pose), callers(pose.similarity()));
+  }
+  result.probability = result.candidates.front().probability;
+  Judgement judgement = judge(result.candidates, result.alignment, placement_->landmarks(),
+                              result.radius, callers_.unit);
+  result.verdict = judgement.verdict;
+  result.reason = std::move(judgement.reason);
 }
 
 }  // namespace
@@ -474,29 +627,7 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
                     source.size(), target.size(), kFewestLandmarks);
     result.alignment.reason = result.reason;
   } else {
-    const TimeLimit time(start, options);
-    Found found;
-    if (options.scale) {
-      const double scale = std::clamp(likely_scale(source, target, options.executor),
-                                      options.scale->least, options.scale->most);
-      PlaceOptions about_one = options;
-      about_one.scale = {options.scale->least / scale, options.scale->most / scale};
-      found = find_candidates(scaled(source, scale), target, std::move(about_one), time);
-      for (PlacementCandidate& pose : found.candidates.poses) pose.scale *= scale;
-    } else {
-      found = find_candidates(source, target, options, time);
-    }
-    result.candidates = std::move(found.candidates.poses);
-    result.cut_short = found.candidates.cut_short;
-    result.radius = kMatched * found.fine;
-    Judgement judgement = judge(result.candidates, found.landmarks, result.radius, options.unit);
-    result.verdict = judgement.verdict;
-    result.reason = std::move(judgement.reason);
-    if (result.candidates.empty()) {
-      result.alignment.reason = result.reason;
-    } else {
-      refine_best(source, target, options, found.fine, time, result);
-    }
+    CallersPlacement(source, target, options).run(TimeLimit(start, options), result);
     if (result.cut_short) result.reason += "; the time limit cut the work short";
   }
   result.duration_s =

@@ -31,14 +31,22 @@ struct ScaleRange {
   double most = 20.0;
 };
 
+/// When rotations are searched. Where many mutual matches of descriptors agree on a pose, that decides.
+enum class PoseSearch {
+  kWhereNeeded,  ///< where descriptors do not decide
+  kAlways,
+  kNever,  ///< descriptors alone propose poses: fast, and without them nothing is found
+};
+
 /// How to place a map from no initial pose.
 struct PlaceOptions {
   std::uint64_t seed = 0;
   /// Work in units of the default's: how many rotations are tried; from 1/16 to 64.
   double effort = 1.0;
+  PoseSearch search = PoseSearch::kWhereNeeded;
   std::optional<GravityPrior> gravity = {};
-  /// For maps that need not be of one scale, such as those of a single camera; takes some times longer,
-  /// and descriptors propose no poses. Nothing: both maps are of one scale.
+  /// For maps that need not be of one scale, such as those of a single camera; takes some times longer
+  /// where descriptors do not decide. Nothing: both maps are of one scale.
   std::optional<ScaleRange> scale = {};
   /// Wall time after which the search makes do with what it has: half of it for the search for poses,
   /// the rest to refine and judge them. What is found then depends on the machine, and so can be another

@@ -22,6 +22,9 @@ namespace {
 // The pose where ICP leads has to have so many times the objective: where the maps share little, most
 // poses have some of it, and the guess is the better witness.
 constexpr double kClearlyBetter = 2.0;
+constexpr double kFinest = 1.0 / 12.0;  // of the fine scale
+// In finest scales: what the covariance is measured with. Maps are bent by more than their landmarks differ.
+constexpr double kErrorScale = 3.0;
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
@@ -31,12 +34,15 @@ void require(bool valid, std::string_view field, const Value& value, std::string
 }
 
 // @param icp_iterations that led to where the refinement began; 0: it began at the initial pose
-std::string sentence(const AlignResult& result, double fine, int icp_iterations) {
+std::string sentence(const AlignResult& result, double finest, int icp_iterations) {
+  if (result.iterations == 0 && result.stop_reason == StopReason::kNoMotion) {
+    return fmt::format("held at the initial pose, at a kernel scale of {:.3g}", finest);
+  }
   switch (result.stop_reason) {
     case StopReason::kNoMotion:
       return fmt::format(
           "converged after {} iterations{} at a kernel scale of {:.3g}", result.iterations,
-          icp_iterations > 0 ? fmt::format(", the first {} by ICP,", icp_iterations) : "", fine);
+          icp_iterations > 0 ? fmt::format(", the first {} by ICP,", icp_iterations) : "", finest);
     case StopReason::kCancelled:
       return fmt::format("cancelled after {} iterations", result.iterations);
     case StopReason::kTooFewMatches:
@@ -108,6 +114,9 @@ class Refinement {
 
   // @param path on which the run began, with where it is
   void follow(const RobustAlignment& alignment, const KernelScales& kernel, Path& path) const;
+  // The result of a way.
+  void conclude(const RobustAlignment& alignment, double finest, Path path,
+                AlignResult& result) const;
   std::optional<Path> drawn_in(const Similarity3& initial) const;
   std::vector<double> from_source(const Similarity3& pose) const {
     return nearest_squared_distances(pair_.source().positions, pose, target_tree_,
@@ -122,6 +131,9 @@ class Refinement {
     return inverted_ ? from_target(pose) : from_source(pose);
   }
   KernelScales kernel() const;
+  double finest_of(const KernelScales& kernel) const {
+    return options_.finest.value_or(kFinest * kernel.fine);
+  }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
 
   CentredPair pair_;
@@ -193,6 +205,7 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
       path.run.target_from_source,
       {.coarse = kernel.coarse,
        .fine = kernel.fine,
+       .finest = finest_of(kernel),
        .max_iterations = options_.max_iterations,
        .free_scale = options_.scale.has_value()},
       options_.stop, [&](RobustAlignment::Iteration iteration) {
@@ -204,12 +217,11 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
         }
       });
   path.matches = alignment.matches(path.run.target_from_source);
-  path.value = alignment.value(path.run.target_from_source, kernel.fine, path.matches);
+  path.value = alignment.value(path.run.target_from_source, finest_of(kernel), path.matches);
 }
 
 void Refinement::run(AlignResult& result) const {
   const KernelScales scales = kernel();
-  const double fine = scales.fine;
   const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances,
                                   options_.one_to_one, options_.executor);
   const bool free_scale = options_.scale.has_value();
@@ -218,6 +230,11 @@ void Refinement::run(AlignResult& result) const {
   result.initial_score = fitness_score(distances(initial));
   Path path;
   path.run.target_from_source = initial;
+  if (options_.hold) {
+    path.run.stop_reason = StopReason::kNoMotion;
+    path.matches = alignment.matches(initial);
+    return conclude(alignment, finest_of(scales), std::move(path), result);
+  }
   follow(alignment, scales, path);
   if (options_.by_icp_too && !free_scale && path.run.stop_reason != StopReason::kCancelled) {
     if (auto other = drawn_in(initial)) {
@@ -225,6 +242,12 @@ void Refinement::run(AlignResult& result) const {
       if (other->value > kClearlyBetter * path.value) path = std::move(*other);
     }
   }
+  conclude(alignment, finest_of(scales), std::move(path), result);
+}
+
+void Refinement::conclude(const RobustAlignment& alignment, double finest, Path path,
+                          AlignResult& result) const {
+  const bool free_scale = options_.scale.has_value();
   const RobustAlignment::Run& run = path.run;
   result.history = std::move(path.history);
   const Similarity3& centred = run.target_from_source;
@@ -246,7 +269,7 @@ void Refinement::run(AlignResult& result) const {
   }
   // Only of an optimum there is something to say.
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
-    PoseUncertainty uncertainty = alignment.uncertainty(centred, fine, result.matches, free_scale);
+    PoseUncertainty uncertainty = alignment.uncertainty(centred, kErrorScale * finest, result.matches, free_scale);
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance_with_scale) {
       const Matrix7d covariance = pair_.uncentred(*uncertainty.covariance_with_scale, centred);
@@ -256,7 +279,7 @@ void Refinement::run(AlignResult& result) const {
       result.covariance = pair_.uncentred(*uncertainty.covariance, centred.rigid());
     }
   }
-  result.reason = sentence(result, fine, path.icp_iterations);
+  result.reason = sentence(result, finest, path.icp_iterations);
   if (inverted_) turn_round(pose, result);
 }
 
@@ -272,6 +295,8 @@ void RefineOptions::validate() const {
   require_length(coarse, "coarse");
   require_length(fine, "fine");
   require(!coarse || !fine || *fine <= *coarse, "fine", fine.value_or(0.0), "at most coarse");
+  require_length(finest, "finest");
+  require(!finest || !fine || *finest <= *fine, "finest", finest.value_or(0.0), "at most fine");
   require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
   require_length(overlap_radius, "overlap_radius");
 }

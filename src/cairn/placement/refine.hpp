@@ -25,6 +25,11 @@ struct RefineOptions {
   /// Scale in the end, at most `coarse`. Nothing: what landmarks that are one differ by, from their
   /// spacing and covariances.
   std::optional<double> fine = {};
+  /// From `fine` down to this scale, matches are one to one: how closely most maps agree shows there. At
+  /// most `fine`. Nothing: a twelfth of `fine`.
+  std::optional<double> finest = {};
+  /// Keep the initial pose as it is: matches, scores and covariance are those of this pose.
+  bool hold = false;
   /// Also from where the paper's base ICP leads, whose matches may be ever so far: that is the result if
   /// it fits twice as well. Where the maps share most of what they hold, ICP is drawn in from farther off;
   /// where they do not, it is led astray. Not with a scale.

@@ -26,6 +26,11 @@ using Vector = Eigen::Matrix<double, kFreedoms, 1>;
 
 // The scale falls by this a step: slower gains nothing, faster leaves the basin now and then.
 constexpr double kCooling = 0.85;
+// Below the fine scale matches are one to one and hardly change.
+constexpr double kFineCooling = 0.75;
+// It falls when a step is shorter than this share of it, or after so many longer ones.
+constexpr double kSettled = 0.05;
+constexpr int kMostUnsettled = 8;
 // A step below this share of the fine scale changes nothing worth knowing.
 constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
@@ -41,7 +46,7 @@ constexpr double kFarthest = 1.0 / kNegligible;  // its squared distance, and on
 constexpr double kStiffnessStep = 0.25;
 constexpr std::size_t kErrorGroups = 16;  // parts of the matched landmarks, which err apart
 constexpr std::size_t kGainGroups = 64;   // parts, each of which witnesses a gain
-constexpr double kSignificant = 3.0;      // standard errors
+constexpr double kSignificant = 2.0;      // standard errors
 
 // Whether landmarks gain by more than what differs between parts of the map, each of which is one
 // witness. One gain a place.
@@ -134,12 +139,13 @@ double RobustAlignment::radius(std::size_t points) const {
 }
 
 std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d> moved,
-                                                 BatchTree::Batch& queries) const {
+                                                 BatchTree::Batch& queries,
+                                                 bool one_to_one) const {
   std::vector<Match> matches(moved.size());
   queries.for_each(moved, executor_, [&](std::size_t i, const NearestList auto& nearest) {
     matches[i] = {static_cast<std::uint32_t>(i), nearest.index(0), nearest.squared_distance(0)};
   });
-  if (!one_to_one_) return matches;
+  if (!one_to_one) return matches;
   // Whom each target landmark keeps: the closest; of equally close ones, the first.
   constexpr auto kNobody = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> owner(target_tree_.size(), kNobody);
@@ -225,13 +231,15 @@ RobustAlignment::Run RobustAlignment::run_with(
   Run run;
   run.target_from_source = initial;
   double scale = schedule.coarse;
+  int unsettled = 0;  // steps at this scale
+  const double last = schedule.finest > 0.0 ? std::min(schedule.finest, schedule.fine) : schedule.fine;
   while (run.iterations < schedule.max_iterations) {
     if (stop.stop_requested()) {
       run.stop_reason = StopReason::kCancelled;
       break;
     }
     const std::vector<Eigen::Vector3d> moved = moved_points(source, run.target_from_source);
-    std::vector<Match> matches = find_matches(moved, queries);
+    std::vector<Match> matches = find_matches(moved, queries, one_to_one_ || scale < schedule.fine);
     // The pivot is the moved centroid, which the centred source has at its origin.
     const Eigen::Vector3d pivot = run.target_from_source.translation();
     Equations<kFreedoms> sum =
@@ -257,18 +265,23 @@ RobustAlignment::Run RobustAlignment::run_with(
     if (observe) {
       observe({run.target_from_source, mean_squared_distance(matches), std::move(matches)});
     }
-    if (scale <= schedule.fine && motion < kStill * schedule.fine) {
+    if (scale <= last && motion < kStill * last) {
       run.stop_reason = StopReason::kNoMotion;
       break;
     }
-    scale = std::max(kCooling * scale, schedule.fine);
+    if (scale > schedule.fine) {
+      scale = std::max(kCooling * scale, schedule.fine);
+    } else if (motion < kSettled * scale || ++unsettled == kMostUnsettled) {
+      scale = std::max(kFineCooling * scale, last);
+      unsettled = 0;
+    }
   }
   return run;
 }
 
 std::vector<Match> RobustAlignment::matches(const Similarity3& pose) const {
   BatchTree::Batch queries = target_tree_.batch(1);
-  return find_matches(moved_points(pair_.source().positions, pose), queries);
+  return find_matches(moved_points(pair_.source().positions, pose), queries, one_to_one_);
 }
 
 double RobustAlignment::value(const Similarity3& pose, double scale,
@@ -336,7 +349,7 @@ class RobustAlignment::Trial {
     for (const std::size_t landmark : tried_) {
       places.push_back(moved_[landmark] = pose * all()[landmark]);
     }
-    std::vector<Match> found = alignment_.find_matches(places, queries_);
+    std::vector<Match> found = alignment_.find_matches(places, queries_, alignment_.one_to_one_);
     for (Match& match : found) match.source = static_cast<std::uint32_t>(tried_[match.source]);
     return found;
   }

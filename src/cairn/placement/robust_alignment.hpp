@@ -23,6 +23,9 @@ class RobustAlignment {
   struct Schedule {
     double coarse = 0.0;
     double fine = 0.0;
+    /// Below `fine` a landmark of the target is matched once, with the nearest of the source, down to this
+    /// scale. 0: the run ends at `fine`.
+    double finest = 0.0;
     int max_iterations = 100;
     std::size_t points = static_cast<std::size_t>(-1);  ///< the first of the source that take part
     bool free_scale = false;  ///< the scale is estimated; else it stays as it is
@@ -95,8 +98,8 @@ class RobustAlignment {
     Equations& operator+=(const Equations& other);
   };
 
-  std::vector<Match> find_matches(std::span<const Eigen::Vector3d> moved,
-                                  BatchTree::Batch& queries) const;
+  std::vector<Match> find_matches(std::span<const Eigen::Vector3d> moved, BatchTree::Batch& queries,
+                                  bool one_to_one) const;
   // Nothing for a match that hardly counts.
   std::optional<Term> term(const Eigen::Vector3d& moved, const Match& match,
                            const Eigen::Matrix3d& linear, double scale) const;

@@ -28,10 +28,10 @@ constexpr std::size_t kScoutPoints = 48;  // source points that judge a translat
 constexpr std::size_t kMostVoxels = 1 << 21;
 constexpr float kVoxelsPerScale = 4.0F;
 constexpr std::array<Round, 4> kRounds = {{
-    {1536, 0.0, 5, 128},
-    {384, 0.3, 6, 256},
-    {128, 0.65, 6, 600},
-    {64, 1.0, 10, 600},
+    {3072, 0.0, 5, 128},
+    {768, 0.3, 6, 256},
+    {256, 0.65, 6, 600},
+    {128, 1.0, 10, 600},
 }};
 
 // Centroids of groups of equally many points, close together: halves of halves, each cut at the

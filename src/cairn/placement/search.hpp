@@ -26,7 +26,7 @@ struct SearchCandidate {
 struct SearchOptions {
   double coarse = 0.0;  ///< scale of the kernel in the beginning
   double fine = 0.0;    ///< and in the end
-  std::size_t candidates = 24;
+  std::size_t candidates = 128;
   Executor executor = Executor();
   std::stop_token stop = {};  ///< what was found until then is the result
   Progress progress = {};

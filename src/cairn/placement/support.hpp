@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
 
+#include "cairn/placement/descriptor_agreement.hpp"
 #include "cairn/placement/likeness.hpp"
+#include "cairn/placement/proximity.hpp"
 
 namespace cairn {
 
@@ -23,6 +26,13 @@ struct Support {
   /// The same without the part of the source, a sixteenth, that has the most of it: what one thing that
   /// stands in both places does not give.
   double spread_evidence = 0.0;
+  /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r.
+  static constexpr std::size_t kRadii = 6;
+  std::array<std::size_t, kRadii> within = {};
+  /// Of the distances of mutual nearest neighbours, against those at the other candidates.
+  ProximityEvidence proximity = {};
+  /// Of mutual descriptor matches; nothing where the clouds have no descriptors of one kind.
+  std::optional<DescriptorAgreement> agreement = {};
   /// Of the matches; nothing where the clouds have no descriptors to compare.
   std::optional<Likeness> likeness = {};
   /// Its evidence without the part of the source that has the most of it.

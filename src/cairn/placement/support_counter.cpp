@@ -74,7 +74,8 @@ SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_
       target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)),
       looks_(pair, sample_, random) {}
 
-Support SupportCounter::operator()(const Similarity3& pose, double radius) const {
+Support SupportCounter::operator()(const Similarity3& pose, double radius,
+                                   Proximity* proximity) const {
   // What is farther than this, in units of its spacing, is by chance; closer than the other, copies of
   // a landmark must not decide alone.
   constexpr double kFarthest = 3.0;
@@ -99,13 +100,20 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius) const
     if (back[i].index != i) continue;
     const double squared = there[i].squared_distance;
     if (squared <= radius * radius) matched.push_back(i);
-    if (4.0 * squared <= radius * radius) ++support.close_matches;
+    for (std::size_t k = 0; k < Support::kRadii; ++k) {
+      if (std::ldexp(squared, 2 * static_cast<int>(k)) > radius * radius) break;
+      ++support.within[k];
+    }
     const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
     const double chance = -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * ratio);
     pairs.push_back({std::max(chance, kLeastChance), source_groups_[i]});
+    if (proximity != nullptr && spacing > 0.0) {
+      proximity->add(std::sqrt(squared / spacing), source_groups_[i]);
+    }
   }
+  support.close_matches = support.within[1];
   support.matches = matched.size();
   // The sample stands for the source; a share is that of the smaller cloud.
   const double each = static_cast<double>(source.size()) /

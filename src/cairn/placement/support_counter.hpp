@@ -28,7 +28,7 @@ namespace cairn {
 class SupportCounter {
  public:
   /// Parts of the source, none of which is to decide alone.
-  static constexpr std::size_t kGroups = 16;
+  static constexpr std::size_t kGroups = Proximity::kGroups;
 
   /// @param pair, trees of its positions; must outlive this
   /// @param sample the first of the source that are looked at; in random order, they stand for all
@@ -37,7 +37,8 @@ class SupportCounter {
                  const BatchTree& target_tree, std::size_t sample, const Random& random,
                  const Executor& executor);
 
-  Support operator()(const Similarity3& pose, double radius) const;
+  /// @param proximity takes the distances of mutual nearest neighbours; may be null
+  Support operator()(const Similarity3& pose, double radius, Proximity* proximity = nullptr) const;
 
  private:
   using Likenesses = std::array<Likeness, kGroups>;

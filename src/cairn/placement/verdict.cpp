@@ -2,6 +2,8 @@
 #include "cairn/placement/verdict.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -24,6 +26,27 @@ std::string probability_text(double probability) {
   return fmt::format("{:.2f} %", 100.0 * probability);
 }
 
+// "a shift along (0.00, 1.00, 0.00)", "a turn about ...", one a direction.
+std::string open_text(const AlignResult& result) {
+  std::string text;
+  for (const OpenDirection& open : result.unobservable) {
+    if (!text.empty()) text += " and ";
+    const double shift = open.translation.norm();
+    // A turn moves landmarks as a shift does at the distance where both are equal: the larger names it.
+    const double turn = open.rotation.norm();
+    if (std::abs(open.log_scale) > std::max(shift, turn)) {
+      text += "the scale";
+    } else if (shift >= turn) {
+      const Eigen::Vector3d axis = open.translation / shift;
+      text += fmt::format("the shift along ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
+    } else {
+      const Eigen::Vector3d axis = open.rotation / turn;
+      text += fmt::format("the turn about ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
+    }
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string_view to_string(Verdict verdict) {
@@ -38,8 +61,8 @@ std::string_view to_string(Verdict verdict) {
   return "unknown";
 }
 
-Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
-                double radius, std::string_view unit) {
+Judgement judge(std::span<const PlacementCandidate> candidates, const AlignResult& result,
+                std::size_t landmarks, double radius, std::string_view unit) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();
   double any = 0.0;
@@ -49,6 +72,10 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
       percent(best.support.share), landmarks, radius, unit.empty() ? "" : " ", unit,
       candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
                             : "there is no other");
+  if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
+    found += fmt::format(", {} of {} descriptor matches agree with it ({:.1f} would by chance)",
+                         agreement->agreeing, agreement->matches, agreement->expected);
+  }
   if (const auto& likeness = best.support.likeness; likeness && likeness->compared > 0) {
     const auto share =
         static_cast<double>(likeness->alike) / static_cast<double>(likeness->compared);
@@ -59,8 +86,16 @@ Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t land
     found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
   }
   if (best.probability >= kBeyondDoubt) {
-    return {Verdict::kAligned, fmt::format("{}: right with a probability of {}", found,
-                                           probability_text(best.probability))};
+    found += fmt::format(": right with a probability of {}", probability_text(best.probability));
+    if (!result.unobservable.empty()) {
+      return {Verdict::kAmbiguous,
+              fmt::format("{}, but the maps do not determine {}", found, open_text(result))};
+    }
+    if (!result.covariance) {
+      return {Verdict::kAmbiguous,
+              fmt::format("{}, but landmarks match in too few places to say how exact it is", found)};
+    }
+    return {Verdict::kAligned, std::move(found)};
   }
   if (any >= kBeyondDoubt) {
     const auto rivals = std::count_if(candidates.begin(), candidates.end(),

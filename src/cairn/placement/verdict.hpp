@@ -9,6 +9,7 @@
 
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/support.hpp"
+#include "cairn/registration/align.hpp"
 
 namespace cairn {
 
@@ -42,13 +43,15 @@ struct Judgement {
   std::string reason;  ///< one sentence for people, with its numbers
 };
 
-/// Judges the best of some candidates by their probabilities.
+/// Judges the best of some candidates by their probabilities. Without a covariance, or with an open
+/// direction, a pose is at most ambiguous, however likely it is.
 ///
 /// @param candidates likeliest first
+/// @param result     the first candidate's pose, with its covariance and open directions
 /// @param landmarks  of the smaller map, whose share the supports are
 /// @param radius     within which landmarks were matched, for the sentence
 /// @param unit       of the radius, for the sentence; may be empty
-Judgement judge(std::span<const PlacementCandidate> candidates, std::size_t landmarks,
-                double radius, std::string_view unit = {});
+Judgement judge(std::span<const PlacementCandidate> candidates, const AlignResult& result,
+                std::size_t landmarks, double radius, std::string_view unit = {});
 
 }  // namespace cairn

@@ -12,9 +12,15 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
+AlignResult known_pose() {
+  AlignResult result;
+  result.covariance = Matrix6d(Matrix6d::Identity());
+  return result;
+}
+
 Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
-                     std::size_t landmarks = 3000) {
-  return judge(candidates, landmarks, 0.02);
+                     const AlignResult& result = known_pose()) {
+  return judge(candidates, result, 3000, 0.02);
 }
 
 PlacementCandidate candidate(double probability, double support = 0.4) {
@@ -57,10 +63,37 @@ TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
   EXPECT_EQ(verdict_of({}).verdict, Verdict::kRejected);
 }
 
+TEST(Verdict, AmbiguousByNameIfADirectionIsOpenHoweverLikelyThePose) {
+  AlignResult result = known_pose();
+  result.unobservable.push_back({{0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), 0.0});
+  const Judgement shift = verdict_of({candidate(1.0)}, result);
+  EXPECT_EQ(shift.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(shift.reason, HasSubstr("the shift along (0.00, 1.00, 0.00)"));
+  result.unobservable = {{Eigen::Vector3d::Zero(), {0.0, 0.0, 1.0}, 0.0}};
+  EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason,
+              HasSubstr("the turn about (0.00, 0.00, 1.00)"));
+  result.unobservable = {{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), 1.0}};
+  EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason, HasSubstr("the scale"));
+}
+
+TEST(Verdict, AmbiguousWithoutACovariance) {
+  const Judgement judgement = verdict_of({candidate(1.0)}, AlignResult{});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("too few places"));
+}
+
+TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
+  PlacementCandidate best = candidate(0.996);
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
+  best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
+  EXPECT_THAT(verdict_of({best}).reason,
+              HasSubstr("50 of 200 descriptor matches agree with it (1.2 would by chance)"));
+}
+
 TEST(Verdict, SaysTheRadiusInItsUnit) {
   const std::vector<PlacementCandidate> candidates = {candidate(0.996)};
-  EXPECT_THAT(judge(candidates, 3000, 0.02, "m").reason, HasSubstr("within 0.02 m, "));
-  EXPECT_THAT(judge(candidates, 3000, 0.02).reason, HasSubstr("within 0.02, "));
+  EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02, "m").reason, HasSubstr("within 0.02 m, "));
+  EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02).reason, HasSubstr("within 0.02, "));
 }
 
 TEST(Verdict, NeverSaysThatAPoseIsCertain) {

@@ -24,12 +24,13 @@ using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
 
-constexpr std::array<std::pair<EnvironmentKind, std::string_view>, 5> kNames = {{
+constexpr std::array<std::pair<EnvironmentKind, std::string_view>, 6> kNames = {{
     {EnvironmentKind::kDesk, "desk"},
     {EnvironmentKind::kOffice, "office"},
     {EnvironmentKind::kCorridor, "corridor"},
     {EnvironmentKind::kWarehouse, "warehouse"},
     {EnvironmentKind::kRoom, "room"},
+    {EnvironmentKind::kKitchen, "kitchen"},
 }};
 
 Rigid3 at(double x, double y, double yaw_deg = 0.0) {
@@ -510,6 +511,56 @@ void build_room(Site& site) {
   site.stage.walk = {{-1.7, -1.3, 1.5}, {1.2, -1.3, 1.5}, {1.2, 1.1, 1.5}, {-1.7, 1.1, 1.5}};
 }
 
+void build_kitchen(Site& site) {
+  Random& random = site.random;
+  const int units = 5 + static_cast<int>(random.index(4));
+  const double width = kKitchenUnit * units;
+  const double spare = random.uniform(0.7, 1.2);  // beside the front, for the fridge
+  const bool fridge_left = random.chance(0.5);
+  const double half = 0.5 * (width + spare);
+  const RoomShape room{-half, -1.9, half, 1.3, 2.5};
+  const double shade = random.uniform(0.7, 0.85);
+  const RoomLook look{paintings::plaster,
+                      random.chance(0.5) ? paintings::planks : paintings::vinyl_tiles,
+                      paintings::plaster,
+                      {0.82F, 0.8F, 0.74F},
+                      {0.55F, 0.42F, 0.3F}};
+  add_room(site.builder, room, look, 3, 1, 2.6, random);
+  const double middle = (fridge_left ? 0.5 : -0.5) * spare;
+  for (const Support& support :
+       add_kitchen_front(site.builder, at(middle, 0.7), units, shade, random)) {
+    const std::size_t top = site.plan.add(support);
+    site.plan.scatter({ItemKind::kBottle, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kCup,
+                       ItemKind::kPlant, ItemKind::kBook},
+                      2, top);
+  }
+  add_cabinet(site.builder, at(fridge_left ? -half + 0.4 : half - 0.4, 0.65), 0.62, 0.6,
+              random.uniform(1.5, 2.0), random);
+  const std::size_t table = site.plan.add(
+      add_table(site.builder, at(random.uniform(-0.6, 0.6), -1.35, 180.0), 1.4, 0.5, 0.74, random));
+  site.plan.scatter({ItemKind::kCup, ItemKind::kBottle, ItemKind::kPaper, ItemKind::kBook,
+                     ItemKind::kSmallBox},
+                    1, table);
+  site.decorate(room, Wall::kSouth, 0.3, width, 1.15);
+  site.door(room, fridge_left ? Wall::kEast : Wall::kWest, 1.0);
+
+  // Along the front, which fills the picture.
+  const int stops = 2 * units;
+  for (int i = 0; i < stops; ++i) {
+    const double x = middle - 0.5 * width + 0.4 + (width - 0.8) * i / (stops - 1);
+    site.stage.sweep.push_back({{x + random.uniform(-0.15, 0.15), random.uniform(-0.9, -0.6),
+                                 random.uniform(1.35, 1.6)},
+                                {x, 1.0, random.uniform(0.95, 1.35)}});
+  }
+  site.stage.orbit_target = {middle, -0.35, 1.2};
+  site.stage.orbit_radius_m = 0.55;
+  site.stage.orbit_height_m = 1.5;
+  site.stage.walk = {{-half + 1.0, -0.7, 1.5},
+                     {half - 1.0, -0.7, 1.5},
+                     {half - 1.0, 0.1, 1.5},
+                     {-half + 1.0, 0.1, 1.5}};
+}
+
 }  // namespace
 
 EnvironmentKind environment_kind(std::string_view name) {
@@ -563,6 +614,9 @@ Environment make_environment(const EnvironmentOptions& options, const Executor& 
       break;
     case EnvironmentKind::kRoom:
       build_room(site);
+      break;
+    case EnvironmentKind::kKitchen:
+      build_kitchen(site);
       break;
   }
   if (options.changed_fraction > 0.0) {

@@ -19,9 +19,10 @@ enum class EnvironmentKind {
   kCorridor,   ///< a long corridor with doors, boards and a lobby
   kWarehouse,  ///< a hall of pallet racks
   kRoom,       ///< a living room
+  kKitchen,    ///< a kitchen's flat front of equal units, with a tiled wall
 };
 
-/// "desk", "office", "corridor", "warehouse" or "room".
+/// "desk", "office", "corridor", "warehouse", "room" or "kitchen".
 /// @throws Error (misuse) for another name
 EnvironmentKind environment_kind(std::string_view name);
 std::string_view environment_name(EnvironmentKind kind);

@@ -113,7 +113,7 @@ TEST(Environment, UnmovedThingsKeepTheirTextures) {
 }
 
 TEST(Environment, RefusesWhatIsWrongByName) {
-  EXPECT_THROW(environment_kind("kitchen"), Error);
+  EXPECT_THROW(environment_kind("cellar"), Error);
   try {
     make_environment({.changed_fraction = 1.5});
     FAIL();

@@ -267,6 +267,55 @@ std::vector<Support> add_rack(SceneBuilder& builder, const Rigid3& pose, double 
   return supports;
 }
 
+std::vector<Support> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
+                                       double shade, Random& random) {
+  constexpr double kWorktop = 0.9;
+  constexpr double kWallUnits = 1.45;  // their lower edge
+  constexpr double kHeight = 0.65;
+  constexpr double kDepth = 0.58;
+  constexpr double kShallow = 0.32;
+  const double width = kKitchenUnit * units;
+  const double left = -0.5 * width;
+  builder.begin_object("kitchen front", pose);
+  const Paint paint = random_paint(random, random.uniform(0.05, 0.4), shade);
+  // One texture for all doors: they are equal.
+  Skin base = Skin::all(plain(builder, paint.scaled(0.8), random));
+  base.front = builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, paint, paintings::cupboard,
+                             next(random));
+  Skin hanging = Skin::all(plain(builder, paint.scaled(0.8), random));
+  hanging.front =
+      builder.paint(kKitchenUnit, kHeight, kMiddle, paint, paintings::cupboard, next(random));
+  Skin stove = base;
+  stove.front = builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, kSteel, paintings::oven,
+                              next(random));
+  const auto oven = static_cast<int>(random.index(static_cast<std::size_t>(units)));
+  const auto open = static_cast<int>(random.index(static_cast<std::size_t>(units)));
+  for (int i = 0; i < units; ++i) {
+    const double x = left + kKitchenUnit * i;
+    builder.box({x, 0.02, 0.1}, {kKitchenUnit, kDepth, kWorktop - 0.14}, i == oven ? stove : base);
+    if (i == open) continue;
+    builder.box({x, kDepth + 0.02 - kShallow, kWallUnits}, {kKitchenUnit, kShallow, kHeight},
+                hanging);
+  }
+  Skin worktop = Skin::all(
+      builder.paint(width, 0.04, kMiddle, wood_paint(random), paintings::wood, next(random)));
+  worktop.top =
+      builder.paint(width, kDepth + 0.02, kFar, kSteel.scaled(0.65), paintings::concrete, next(random));
+  builder.box({left, 0.0, kWorktop - 0.04}, {width, kDepth + 0.02, 0.04}, worktop);
+  builder.panel({left, kDepth + 0.015, kWallUnits + kHeight}, {width, 0, 0},
+                {0, 0, kWorktop - kWallUnits - kHeight},
+                builder.paint(width, kWallUnits + kHeight - kWorktop, kMiddle, kPaper,
+                              paintings::wall_tiles, next(random)));
+  const double shelf = left + kKitchenUnit * (open + 0.5);
+  builder.box({shelf - 0.3, kDepth + 0.02 - kShallow, kWallUnits + 0.2}, {0.6, kShallow, 0.02},
+              base);
+  const auto above = [&](double x, double y, double z) {
+    return pose * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(x, y, z));
+  };
+  return {{above(0.0, 0.5 * kDepth, kWorktop), width, kDepth},
+          {above(shelf, kDepth + 0.02 - 0.5 * kShallow, kWallUnits + 0.22), 0.58, kShallow - 0.02}};
+}
+
 std::string item_name(ItemKind kind) {
   switch (kind) {
     case ItemKind::kMonitor:

@@ -64,6 +64,15 @@ void add_bench(SceneBuilder& builder, const Rigid3& pose, double width, Random& 
 std::vector<Support> add_rack(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
                               double height, int levels, Random& random);
 
+/// Width of each unit of a kitchen's front.
+inline constexpr double kKitchenUnit = 0.6;
+
+/// Base units and wall units in a row, all with the same doors but for an oven, and tiles between them.
+/// @param shade brightness of the doors
+/// @return what can bear things: the worktop, and a shelf among the wall units
+std::vector<Support> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
+                                       double shade, Random& random);
+
 /// Things that stand on supports.
 enum class ItemKind {
   kMonitor,

@@ -772,6 +772,54 @@ void drawers(Canvas& canvas, Random& random) {
   canvas.grain(0.03, random);
 }
 
+void wall_tiles(Canvas& canvas, Random& random) {
+  const double tile = random.uniform(0.1, 0.2);
+  const Paint motif = random_paint(random, 0.6, 0.6);
+  for (double y = 0.0; y < canvas.height(); y += tile) {
+    for (double x = 0.0; x < canvas.width(); x += tile) {
+      canvas.rectangle(x, y, tile, tile, gray(random.uniform(0.8, 0.88)));
+      if (random.chance(0.08)) {
+        canvas.disc(x + 0.5 * tile, y + 0.5 * tile, 0.3 * tile, motif);
+        canvas.rectangle(x + 0.42 * tile, y + 0.42 * tile, 0.16 * tile, 0.16 * tile, gray(0.9));
+      }
+      canvas.frame(x, y, tile, tile, 0.003, gray(0.45));
+    }
+  }
+  scatter_marks(canvas, 5.0, 0.012, random);
+  canvas.blotches(0.6, 0.4, 0.05, random);
+  canvas.grain(0.03, random);
+}
+
+void cupboard(Canvas& canvas, Random& random) {
+  const double w = canvas.width();
+  const double h = canvas.height();
+  canvas.blotches(0.03, 0.5, 0.08, random);
+  canvas.frame(0.0, 0.0, w, h, 0.004, gray(0.15));
+  canvas.frame(0.06, 0.06, w - 0.12, h - 0.12, 0.008, gray(0.35));
+  const double x = random.chance(0.5) ? 0.08 : w - 0.11;
+  canvas.rectangle(x, 0.3 * h, 0.02, 0.16, gray(0.2));
+  canvas.rectangle(x, 0.3 * h, 0.007, 0.16, gray(0.9));
+  scatter_marks(canvas, 12.0, 0.01, random);
+  canvas.grain(0.03, random);
+}
+
+void oven(Canvas& canvas, Random& random) {
+  const double w = canvas.width();
+  const double h = canvas.height();
+  canvas.rectangle(0.0, 0.0, w, h, gray(0.55));
+  canvas.rectangle(0.08 * w, 0.3 * h, 0.84 * w, 0.55 * h, gray(0.1));
+  canvas.frame(0.08 * w, 0.3 * h, 0.84 * w, 0.55 * h, 0.012, gray(0.75));
+  canvas.rectangle(0.1 * w, 0.22 * h, 0.8 * w, 0.02, gray(0.9));
+  const int knobs = 3 + whole(random, 0, 3);
+  for (int i = 0; i < knobs; ++i) {
+    const double x = w * (i + 0.5) / knobs;
+    canvas.disc(x, 0.1 * h, 0.022, gray(0.12));
+    canvas.line(x, 0.1 * h, x + random.uniform(-0.015, 0.015), 0.1 * h - 0.018, 0.004, kWhite);
+    canvas.text(x - 0.02, 0.14 * h, 0.05, 0.02, 0.008, kInk, random);
+  }
+  canvas.grain(0.03, random);
+}
+
 void leaf(Canvas& canvas, Random& random) {
   const double w = canvas.width();
   const double h = canvas.height();

@@ -4,7 +4,7 @@
 #include "cairn/simulation/canvas.hpp"
 
 /// Pictures of what stands in rooms. Each paints the whole canvas, another picture with each state of
-/// the random numbers. Rich in corners, none repeats.
+/// the random numbers. Rich in corners; none repeats but tiles.
 namespace cairn::paintings {
 
 void plaster(Canvas& canvas, Random& random);       ///< a wall, with stains, scuffs and cracks
@@ -31,6 +31,9 @@ void whiteboard(Canvas& canvas, Random& random);
 void door(Canvas& canvas, Random& random);
 void window_view(Canvas& canvas, Random& random);  ///< panes, houses and trees outside
 void drawers(Canvas& canvas, Random& random);      ///< a cabinet's front with labels
+void wall_tiles(Canvas& canvas, Random& random);   ///< equal tiles, a few with a picture
+void cupboard(Canvas& canvas, Random& random);     ///< a door of the canvas's own colour
+void oven(Canvas& canvas, Random& random);
 void leaf(Canvas& canvas, Random& random);
 
 }  // namespace cairn::paintings

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/proximity.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+constexpr double kBinsPerOctave = 4.0;
+constexpr double kLeastOctave = -6.0;
+// Pairs that are added to what the other poses have: the distances of points on surfaces.
+constexpr double kPriorPairs = 40.0;
+// Two circles of radius d about points d apart are larger than one by this factor, (4·π/3 + √3/2) / π.
+constexpr double kBothEmpty = 1.609;
+constexpr double kNeighbors = 8.0;  // that the spacing reaches over
+
+using Counts = Proximity::Counts;
+
+double upper_edge(std::size_t bin) {
+  return std::exp2(kLeastOctave + static_cast<double>(bin) / kBinsPerOctave);
+}
+
+// Shares of the bins for a cumulative distribution; the last bin has the rest.
+template <class Distribution>
+Counts shares(const Distribution& cumulative) {
+  Counts result{};
+  double below = 0.0;
+  for (std::size_t bin = 0; bin < Proximity::kBins; ++bin) {
+    const double up_to = bin + 1 < Proximity::kBins ? cumulative(upper_edge(bin)) : 1.0;
+    result[bin] = std::max(up_to - below, 1e-12);
+    below = up_to;
+  }
+  return result;
+}
+
+// Of independent points on one surface that are each other's nearest.
+const Counts& shares_on_surface() {
+  static const Counts result =
+      shares([](double ratio) { return -std::expm1(-kBothEmpty * kNeighbors * ratio * ratio); });
+  return result;
+}
+
+// Of the distance between two points whose difference is Gaussian with this deviation along each axis
+// (Maxwell's distribution).
+Counts shares_of_same(double deviation) {
+  return shares([deviation](double ratio) {
+    const double x = ratio / deviation;
+    return std::erf(x / std::numbers::sqrt2) -
+           std::sqrt(2.0 / std::numbers::pi) * x * std::exp(-0.5 * x * x);
+  });
+}
+
+// Wider ones would explain how surfaces fit, which wrong poses share.
+constexpr std::array<double, 8> kDeviations = {0.015, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14};
+constexpr std::array<double, 11> kShares = {0.01, 0.02, 0.05, 0.1, 0.15, 0.2,
+                                            0.3,  0.4,  0.5,  0.6, 0.8};
+
+const std::array<Counts, kDeviations.size()>& same_by_deviation() {
+  static const auto result = [] {
+    std::array<Counts, kDeviations.size()> all{};
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = shares_of_same(kDeviations[i]);
+    return all;
+  }();
+  return result;
+}
+
+}  // namespace
+
+void Proximity::add(double ratio, std::size_t group) {
+  const double octave = std::log2(std::max(ratio, 1e-9)) - kLeastOctave;
+  const double bin = std::clamp(std::ceil(kBinsPerOctave * octave), 0.0,
+                                static_cast<double>(kBins - 1));
+  ++counts_[group][static_cast<std::size_t>(bin)];
+}
+
+Proximity::Counts Proximity::counts(std::size_t group) const {
+  Counts result{};
+  for (std::size_t bin = 0; bin < kBins; ++bin) {
+    result[bin] = static_cast<double>(counts_[group][bin]);
+  }
+  return result;
+}
+
+Proximity::Counts Proximity::counts() const {
+  Counts result{};
+  for (std::size_t group = 0; group < kGroups; ++group) {
+    for (std::size_t bin = 0; bin < kBins; ++bin) {
+      result[bin] += static_cast<double>(counts_[group][bin]);
+    }
+  }
+  return result;
+}
+
+ProximityEvidence proximity_evidence(const Proximity& at_pose,
+                                     std::span<const Proximity* const> others) {
+  Counts chance = shares_on_surface();
+  double total = kPriorPairs;
+  for (double& share : chance) share *= kPriorPairs;
+  for (const Proximity* const other : others) {
+    const Counts counts = other->counts();
+    for (std::size_t bin = 0; bin < Proximity::kBins; ++bin) {
+      chance[bin] += counts[bin];
+      total += counts[bin];
+    }
+  }
+  for (double& share : chance) share /= total;
+
+  const Counts counts = at_pose.counts();
+  ProximityEvidence result;
+  Counts gains{};  // of the likeliest mixture, a pair
+  for (std::size_t d = 0; d < kDeviations.size(); ++d) {
+    const Counts& same = same_by_deviation()[d];
+    for (const double share : kShares) {
+      double sum = 0.0;
+      Counts gain{};
+      for (std::size_t bin = 0; bin < Proximity::kBins; ++bin) {
+        gain[bin] = std::log1p(share * (same[bin] / chance[bin] - 1.0));
+        sum += counts[bin] * gain[bin];
+      }
+      if (sum <= result.all) continue;
+      result.all = sum;
+      result.share = share;
+      result.deviation = kDeviations[d];
+      gains = gain;
+    }
+  }
+  double most = 0.0;
+  for (std::size_t group = 0; group < Proximity::kGroups; ++group) {
+    const Counts part = at_pose.counts(group);
+    double sum = 0.0;
+    for (std::size_t bin = 0; bin < Proximity::kBins; ++bin) sum += part[bin] * gains[bin];
+    most = std::max(most, sum);
+  }
+  result.spread = std::max(result.all - most, 0.0);
+  return result;
+}
+
+}  // namespace cairn

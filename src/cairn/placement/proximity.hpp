@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+
+namespace cairn {
+
+/// How far mutual nearest neighbours of two clouds are apart at a pose: a histogram of distance over
+/// spacing, the geometric mean of both landmarks' distances to their eighth neighbours, by part of the
+/// source.
+class Proximity {
+ public:
+  static constexpr std::size_t kGroups = 16;  ///< spatial parts of the source
+  /// Four bins an octave: of 2^-6 and less up to 2 and more.
+  static constexpr std::size_t kBins = 30;
+
+  void add(double ratio, std::size_t group);
+
+  using Counts = std::array<double, kBins>;
+  Counts counts() const;
+  Counts counts(std::size_t group) const;
+
+ private:
+  std::array<std::array<std::size_t, kBins>, kGroups> counts_{};
+};
+
+/// Log-likelihood ratio of the distances at one pose: some of the pairs are the same landmarks, with
+/// Gaussian errors, against all pairs being as far apart as at the other poses.
+struct ProximityEvidence {
+  double all = 0.0;     ///< for the likeliest share and error of same landmarks; at least 0
+  double spread = 0.0;  ///< without the part of the source that has most of it
+  double share = 0.0;   ///< likeliest share of the pairs
+  /// Likeliest standard deviation of the errors along an axis, in spacings.
+  double deviation = 0.0;
+};
+
+/// @param others the same pair of clouds at other poses, refined alike: what chance and surfaces give. If
+///               there are none, independent points on a surface are taken instead.
+ProximityEvidence proximity_evidence(const Proximity& at_pose,
+                                     std::span<const Proximity* const> others);
+
+}  // namespace cairn
