@@ -1,80 +1,82 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fits the weights of src/cairn/placement/probability.cpp and tells how reliable they are.
+"""Fits the weights of src/cairn/placement/probability.cpp and reports how reliable they are.
 
-  benchmarks/fit_placement_model.py FIT.csv TEST.csv [DIAGRAM.svg]
+  benchmarks/fit_placement_model.py FIT.csv CHOOSE.csv [TEST.csv [DIAGRAM.svg]]
 
-The tables are those of cairn_placement_sessions_benchmark, of parts fit and test. Needs NumPy. A
-conditional logit by Newton's method, with a slight penalty on the weights; with and without the lines
-of sight, with and without the likeness of descriptors. Each set is judged as if all maps knew just what
-it needs; last, as shipped: each candidate by what is known of it. The diagram shows how often poses of a
-stated probability were right in the test, as shipped.
+The tables are those of cairn_placement_sessions_benchmark, of parts fit, choose and test, with the
+variants descriptors, searched and undescribed (TEST may have the variant shipped alone). Needs NumPy. A
+conditional logit by Newton's method, with a slight penalty on the weights: with and without
+descriptors, with and without lines of sight. CHOOSE is where the threshold of the verdict is chosen;
+TEST is only reported. The diagram shows how often poses of a stated probability were right in the test.
 """
+import collections
 import csv
-import itertools
 import math
 import sys
 
 import numpy as np
 
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
-BEYOND_DOUBT = 0.995     # what the verdict accepts; verdict.cpp has the same
-PENALTY = 0.02
+BEYOND_DOUBT = 0.95      # what the verdict accepts; verdict.cpp has the same
+PENALTY = 0.005
 MATCHES_MORE = 20.0      # so that a few matches say little
 CLOSE_MORE = 3.0
-MOST_LEAD = 1.0          # more of it says no more: rooms are alike
+FINE = "within_3"        # matches within an eighth of the radius
+LEAST_EXPECTED = 0.25    # as in descriptor_agreement.cpp
 NAMES = ["constant", "evidence", "lead", "contradicted"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
 def read_pairs(path):
-    """Lists of candidate rows, one a pair of maps."""
-    pairs = {}
+    """Variants, each with a list of pairs; a pair is a list of candidate rows, empty if there is none."""
+    variants = collections.defaultdict(dict)
     with open(path, newline="") as file:
         for row in csv.DictReader(file):
-            candidates = pairs.setdefault(row["pair"], [])
-            if int(row["rank"]) >= 0:
-                candidates.append(row)
-    without = sum(not rows for rows in pairs.values())
-    if without > 0:
-        print(f"{path}: {without} pairs without any candidate are left out")
-    return [rows for rows in pairs.values() if rows]
+            for key, value in row.items():
+                if key not in ("variant", "source", "target", "verdict"):
+                    row[key] = float(value)
+            variants[row["variant"]].setdefault(row["pair"], []).append(row)
+    return {name: list(pairs.values()) for name, pairs in variants.items()}
+
+
+def candidates_of(rows):
+    return [row for row in rows if row["rank"] >= 0]
+
+
+def is_right(row):
+    return (row["rank"] >= 0 and row["rotation_deg"] <= TOLERANCE[0]
+            and row["translation_m"] <= TOLERANCE[1])
 
 
 def right_of(rows):
     """Which candidate is right, or -1."""
-    right = [i for i, row in enumerate(rows)
-             if float(row["rotation_deg"]) <= TOLERANCE[0]
-             and float(row["translation_m"]) <= TOLERANCE[1]]
-    if len(right) > 1:
-        # Candidates are farther apart than that in maps of rooms; the model knows one right pose.
-        sys.exit(f"pair {rows[0]['pair']}: more than one candidate is right")
+    right = [i for i, row in enumerate(rows) if is_right(row)]
+    # Candidates are farther apart than the tolerance in maps of rooms; the model knows one right pose.
     return right[0] if right else -1
 
 
-def features(rows, i, with_sight, with_likeness):
-    """What probabilities() is linear in, of candidate i, in the order of NAMES; 0 for what has no say."""
-    close = [int(row["close_matches"]) for row in rows]
-    others = close[:i] + close[i + 1:]
-    middle = float(np.median(others)) if others else 0.5 * close[i]
+def agreement_evidence(row):
+    mean = max(row["expected_agreeing"], LEAST_EXPECTED)
+    count = row["spread_agreeing"]
+    return count * math.log(count / mean) - (count - mean) if count > mean else 0.0
+
+
+def features(rows, i, described, seen):
+    """What probabilities() is linear in, of candidate i, in the order of NAMES; 0 for what is unknown."""
     row = rows[i]
-    # As if positions and looks were independent of each other.
-    evidence = float(row["spread_evidence"])
-    if with_likeness:
-        evidence += max(float(row["spread_likeness"]), 0.0)
-    line = [1.0, math.sqrt(evidence / (int(row["matches"]) + MATCHES_MORE)),
-            min(math.log((close[i] + CLOSE_MORE) / (middle + CLOSE_MORE)), MOST_LEAD), 0.0]
-    if with_sight:
+    others = [other[FINE] for j, other in enumerate(rows) if j != i]
+    best_other = max(others) if others else 0.5 * row[FINE]
+    evidence = row["spread_evidence"] + row["spread_proximity"]
+    if described:
+        evidence += max(row["spread_likeness"], 0.0) + agreement_evidence(row)
+    line = [1.0, math.sqrt(evidence / (row["within_0"] + MATCHES_MORE)),
+            math.log((row[FINE] + CLOSE_MORE) / (best_other + CLOSE_MORE)), 0.0]
+    if seen:
         # Where too few lines of sight were looked at: a share that says little.
-        share = float(row["contradicted"]) if float(row["contradicted"]) >= 0.0 else 0.05
+        share = row["contradicted"] if row["contradicted"] >= 0.0 else 0.05
         line[3] = math.log((share + 0.002) / (1.002 - share))
     return line
-
-
-def data_of(pairs, with_sight, with_likeness):
-    """(features of all candidates, the right one) of each pair."""
-    return [(np.array([features(rows, i, with_sight, with_likeness) for i in range(len(rows))]),
-             right_of(rows)) for rows in pairs]
 
 
 def softmax(values):
@@ -83,13 +85,13 @@ def softmax(values):
     return (values / values.sum())[:-1]
 
 
-def known_of(row):
-    """Whether lines of sight and descriptors have a say in a candidate."""
-    return float(row["contradicted"]) >= 0.0, float(row["spread_likeness"]) >= 0.0
-
-
-def fit(data):
-    size = data[0][0].shape[1]
+def fit(pairs, described, seen):
+    data = []
+    for rows in map(candidates_of, pairs):
+        if rows:
+            data.append((np.array([features(rows, i, described, seen) for i in range(len(rows))]),
+                         right_of(rows)))
+    size = len(NAMES)
     penalty = PENALTY * np.append(1e-6, np.ones(size - 1))
     weights = np.zeros(size)
     for _ in range(200):
@@ -107,15 +109,26 @@ def fit(data):
     return weights
 
 
-def judge(pairs, values_of):
-    """Rows of (probability of the likeliest, is it right, of one place, overlap)."""
+def judge(pairs, weights, described):
+    """Rows of (probability of the likeliest, is it right, first row), by the weights."""
     result = []
-    for rows in pairs:
-        likely = softmax(values_of(rows))
+    for pair in pairs:
+        rows = candidates_of(pair)
+        if not rows:
+            result.append((0.0, False, pair[0]))
+            continue
+        values = [float(np.dot(features(rows, i, described, rows[i]["contradicted"] >= 0.0),
+                               weights[described, rows[i]["contradicted"] >= 0.0]))
+                  for i in range(len(rows))]
+        likely = softmax(np.array(values))
         best = int(np.argmax(likely))
-        result.append((likely[best], best == right_of(rows), rows[0]["same"] == "1",
-                       float(rows[0]["overlap"])))
+        result.append((float(likely[best]), best == right_of(rows), pair[0]))
     return result
+
+
+def judge_as_stated(pairs):
+    """The same, by the probabilities and the order that are in the table."""
+    return [(pair[0]["probability"], is_right(pair[0]), pair[0]) for pair in pairs]
 
 
 def wilson(successes, trials, z=1.96):
@@ -146,25 +159,40 @@ def share(successes, trials):
     return f"{successes} of {trials} ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
-def report(name, judged):
+def kind_of(name):
+    return name.split("-")[0]
+
+
+def report(name, judged, accepted=lambda j: j[0] >= BEYOND_DOUBT):
     print(f"{name}: {len(judged)} pairs, likeliest pose right in {sum(j[1] for j in judged)}")
-    for least in (0.5, 0.9, 0.95, 0.99, BEYOND_DOUBT):
-        accepted = [j for j in judged if j[0] >= least]
-        wrong = [j for j in accepted if not j[1]]
-        print(f"  probability {least} and more: {len(accepted) - len(wrong)} right, "
-              f"{len(wrong)} wrong, {sum(not j[2] for j in wrong)} of them of different places")
+    wrong = sorted((j for j in judged if not j[1]), key=lambda j: -j[0])[:5]
+    print("  likeliest wrong poses:", ", ".join(
+        f"{j[0]:.3f} ({j[2]['source']} to {j[2]['target']})" for j in wrong))
+    for least in (0.9, 0.95, 0.98, 0.99, 0.995, 0.999):
+        inside = [j for j in judged if j[0] >= least]
+        print(f"  probability {least} and more: {sum(j[1] for j in inside)} right, "
+              f"{sum(not j[1] for j in inside)} wrong")
     bins = [("overlap 0.6 and more", 0.6, 1.01), ("0.4 to 0.6", 0.4, 0.6),
             ("0.25 to 0.4", 0.25, 0.4), ("0.1 to 0.25", 0.1, 0.25), ("below 0.1", 0.0, 0.1)]
-    groups = [(title, [j for j in judged if j[2] and low <= j[3] < high])
+    groups = [(title, [j for j in judged if j[2]["same"] and low <= j[2]["overlap"] < high])
               for title, low, high in bins]
-    groups.append(("different places", [j for j in judged if not j[2]]))
+    strangers = [j for j in judged if not j[2]["same"]]
+    groups.append(("places of one kind", [j for j in strangers
+                                          if kind_of(j[2]["source"]) == kind_of(j[2]["target"])]))
+    groups.append(("places of two kinds", [j for j in strangers
+                                           if kind_of(j[2]["source"]) != kind_of(j[2]["target"])]))
     for title, inside in groups:
-        accepted = [j for j in inside if j[0] >= BEYOND_DOUBT]
-        right = sum(j[1] for j in accepted)
+        inside_accepted = [j for j in inside if accepted(j)]
+        right = sum(j[1] for j in inside_accepted)
+        known = [j[2]["mahalanobis"] for j in inside_accepted if j[1] and j[2]["mahalanobis"] >= 0.0]
+        held = f", in the ellipsoid {share(sum(m < 12.592 for m in known), len(known))}" if known else ""
         print(f"  {title}: likeliest right {share(sum(j[1] for j in inside), len(inside))}, "
-              f"accepted right {share(right, len(inside))}, wrong {len(accepted) - right}")
+              f"accepted right {share(right, len(inside))}, wrong {len(inside_accepted) - right}{held}")
+    times = [j[2]["wall_s"] for j in judged]
+    print(f"  median time {np.median(times):.3f} s, of accepted ones "
+          f"{np.median([j[2]['wall_s'] for j in judged if accepted(j)] or [0.0]):.3f} s")
     for mean, part, (low, high), trials in reliability(judged):
-        print(f"  said {mean:.4f}: right {part:.3f} ({low:.3f} to {high:.3f}) of {trials}")
+        print(f"  stated {mean:.4f}: right {part:.3f} ({low:.3f} to {high:.3f}) of {trials}")
 
 
 def diagram(judged, path):
@@ -188,7 +216,7 @@ def diagram(judged, path):
         out.append(f'<text x="{x:.0f}" y="{margin + size + 16}" text-anchor="middle">{tick}</text>')
         out.append(f'<text x="{margin - 6}" y="{y + 4:.0f}" text-anchor="end">{tick}</text>')
     out.append(f'<text x="{margin + size / 2}" y="{margin + size + 34}" text-anchor="middle">'
-               'probability said</text>')
+               'stated probability</text>')
     out.append(f'<text x="14" y="{margin + size / 2}" text-anchor="middle" '
                f'transform="rotate(-90 14 {margin + size / 2})">share right</text></svg>')
     with open(path, "w") as file:
@@ -196,31 +224,27 @@ def diagram(judged, path):
 
 
 def main():
-    if len(sys.argv) not in (3, 4):
+    if len(sys.argv) not in (3, 4, 5):
         sys.exit(__doc__)
-    tables = [("fit", read_pairs(sys.argv[1])), ("test", read_pairs(sys.argv[2]))]
+    fitted, chosen = read_pairs(sys.argv[1]), read_pairs(sys.argv[2])
     weights = {}
-    for known in itertools.product((True, False), repeat=2):
-        weights[known] = fit(data_of(tables[0][1], *known))
-        print("lines of sight {}, likeness {}:".format(*("yes" if k else "no" for k in known)),
-              ", ".join(f"{name} {value:.3f}" for name, value in zip(NAMES, weights[known])))
-
-        def values(rows):
-            return np.array([features(rows, i, *known) @ weights[known] for i in range(len(rows))])
-
-        for name, pairs in tables:
-            report(name, judge(pairs, values))
-
-    def shipped(rows):
-        return np.array([features(rows, i, *known_of(row)) @ weights[known_of(row)]
-                         for i, row in enumerate(rows)])
-
-    print("as shipped:")
-    for name, pairs in tables:
-        judged = judge(pairs, shipped)
-        report(name, judged)
-        if name == "test" and len(sys.argv) == 4:
-            diagram(judged, sys.argv[3])
+    for described in (True, False):
+        for seen in (True, False):
+            pairs = fitted["searched" if described else "undescribed"]
+            weights[described, seen] = fit(pairs, described, seen)
+            print("descriptors {}, lines of sight {}:".format(*("yes" if k else "no"
+                                                                for k in (described, seen))),
+                  ", ".join(f"{name} {value:.3f}"
+                            for name, value in zip(NAMES, weights[described, seen])))
+    for name, described in (("searched", True), ("descriptors", True), ("undescribed", False)):
+        for part, pairs in (("fit", fitted), ("choose", chosen)):
+            report(f"{part}, {name}", judge(pairs[name], weights, described))
+    if len(sys.argv) > 3:
+        for name, pairs in read_pairs(sys.argv[3]).items():
+            judged = judge_as_stated(pairs)
+            report(f"test, {name}", judged, lambda j: j[2]["verdict"] == "aligned")
+            if len(sys.argv) == 5:
+                diagram(judged, sys.argv[4])
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
 // is fitted to, and what it is tested with.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [VARIANT,...]
 // FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit, choose or test, by the
-// places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always) or undescribed
-// (maps without descriptors). One CSV row a candidate to stdout; rank -1 stands for there being none.
+// places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always), undescribed (maps
+// without descriptors) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
 #include <array>
 #include <cstdio>
 #include <exception>
@@ -17,7 +17,14 @@
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/placement/centred_pair.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/placement/place.hpp"
+#include "cairn/placement/refine.hpp"
+#include "cairn/placement/scales.hpp"
+#include "cairn/placement/support_counter.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "session_pairs.hpp"
 
@@ -30,6 +37,41 @@ using benchmarks::SessionPair;
 double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
   if (!result.covariance) return -1.0;
   return normalised_squared_error(result.target_from_source, *result.covariance, truth);
+}
+
+// What the true pose, refined, would be as a candidate: tells a failing search from maps that do not say
+// more.
+void tell_truth(const SessionPair& pair) {
+  if (!pair.same_place()) return;
+  const BatchTree source_tree(pair.source.positions);
+  const BatchTree target_tree(pair.target.positions);
+  const double fine = kernel_scales(cloud_scales(pair.source, source_tree, Executor()),
+                                    cloud_scales(pair.target, target_tree, Executor()))
+                          .fine;
+  RefineOptions refinement;
+  refinement.initial = pair.truth;
+  refinement.coarse = refinement.fine = 0.5 * fine;
+  refinement.finest = fine / 12.0;
+  refinement.by_icp_too = false;
+  const Rigid3 pose = refine(pair.source, pair.target, refinement).target_from_source;
+  const CentredPair centred(pair.source, pair.target);
+  const Similarity3 at = centred.centred(pose);
+  const BatchTree centred_source(centred.source().positions);
+  const BatchTree centred_target(centred.target().positions);
+  const Support support =
+      SupportCounter(centred, centred_source, centred_target, pair.source.size(),
+                     Random(pair.number), Executor())(at, 0.5 * fine);
+  const DescriptorAgreement agreement = DescriptorMatches(centred).agreement(at, 0.5 * fine);
+  const PoseError error = pose_error(pose, pair.truth, pair.source.positions);
+  std::printf("truth,%llu,%s,%s,1,%.6f,%zu,%zu,,0,-1,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,0,0,0,0,1,"
+              "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1\n",
+              static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
+              pair.target_place.c_str(), pair.overlap, pair.source.size(), pair.target.size(),
+              support.within[0], support.within[1], support.within[2], support.within[3],
+              support.within[4], support.within[5], support.share, support.evidence,
+              support.spread_evidence, agreement.matches, agreement.agreeing, agreement.spread,
+              agreement.expected, support.likeness ? support.spread_likeness : -1.0,
+              degrees(error.rotation_rad), error.translation);
 }
 
 struct Variant {
@@ -113,6 +155,7 @@ int main(int argc, char** argv) {
             if (wanted.find(fmt::format(",{},", variant.name)) == std::string::npos) continue;
             tell(pair, variant, executor);
           }
+          if (wanted.find(",truth,") != std::string::npos) tell_truth(pair);
         });
     return 0;
   } catch (const std::exception& error) {

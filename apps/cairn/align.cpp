@@ -134,6 +134,10 @@ void AlignArguments::add_to(CLI::App& command) {
           "With --anywhere: the maps need not be of one scale; find the source's, from 1/20 to "
           "20 times the target's")
       ->needs(anywhere);
+  add_number(command, "--prior-odds", robust.placement.prior_odds,
+             "With --anywhere: odds, before anything is looked at, that the maps show one place; 0.01 "
+             "where one of a hundred pairs does (default: 1)")
+      ->needs(anywhere);
   add_number(command, "--effort", robust.placement.effort,
              "With --anywhere: work in units of the default's, 1/16 to 64")
       ->needs(anywhere);
@@ -163,6 +167,7 @@ void AlignArguments::check_options() const {
                      {"AlignOptions.trimmed_fraction", "--trim"},
                      {"AlignOptions.overlap_radius", "--overlap-radius"},
                      {"PlaceOptions.effort", "--effort"},
+                     {"PlaceOptions.prior_odds", "--prior-odds"},
                      {"PlaceOptions.time_limit_s", "--time-limit"}},
                     [&] {
                       options.validate();
@@ -193,6 +198,7 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"gravity", gravity},
           {"estimate_scale", estimate_scale},
           {"effort", robust.anywhere ? Json(robust.placement.effort) : Json(nullptr)},
+          {"prior_odds", robust.anywhere ? Json(robust.placement.prior_odds) : Json(nullptr)},
           {"time_limit_s", to_json(robust.placement.time_limit_s)},
           {"one_to_one", robust.one_to_one},
           {"k", options.k},

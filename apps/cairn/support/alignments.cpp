@@ -59,6 +59,22 @@ Json likeness_json(const Support& support) {
           {"spread_evidence", support.spread_likeness}};
 }
 
+Json agreement_json(const Support& support) {
+  if (!support.agreement) return nullptr;
+  return {{"matches", support.agreement->matches},
+          {"agreeing", support.agreement->agreeing},
+          {"spread", support.agreement->spread},
+          {"expected", support.agreement->expected},
+          {"evidence", support.agreement->evidence()}};
+}
+
+Json proximity_json(const ProximityEvidence& proximity) {
+  return {{"evidence", proximity.all},
+          {"spread_evidence", proximity.spread},
+          {"share", proximity.share},
+          {"deviation", proximity.deviation}};
+}
+
 Json json_of(const std::vector<PlacementCandidate>& candidates) {
   Json list = Json::array();
   for (const PlacementCandidate& candidate : candidates) {
@@ -66,8 +82,11 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
         {{"target_from_source", to_json(candidate.target_from_source)},
          {"scale", candidate.scale},
          {"support", candidate.support.share},
-         {"matches", candidate.support.matches},
-         {"close_matches", candidate.support.close_matches},
+         {"matches", candidate.support.within[0]},
+         {"close_matches", candidate.support.within[1]},
+         {"matches_by_radius", candidate.support.within},
+         {"descriptor_agreement", agreement_json(candidate.support)},
+         {"proximity", proximity_json(candidate.support.proximity)},
          {"evidence", candidate.support.evidence},
          {"spread_evidence", candidate.support.spread_evidence},
          {"likeness", likeness_json(candidate.support)},

@@ -39,6 +39,7 @@ constexpr std::size_t kShortPoints = 1000;    // of the source, in the first loo
 constexpr int kShortIterations = 16;
 constexpr int kFinalIterations = 60;
 constexpr std::size_t kFinalists = 12;
+constexpr std::size_t kCandidatesAScale = 24;  // where several scales are searched
 constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each view of the other
 constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
 constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
@@ -56,13 +57,13 @@ constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
 constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
 constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
-constexpr double kFinest = 1.0 / 12.0;  // where refinement ends: most maps agree that closely
+constexpr double kFinest = 1.0 / 12.0;  // where candidates' refinement ends: many maps agree so closely
 // Proposals by descriptors are judged before any search if as many matches agree with one;
 constexpr std::size_t kFewestAgreeing = 7;
 // those with this share of its matches are its rivals;
 constexpr double kRivalShare = 0.4;
 // and a probability of this makes the search needless.
-constexpr double kDecided = 0.999;
+constexpr double kDecided = 0.99;
 // Share of a candidate's merit that all landmarks must leave it.
 constexpr double kKept = 0.95;
 
@@ -153,9 +154,16 @@ class TimeLimit {
       work(caller_);
       return false;
     }
-    const Alarm alarm(start_ + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-                                   std::chrono::duration<double>(share * *limit_s_)),
-                      caller_);
+    const auto end = start_ + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                                  std::chrono::duration<double>(share * *limit_s_));
+    // No thread is waited for where the time is over already.
+    if (std::chrono::steady_clock::now() >= end) {
+      std::stop_source over;
+      over.request_stop();
+      work(over.get_token());
+      return !caller_.stop_requested();
+    }
+    const Alarm alarm(end, caller_);
     work(alarm.token());
     return alarm.token().stop_requested() && !caller_.stop_requested();
   }
@@ -253,7 +261,7 @@ class Placement {
       }
     }
     const std::vector<PlacementCandidate> candidates(poses.begin(), poses.end());
-    const std::vector<double> likely = probabilities(candidates);
+    const std::vector<double> likely = probabilities(candidates, options_.prior_odds);
     for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
     std::stable_sort(poses.begin(), poses.end(), [](const Finalist& a, const Finalist& b) {
       return a.probability > b.probability;
@@ -362,8 +370,11 @@ class Placement {
               const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
               std::vector<Finalist>& poses) const {
     const KernelScales kernel = all_.at(scale);
-    SearchOptions options{
-        .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
+    SearchOptions options{.coarse = kernel.coarse,
+                          .fine = kernel.fine,
+                          .executor = options_.executor,
+                          .stop = stop};
+    if (scales_.size() > 1) options.candidates = kCandidatesAScale;
     if (options_.progress) {
       options.progress = [&](double share) {
         options_.progress(progress + share / static_cast<double>(scales_.size()));
@@ -526,6 +537,17 @@ class CallersPlacement {
   std::optional<Placement> placement_;
 };
 
+// How closely the maps agree at a candidate, in fine scales: a kernel much finer than that would follow
+// the errors of single landmarks.
+double precision(const Finalist& pose) {
+  constexpr double kPerDeviation = 2.0;
+  constexpr double kClear = 20.0;  // evidence, below which the deviation means little
+  const ProximityEvidence& proximity = pose.support.proximity;
+  const double deviation =
+      proximity.spread > kClear ? proximity.deviation : ProximityEvidence::kWidest;
+  return std::max(kPerDeviation * deviation / kSmoothSpacings, kFinest);
+}
+
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
 AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const TimeLimit& time,
                                       PlacementResult& result) const {
@@ -536,7 +558,7 @@ AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const Tim
   refinement.by_icp_too = false;
   refinement.one_to_one = true;
   refinement.hold = hold;
-  refinement.coarse = refinement.fine = refinement.finest = kFinest * fine(best);
+  refinement.coarse = refinement.fine = refinement.finest = precision(best) * fine(best);
   refinement.use_covariances = callers_.use_covariances;
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
   refinement.executor = callers_.executor;
@@ -597,6 +619,7 @@ void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
 
 void PlaceOptions::validate() const {
   require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
+  require(prior_odds >= 1e-6 && prior_odds <= 1e6, "prior_odds", prior_odds, "from 1e-6 to 1e6");
   require(!time_limit_s || (*time_limit_s > 0.0 && *time_limit_s <= kLongest), "time_limit_s",
           time_limit_s.value_or(0.0), "a positive number of at most 1e6");
   require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),

@@ -44,6 +44,9 @@ struct PlaceOptions {
   /// Work in units of the default's: how many rotations are tried; from 1/16 to 64.
   double effort = 1.0;
   PoseSearch search = PoseSearch::kWhereNeeded;
+  /// How much likelier it is, before anything is looked at, that the maps show one place than that they do
+  /// not: 0.01 where of a hundred pairs one does. From 1e-6 to 1e6.
+  double prior_odds = 1.0;
   std::optional<GravityPrior> gravity = {};
   /// For maps that need not be of one scale, such as those of a single camera; takes some times longer
   /// where descriptors do not decide. Nothing: both maps are of one scale.

@@ -11,24 +11,23 @@ namespace {
 struct Weights {
   double constant;
   double evidence;      // of the root of the evidence a match
-  double lead;          // of the logarithm of how many times the close matches of the others it has
+  double lead;          // of the logarithm of how many times the fine matches of the best other it has
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
-// Made by benchmarks/fit_placement_model.py from 1,210 pairs; docs/method.md has how well they predict others.
-constexpr Weights kWithAll = {-11.234, 13.506, 4.676, -1.287};
-constexpr Weights kWithSight = {-9.916, 18.377, 5.432, -1.149};
-constexpr Weights kWithLikeness = {-6.728, 15.328, 4.076, 0.0};
-constexpr Weights kWithNeither = {-6.084, 23.175, 5.229, 0.0};
+// Made by benchmarks/fit_placement_model.py; docs/method.md has how well they predict other pairs.
+constexpr Weights kWithAll = {-11.490, 13.828, 0.344, -0.775};
+constexpr Weights kWithDescriptors = {-8.565, 13.701, 0.117, 0.0};
+constexpr Weights kWithSight = {-9.530, 8.727, 1.958, -0.831};
+constexpr Weights kWithNeither = {-6.763, 9.461, 1.826, 0.0};
 
 // So many more, so that a few say little.
 constexpr double kMatchesMore = 20.0;
-constexpr double kCloseMore = 3.0;
-// More lead says no more: floors and walls of two rooms fit, too.
-constexpr double kMostLead = 1.0;
+constexpr double kFineMore = 3.0;
+constexpr std::size_t kFine = 3;  // of Support::within: an eighth of the radius
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
-  if (candidate.support.likeness) return candidate.contradicted ? kWithAll : kWithLikeness;
+  if (candidate.support.agreement) return candidate.contradicted ? kWithAll : kWithDescriptors;
   return candidate.contradicted ? kWithSight : kWithNeither;
 }
 
@@ -36,38 +35,41 @@ double log_odds(double share) {
   return std::log((share + 0.002) / (1.002 - share));
 }
 
-double close_matches(const PlacementCandidate& candidate) {
-  return static_cast<double>(candidate.support.close_matches);
+double fine_matches(const PlacementCandidate& candidate) {
+  return static_cast<double>(candidate.support.within[kFine]);
 }
 
-// Median of the close matches of all candidates but one: those are wrong, or at least most of them.
-double close_matches_of_others(std::span<const PlacementCandidate> candidates, std::size_t but) {
-  std::vector<double> counts;
+// The most that any other candidate has; of a single one, as if there were another, clearly worse.
+double fine_matches_of_others(std::span<const PlacementCandidate> candidates, std::size_t but) {
+  if (candidates.size() == 1) return 0.5 * fine_matches(candidates[but]);
+  double most = 0.0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (i != but) counts.push_back(close_matches(candidates[i]));
+    if (i != but) most = std::max(most, fine_matches(candidates[i]));
   }
-  // Of a single one: as if there were another, clearly worse.
-  if (counts.empty()) return 0.5 * close_matches(candidates[but]);
-  std::sort(counts.begin(), counts.end());
-  return 0.5 * (counts[(counts.size() - 1) / 2] + counts[counts.size() / 2]);
+  return most;
+}
+
+// As if distances, looks and descriptor matches were independent of each other.
+double evidence(const Support& support) {
+  return support.spread_evidence + support.proximity.spread + support.spread_likeness +
+         (support.agreement ? support.agreement->evidence() : 0.0);
 }
 
 }  // namespace
 
-std::vector<double> probabilities(std::span<const PlacementCandidate> candidates) {
+std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
+                                  double prior_odds) {
   std::vector<double> result;
   double highest = 0.0;  // of the alternative that none is right
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Weights& weights = weights_for(candidate);
-    const Support& support = candidate.support;
-    const double lead = std::log((close_matches(candidate) + kCloseMore) /
-                                 (close_matches_of_others(candidates, i) + kCloseMore));
-    const double matches = static_cast<double>(support.matches) + kMatchesMore;
-    // As if where landmarks are and what they look like were independent of each other.
-    const double evidence = support.spread_evidence + support.spread_likeness;
-    result.push_back(weights.constant + weights.evidence * std::sqrt(evidence / matches) +
-                     weights.lead * std::min(lead, kMostLead) +
+    const double lead = std::log((fine_matches(candidate) + kFineMore) /
+                                 (fine_matches_of_others(candidates, i) + kFineMore));
+    const double matches = static_cast<double>(candidate.support.matches()) + kMatchesMore;
+    result.push_back(weights.constant + std::log(prior_odds) +
+                     weights.evidence * std::sqrt(evidence(candidate.support) / matches) +
+                     weights.lead * lead +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
     highest = std::max(highest, result.back());
   }

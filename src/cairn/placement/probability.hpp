@@ -11,12 +11,14 @@ namespace cairn {
 /// How likely each of some candidates is to be the right pose; what is missing to 1 is the probability
 /// that none of them is.
 ///
-/// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its
-/// evidence a match, of positions and of looks, and with how many times the close matches of the
-/// other candidates it has; they fall with the share of lines of sight that contradict it. What the maps do not
-/// know has no say, and the rest weighs more then. Fitted to simulated sessions of which half the pairs
-/// are of different places (docs/method.md); where far fewer of a user's maps overlap, the odds are lower
-/// by as much.
-std::vector<double> probabilities(std::span<const PlacementCandidate> candidates);
+/// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its evidence
+/// a match (of distances, of looks, of descriptor matches) and with how many times the matches within an
+/// eighth of the radius of the best other candidate it has; they fall with the share of lines of sight that
+/// contradict it. What the maps do not know has no say, and the rest weighs more then. Fitted to simulated
+/// sessions of which half the pairs are of different places (docs/method.md).
+///
+/// @param prior_odds of two maps showing one place, against their showing two; positive
+std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
+                                  double prior_odds = 1.0);
 
 }  // namespace cairn

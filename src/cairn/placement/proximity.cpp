@@ -53,7 +53,7 @@ Counts shares_of_same(double deviation) {
 }
 
 // Wider ones would explain how surfaces fit, which wrong poses share.
-constexpr std::array<double, 8> kDeviations = {0.015, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14};
+constexpr std::array<double, 8> kDeviations = {0.015, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, ProximityEvidence::kWidest};
 constexpr std::array<double, 11> kShares = {0.01, 0.02, 0.05, 0.1, 0.15, 0.2,
                                             0.3,  0.4,  0.5,  0.6, 0.8};
 

@@ -29,6 +29,8 @@ class Proximity {
 /// Log-likelihood ratio of the distances at one pose: some of the pairs are the same landmarks, with
 /// Gaussian errors, against all pairs being as far apart as at the other poses.
 struct ProximityEvidence {
+  static constexpr double kWidest = 0.14;  ///< deviations are looked for up to this
+
   double all = 0.0;     ///< for the likeliest share and error of same landmarks; at least 0
   double spread = 0.0;  ///< without the part of the source that has most of it
   double share = 0.0;   ///< likeliest share of the pairs

@@ -24,7 +24,7 @@ namespace {
 constexpr double kClearlyBetter = 2.0;
 constexpr double kFinest = 1.0 / 12.0;  // of the fine scale
 // In finest scales: what the covariance is measured with. Maps are bent by more than their landmarks differ.
-constexpr double kErrorScale = 3.0;
+constexpr double kErrorScale = 4.0;
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {

@@ -11,8 +11,6 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kSampled = 4096;  // medians need no more
-// Below this many spacings the objective has an optimum wherever a few landmarks happen to meet.
-constexpr double kSmooth = 1.5;
 constexpr double kFinest = 1e-3;  // of the coarse scale; maps may hold copies of one landmark
 
 double median(std::vector<double> values) {
@@ -63,7 +61,7 @@ KernelScales kernel_scales(const CloudScales& source, const CloudScales& target)
   KernelScales scales;
   scales.fine =
       std::max(std::min(source.spacing, target.spacing), std::hypot(source.noise, target.noise));
-  scales.fine *= kSmooth;
+  scales.fine *= kSmoothSpacings;
   scales.coarse = std::max(0.5 * std::min(source.extent, target.extent), scales.fine);
   // Of landmarks that all coincide.
   if (!(scales.coarse > 0.0)) scales.coarse = 1.0;

@@ -37,6 +37,10 @@ std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
 CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
                          const Executor& executor);
 
+/// Spacings in the fine scale: at fewer the objective has an optimum wherever a few landmarks happen to
+/// meet.
+inline constexpr double kSmoothSpacings = 1.5;
+
 /// Where the kernel of a robust alignment begins and ends.
 struct KernelScales {
   double coarse = 0.0;  ///< half the extent of the smaller cloud: what one start can still reach

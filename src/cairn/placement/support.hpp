@@ -13,9 +13,9 @@ namespace cairn {
 
 /// What two clouds have in common at a pose: see SupportCounter.
 struct Support {
-  /// Pairs of landmarks that are each other's nearest and within the radius, among those looked at.
-  std::size_t matches = 0;
-  std::size_t close_matches = 0;  ///< those within half the radius
+  /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r, among the landmarks looked at.
+  static constexpr std::size_t kRadii = 6;
+  std::array<std::size_t, kRadii> within = {};
   /// The matches of all landmarks, as a share of the smaller cloud: what a pose cannot gain by moving
   /// many landmarks onto one.
   double share = 0.0;
@@ -26,9 +26,6 @@ struct Support {
   /// The same without the part of the source, a sixteenth, that has the most of it: what one thing that
   /// stands in both places does not give.
   double spread_evidence = 0.0;
-  /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r.
-  static constexpr std::size_t kRadii = 6;
-  std::array<std::size_t, kRadii> within = {};
   /// Of the distances of mutual nearest neighbours, against those at the other candidates.
   ProximityEvidence proximity = {};
   /// Of mutual descriptor matches; nothing where the clouds have no descriptors of one kind.
@@ -37,6 +34,8 @@ struct Support {
   std::optional<Likeness> likeness = {};
   /// Its evidence without the part of the source that has the most of it.
   double spread_likeness = 0.0;
+
+  std::size_t matches() const { return within[0]; }
 };
 
 }  // namespace cairn

@@ -113,12 +113,10 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
       proximity->add(std::sqrt(squared / spacing), source_groups_[i]);
     }
   }
-  support.close_matches = support.within[1];
-  support.matches = matched.size();
   // The sample stands for the source; a share is that of the smaller cloud.
   const double each = static_cast<double>(source.size()) /
                       static_cast<double>(sample_ * std::min(source.size(), target.size()));
-  support.share = each * static_cast<double>(support.matches);
+  support.share = each * static_cast<double>(support.matches());
   add_evidence(pairs, support);
   if (looks_.possible()) add_likeness(likeness_by_group(matched, moved, radius), support);
   return support;

@@ -115,10 +115,10 @@ TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
     for (Eigen::Vector3d& position : other.positions) position.z() += radii * kRadius;
     return support(cloud, other);
   };
-  EXPECT_EQ(beside(0.4).close_matches, 100U);
-  EXPECT_EQ(beside(0.6).close_matches, 0U);
-  EXPECT_EQ(beside(0.6).matches, 100U);
-  EXPECT_EQ(beside(1.1).matches, 0U);
+  EXPECT_EQ(beside(0.4).within[1], 100U);
+  EXPECT_EQ(beside(0.6).within[1], 0U);
+  EXPECT_EQ(beside(0.6).matches(), 100U);
+  EXPECT_EQ(beside(1.1).matches(), 0U);
 }
 
 // The probability is of evidence a match: both have to be of the landmarks looked at.
@@ -128,8 +128,8 @@ TEST(SupportCounter, CountsWhatItLooksAtAndSharesWhatAllHave) {
   for (std::size_t i = 0; i < 2000; i += 2) target.positions[i] = source.positions[2 * i];
   const Support all = support(source, target);
   const Support half = support(source, target, {}, 2000);
-  EXPECT_DOUBLE_EQ(all.share, static_cast<double>(all.matches) / 2000.0);
-  EXPECT_DOUBLE_EQ(half.share, 2.0 * static_cast<double>(half.matches) / 2000.0);
+  EXPECT_DOUBLE_EQ(all.share, static_cast<double>(all.matches()) / 2000.0);
+  EXPECT_DOUBLE_EQ(half.share, 2.0 * static_cast<double>(half.matches()) / 2000.0);
   EXPECT_NEAR(half.share, all.share, 0.1 * all.share);
 }
 
@@ -149,13 +149,13 @@ TEST(SupportCounter, TellsHowManyOfTheMatchesLookAlike) {
   const LandmarkCloud cloud = with_looks(wall(2000, 1), 1);
   const Support same = support(cloud, cloud);
   ASSERT_TRUE(same.likeness);
-  EXPECT_EQ(same.likeness->compared, same.matches);
-  EXPECT_EQ(same.likeness->alike, same.matches);
+  EXPECT_EQ(same.likeness->compared, same.matches());
+  EXPECT_EQ(same.likeness->alike, same.matches());
   EXPECT_GT(same.spread_likeness, 0.8 * same.likeness->evidence());
   const Support other = support(cloud, with_looks(wall(2000, 2), 2));
   ASSERT_TRUE(other.likeness);
-  EXPECT_EQ(other.likeness->compared, other.matches);
-  EXPECT_GT(other.matches, 50U);
+  EXPECT_EQ(other.likeness->compared, other.matches());
+  EXPECT_GT(other.matches(), 50U);
   EXPECT_LT(other.spread_likeness, 3.0);
   EXPECT_FALSE(support(cloud, wall(2000, 2)).likeness);
 }
@@ -173,7 +173,7 @@ TEST(SupportCounter, OfTheLandmarksWithinTheRadiusTheOneThatLooksMostAlikeCounts
     std::copy(source.descriptors->bytes.begin(), source.descriptors->bytes.end(),
               target.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(500 * kBytes));
     const Support found = support(source, target);
-    EXPECT_GT(found.matches, 450U);
+    EXPECT_GT(found.matches(), 450U);
     return static_cast<double>(found.likeness->alike) /
            static_cast<double>(found.likeness->compared);
   };

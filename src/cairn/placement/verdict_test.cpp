@@ -58,7 +58,7 @@ TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
 }
 
 TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
-  EXPECT_EQ(verdict_of({candidate(0.9), candidate(0.05)}).verdict, Verdict::kRejected);
+  EXPECT_EQ(verdict_of({candidate(0.9), candidate(0.03)}).verdict, Verdict::kRejected);
   EXPECT_EQ(verdict_of({candidate(1e-7)}).verdict, Verdict::kRejected);
   EXPECT_EQ(verdict_of({}).verdict, Verdict::kRejected);
 }
