@@ -22,9 +22,9 @@ BEYOND_DOUBT = 0.95      # what the verdict accepts; verdict.cpp has the same
 PENALTY = 0.005
 MATCHES_MORE = 20.0      # so that a few matches say little
 CLOSE_MORE = 3.0
-FINE = "within_3"        # matches within an eighth of the radius
+FINE = "within_2"        # matches within a quarter of the radius
 LEAST_EXPECTED = 0.25    # as in descriptor_agreement.cpp
-NAMES = ["constant", "evidence", "lead", "contradicted"]
+NAMES = ["constant", "evidence", "proximity", "lead", "contradicted"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
@@ -70,12 +70,15 @@ def features(rows, i, described, seen):
     evidence = row["spread_evidence"] + row["spread_proximity"]
     if described:
         evidence += max(row["spread_likeness"], 0.0) + agreement_evidence(row)
+    lead = math.log((row[FINE] + CLOSE_MORE) / (best_other + CLOSE_MORE))
     line = [1.0, math.sqrt(evidence / (row["within_0"] + MATCHES_MORE)),
-            math.log((row[FINE] + CLOSE_MORE) / (best_other + CLOSE_MORE)), 0.0]
+            math.log1p(row["spread_proximity"]),
+            # Beside descriptors it adds nothing.
+            0.0 if described else lead, 0.0]
     if seen:
         # Where too few lines of sight were looked at: a share that says little.
         share = row["contradicted"] if row["contradicted"] >= 0.0 else 0.05
-        line[3] = math.log((share + 0.002) / (1.002 - share))
+        line[4] = math.log((share + 0.002) / (1.002 - share))
     return line
 
 

@@ -14,10 +14,10 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/core/random.hpp"
 #include "cairn/placement/centred_pair.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/placement/place.hpp"
@@ -63,15 +63,16 @@ void tell_truth(const SessionPair& pair) {
                      Random(pair.number), Executor())(at, 0.5 * fine);
   const DescriptorAgreement agreement = DescriptorMatches(centred).agreement(at, 0.5 * fine);
   const PoseError error = pose_error(pose, pair.truth, pair.source.positions);
-  std::printf("truth,%llu,%s,%s,1,%.6f,%zu,%zu,,0,-1,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,0,0,0,0,1,"
-              "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1\n",
-              static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
-              pair.target_place.c_str(), pair.overlap, pair.source.size(), pair.target.size(),
-              support.within[0], support.within[1], support.within[2], support.within[3],
-              support.within[4], support.within[5], support.share, support.evidence,
-              support.spread_evidence, agreement.matches, agreement.agreeing, agreement.spread,
-              agreement.expected, support.likeness ? support.spread_likeness : -1.0,
-              degrees(error.rotation_rad), error.translation);
+  std::printf(
+      "truth,%llu,%s,%s,1,%.6f,%zu,%zu,,0,-1,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,0,0,0,0,1,"
+      "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1\n",
+      static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
+      pair.target_place.c_str(), pair.overlap, pair.source.size(), pair.target.size(),
+      support.within[0], support.within[1], support.within[2], support.within[3], support.within[4],
+      support.within[5], support.share, support.evidence, support.spread_evidence,
+      agreement.matches, agreement.agreeing, agreement.spread, agreement.expected,
+      support.likeness ? support.spread_likeness : -1.0, degrees(error.rotation_rad),
+      error.translation);
 }
 
 struct Variant {
@@ -135,14 +136,16 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   if (words.size() < 3) {
-    std::fputs("usage: cairn_placement_sessions_benchmark FOLDER PAIRS fit|choose|test [VARIANT,...]\n",
-               stderr);
+    std::fputs(
+        "usage: cairn_placement_sessions_benchmark FOLDER PAIRS fit|choose|test [VARIANT,...]\n",
+        stderr);
     return 2;
   }
   try {
     const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
     std::puts(
-        "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,rank,"
+        "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,"
+        "rank,"
         "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
         "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
         "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"

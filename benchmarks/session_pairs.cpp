@@ -181,8 +181,8 @@ SessionPart session_part(std::string_view name) {
               "fit, choose or test");
 }
 
-void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, SessionPart part,
-                           const std::function<void(const SessionPair&)>& take) {
+void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers,
+                           SessionPart part, const std::function<void(const SessionPair&)>& take) {
   const std::vector<Session> sessions = read_sessions(folder, part);
   for (std::uint64_t number = numbers.first; number < numbers.end; ++number) {
     Random random = Random(number).fork(static_cast<std::uint64_t>(part));

@@ -58,7 +58,7 @@ SessionPart session_part(std::string_view name);
 /// @param folder holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground
 ///               truth (benchmarks/placement_sessions.sh makes them)
 /// @throws Error or std::runtime_error if there are no two sessions
-void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers, SessionPart part,
-                           const std::function<void(const SessionPair&)>& take);
+void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers,
+                           SessionPart part, const std::function<void(const SessionPair&)>& take);
 
 }  // namespace cairn::benchmarks

@@ -134,9 +134,10 @@ void AlignArguments::add_to(CLI::App& command) {
           "With --anywhere: the maps need not be of one scale; find the source's, from 1/20 to "
           "20 times the target's")
       ->needs(anywhere);
-  add_number(command, "--prior-odds", robust.placement.prior_odds,
-             "With --anywhere: odds, before anything is looked at, that the maps show one place; 0.01 "
-             "where one of a hundred pairs does (default: 1)")
+  add_number(
+      command, "--prior-odds", robust.placement.prior_odds,
+      "With --anywhere: odds, before anything is looked at, that the maps show one place; 0.01 "
+      "where one of a hundred pairs does (default: 1)")
       ->needs(anywhere);
   add_number(command, "--effort", robust.placement.effort,
              "With --anywhere: work in units of the default's, 1/16 to 64")

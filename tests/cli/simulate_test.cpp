@@ -151,8 +151,8 @@ TEST_F(SimulateTest, AnExistingSequenceIsNotTouched) {
 
 TEST_F(SimulateTest, MistakesAreNamedBeforeAnythingIsWritten) {
   expect_refusal({"simulate"}, kWrongUsage, {"folder"});
-  expect_refusal({"simulate", "s", "--environment", "kitchen"}, kWrongUsage,
-                 {"'kitchen'", "desk, office, corridor, warehouse, room"});
+  expect_refusal({"simulate", "s", "--environment", "cellar"}, kWrongUsage,
+                 {"'cellar'", "desk, office, corridor, warehouse, room, kitchen"});
   expect_refusal({"simulate", "s", "--path", "missing.txt"}, kBadInput, {"missing.txt"});
   expect_refusal({"simulate", "s", "--camera", "missing.yaml"}, kBadInput, {"missing.yaml"});
   expect_refusal({"simulate", "s", "--color-format", "gif"}, kWrongUsage, {"'gif'", "png or jpeg"});

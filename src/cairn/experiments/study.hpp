@@ -23,7 +23,7 @@ struct PairFiles {
 
 /// Two sessions of one simulated place, each mapped from its own images.
 struct PairSimulation {
-  std::string environment = {};  ///< desk, office, corridor, warehouse or room
+  std::string environment = {};  ///< desk, office, corridor, warehouse, room or kitchen
   std::uint64_t seed = 1;        ///< of the place
   std::string path = "sweep";
   std::size_t frames = 150;  ///< of each session

@@ -7,7 +7,7 @@ namespace cairn {
 
 /// How well matches of descriptors, found without regard to any pose, agree with a pose.
 struct DescriptorAgreement {
-  std::size_t matches = 0;  ///< mutual matches of descriptors
+  std::size_t matches = 0;   ///< mutual matches of descriptors
   std::size_t agreeing = 0;  ///< those whose landmarks the pose brings within the radius
   /// Agreeing matches outside the cluster that has most of them: one thing that stands in two places
   /// gives none of these.

@@ -9,7 +9,8 @@ namespace cairn {
 namespace {
 
 TEST(DescriptorAgreement, EvidenceIsThatOfAPoissonCount) {
-  const DescriptorAgreement agreement{.matches = 300, .agreeing = 14, .spread = 12, .expected = 2.0};
+  const DescriptorAgreement agreement{
+      .matches = 300, .agreeing = 14, .spread = 12, .expected = 2.0};
   const auto log_probability = [](double count, double mean) {
     return count * std::log(mean) - mean - std::lgamma(count + 1.0);
   };

@@ -62,7 +62,7 @@ Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t j) {
 
 #else
 
-using Bytes = hn::RepartitionToNarrow<hn::RepartitionToNarrow<Words>>;
+using Bytes = hn::RepartitionToNarrow<hn::RepartitionToNarrow<Words> >;
 
 // Counts of bits by byte are added up in bytes, which hold those of so many words.
 constexpr std::size_t kMostInBytes = 31;
@@ -110,8 +110,8 @@ struct SquaredBytes {
 #else
     const Word low = hn::Set(Words(), 0xffffU);
     const auto even = hn::Sub(hn::BitCast(d, hn::And(a, low)), hn::BitCast(d, hn::And(b, low)));
-    const auto odd = hn::Sub(hn::BitCast(d, hn::ShiftRight<16>(a)),
-                             hn::BitCast(d, hn::ShiftRight<16>(b)));
+    const auto odd =
+        hn::Sub(hn::BitCast(d, hn::ShiftRight<16>(a)), hn::BitCast(d, hn::ShiftRight<16>(b)));
     return hn::Add(hn::Mul(even, even), hn::Mul(odd, odd));
 #endif
   }
@@ -120,8 +120,7 @@ struct SquaredBytes {
     const Words d;
     auto sum = hn::Zero(Signed());
     for (std::size_t k = 0; k < others.words; ++k) {
-      sum = hn::Add(sum,
-                    sum_of_squares(hn::Set(d, query[k]), hn::LoadU(d, others.word(k) + j)));
+      sum = hn::Add(sum, sum_of_squares(hn::Set(d, query[k]), hn::LoadU(d, others.word(k) + j)));
     }
     return hn::BitCast(d, sum);
   }

@@ -29,9 +29,9 @@ std::uint32_t difference(const Rows& a, std::size_t i, const Rows& b, std::size_
     const std::uint8_t x = a[i * bytes_each + k];
     const std::uint8_t y = b[j * bytes_each + k];
     const int apart = int{x} - int{y};
-    sum += norm == Norm::kHamming ? static_cast<std::uint32_t>(std::popcount(
-                                        static_cast<std::uint8_t>(x ^ y)))
-                                  : static_cast<std::uint32_t>(apart * apart);
+    sum += norm == Norm::kHamming
+               ? static_cast<std::uint32_t>(std::popcount(static_cast<std::uint8_t>(x ^ y)))
+               : static_cast<std::uint32_t>(apart * apart);
   }
   return sum;
 }

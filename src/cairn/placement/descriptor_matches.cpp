@@ -32,8 +32,7 @@ Rows rows_of(const LandmarkCloud& cloud, std::size_t first) {
   for (std::uint32_t i = 0; i < std::min(first, cloud.size()); ++i) {
     if (column.known[i] == 0) continue;
     rows.landmarks.push_back(i);
-    const auto begin =
-        column.bytes.begin() + static_cast<std::ptrdiff_t>(i * column.bytes_each);
+    const auto begin = column.bytes.begin() + static_cast<std::ptrdiff_t>(i * column.bytes_each);
     rows.bytes.insert(rows.bytes.end(), begin,
                       begin + static_cast<std::ptrdiff_t>(column.bytes_each));
   }
@@ -96,7 +95,8 @@ DescriptorMatches::DescriptorMatches(const CentredPair& pair) {
   target_extent_ = cloud_extent(pair.target());
 }
 
-DescriptorAgreement DescriptorMatches::agreement(const Similarity3& pose, double radius) const {
+DescriptorAgreement DescriptorMatches::agreement(const Similarity3& pose, double radius,
+                                                 std::size_t partners) const {
   DescriptorAgreement result;
   result.matches = matches_.size();
   const std::vector<Eigen::Vector3d> moved = moved_points(source_places_, pose);
@@ -106,12 +106,11 @@ DescriptorAgreement DescriptorMatches::agreement(const Similarity3& pose, double
     if ((moved[i] - target_places_[i]).squaredNorm() <= squared) agreeing.push_back(moved[i]);
   }
   result.agreeing = agreeing.size();
-  result.spread = agreeing.size() -
-                  largest_cluster(agreeing, kThing * std::min(pose.scale() * source_extent_,
-                                                              target_extent_));
-  // Each match with the partners of so many others.
-  constexpr std::size_t kOthers = 512;
-  const std::size_t others = std::min(kOthers, moved.size() - std::min<std::size_t>(1, moved.size()));
+  result.spread =
+      agreeing.size() -
+      largest_cluster(agreeing, kThing * std::min(pose.scale() * source_extent_, target_extent_));
+  if (moved.empty()) return result;
+  const std::size_t others = std::min(partners, moved.size() - 1);
   std::size_t met = 0;
   for (std::size_t shift = 1; shift <= others; ++shift) {
     for (std::size_t i = 0; i < moved.size(); ++i) {

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "cairn/placement/descriptor_agreement.hpp"
 #include "cairn/placement/centred_pair.hpp"
+#include "cairn/placement/descriptor_agreement.hpp"
 
 namespace cairn {
 
@@ -39,7 +39,9 @@ class DescriptorMatches {
   std::span<const Eigen::Vector3d> target_places() const { return target_places_; }
 
   /// How many matches a centred pose brings within the radius, and how many it would by chance.
-  DescriptorAgreement agreement(const Similarity3& pose, double radius) const;
+  /// @param partners of other matches with which each is tried, for the latter
+  DescriptorAgreement agreement(const Similarity3& pose, double radius,
+                                std::size_t partners = 512) const;
 
  private:
   bool possible_ = false;

@@ -37,8 +37,8 @@ Similarity3 pose_of(const Places& from, const Places& to, bool free_scale) {
     squares += turned.squaredNorm();
   }
   const double scale = squares > 0.0 && along > 0.0 ? along / squares : 1.0;
-  return {scale, Rigid3(motion.quaternion(),
-                        to_centre - scale * (motion.quaternion() * from_centre))};
+  return {scale,
+          Rigid3(motion.quaternion(), to_centre - scale * (motion.quaternion() * from_centre))};
 }
 
 struct Proposal {
@@ -63,8 +63,8 @@ class Consensus {
     Indices thirds;
     for (int draw = 0; draw < draws; ++draw) {
       const std::size_t first = random.index(count_);
-      const auto second = options_.free_scale ? any_second(first, random)
-                                              : rigid_second(first, random);
+      const auto second =
+          options_.free_scale ? any_second(first, random) : rigid_second(first, random);
       if (!second) continue;
       const double scale = options_.free_scale ? ratio(first, *second) : 1.0;
       thirds.clear();
@@ -94,8 +94,7 @@ class Consensus {
   }
 
   double ratio(std::size_t i, std::size_t j) const {
-    return static_cast<double>(there_[i * count_ + j]) /
-           static_cast<double>(here_[i * count_ + j]);
+    return static_cast<double>(there_[i * count_ + j]) / static_cast<double>(here_[i * count_ + j]);
   }
 
   // As far from each other here as there, and far enough to tell a pose.
@@ -193,8 +192,7 @@ std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, R
     const bool known = std::any_of(kept.begin(), kept.end(), [&](const Proposal& other) {
       Indices both;
       std::set_intersection(proposal.agreeing.begin(), proposal.agreeing.end(),
-                            other.agreeing.begin(), other.agreeing.end(),
-                            std::back_inserter(both));
+                            other.agreeing.begin(), other.agreeing.end(), std::back_inserter(both));
       return 2 * both.size() >= proposal.agreeing.size();
     });
     if (known) continue;

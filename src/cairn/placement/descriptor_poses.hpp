@@ -12,11 +12,11 @@ namespace cairn {
 
 struct DescriptorPoseOptions {
   std::size_t matches = 800;  ///< the most alike that poses are made from
-  int draws = 4000;           ///< triples of matches that are tried; with a free scale three times as many
-  std::size_t poses = 8;      ///< at most so many are proposed
+  int draws = 4000;  ///< triples of matches that are tried; with a free scale three times as many
+  std::size_t poses = 8;  ///< at most so many are proposed
   /// By how much distances between landmarks may differ, in the target's unit; positive.
   double tolerance = 0.0;
-  bool free_scale = false;  ///< the source's scale is estimated; else it is 1
+  bool free_scale = false;           ///< the source's scale is estimated; else it is 1
   double least_scale = 1.0 / 400.0;  ///< bounds of a free scale
   double most_scale = 400.0;
 };

@@ -40,10 +40,10 @@ constexpr int kShortIterations = 16;
 constexpr int kFinalIterations = 60;
 constexpr std::size_t kFinalists = 12;
 constexpr std::size_t kCandidatesAScale = 24;  // where several scales are searched
-constexpr std::size_t kSightPoints = 1024;  // of a map, looked for from each view of the other
-constexpr std::size_t kFewestSights = 200;  // fewer lines of sight say nothing
-constexpr std::ptrdiff_t kVariants = 3;     // of a finalist: which is the better shows at the end
-constexpr double kLongest = 1e6;            // time limit in seconds
+constexpr std::size_t kSightPoints = 1024;     // of a map, looked for from each view of the other
+constexpr std::size_t kFewestSights = 200;     // fewer lines of sight say nothing
+constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
+constexpr double kLongest = 1e6;         // time limit in seconds
 // Shares of the time limit that must see their part of the work done; the last refinement has the rest.
 constexpr double kSearchTime = 0.5;
 constexpr double kCandidatesTime = 0.85;
@@ -53,11 +53,10 @@ constexpr double kScaleStep = 1.25;
 constexpr int kScaleReach = 5;         // steps, to either side
 constexpr double kScaleMargin = 0.03;  // of the range's ends: no scale is found exactly
 // In units of the fine scale:
-constexpr double kSame = 0.35;     // what optima that are one differ by at most
-constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
-constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
-constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
-constexpr double kFinest = 1.0 / 12.0;  // where candidates' refinement ends: many maps agree so closely
+constexpr double kSame = 0.35;          // what optima that are one differ by at most
+constexpr double kMatched = 0.5;        // radius within which landmarks count as matched
+constexpr double kDistinct = 3.0;       // and what poses that people would call different at least
+constexpr double kFinest = 1.0 / 12.0;  // kernel where candidates' refinement ends
 // Proposals by descriptors are judged before any search if as many matches agree with one;
 constexpr std::size_t kFewestAgreeing = 7;
 // those with this share of its matches are its rivals;
@@ -227,12 +226,13 @@ class Placement {
   /// Of the kernel, for a source of the scale.
   double fine(double scale) const { return all_.at(scale).fine; }
   // The support of a pose.
-  Finalist assessed(const Similarity3& pose) const {
+  // @param partners with which each descriptor match is tried, to see how many agree by chance
+  Finalist assessed(const Similarity3& pose, std::size_t partners = 512) const {
     Finalist result;
     set_similarity(result, pose);
     const double radius = kMatched * fine(pose.scale());
     result.support = support_(pose, radius, &result.proximity);
-    if (matches_.possible()) result.support.agreement = matches_.agreement(pose, radius);
+    if (matches_.possible()) result.support.agreement = matches_.agreement(pose, radius, partners);
     return result;
   }
 
@@ -295,8 +295,7 @@ class Placement {
         refine_all(rivals, all_, kSample, kFinalIterations, stop);
       });
       result.poses = judged(std::move(rivals));
-      const bool decided =
-          !result.poses.empty() && result.poses.front().probability >= kDecided;
+      const bool decided = !result.poses.empty() && result.poses.front().probability >= kDecided;
       if (decided || options_.search == PoseSearch::kNever) return result;
     }
     std::vector<Finalist> poses;
@@ -328,9 +327,7 @@ class Placement {
     options.free_scale = options_.scale.has_value();
     // Where the scale is open, lengths of the target alone are known.
     options.tolerance =
-        kMatched * (options.free_scale
-                        ? kernel_scales(all_.target, all_.target).fine
-                        : fine(1.0));
+        kMatched * (options.free_scale ? kernel_scales(all_.target, all_.target).fine : fine(1.0));
     if (options_.scale) {
       options.least_scale = options_.scale->least;
       options.most_scale = options_.scale->most;
@@ -370,10 +367,8 @@ class Placement {
               const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
               std::vector<Finalist>& poses) const {
     const KernelScales kernel = all_.at(scale);
-    SearchOptions options{.coarse = kernel.coarse,
-                          .fine = kernel.fine,
-                          .executor = options_.executor,
-                          .stop = stop};
+    SearchOptions options{
+        .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
     if (scales_.size() > 1) options.candidates = kCandidatesAScale;
     if (options_.progress) {
       options.progress = [&](double share) {
@@ -392,8 +387,10 @@ class Placement {
 
   // Moves each pose to the optimum near it, at the fine scale of the lengths, and counts its support
   // there.
-  void refine_all(std::vector<Finalist>& poses, const PairScales& lengths,
-                  std::size_t points, int iterations, const std::stop_token& stop) const {
+  void refine_all(std::vector<Finalist>& poses, const PairScales& lengths, std::size_t points,
+                  int iterations, const std::stop_token& stop) const {
+    // Of many poses roughly, of the few that are left exactly.
+    const std::size_t partners = points == kSample ? 512 : 32;
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
                                     Executor());
@@ -410,19 +407,16 @@ class Placement {
                                            .free_scale = options_.scale.has_value()},
                                           stop)
                                      .target_from_source;
-        poses[i] = assessed(pose);
+        poses[i] = assessed(pose, partners);
       }
     });
   }
 
   // The best of the poses, with at most so many variants of what people would call one.
-  std::vector<Finalist> distinct(std::vector<Finalist> poses,
-                                           const PairScales& lengths,
-                                           std::ptrdiff_t variants) const {
+  std::vector<Finalist> distinct(std::vector<Finalist> poses, const PairScales& lengths,
+                                 std::ptrdiff_t variants) const {
     std::stable_sort(poses.begin(), poses.end(),
-                     [](const Finalist& a, const Finalist& b) {
-                       return merit(a) > merit(b);
-                     });
+                     [](const Finalist& a, const Finalist& b) { return merit(a) > merit(b); });
     std::vector<Finalist> kept;
     for (const Finalist& pose : poses) {
       const double fine = lengths.at(pose.scale).fine;
@@ -511,7 +505,7 @@ class CallersPlacement {
   void run(const TimeLimit& time, PlacementResult& result);
 
  private:
-  Similarity3 callers(const Similarity3& centred) const {
+  Similarity3 for_caller(const Similarity3& centred) const {
     const Similarity3 pose = placement_->pair().uncentred(centred);
     const Similarity3 direct = inverted_ ? pose.inverse() : pose;
     return {direct.scale() * unit_, direct.rigid()};
@@ -526,7 +520,6 @@ class CallersPlacement {
   }
   AlignResult refined(const Finalist& best, bool hold, const TimeLimit& time,
                       PlacementResult& result) const;
-  void judge_result(PlacementResult& result) const;
 
   const LandmarkCloud& source_;
   const LandmarkCloud& target_;
@@ -551,7 +544,7 @@ double precision(const Finalist& pose) {
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
 AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const TimeLimit& time,
                                       PlacementResult& result) const {
-  const Similarity3 pose = callers(best.similarity());
+  const Similarity3 pose = for_caller(best.similarity());
   RefineOptions refinement;
   refinement.initial = pose.rigid();
   if (callers_.scale) refinement.scale = pose.scale();
@@ -593,7 +586,9 @@ void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
   result.alignment = refined(best, false, time, result);
   // What all landmarks make of the pose is judged like the candidates; where that has less to show for
   // it, the candidate itself is the result.
-  if (result.alignment.status == AlignStatus::kAligned) {
+  if (result.alignment.status == AlignStatus::kFailed) {
+    result.alignment = refined(best, true, time, result);
+  } else if (result.alignment.status == AlignStatus::kAligned) {
     std::vector<Finalist> after = found.poses;
     after.front() = placement_->assessed(centred(result.alignment.similarity()));
     const bool as_good = Placement::merit(after.front()) >= kKept * Placement::merit(best);
@@ -606,7 +601,7 @@ void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
     }
   }
   for (const Finalist& pose : found.poses) {
-    set_similarity(result.candidates.emplace_back(pose), callers(pose.similarity()));
+    set_similarity(result.candidates.emplace_back(pose), for_caller(pose.similarity()));
   }
   result.probability = result.candidates.front().probability;
   Judgement judgement = judge(result.candidates, result.alignment, placement_->landmarks(),

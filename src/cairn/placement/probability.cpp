@@ -10,21 +10,22 @@ namespace {
 // What the logarithm of the odds is linear in.
 struct Weights {
   double constant;
-  double evidence;      // of the root of the evidence a match
-  double lead;          // of the logarithm of how many times the fine matches of the best other it has
+  double evidence;   // of the root of the evidence a match
+  double proximity;  // of the logarithm of the evidence of distances against those at other poses
+  double lead;       // of the logarithm of how many times the fine matches of the best other it has
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
 // Made by benchmarks/fit_placement_model.py; docs/method.md has how well they predict other pairs.
-constexpr Weights kWithAll = {-11.490, 13.828, 0.344, -0.775};
-constexpr Weights kWithDescriptors = {-8.565, 13.701, 0.117, 0.0};
-constexpr Weights kWithSight = {-9.530, 8.727, 1.958, -0.831};
-constexpr Weights kWithNeither = {-6.763, 9.461, 1.826, 0.0};
+constexpr Weights kWithAll = {-12.293, 12.076, 0.740, 0.0, -0.786};
+constexpr Weights kWithDescriptors = {-9.095, 11.304, 0.775, 0.0, 0.0};
+constexpr Weights kWithSight = {-10.824, 5.706, 1.267, 1.146, -0.829};
+constexpr Weights kWithNeither = {-8.095, 6.358, 1.281, 1.007, 0.0};
 
 // So many more, so that a few say little.
 constexpr double kMatchesMore = 20.0;
 constexpr double kFineMore = 3.0;
-constexpr std::size_t kFine = 3;  // of Support::within: an eighth of the radius
+constexpr std::size_t kFine = 2;  // of Support::within: a quarter of the radius
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
   if (candidate.support.agreement) return candidate.contradicted ? kWithAll : kWithDescriptors;
@@ -69,6 +70,7 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
     const double matches = static_cast<double>(candidate.support.matches()) + kMatchesMore;
     result.push_back(weights.constant + std::log(prior_odds) +
                      weights.evidence * std::sqrt(evidence(candidate.support) / matches) +
+                     weights.proximity * std::log1p(candidate.support.proximity.spread) +
                      weights.lead * lead +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
     highest = std::max(highest, result.back());

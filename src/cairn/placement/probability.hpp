@@ -12,9 +12,10 @@ namespace cairn {
 /// that none of them is.
 ///
 /// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its evidence
-/// a match (of distances, of looks, of descriptor matches) and with how many times the matches within an
-/// eighth of the radius of the best other candidate it has; they fall with the share of lines of sight that
-/// contradict it. What the maps do not know has no say, and the rest weighs more then. Fitted to simulated
+/// a match (of distances, of looks, of descriptor matches), with its evidence of distances against those at
+/// the other candidates and, where there are no descriptors, with how many times the matches within a
+/// quarter of the radius of the best other candidate it has; they fall with the share of lines of sight
+/// that contradict it. What the maps do not know has no say, and the rest weighs more then. Fitted to simulated
 /// sessions of which half the pairs are of different places (docs/method.md).
 ///
 /// @param prior_odds of two maps showing one place, against their showing two; positive

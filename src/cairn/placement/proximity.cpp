@@ -53,7 +53,8 @@ Counts shares_of_same(double deviation) {
 }
 
 // Wider ones would explain how surfaces fit, which wrong poses share.
-constexpr std::array<double, 8> kDeviations = {0.015, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, ProximityEvidence::kWidest};
+constexpr std::array<double, 8> kDeviations = {0.015, 0.02,  0.03, 0.04,
+                                               0.055, 0.075, 0.1,  ProximityEvidence::kWidest};
 constexpr std::array<double, 11> kShares = {0.01, 0.02, 0.05, 0.1, 0.15, 0.2,
                                             0.3,  0.4,  0.5,  0.6, 0.8};
 
@@ -70,8 +71,8 @@ const std::array<Counts, kDeviations.size()>& same_by_deviation() {
 
 void Proximity::add(double ratio, std::size_t group) {
   const double octave = std::log2(std::max(ratio, 1e-9)) - kLeastOctave;
-  const double bin = std::clamp(std::ceil(kBinsPerOctave * octave), 0.0,
-                                static_cast<double>(kBins - 1));
+  const double bin =
+      std::clamp(std::ceil(kBinsPerOctave * octave), 0.0, static_cast<double>(kBins - 1));
   ++counts_[group][static_cast<std::size_t>(bin)];
 }
 

@@ -269,7 +269,8 @@ void Refinement::conclude(const RobustAlignment& alignment, double finest, Path 
   }
   // Only of an optimum there is something to say.
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
-    PoseUncertainty uncertainty = alignment.uncertainty(centred, kErrorScale * finest, result.matches, free_scale);
+    PoseUncertainty uncertainty =
+        alignment.uncertainty(centred, kErrorScale * finest, result.matches, free_scale);
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance_with_scale) {
       const Matrix7d covariance = pair_.uncentred(*uncertainty.covariance_with_scale, centred);

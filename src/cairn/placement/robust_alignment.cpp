@@ -139,8 +139,7 @@ double RobustAlignment::radius(std::size_t points) const {
 }
 
 std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d> moved,
-                                                 BatchTree::Batch& queries,
-                                                 bool one_to_one) const {
+                                                 BatchTree::Batch& queries, bool one_to_one) const {
   std::vector<Match> matches(moved.size());
   queries.for_each(moved, executor_, [&](std::size_t i, const NearestList auto& nearest) {
     matches[i] = {static_cast<std::uint32_t>(i), nearest.index(0), nearest.squared_distance(0)};
@@ -232,7 +231,8 @@ RobustAlignment::Run RobustAlignment::run_with(
   run.target_from_source = initial;
   double scale = schedule.coarse;
   int unsettled = 0;  // steps at this scale
-  const double last = schedule.finest > 0.0 ? std::min(schedule.finest, schedule.fine) : schedule.fine;
+  const double last =
+      schedule.finest > 0.0 ? std::min(schedule.finest, schedule.fine) : schedule.fine;
   while (run.iterations < schedule.max_iterations) {
     if (stop.stop_requested()) {
       run.stop_reason = StopReason::kCancelled;

@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kSampled = 4096;  // medians need no more
-constexpr double kFinest = 1e-3;  // of the coarse scale; maps may hold copies of one landmark
+constexpr double kFinest = 1e-3;        // of the coarse scale; maps may hold copies of one landmark
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;

@@ -92,8 +92,9 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const AlignResul
               fmt::format("{}, but the maps do not determine {}", found, open_text(result))};
     }
     if (!result.covariance) {
-      return {Verdict::kAmbiguous,
-              fmt::format("{}, but landmarks match in too few places to say how exact it is", found)};
+      return {
+          Verdict::kAmbiguous,
+          fmt::format("{}, but landmarks match in too few places to say how exact it is", found)};
     }
     return {Verdict::kAligned, std::move(found)};
   }

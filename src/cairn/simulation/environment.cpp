@@ -538,9 +538,9 @@ void build_kitchen(Site& site) {
               random.uniform(1.5, 2.0), random);
   const std::size_t table = site.plan.add(
       add_table(site.builder, at(random.uniform(-0.6, 0.6), -1.35, 180.0), 1.4, 0.5, 0.74, random));
-  site.plan.scatter({ItemKind::kCup, ItemKind::kBottle, ItemKind::kPaper, ItemKind::kBook,
-                     ItemKind::kSmallBox},
-                    1, table);
+  site.plan.scatter(
+      {ItemKind::kCup, ItemKind::kBottle, ItemKind::kPaper, ItemKind::kBook, ItemKind::kSmallBox},
+      1, table);
   site.decorate(room, Wall::kSouth, 0.3, width, 1.15);
   site.door(room, fridge_left ? Wall::kEast : Wall::kWest, 1.0);
 
@@ -548,9 +548,9 @@ void build_kitchen(Site& site) {
   const int stops = 2 * units;
   for (int i = 0; i < stops; ++i) {
     const double x = middle - 0.5 * width + 0.4 + (width - 0.8) * i / (stops - 1);
-    site.stage.sweep.push_back({{x + random.uniform(-0.15, 0.15), random.uniform(-0.9, -0.6),
-                                 random.uniform(1.35, 1.6)},
-                                {x, 1.0, random.uniform(0.95, 1.35)}});
+    site.stage.sweep.push_back(
+        {{x + random.uniform(-0.15, 0.15), random.uniform(-0.9, -0.6), random.uniform(1.35, 1.6)},
+         {x, 1.0, random.uniform(0.95, 1.35)}});
   }
   site.stage.orbit_target = {middle, -0.35, 1.2};
   site.stage.orbit_radius_m = 0.55;

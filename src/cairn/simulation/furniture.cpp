@@ -286,8 +286,8 @@ std::vector<Support> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose
   hanging.front =
       builder.paint(kKitchenUnit, kHeight, kMiddle, paint, paintings::cupboard, next(random));
   Skin stove = base;
-  stove.front = builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, kSteel, paintings::oven,
-                              next(random));
+  stove.front =
+      builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, kSteel, paintings::oven, next(random));
   const auto oven = static_cast<int>(random.index(static_cast<std::size_t>(units)));
   const auto open = static_cast<int>(random.index(static_cast<std::size_t>(units)));
   for (int i = 0; i < units; ++i) {
@@ -299,8 +299,8 @@ std::vector<Support> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose
   }
   Skin worktop = Skin::all(
       builder.paint(width, 0.04, kMiddle, wood_paint(random), paintings::wood, next(random)));
-  worktop.top =
-      builder.paint(width, kDepth + 0.02, kFar, kSteel.scaled(0.65), paintings::concrete, next(random));
+  worktop.top = builder.paint(width, kDepth + 0.02, kFar, kSteel.scaled(0.65), paintings::concrete,
+                              next(random));
   builder.box({left, 0.0, kWorktop - 0.04}, {width, kDepth + 0.02, 0.04}, worktop);
   builder.panel({left, kDepth + 0.015, kWallUnits + kHeight}, {width, 0, 0},
                 {0, 0, kWorktop - kWallUnits - kHeight},
