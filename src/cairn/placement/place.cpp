@@ -63,6 +63,7 @@ constexpr std::size_t kFewestAgreeing = 7;
 constexpr double kRivalShare = 0.4;
 // and a probability of this makes the search needless.
 constexpr double kDecided = 0.99;
+constexpr double kPerErrorScale = 4.0;  // kernels of the last refinement, for the covariance
 // Share of a candidate's merit that all landmarks must leave it.
 constexpr double kKept = 0.95;
 
@@ -530,15 +531,18 @@ class CallersPlacement {
   std::optional<Placement> placement_;
 };
 
-// How closely the maps agree at a candidate, in fine scales: a kernel much finer than that would follow
-// the errors of single landmarks.
+// How closely the maps agree at a candidate, in fine scales, as far as that is known: a kernel much finer
+// would follow the errors of single landmarks.
 double precision(const Finalist& pose) {
   constexpr double kPerDeviation = 2.0;
-  constexpr double kClear = 20.0;  // evidence, below which the deviation means little
-  const ProximityEvidence& proximity = pose.support.proximity;
-  const double deviation =
-      proximity.spread > kClear ? proximity.deviation : ProximityEvidence::kWidest;
-  return std::max(kPerDeviation * deviation / kSmoothSpacings, kFinest);
+  constexpr double kClear = 20.0;  // evidence, below which it says nothing
+  const Support& support = pose.support;
+  if (support.proximity.spread > kClear) {
+    return std::max(kPerDeviation * support.proximity.deviation / kSmoothSpacings, kFinest);
+  }
+  // Descriptors tell same landmarks as well, but not how far apart they are.
+  const bool same = support.agreement && support.agreement->evidence() > kClear;
+  return same ? kPerDeviation * ProximityEvidence::kWidest / kSmoothSpacings : 1.0;
 }
 
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
@@ -551,7 +555,9 @@ AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const Tim
   refinement.by_icp_too = false;
   refinement.one_to_one = true;
   refinement.hold = hold;
-  refinement.coarse = refinement.fine = refinement.finest = precision(best) * fine(best);
+  const double kernel = precision(best) * fine(best);
+  refinement.coarse = refinement.fine = refinement.finest = kernel;
+  refinement.error_scale = std::min(kPerErrorScale * kernel, fine(best));
   refinement.use_covariances = callers_.use_covariances;
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
   refinement.executor = callers_.executor;

@@ -23,8 +23,7 @@ namespace {
 // poses have some of it, and the guess is the better witness.
 constexpr double kClearlyBetter = 2.0;
 constexpr double kFinest = 1.0 / 12.0;  // of the fine scale
-// In finest scales: what the covariance is measured with. Maps are bent by more than their landmarks differ.
-constexpr double kErrorScale = 4.0;
+constexpr double kErrorScale = 4.0;     // in finest scales; see RefineOptions::error_scale
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
@@ -115,7 +114,7 @@ class Refinement {
   // @param path on which the run began, with where it is
   void follow(const RobustAlignment& alignment, const KernelScales& kernel, Path& path) const;
   // The result of a way.
-  void conclude(const RobustAlignment& alignment, double finest, Path path,
+  void conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
                 AlignResult& result) const;
   std::optional<Path> drawn_in(const Similarity3& initial) const;
   std::vector<double> from_source(const Similarity3& pose) const {
@@ -133,6 +132,9 @@ class Refinement {
   KernelScales kernel() const;
   double finest_of(const KernelScales& kernel) const {
     return options_.finest.value_or(kFinest * kernel.fine);
+  }
+  double error_scale_of(const KernelScales& kernel) const {
+    return options_.error_scale.value_or(std::min(kErrorScale * finest_of(kernel), kernel.fine));
   }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
 
@@ -233,7 +235,7 @@ void Refinement::run(AlignResult& result) const {
   if (options_.hold) {
     path.run.stop_reason = StopReason::kNoMotion;
     path.matches = alignment.matches(initial);
-    return conclude(alignment, finest_of(scales), std::move(path), result);
+    return conclude(alignment, scales, std::move(path), result);
   }
   follow(alignment, scales, path);
   if (options_.by_icp_too && !free_scale && path.run.stop_reason != StopReason::kCancelled) {
@@ -242,10 +244,10 @@ void Refinement::run(AlignResult& result) const {
       if (other->value > kClearlyBetter * path.value) path = std::move(*other);
     }
   }
-  conclude(alignment, finest_of(scales), std::move(path), result);
+  conclude(alignment, scales, std::move(path), result);
 }
 
-void Refinement::conclude(const RobustAlignment& alignment, double finest, Path path,
+void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
                           AlignResult& result) const {
   const bool free_scale = options_.scale.has_value();
   const RobustAlignment::Run& run = path.run;
@@ -270,7 +272,7 @@ void Refinement::conclude(const RobustAlignment& alignment, double finest, Path 
   // Only of an optimum there is something to say.
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
     PoseUncertainty uncertainty =
-        alignment.uncertainty(centred, kErrorScale * finest, result.matches, free_scale);
+        alignment.uncertainty(centred, error_scale_of(kernel), result.matches, free_scale);
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance_with_scale) {
       const Matrix7d covariance = pair_.uncentred(*uncertainty.covariance_with_scale, centred);
@@ -280,7 +282,7 @@ void Refinement::conclude(const RobustAlignment& alignment, double finest, Path 
       result.covariance = pair_.uncentred(*uncertainty.covariance, centred.rigid());
     }
   }
-  result.reason = sentence(result, finest, path.icp_iterations);
+  result.reason = sentence(result, finest_of(kernel), path.icp_iterations);
   if (inverted_) turn_round(pose, result);
 }
 
@@ -298,6 +300,7 @@ void RefineOptions::validate() const {
   require(!coarse || !fine || *fine <= *coarse, "fine", fine.value_or(0.0), "at most coarse");
   require_length(finest, "finest");
   require(!finest || !fine || *finest <= *fine, "finest", finest.value_or(0.0), "at most fine");
+  require_length(error_scale, "error_scale");
   require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
   require_length(overlap_radius, "overlap_radius");
 }

@@ -28,6 +28,9 @@ struct RefineOptions {
   /// From `fine` down to this scale, matches are one to one: how closely most maps agree shows there. At
   /// most `fine`. Nothing: a twelfth of `fine`.
   std::optional<double> finest = {};
+  /// Scale with which the covariance is measured: maps are bent by more than their landmarks differ. Nothing:
+  /// four times `finest`, at most `fine`.
+  std::optional<double> error_scale = {};
   /// Keep the initial pose as it is: matches, scores and covariance are those of this pose.
   bool hold = false;
   /// Also from where the paper's base ICP leads, whose matches may be ever so far: that is the result if
@@ -55,7 +58,8 @@ struct RefineOptions {
 /// other. The residual r of a match counts by its Mahalanobis distance,
 /// m² = rᵀ·(s²·R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both landmarks, under the kernel of Geman
 /// and McClure, m²/(1 + m²), whose scale σ falls from coarse to fine as the iteration proceeds
-/// (graduated non-convexity; Black and Rangarajan 1996).
+/// (graduated non-convexity; Black and Rangarajan 1996). From there to the finest scale a landmark of the
+/// other cloud is matched once, with the nearest.
 ///
 /// The covariance of the pose is a sandwich estimator. Its parts are what the objective does when the
 /// pose is moved and all matches are found anew, and the pulls of 16 groups of matched landmarks. It is
