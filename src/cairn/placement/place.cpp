@@ -53,9 +53,10 @@ constexpr double kScaleStep = 1.25;
 constexpr int kScaleReach = 5;         // steps, to either side
 constexpr double kScaleMargin = 0.03;  // of the range's ends: no scale is found exactly
 // In units of the fine scale:
-constexpr double kSame = 0.35;          // what optima that are one differ by at most
-constexpr double kMatched = 0.5;        // radius within which landmarks count as matched
-constexpr double kDistinct = 3.0;       // and what poses that people would call different at least
+constexpr double kSame = 0.35;     // what optima that are one differ by at most
+constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
+constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
+constexpr double kReopened = 3.0;  // kernel at which the last refinement begins at the fine scale
 constexpr double kFinest = 1.0 / 12.0;  // kernel where candidates' refinement ends
 // Proposals by descriptors are judged before any search if as many matches agree with one;
 constexpr std::size_t kFewestAgreeing = 7;
@@ -64,6 +65,7 @@ constexpr double kRivalShare = 0.4;
 // and a probability of this makes the search needless.
 constexpr double kDecided = 0.99;
 constexpr double kPerErrorScale = 4.0;  // kernels of the last refinement, for the covariance
+constexpr int kAttempts = 4;            // at the last refinement
 // Share of a candidate's merit that all landmarks must leave it.
 constexpr double kKept = 0.95;
 
@@ -553,10 +555,12 @@ AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const Tim
   refinement.initial = pose.rigid();
   if (callers_.scale) refinement.scale = pose.scale();
   refinement.by_icp_too = false;
-  refinement.one_to_one = true;
   refinement.hold = hold;
+  refinement.one_to_one = precision(best) < 1.0;
   const double kernel = precision(best) * fine(best);
-  refinement.coarse = refinement.fine = refinement.finest = kernel;
+  // Where nothing shows how closely the maps agree, what the finer scales chose is undone.
+  refinement.coarse = refinement.one_to_one ? kernel : kReopened * kernel;
+  refinement.fine = refinement.finest = kernel;
   refinement.error_scale = std::min(kPerErrorScale * kernel, fine(best));
   refinement.use_covariances = callers_.use_covariances;
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
@@ -587,24 +591,26 @@ void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
     result.alignment.reason = result.reason;
     return;
   }
-  const Finalist best = found.poses.front();
-  result.radius = kMatched * fine(best);
-  result.alignment = refined(best, false, time, result);
-  // What all landmarks make of the pose is judged like the candidates; where that has less to show for
-  // it, the candidate itself is the result.
-  if (result.alignment.status == AlignStatus::kFailed) {
-    result.alignment = refined(best, true, time, result);
-  } else if (result.alignment.status == AlignStatus::kAligned) {
-    std::vector<Finalist> after = found.poses;
-    after.front() = placement_->assessed(centred(result.alignment.similarity()));
-    const bool as_good = Placement::merit(after.front()) >= kKept * Placement::merit(best);
-    const Similarity3 refined_pose = after.front().similarity();
-    after = placement_->with_probabilities(std::move(after));
-    if (as_good && after.front().similarity().matrix() == refined_pose.matrix()) {
-      found.poses = std::move(after);
-    } else {
+  // What all landmarks make of the likeliest pose is judged like the candidates. If another is likelier
+  // then, that one is refined too. A candidate that has more to show for it as it is stays so.
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const Finalist best = found.poses.front();
+    result.radius = kMatched * fine(best);
+    result.alignment = refined(best, false, time, result);
+    if (result.alignment.status == AlignStatus::kCancelled) break;
+    const bool failed = result.alignment.status == AlignStatus::kFailed;
+    Finalist after = placement_->assessed(centred(result.alignment.similarity()));
+    // Without evidence at the finer scales there is none to lose.
+    const bool worse =
+        precision(best) < 1.0 && Placement::merit(after) < kKept * Placement::merit(best);
+    if (failed || worse || attempt + 1 == kAttempts) {
       result.alignment = refined(best, true, time, result);
+      break;
     }
+    const Similarity3 pose = after.similarity();
+    found.poses.front() = std::move(after);
+    found.poses = placement_->with_probabilities(std::move(found.poses));
+    if (found.poses.front().similarity().matrix() == pose.matrix()) break;
   }
   for (const Finalist& pose : found.poses) {
     set_similarity(result.candidates.emplace_back(pose), for_caller(pose.similarity()));
