@@ -62,8 +62,10 @@ constexpr double kFinest = 1.0 / 12.0;  // kernel where candidates' refinement e
 constexpr std::size_t kFewestAgreeing = 7;
 // those with this share of its matches are its rivals;
 constexpr double kRivalShare = 0.4;
-// and a probability of this makes the search needless.
+// and a probability of this, with so many agreeing matches outside the largest cluster, makes the search
+// needless. With fewer, a search may show other poses that fit as well.
 constexpr double kDecided = 0.99;
+constexpr std::size_t kDecisive = 15;
 constexpr double kPerErrorScale = 4.0;  // kernels of the last refinement, for the covariance
 constexpr int kAttempts = 4;            // at the last refinement
 // Share of a candidate's merit that all landmarks must leave it.
@@ -298,7 +300,8 @@ class Placement {
         refine_all(rivals, all_, kSample, kFinalIterations, stop);
       });
       result.poses = judged(std::move(rivals));
-      const bool decided = !result.poses.empty() && result.poses.front().probability >= kDecided;
+      const bool decided = !result.poses.empty() && result.poses.front().probability >= kDecided &&
+                           result.poses.front().support.agreement->spread >= kDecisive;
       if (decided || options_.search == PoseSearch::kNever) return result;
     }
     std::vector<Finalist> poses;
