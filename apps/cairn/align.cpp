@@ -137,7 +137,7 @@ void AlignArguments::add_to(CLI::App& command) {
   add_number(
       command, "--prior-odds", robust.placement.prior_odds,
       "With --anywhere: odds, before anything is looked at, that the maps show one place; 0.01 "
-      "where one of a hundred pairs does (default: 1)")
+      "where one of a hundred pairs does")
       ->needs(anywhere);
   add_number(command, "--effort", robust.placement.effort,
              "With --anywhere: work in units of the default's, 1/16 to 64")

@@ -330,6 +330,10 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
             candidates.at(0).at("spread_evidence").get<double>());
   EXPECT_LT(candidates.at(0).at("contradicted").get<double>(), 0.05);
   EXPECT_TRUE(candidates.at(0).at("likeness").is_null());  // maps without descriptors
+  EXPECT_TRUE(candidates.at(0).at("descriptor_agreement").is_null());
+  EXPECT_EQ(candidates.at(0).at("matches_by_radius").at(0), candidates.at(0).at("matches"));
+  EXPECT_EQ(candidates.at(0).at("matches_by_radius").size(), 6U);
+  EXPECT_GT(candidates.at(0).at("proximity").at("spread_evidence").get<double>(), 50.0);
   EXPECT_EQ(candidates.at(0).at("probability"), result.at("probability"));
   EXPECT_EQ(result.at("deterministic"), true);
   EXPECT_TRUE(files().contains("aligned.map"));
@@ -356,6 +360,26 @@ TEST_F(AlignTest, AnywhereTellsWhichMatchesLookAlike) {
   EXPECT_GT(likeness.at("compared"), count / 2);
   EXPECT_GT(likeness.at("evidence"), likeness.at("spread_evidence"));
   EXPECT_GT(likeness.at("spread_evidence"), 100.0);
+  const Json& agreement = result.at("candidates").at(0).at("descriptor_agreement");
+  EXPECT_EQ(agreement.at("agreeing"), agreement.at("matches"));
+  EXPECT_GT(agreement.at("matches"), count / 2);
+  EXPECT_LT(agreement.at("spread"), agreement.at("agreeing"));
+  EXPECT_LT(agreement.at("expected"), 10.0);
+  EXPECT_THAT(result.at("reason").get<std::string>(),
+              HasSubstr("descriptor matches agree with it"));
+}
+
+TEST_F(AlignTest, PriorOddsLowerTheProbability) {
+  write_pair();
+  const auto probability = [&](const Words& more) {
+    Words words = {"align", "source.map", "target.map", "--anywhere"};
+    words.insert(words.end(), more.begin(), more.end());
+    return document(words).at("results").at(0).at("probability").get<double>();
+  };
+  const double even = probability({});
+  const double rare = probability({"--prior-odds", "0.0001"});
+  EXPECT_LT(rare, even);
+  EXPECT_GT(rare, 0.0);
 }
 
 TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {
@@ -493,6 +517,8 @@ TEST_F(AlignTest, RefusesWhatDoesNotGoWithAnywhere) {
   expect_refusal({"align", "source.map", "target.map", "--gravity"}, kWrongUsage, {"--anywhere"});
   expect_refusal({"align", "source.map", "target.map", "--anywhere", "--effort", "0"}, kWrongUsage,
                  {"--effort", "1/16"});
+  expect_refusal({"align", "source.map", "target.map", "--anywhere", "--prior-odds", "0"},
+                 kWrongUsage, {"--prior-odds", "1e-6"});
   expect_refusal({"align", "source.map", "target.map", "--method", "magic"}, kWrongUsage,
                  {"--method", "robust"});
 }

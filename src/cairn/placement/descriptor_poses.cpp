@@ -100,7 +100,7 @@ class Consensus {
   // As far from each other here as there, and far enough to tell a pose.
   bool agree(std::size_t i, std::size_t j, double scale) const {
     const double here = scale * static_cast<double>(here_[i * count_ + j]);
-    const double there = static_cast<double>(there_[i * count_ + j]);
+    const auto there = static_cast<double>(there_[i * count_ + j]);
     return std::min(here, there) > kLeastLength * options_.tolerance &&
            std::abs(here - there) < options_.tolerance;
   }
@@ -116,8 +116,8 @@ class Consensus {
 
   std::optional<std::size_t> any_second(std::size_t first, Random& random) const {
     const std::size_t second = random.index(count_);
-    const double here = static_cast<double>(here_[first * count_ + second]);
-    const double there = static_cast<double>(there_[first * count_ + second]);
+    const auto here = static_cast<double>(here_[first * count_ + second]);
+    const auto there = static_cast<double>(there_[first * count_ + second]);
     if (!(here > 0.0) || there < kLeastLength * options_.tolerance) return std::nullopt;
     const double scale = there / here;
     if (scale < options_.least_scale || scale > options_.most_scale) return std::nullopt;

@@ -348,7 +348,7 @@ class Placement {
     if (proposed.empty() || proposed.front().support.agreement->agreeing < kFewestAgreeing) {
       return rivals;
     }
-    const double most = static_cast<double>(proposed.front().support.agreement->agreeing);
+    const auto most = static_cast<double>(proposed.front().support.agreement->agreeing);
     for (const Finalist& one : proposed) {
       const auto agreeing = static_cast<double>(one.support.agreement->agreeing);
       if (agreeing >= kRivalShare * most && rivals.size() < kMost) rivals.push_back(one);
