@@ -24,6 +24,7 @@
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/robust_alignment.hpp"
 #include "cairn/placement/rotations.hpp"
+#include "cairn/placement/scales.hpp"
 #include "cairn/placement/search.hpp"
 #include "cairn/placement/sight.hpp"
 #include "cairn/placement/support_counter.hpp"
@@ -57,7 +58,6 @@ constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
 constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins at the fine scale
-constexpr double kFinest = 1.0 / 12.0;  // kernel where candidates' refinement ends
 // Proposals by descriptors are judged before any search if as many matches agree with one;
 constexpr std::size_t kFewestAgreeing = 7;
 // those with this share of its matches are its rivals;
@@ -66,8 +66,7 @@ constexpr double kRivalShare = 0.4;
 // needless. With fewer, a search may show other poses that fit as well.
 constexpr double kDecided = 0.99;
 constexpr std::size_t kDecisive = 15;
-constexpr double kPerErrorScale = 4.0;  // kernels of the last refinement, for the covariance
-constexpr int kAttempts = 4;            // at the last refinement
+constexpr int kAttempts = 4;  // at the last refinement
 // Share of a candidate's merit that all landmarks must leave it.
 constexpr double kKept = 0.95;
 
@@ -564,7 +563,7 @@ AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const Tim
   // Where nothing shows how closely the maps agree, what the finer scales chose is undone.
   refinement.coarse = refinement.one_to_one ? kernel : kReopened * kernel;
   refinement.fine = refinement.finest = kernel;
-  refinement.error_scale = std::min(kPerErrorScale * kernel, fine(best));
+  refinement.error_scale = std::min(kErrorScale * kernel, fine(best));
   refinement.use_covariances = callers_.use_covariances;
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
   refinement.executor = callers_.executor;

@@ -14,6 +14,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/placement/robust_alignment.hpp"
+#include "cairn/placement/scales.hpp"
 #include "cairn/registration/score/fitness.hpp"
 
 namespace cairn {
@@ -22,8 +23,6 @@ namespace {
 // The pose where ICP leads has to have so many times the objective: where the maps share little, most
 // poses have some of it, and the guess is the better witness.
 constexpr double kClearlyBetter = 2.0;
-constexpr double kFinest = 1.0 / 12.0;  // of the fine scale
-constexpr double kErrorScale = 4.0;     // in finest scales; see RefineOptions::error_scale
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {

@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kSampled = 4096;  // medians need no more
-constexpr double kFinest = 1e-3;        // of the coarse scale; maps may hold copies of one landmark
+constexpr double kLeastFine = 1e-3;     // of the coarse scale; maps may hold copies of one landmark
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
@@ -65,7 +65,7 @@ KernelScales kernel_scales(const CloudScales& source, const CloudScales& target)
   scales.coarse = std::max(0.5 * std::min(source.extent, target.extent), scales.fine);
   // Of landmarks that all coincide.
   if (!(scales.coarse > 0.0)) scales.coarse = 1.0;
-  scales.fine = std::max(scales.fine, kFinest * scales.coarse);
+  scales.fine = std::max(scales.fine, kLeastFine * scales.coarse);
   return scales;
 }
 

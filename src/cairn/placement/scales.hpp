@@ -41,6 +41,13 @@ CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
 /// meet.
 inline constexpr double kSmoothSpacings = 1.5;
 
+/// Where a refinement ends, in fine scales: many maps agree that closely.
+inline constexpr double kFinest = 1.0 / 12.0;
+
+/// Scale with which a covariance is measured, in those where the refinement ends: maps are bent by more
+/// than their landmarks differ.
+inline constexpr double kErrorScale = 4.0;
+
 /// Where the kernel of a robust alignment begins and ends.
 struct KernelScales {
   double coarse = 0.0;  ///< half the extent of the smaller cloud: what one start can still reach

@@ -28,7 +28,7 @@ struct Support {
   double spread_evidence = 0.0;
   /// Of the distances of mutual nearest neighbours, against those at the other candidates.
   ProximityEvidence proximity = {};
-  /// Of mutual descriptor matches; nothing where the clouds have no descriptors of one kind.
+  /// Of mutual descriptor matches; std::nullopt if the clouds have no descriptors of one kind.
   std::optional<DescriptorAgreement> agreement = {};
   /// Of the matches; nothing where the clouds have no descriptors to compare.
   std::optional<Likeness> likeness = {};
