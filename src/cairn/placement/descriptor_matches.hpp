@@ -38,10 +38,13 @@ class DescriptorMatches {
   std::span<const Eigen::Vector3d> source_places() const { return source_places_; }
   std::span<const Eigen::Vector3d> target_places() const { return target_places_; }
 
+  /// Enough to know how many agree by chance to a few per cent.
+  static constexpr std::size_t kPartners = 512;
+
   /// How many matches a centred pose brings within the radius, and how many it would by chance.
   /// @param partners of other matches with which each is tried, for the latter
   DescriptorAgreement agreement(const Similarity3& pose, double radius,
-                                std::size_t partners = 512) const;
+                                std::size_t partners = kPartners) const;
 
  private:
   bool possible_ = false;

@@ -231,7 +231,8 @@ class Placement {
   double fine(double scale) const { return all_.at(scale).fine; }
   // The support of a pose.
   // @param partners with which each descriptor match is tried, to see how many agree by chance
-  Finalist assessed(const Similarity3& pose, std::size_t partners = 512) const {
+  Finalist assessed(const Similarity3& pose,
+                    std::size_t partners = DescriptorMatches::kPartners) const {
     Finalist result;
     set_similarity(result, pose);
     const double radius = kMatched * fine(pose.scale());
@@ -395,7 +396,7 @@ class Placement {
   void refine_all(std::vector<Finalist>& poses, const PairScales& lengths, std::size_t points,
                   int iterations, const std::stop_token& stop) const {
     // Of many poses roughly, of the few that are left exactly.
-    const std::size_t partners = points == kSample ? 512 : 32;
+    const std::size_t partners = points == kSample ? DescriptorMatches::kPartners : 32;
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
                                     Executor());

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "cairn/placement/scales.hpp"
+
 namespace cairn {
 namespace {
 
@@ -12,9 +14,9 @@ constexpr double kBinsPerOctave = 4.0;
 constexpr double kLeastOctave = -6.0;
 // Pairs that are added to what the other poses have: the distances of points on surfaces.
 constexpr double kPriorPairs = 40.0;
-// Two circles of radius d about points d apart are larger than one by this factor, (4·π/3 + √3/2) / π.
+// Where two are each other's nearest, the circles about both are empty: together they are larger than
+// one by this factor, (4·π/3 + √3/2) / π.
 constexpr double kBothEmpty = 1.609;
-constexpr double kNeighbors = 8.0;  // that the spacing reaches over
 
 using Counts = Proximity::Counts;
 
@@ -38,7 +40,7 @@ Counts shares(const Distribution& cumulative) {
 // Of independent points on one surface that are each other's nearest.
 const Counts& shares_on_surface() {
   static const Counts result =
-      shares([](double ratio) { return -std::expm1(-kBothEmpty * kNeighbors * ratio * ratio); });
+      shares([](double ratio) { return chance_on_surface(ratio * ratio); });
   return result;
 }
 
@@ -68,6 +70,10 @@ const std::array<Counts, kDeviations.size()>& same_by_deviation() {
 }
 
 }  // namespace
+
+double chance_on_surface(double squared_ratio) {
+  return -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * squared_ratio);
+}
 
 void Proximity::add(double ratio, std::size_t group) {
   const double octave = std::log2(std::max(ratio, 1e-9)) - kLeastOctave;

@@ -26,6 +26,11 @@ class Proximity {
   std::array<std::array<std::size_t, kBins>, kGroups> counts_{};
 };
 
+/// Probability that two landmarks which are each other's nearest are as close, if both clouds lie on one
+/// surface independently of each other: 1 - exp(-1.609·8·d²/h²).
+/// @param squared_ratio d²/h², h being the distance to the eighth neighbour
+double chance_on_surface(double squared_ratio);
+
 /// Log-likelihood ratio of the distances at one pose: some of the pairs are the same landmarks, with
 /// Gaussian errors, against all pairs being as far apart as at the other poses.
 struct ProximityEvidence {

@@ -80,9 +80,6 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
   // a landmark must not decide alone.
   constexpr double kFarthest = 3.0;
   constexpr double kLeastChance = 1e-6;
-  // Where two are each other's nearest, the circles about both are empty: together they are larger than
-  // one by this factor, (4·π/3 + √3/2) / π.
-  constexpr double kBothEmpty = 1.609;
   const LandmarkCloud& source = pair_.source();
   const LandmarkCloud& target = pair_.target();
   const std::vector<Eigen::Vector3d> moved =
@@ -107,7 +104,7 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
     const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
-    const double chance = -std::expm1(-kBothEmpty * static_cast<double>(kSpacingNeighbors) * ratio);
+    const double chance = chance_on_surface(ratio);
     pairs.push_back({std::max(chance, kLeastChance), source_groups_[i]});
     if (proximity != nullptr && spacing > 0.0) {
       proximity->add(std::sqrt(squared / spacing), source_groups_[i]);
