@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Makes the sessions that cairn_placement_sessions_benchmark reads: two of each place, rendered and mapped.
+# Each seed has a layout of its own unless one is given: seeds of one layout are twins.
 # What is there already is kept, so that it can be stopped and gone on with.
 set -euo pipefail
 
 if [ $# -lt 2 ]; then
-  echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEED...]  (1 to 6 by default)" >&2
+  echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEED[:LAYOUT]...]  (1 to 6 by default)" >&2
   exit 2
 fi
 cairn=$1
@@ -16,7 +17,9 @@ mkdir -p "$folder"
 sequence=$(mktemp -d)
 trap 'rm -rf "$sequence"' EXIT
 
-for seed in "$@"; do
+for place in "$@"; do
+  seed=${place%:*}
+  layout=${place#*:}
   for kind in desk office corridor warehouse room kitchen; do
     for session in 0 1; do
       name=$folder/$kind-$seed-$session
@@ -29,7 +32,7 @@ for seed in "$@"; do
         case $kind in corridor | warehouse | kitchen) path=walk ;; *) path=orbit ;; esac
       fi
       rm -rf "$sequence/frames"
-      "$cairn" simulate "$sequence/frames" --environment "$kind" --seed "$seed" \
+      "$cairn" simulate "$sequence/frames" --environment "$kind" --seed "$seed" --layout "$layout" \
         --session "$session" --changed "$changed" --path "$path" --rate 20 --frames 260 --quiet
       "$cairn" map "$sequence/frames" -o "$name.cairn" \
         --start-from "$sequence/frames/groundtruth.txt" --quiet

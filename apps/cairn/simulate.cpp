@@ -36,6 +36,7 @@ struct SimulateArguments {
   std::string path = "sweep";
   std::optional<std::size_t> frames;
   std::optional<double> duration_s;
+  std::optional<std::uint64_t> layout;
   PathOptions path_options;
   EnvironmentOptions environment_options;
   SimulatorOptions options;
@@ -71,6 +72,10 @@ void SimulateArguments::add_to(CLI::App& command) {
       command, "--frames", frames, "Frames to render (default: 300, or the whole trajectory)");
   add_number(command, "--duration", duration_s, "The same in seconds")->excludes(frame_option);
   add_number(command, "--rate", path_options.rate_hz, "Frames a second");
+  add_number(command, "--layout", layout,
+             "Plan of the place: 1 as drawn, others stretched or mirrored, with other furniture; "
+             "places of one layout and different seeds are twins (default: the seed; 1 with a "
+             "trajectory file)");
   add_number(command, "--session", environment_options.session,
              "Sessions of one seed share place and world frame; each has its own path, noise and "
              "changes");
@@ -116,6 +121,8 @@ void SimulateArguments::check() {
     throw Error(ErrorKind::kMisuse, "--color-format", printable(color_format), "png or jpeg");
   }
   environment_options.seed = common.seed;
+  // A given trajectory knows one plan alone.
+  environment_options.layout = layout ? layout : path_is_file() ? 1 : common.seed;
   const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
   path_options.seed = seeds.path;
   options.seed = seeds.noise;
@@ -192,6 +199,7 @@ Json SimulateArguments::options_json() const {
   return {{"environment", environment},
           {"path", path},
           {"rate_hz", path_options.rate_hz},
+          {"layout", *environment_options.layout},
           {"session", environment_options.session},
           {"changed", environment_options.changed_fraction},
           {"camera",

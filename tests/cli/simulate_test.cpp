@@ -133,6 +133,18 @@ TEST_F(SimulateTest, SessionsDifferInPathAndChanges) {
   EXPECT_NE(content("a/groundtruth.txt"), content("b/groundtruth.txt"));
 }
 
+TEST_F(SimulateTest, TheLayoutIsTheSeedsOwnUnlessItIsGiven) {
+  const auto layout = [&](const char* folder, const Words& more) {
+    Words words = {"--json", "-"};
+    words.insert(words.end(), more.begin(), more.end());
+    return Json::parse(simulate(folder, words)).at("options").at("layout").get<int>();
+  };
+  EXPECT_EQ(layout("drawn", {}), 1);
+  EXPECT_EQ(layout("own", {"--seed", "4"}), 4);
+  EXPECT_EQ(layout("twin", {"--seed", "4", "--layout", "1"}), 1);
+  EXPECT_NE(content("drawn/groundtruth.txt"), content("own/groundtruth.txt"));
+}
+
 TEST_F(SimulateTest, PngKeepsColoursAndDurationCountsFrames) {
   simulate("s", {"--color-format", "png", "--duration", "0.1"});
   EXPECT_THAT(content("s/rgb.txt"), HasSubstr("rgb/0.066667.png"));

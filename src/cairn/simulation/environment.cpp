@@ -33,9 +33,77 @@ constexpr std::array<std::pair<EnvironmentKind, std::string_view>, 6> kNames = {
     {EnvironmentKind::kKitchen, "kitchen"},
 }};
 
-Rigid3 at(double x, double y, double yaw_deg = 0.0) {
-  return Rigid3::from_roll_pitch_yaw({x, y, 0.0}, 0.0, 0.0, yaw_deg * kPi / 180.0);
+Rigid3 upright(const Vector3d& position, double yaw_deg) {
+  return Rigid3::from_roll_pitch_yaw(position, 0.0, 0.0, yaw_deg * kPi / 180.0);
 }
+Rigid3 shifted(double x, double y, double z) {
+  return Rigid3(Eigen::Quaterniond::Identity(), Vector3d(x, y, z));
+}
+
+// How far a place departs from its plan as drawn: stretched along both axes, mirrored or not, its
+// furniture and tiles of other sizes. Else places of one kind would differ in looks alone.
+class Layout {
+ public:
+  explicit Layout(std::uint64_t number, const Random& random)
+      : as_drawn_(number == kPlanAsDrawn),
+        random_(random),
+        stretch_x_(factor(1.0, 1.3)),
+        stretch_y_(factor(1.0, 1.3)),
+        mirrored_(!as_drawn_ && random_.chance(0.5)) {}
+
+  // For what is drawn anew in every layout.
+  Random& random() { return random_; }
+  // 1 for the plan as drawn.
+  double factor(double low, double high) { return as_drawn_ ? 1.0 : random_.uniform(low, high); }
+  // A number of equal things: as many as drawn, or one more or less.
+  int count(int drawn) {
+    if (as_drawn_) return drawn;
+    return std::max(1, drawn - 1 + static_cast<int>(random_.index(3)));
+  }
+
+  Vector3d point(double x, double y, double z) const {
+    return {(mirrored_ ? -x : x) * stretch_x_, y * stretch_y_, z};
+  }
+  Rigid3 at(double x, double y, double yaw_deg = 0.0) const {
+    return upright(point(x, y, 0.0), mirrored_ ? -yaw_deg : yaw_deg);
+  }
+  RoomShape room(const RoomShape& drawn) const {
+    const Vector3d a = point(drawn.x0, drawn.y0, 0.0);
+    const Vector3d b = point(drawn.x1, drawn.y1, 0.0);
+    return {std::min(a.x(), b.x()), a.y(), std::max(a.x(), b.x()), b.y(), drawn.height};
+  }
+  Wall wall(Wall drawn) const {
+    if (!mirrored_) return drawn;
+    return drawn == Wall::kEast ? Wall::kWest : drawn == Wall::kWest ? Wall::kEast : drawn;
+  }
+  // From what is drawn along a wall to metres from its left end.
+  double along(const RoomShape& room, Wall drawn, double metres) const {
+    const bool by_x = drawn == Wall::kNorth || drawn == Wall::kSouth;
+    const double stretched = metres * (by_x ? stretch_x_ : stretch_y_);
+    return mirrored_ ? wall_length(room, wall(drawn)) - stretched : stretched;
+  }
+  // A rectangle of the floor; sides along the axes.
+  Support floor(double x, double y, double width, double depth) const {
+    return {at(x, y), width * stretch_x_, depth * stretch_y_};
+  }
+  CameraStage stage(CameraStage drawn) const {
+    for (Viewpoint& view : drawn.sweep) view = {point(view.position), point(view.target)};
+    for (Vector3d& corner : drawn.walk) corner = point(corner);
+    drawn.orbit_target = point(drawn.orbit_target);
+    drawn.orbit_radius_m *= std::sqrt(stretch_x_ * stretch_y_);
+    return drawn;
+  }
+
+ private:
+  static constexpr std::uint64_t kPlanAsDrawn = 1;
+  Vector3d point(const Vector3d& drawn) const { return point(drawn.x(), drawn.y(), drawn.z()); }
+
+  bool as_drawn_;
+  Random random_;
+  double stretch_x_;
+  double stretch_y_;
+  bool mirrored_;
+};
 
 // A thing and where it stands on its support.
 struct Item {
@@ -76,11 +144,6 @@ class Plan {
     supports_.push_back(support);
     return supports_.size() - 1;
   }
-  // A strip of the floor.
-  std::size_t floor(double x, double y, double width, double depth) {
-    return add({at(x, y), width, depth});
-  }
-
   void place(ItemKind kind, std::size_t support, double x, double y, double yaw_deg = 0.0,
              bool movable = false) {
     Item item = shaped(kind, support);
@@ -180,10 +243,41 @@ struct Site {
   SceneBuilder builder;
   Plan plan;
   Random random;
+  Layout layout;
   CameraStage stage;
 
+  Rigid3 at(double x, double y, double yaw_deg = 0.0) const { return layout.at(x, y, yaw_deg); }
+  std::size_t floor(double x, double y, double width, double depth) {
+    return plan.add(layout.floor(x, y, width, depth));
+  }
+  RoomShape room(const RoomShape& drawn, RoomLook look, int lights_x, int lights_y,
+                 double light_power) {
+    RoomShape shape = layout.room(drawn);
+    shape.height *= layout.factor(0.95, 1.15);
+    look.floor_pitch = layout.factor(0.7, 1.4);
+    look.ceiling_pitch = layout.factor(0.7, 1.4);
+    add_room(builder, shape, look, layout.count(lights_x), layout.count(lights_y), light_power,
+             random);
+    return shape;
+  }
+  std::size_t table(const Rigid3& pose, double width, double depth, double height) {
+    return plan.add(add_table(builder, pose, width * layout.factor(0.9, 1.0), depth,
+                              height * layout.factor(0.95, 1.03), random));
+  }
+  void bookcase(const Rigid3& pose, double width, double height, int levels) {
+    add_bookcase(builder, pose, width * layout.factor(0.85, 1.0), 0.33,
+                 height * layout.factor(0.85, 1.1), layout.count(levels), random);
+  }
+  // Returns its top, but for the edge: not in the plan before something is to stand there.
+  Support cabinet(const Rigid3& pose, double width, double depth, double height) {
+    const double w = width * layout.factor(0.85, 1.0);
+    const double h = height * layout.factor(0.9, 1.1);
+    add_cabinet(builder, pose, w, depth, h, random);
+    return {pose * shifted(0.0, 0.5 * depth - 0.005, h), w - 0.1, depth - 0.05};
+  }
+
   void workplace(const Rigid3& pose, double width, double depth, int monitors, bool tidy) {
-    const std::size_t desk = plan.add(add_table(builder, pose, width, depth, 0.72, random));
+    const std::size_t desk = table(pose, width, depth, 0.72);
     const double step = width / monitors;
     for (int i = 0; i < monitors; ++i) {
       const double x = -0.5 * width + (i + 0.5) * step + random.uniform(-0.06, 0.06);
@@ -208,7 +302,11 @@ struct Site {
   }
 
   // Pictures side by side on a wall, between two distances from its left end.
-  void decorate(const RoomShape& room, Wall wall, double from, double to, double bottom) {
+  void decorate(const RoomShape& room, Wall drawn, double drawn_from, double drawn_to,
+                double bottom) {
+    const Wall wall = layout.wall(drawn);
+    const auto [from, to] =
+        std::minmax({layout.along(room, drawn, drawn_from), layout.along(room, drawn, drawn_to)});
     for (double x = from + 0.05; x < to - 0.4;) {
       const double w = std::min(random.uniform(0.4, 1.1), to - x);
       const double h = random.uniform(0.5, 0.95);
@@ -225,36 +323,35 @@ struct Site {
   }
 
   void board(const RoomShape& room, Wall wall, double along, double width) {
-    hang(builder, room, wall, "whiteboard", along, 0.95, width, 1.1, 0.02, paintings::whiteboard,
-         {0.93F, 0.93F, 0.93F}, 500.0, random);
+    hang(builder, room, layout.wall(wall), "whiteboard", layout.along(room, wall, along), 0.95,
+         width, 1.1, 0.02, paintings::whiteboard, {0.93F, 0.93F, 0.93F}, 500.0, random);
   }
   void window(const RoomShape& room, Wall wall, double along, double width) {
-    hang(builder, room, wall, "window", along, 0.9, width, 1.3, 0.02, paintings::window_view,
-         {0.8F, 0.8F, 0.8F}, 300.0, random);
+    hang(builder, room, layout.wall(wall), "window", layout.along(room, wall, along), 0.9, width,
+         1.3, 0.02, paintings::window_view, {0.8F, 0.8F, 0.8F}, 300.0, random);
   }
   void door(const RoomShape& room, Wall wall, double along) {
     const Paint paint = random_paint(random, random.uniform(0.2, 0.6), random.uniform(0.4, 0.75));
-    hang(builder, room, wall, "door", along, 0.0, 0.95, 2.05, 0.04, paintings::door, paint, 400.0,
-         random);
+    hang(builder, room, layout.wall(wall), "door", layout.along(room, wall, along), 0.0, 0.95, 2.05,
+         0.04, paintings::door, paint, 400.0, random);
   }
 };
 
 void build_desk(Site& site) {
-  const RoomShape room{-2.7, -2.3, 3.1, 3.5, 2.7};
-  Random& random = site.random;
+  const RoomShape drawn{-2.7, -2.3, 3.1, 3.5, 2.7};
   const RoomLook look{paintings::plaster,
                       paintings::carpet_tiles,
                       paintings::ceiling_panels,
                       {0.82F, 0.8F, 0.75F},
                       {0.3F, 0.33F, 0.38F}};
-  add_room(site.builder, room, look, 2, 2, 2.7, random);
-  site.workplace(at(0.15, -0.1), 1.9, 0.75, 2, false);
-  site.workplace(at(0.15, 1.42, 180.0), 1.9, 0.75, 2, false);
-  add_bookcase(site.builder, at(-2.35, 1.0, 90.0), 1.6, 0.33, 1.95, 5, random);
-  add_cabinet(site.builder, at(-2.25, -0.9, 90.0), 1.2, 0.45, 0.75, random);
-  add_bookcase(site.builder, at(-0.6, 3.15), 1.2, 0.33, 1.9, 5, random);
-  add_cabinet(site.builder, at(1.4, 3.05), 1.5, 0.45, 1.1, random);
-  add_bookcase(site.builder, at(0.9, -1.95, 180.0), 1.4, 0.33, 2.0, 5, random);
+  const RoomShape room = site.room(drawn, look, 2, 2, 2.7);
+  site.workplace(site.at(0.15, -0.1), 1.9, 0.75, 2, false);
+  site.workplace(site.at(0.15, 1.42, 180.0), 1.9, 0.75, 2, false);
+  site.bookcase(site.at(-2.35, 1.0, 90.0), 1.6, 1.95, 5);
+  site.cabinet(site.at(-2.25, -0.9, 90.0), 1.2, 0.45, 0.75);
+  site.bookcase(site.at(-0.6, 3.15), 1.2, 1.9, 5);
+  const Support east_cabinet = site.cabinet(site.at(1.4, 3.05), 1.5, 0.45, 1.1);
+  site.bookcase(site.at(0.9, -1.95, 180.0), 1.4, 2.0, 5);
   const Wall walls[4] = {Wall::kNorth, Wall::kEast, Wall::kSouth, Wall::kWest};
   site.decorate(room, walls[0], 0.2, 1.4, 1.2);
   site.window(room, walls[0], 4.2, 1.6);
@@ -262,21 +359,19 @@ void build_desk(Site& site) {
   site.decorate(room, walls[1], 0.3, 4.3, 1.1);
   site.decorate(room, walls[2], 3.2, 5.5, 1.1);
   site.board(room, walls[3], 1.2, 1.7);
-  const auto floor_east = site.plan.floor(2.4, 0.5, 0.9, 3.0);
-  const auto floor_west = site.plan.floor(-1.6, 0.6, 0.8, 2.6);
-  const auto floor_north = site.plan.floor(0.1, 2.2, 2.8, 0.9);
-  const auto floor_south = site.plan.floor(0.1, -0.85, 2.0, 0.8);
+  const auto floor_east = site.floor(2.4, 0.5, 0.9, 3.0);
+  const auto floor_west = site.floor(-1.6, 0.6, 0.8, 2.6);
+  const auto floor_north = site.floor(0.1, 2.2, 2.8, 0.9);
+  const auto floor_south = site.floor(0.1, -0.85, 2.0, 0.8);
   site.plan.scatter({ItemKind::kChair}, 1, floor_north);
   site.plan.scatter({ItemKind::kChair}, 1, floor_south);
   site.plan.scatter({ItemKind::kCarton, ItemKind::kBin}, 1, floor_north);
   site.plan.scatter({ItemKind::kCarton, ItemKind::kBookStack}, 2, floor_east);
   site.plan.scatter({ItemKind::kBigPlant}, 1, floor_east);
   site.plan.scatter({ItemKind::kCarton, ItemKind::kPaper, ItemKind::kBin}, 1, floor_west);
-  const auto east_cabinet = site.plan.add(
-      {at(1.4, 3.27) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 1.1)), 1.4, 0.4});
   site.plan.scatter(
       {ItemKind::kUprightBooks, ItemKind::kPlant, ItemKind::kSmallBox, ItemKind::kBookStack}, 1,
-      east_cabinet, 15.0);
+      site.plan.add(east_cabinet), 15.0);
 
   site.stage.sweep = {
       {{1.35, 0.15, 1.5}, {0.3, 0.4, 0.75}},   {{1.45, 0.75, 1.45}, {0.2, 0.8, 0.8}},
@@ -291,33 +386,30 @@ void build_desk(Site& site) {
 }
 
 void build_office(Site& site) {
-  const RoomShape room{-5.2, -3.8, 4.8, 3.8, 2.8};
+  const RoomShape drawn{-5.2, -3.8, 4.8, 3.8, 2.8};
   Random& random = site.random;
   const RoomLook look{paintings::plaster,
                       paintings::carpet_tiles,
                       paintings::ceiling_panels,
                       {0.78F, 0.82F, 0.84F},
                       {0.36F, 0.3F, 0.3F}};
-  add_room(site.builder, room, look, 4, 3, 2.0, random);
+  const RoomShape room = site.room(drawn, look, 4, 3, 2.0);
   for (const double x : {-2.9, -0.9, 1.1}) {
-    site.workplace(at(x, -0.83), 1.6, 0.8, 2, random.chance(0.3));
-    site.workplace(at(x, 0.83, 180.0), 1.6, 0.8, 2, random.chance(0.3));
-    add_partition(site.builder, at(x, 0.0), 1.7, 1.3, random);
-    const auto south = site.plan.floor(x, -1.25, 1.2, 0.7);
-    const auto north = site.plan.floor(x, 1.25, 1.2, 0.7);
+    site.workplace(site.at(x, -0.83), 1.6, 0.8, 2, random.chance(0.3));
+    site.workplace(site.at(x, 0.83, 180.0), 1.6, 0.8, 2, random.chance(0.3));
+    add_partition(site.builder, site.at(x, 0.0), 1.7, 1.3, random);
+    const auto south = site.floor(x, -1.25, 1.2, 0.7);
+    const auto north = site.floor(x, 1.25, 1.2, 0.7);
     site.plan.scatter({ItemKind::kChair}, 1, south);
     site.plan.scatter({ItemKind::kChair}, 1, north);
   }
-  const std::size_t meeting =
-      site.plan.add(add_table(site.builder, at(3.2, 0.0, -90.0), 1.6, 0.9, 0.74, random));
+  const std::size_t meeting = site.table(site.at(3.2, 0.0, -90.0), 1.6, 0.9, 0.74);
   site.plan.scatter({ItemKind::kLaptop, ItemKind::kPaper, ItemKind::kCup, ItemKind::kBook}, 2,
                     meeting);
-  add_bookcase(site.builder, at(-4.85, 1.5, 90.0), 1.8, 0.33, 2.0, 5, random);
-  add_cabinet(site.builder, at(-4.75, -1.4, 90.0), 1.6, 0.45, 1.2, random);
-  for (const double x : {-3.2, 0.2})
-    add_bookcase(site.builder, at(x, 3.45), 1.6, 0.33, 2.0, 5, random);
-  for (const double x : {-2.4, 1.6})
-    add_cabinet(site.builder, at(x, -3.35, 180.0), 1.5, 0.45, 1.1, random);
+  site.bookcase(site.at(-4.85, 1.5, 90.0), 1.8, 2.0, 5);
+  site.cabinet(site.at(-4.75, -1.4, 90.0), 1.6, 0.45, 1.2);
+  for (const double x : {-3.2, 0.2}) site.bookcase(site.at(x, 3.45), 1.6, 2.0, 5);
+  for (const double x : {-2.4, 1.6}) site.cabinet(site.at(x, -3.35, 180.0), 1.5, 0.45, 1.1);
   site.decorate(room, Wall::kNorth, 3.0, 4.3, 1.1);
   site.window(room, Wall::kNorth, 7.6, 2.4);
   site.decorate(room, Wall::kEast, 0.3, 2.6, 1.1);
@@ -327,9 +419,9 @@ void build_office(Site& site) {
   site.decorate(room, Wall::kSouth, 4.4, 6.3, 1.2);
   site.decorate(room, Wall::kSouth, 8.4, 9.9, 1.1);
   site.decorate(room, Wall::kWest, 3.5, 4.2, 1.3);
-  const auto corner_ne = site.plan.floor(4.2, 3.1, 0.9, 1.0);
-  const auto corner_sw = site.plan.floor(-4.5, -3.2, 1.0, 0.9);
-  const auto side = site.plan.floor(4.45, -2.2, 0.6, 2.0);
+  const auto corner_ne = site.floor(4.2, 3.1, 0.9, 1.0);
+  const auto corner_sw = site.floor(-4.5, -3.2, 1.0, 0.9);
+  const auto side = site.floor(4.45, -2.2, 0.6, 2.0);
   site.plan.scatter({ItemKind::kBigPlant}, 1, corner_ne);
   site.plan.scatter({ItemKind::kBigPlant, ItemKind::kBin}, 1, corner_sw);
   site.plan.scatter({ItemKind::kCarton, ItemKind::kBin, ItemKind::kCarton}, 1, side);
@@ -347,14 +439,14 @@ void build_office(Site& site) {
 }
 
 void build_corridor(Site& site) {
-  const RoomShape room{-9.0, -1.5, 9.0, 1.5, 2.6};
+  const RoomShape drawn{-9.0, -1.5, 9.0, 1.5, 2.6};
   Random& random = site.random;
   const RoomLook look{paintings::plaster,
                       paintings::vinyl_tiles,
                       paintings::ceiling_panels,
                       {0.85F, 0.78F, 0.62F},
                       {0.5F, 0.5F, 0.5F}};
-  add_room(site.builder, room, look, 6, 1, 2.7, random);
+  const RoomShape room = site.room(drawn, look, 6, 1, 2.7);
   for (const Wall wall : {Wall::kNorth, Wall::kSouth}) {
     double x = 0.3;
     while (x < 16.3) {
@@ -369,25 +461,22 @@ void build_corridor(Site& site) {
   site.window(room, Wall::kEast, 1.5, 1.8);
   site.board(room, Wall::kWest, 1.5, 1.6);
   for (const double x : {-6.0, 0.5}) {
-    add_bench(site.builder, at(x, -1.0, 180.0), 1.5, random);
-    const auto bench = site.plan.add(
-        {at(x, -1.22) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 0.46)), 1.4, 0.38});
+    add_bench(site.builder, site.at(x, -1.0, 180.0), 1.5, random);
+    const auto bench =
+        site.plan.add({site.at(x, -1.0, 180.0) * shifted(0.0, 0.22, 0.46), 1.4, 0.38});
     site.plan.scatter({ItemKind::kBook, ItemKind::kPaper, ItemKind::kCup, ItemKind::kSmallBox}, 1,
                       bench);
   }
-  add_cabinet(site.builder, at(-2.6, 1.1), 1.0, 0.4, 0.9, random);
-  const auto cabinet = site.plan.add(
-      {at(-2.6, 1.3) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 0.9)), 0.95, 0.36});
+  const auto cabinet = site.plan.add(site.cabinet(site.at(-2.6, 1.1), 1.0, 0.4, 0.9));
   site.plan.scatter({ItemKind::kPlant, ItemKind::kUprightBooks, ItemKind::kPaper}, 1, cabinet,
                     20.0);
-  const std::size_t plinth =
-      site.plan.add(add_table(site.builder, at(5.5, -0.3), 0.8, 0.6, 0.8, random));
+  const std::size_t plinth = site.table(site.at(5.5, -0.3), 0.8, 0.6, 0.8);
   site.plan.scatter({ItemKind::kPlant, ItemKind::kBookStack, ItemKind::kSmallBox, ItemKind::kPaper,
                      ItemKind::kCup, ItemKind::kBook},
                     1, plinth);
   for (const double x : {-7.8, -4.3, -1.0, 2.6}) {
-    const auto spot = site.plan.floor(x, 1.25, 1.4, 0.44);
-    const auto other = site.plan.floor(x, -1.25, 0.9, 0.44);
+    const auto spot = site.floor(x, 1.25, 1.4, 0.44);
+    const auto other = site.floor(x, -1.25, 0.9, 0.44);
     site.plan.scatter(
         {random.chance(0.5) ? ItemKind::kCarton : ItemKind::kBin, ItemKind::kSmallBox}, 1, spot,
         15.0);
@@ -405,19 +494,19 @@ void build_corridor(Site& site) {
 }
 
 void build_warehouse(Site& site) {
-  const RoomShape room{-8.0, -6.0, 8.0, 7.0, 5.5};
+  const RoomShape drawn{-8.0, -6.0, 8.0, 7.0, 5.5};
   Random& random = site.random;
   const RoomLook look{paintings::bricks,
                       paintings::concrete,
                       paintings::metal,
                       {0.6F, 0.6F, 0.58F},
                       {0.45F, 0.45F, 0.44F}};
-  add_room(site.builder, room, look, 4, 4, 6.5, random);
+  const RoomShape room = site.room(drawn, look, 4, 4, 6.5);
   site.builder.ambient(0.8);  // or it would be dark between the shelves
   for (int column = 0; column < 4; ++column) {
     const double x = -4.35 + 2.9 * column;
     for (const Rigid3& pose :
-         {at(x, -1.12), at(x, 1.12, 180.0), at(x, 5.85), at(x, -4.85, 180.0)}) {
+         {site.at(x, -1.12), site.at(x, 1.12, 180.0), site.at(x, 5.85), site.at(x, -4.85, 180.0)}) {
       for (const Support& level : add_rack(site.builder, pose, 2.85, 1.1, 4.2, 3, random)) {
         const std::size_t support = site.plan.add(level);
         if (random.chance(0.7)) {
@@ -436,13 +525,13 @@ void build_warehouse(Site& site) {
   for (const Wall wall : {Wall::kEast, Wall::kWest}) {
     site.decorate(room, wall, 1.5, 11.5, 1.3);
   }
-  const auto middle = site.plan.floor(0.0, 3.6, 1.3, 1.3);
+  const auto middle = site.floor(0.0, 3.6, 1.3, 1.3);
   site.plan.place(ItemKind::kPallet, middle, 0.0, 0.0, 20.0);
   for (const double x : {-4.0, 0.0, 4.0}) {
-    const auto strip = site.plan.floor(x, -4.1, 3.0, 1.1);
+    const auto strip = site.floor(x, -4.1, 3.0, 1.1);
     site.plan.scatter({ItemKind::kPallet, ItemKind::kCarton, ItemKind::kCarton}, 1, strip);
   }
-  const auto yard = site.plan.floor(4.2, 4.6, 2.6, 1.6);
+  const auto yard = site.floor(4.2, 4.6, 2.6, 1.6);
   site.plan.scatter({ItemKind::kPallet, ItemKind::kCarton, ItemKind::kBin}, 1, yard);
 
   site.stage.sweep = {{{-5.8, 2.6, 1.6}, {-4.5, 0.6, 1.3}}, {{-3.6, 2.3, 1.5}, {-3.0, 0.6, 1.4}},
@@ -456,36 +545,31 @@ void build_warehouse(Site& site) {
 }
 
 void build_room(Site& site) {
-  const RoomShape room{-3.0, -2.5, 3.0, 2.5, 2.5};
+  const RoomShape drawn{-3.0, -2.5, 3.0, 2.5, 2.5};
   Random& random = site.random;
   const RoomLook look{paintings::plaster,
                       paintings::planks,
                       paintings::plaster,
                       {0.74F, 0.66F, 0.58F},
                       {0.6F, 0.42F, 0.27F}};
-  add_room(site.builder, room, look, 2, 1, 4.6, random);
-  site.builder.begin_object("rug", at(0.0, 0.2));
+  const RoomShape room = site.room(drawn, look, 2, 1, 4.6);
+  site.builder.begin_object("rug", site.at(0.0, 0.2));
   const auto carpet =
       site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, paintings::rug, random.fork(7));
   site.builder.box({-1.4, -1.0, 0.0}, {2.8, 2.0, 0.01}, SceneBuilder::Skin::all(carpet));
-  add_sofa(site.builder, at(0.0, 1.6), 1.9, random);
-  const std::size_t table =
-      site.plan.add(add_table(site.builder, at(0.0, -0.1), 1.2, 0.65, 0.43, random));
+  add_sofa(site.builder, site.at(0.0, 1.6), 1.9, random);
+  const std::size_t table = site.table(site.at(0.0, -0.1), 1.2, 0.65, 0.43);
   site.plan.scatter({ItemKind::kBook, ItemKind::kCup, ItemKind::kPaper, ItemKind::kBookStack,
                      ItemKind::kPlant, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kBottle},
                     1, table);
-  add_cabinet(site.builder, at(0.0, -2.05, 180.0), 1.8, 0.45, 0.55, random);
-  const auto board = site.plan.add(
-      {at(0.0, -2.27, 180.0) * Rigid3(Eigen::Quaterniond::Identity(), Vector3d(0, 0, 0.55)), 1.75,
-       0.4});
+  const auto board = site.plan.add(site.cabinet(site.at(0.0, -2.05, 180.0), 1.8, 0.45, 0.55));
   site.plan.place(ItemKind::kMonitor, board, 0.0, 0.05, 0.0);
   site.plan.scatter({ItemKind::kUprightBooks, ItemKind::kPlant, ItemKind::kSmallBox,
                      ItemKind::kLamp, ItemKind::kBook},
                     1, board, 20.0);
-  add_bookcase(site.builder, at(-2.65, 0.9, 90.0), 1.5, 0.33, 2.05, 6, random);
-  add_bookcase(site.builder, at(-2.65, -0.9, 90.0), 1.2, 0.33, 1.6, 4, random);
-  const std::size_t dining =
-      site.plan.add(add_table(site.builder, at(2.1, -0.5, -90.0), 1.3, 0.8, 0.74, random));
+  site.bookcase(site.at(-2.65, 0.9, 90.0), 1.5, 2.05, 6);
+  site.bookcase(site.at(-2.65, -0.9, 90.0), 1.2, 1.6, 4);
+  const std::size_t dining = site.table(site.at(2.1, -0.5, -90.0), 1.3, 0.8, 0.74);
   site.plan.scatter({ItemKind::kCup, ItemKind::kBottle, ItemKind::kPlant, ItemKind::kBook,
                      ItemKind::kPaper, ItemKind::kSmallBox},
                     1, dining);
@@ -494,11 +578,11 @@ void build_room(Site& site) {
   site.door(room, Wall::kEast, 4.3);
   site.decorate(room, Wall::kSouth, 0.3, 2.0, 1.1);
   site.decorate(room, Wall::kSouth, 4.1, 5.7, 1.1);
-  const auto corner_ne = site.plan.floor(2.5, 2.0, 0.9, 0.9);
-  const auto corner_sw = site.plan.floor(-2.5, -2.0, 0.9, 0.9);
+  const auto corner_ne = site.floor(2.5, 2.0, 0.9, 0.9);
+  const auto corner_sw = site.floor(-2.5, -2.0, 0.9, 0.9);
   site.plan.scatter({ItemKind::kBigPlant}, 1, corner_ne);
   site.plan.scatter({ItemKind::kCarton, ItemKind::kBin}, 1, corner_sw);
-  const auto by_table = site.plan.floor(2.1, 0.9, 0.8, 1.0);
+  const auto by_table = site.floor(2.1, 0.9, 0.8, 1.0);
   site.plan.scatter({ItemKind::kChair}, 1, by_table);
 
   site.stage.sweep = {{{-1.5, -0.9, 1.4}, {-0.2, 0.4, 0.5}}, {{-1.6, 0.2, 1.45}, {-2.8, 0.9, 1.0}},
@@ -513,10 +597,11 @@ void build_room(Site& site) {
 
 void build_kitchen(Site& site) {
   Random& random = site.random;
-  const int units = 5 + static_cast<int>(random.index(4));
+  Random& plan = site.layout.random();
+  const int units = 5 + static_cast<int>(plan.index(4));
   const double width = kKitchenUnit * units;
-  const double spare = random.uniform(0.7, 1.2);  // beside the front, for the fridge
-  const bool fridge_left = random.chance(0.5);
+  const double spare = plan.uniform(0.7, 1.2);  // beside the front, for the fridge
+  const bool fridge_left = plan.chance(0.5);
   const double half = 0.5 * (width + spare);
   const RoomShape room{-half, -1.9, half, 1.3, 2.5};
   const double shade = random.uniform(0.7, 0.85);
@@ -528,16 +613,16 @@ void build_kitchen(Site& site) {
   add_room(site.builder, room, look, 3, 1, 2.6, random);
   const double middle = (fridge_left ? 0.5 : -0.5) * spare;
   for (const Support& support :
-       add_kitchen_front(site.builder, at(middle, 0.7), units, shade, random)) {
+       add_kitchen_front(site.builder, upright({middle, 0.7, 0.0}, 0.0), units, shade, random)) {
     const std::size_t top = site.plan.add(support);
     site.plan.scatter({ItemKind::kBottle, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kCup,
                        ItemKind::kPlant, ItemKind::kBook},
                       2, top);
   }
-  add_cabinet(site.builder, at(fridge_left ? -half + 0.4 : half - 0.4, 0.65), 0.62, 0.6,
-              random.uniform(1.5, 2.0), random);
-  const std::size_t table = site.plan.add(
-      add_table(site.builder, at(random.uniform(-0.6, 0.6), -1.35, 180.0), 1.4, 0.5, 0.74, random));
+  add_cabinet(site.builder, upright({fridge_left ? -half + 0.4 : half - 0.4, 0.65, 0.0}, 0.0), 0.62,
+              0.6, plan.uniform(1.5, 2.0), random);
+  const std::size_t table = site.plan.add(add_table(
+      site.builder, upright({plan.uniform(-0.6, 0.6), -1.35, 0.0}, 180.0), 1.4, 0.5, 0.74, random));
   site.plan.scatter(
       {ItemKind::kCup, ItemKind::kBottle, ItemKind::kPaper, ItemKind::kBook, ItemKind::kSmallBox},
       1, table);
@@ -549,16 +634,16 @@ void build_kitchen(Site& site) {
   for (int i = 0; i < stops; ++i) {
     const double x = middle - 0.5 * width + 0.4 + (width - 0.8) * i / (stops - 1);
     site.stage.sweep.push_back(
-        {{x + random.uniform(-0.15, 0.15), random.uniform(-0.9, -0.6), random.uniform(1.35, 1.6)},
-         {x, 1.0, random.uniform(0.95, 1.35)}});
+        {{x + plan.uniform(-0.15, 0.15), plan.uniform(-0.9, -0.6), plan.uniform(1.35, 1.6)},
+         {x, 1.0, plan.uniform(0.95, 1.35)}});
   }
   site.stage.orbit_target = {middle, -0.35, 1.2};
   site.stage.orbit_radius_m = 0.55;
   site.stage.orbit_height_m = 1.5;
-  site.stage.walk = {{-half + 1.0, -0.7, 1.5},
-                     {half - 1.0, -0.7, 1.5},
-                     {half - 1.0, 0.1, 1.5},
-                     {-half + 1.0, 0.1, 1.5}};
+  site.stage.walk = {{-half + 1.0, -0.85, 1.5},
+                     {half - 1.0, -0.85, 1.5},
+                     {half - 1.0, 0.2, 1.5},
+                     {-half + 1.0, 0.2, 1.5}};
 }
 
 }  // namespace
@@ -597,8 +682,14 @@ void EnvironmentOptions::validate() const {
 
 Environment make_environment(const EnvironmentOptions& options, const Executor& executor) {
   options.validate();
-  const Random random = Random(options.seed).fork(static_cast<std::uint64_t>(options.kind));
-  Site site{SceneBuilder(options.texture_scale), Plan(random.fork(1)), random.fork(2), {}};
+  const auto kind = static_cast<std::uint64_t>(options.kind);
+  const Random random = Random(options.seed).fork(kind);
+  const std::uint64_t layout = options.layout.value_or(options.seed);
+  Site site{SceneBuilder(options.texture_scale),
+            Plan(random.fork(1)),
+            random.fork(2),
+            Layout(layout, Random(layout).fork(kind).fork(4)),
+            {}};
   switch (options.kind) {
     case EnvironmentKind::kDesk:
       build_desk(site);
@@ -623,7 +714,8 @@ Environment make_environment(const EnvironmentOptions& options, const Executor& 
     site.plan.change(options.changed_fraction, random.fork(3).fork(options.session));
   }
   site.plan.build(site.builder);
-  return {site.builder.build(executor), std::move(site.stage)};
+  const bool drawn_anew = options.kind == EnvironmentKind::kKitchen;
+  return {site.builder.build(executor), drawn_anew ? site.stage : site.layout.stage(site.stage)};
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -14,7 +15,7 @@ namespace cairn {
 
 /// Which place is simulated.
 enum class EnvironmentKind {
-  kDesk,       ///< two desks back to back in a small office; fits the frame of TUM's fr1/desk2
+  kDesk,  ///< two desks back to back in a small office; layout 1 fits the frame of TUM's fr1/desk2
   kOffice,     ///< an open-plan office of six workplaces
   kCorridor,   ///< a long corridor with doors, boards and a lobby
   kWarehouse,  ///< a hall of pallet racks
@@ -31,10 +32,14 @@ std::vector<std::string_view> environment_names();
 
 struct EnvironmentOptions {
   EnvironmentKind kind = EnvironmentKind::kDesk;
-  std::uint64_t seed = 1;         ///< of the place: layout, objects and textures
+  std::uint64_t seed = 1;         ///< of the place: objects and textures
   std::uint64_t session = 0;      ///< which objects moved, and where to
   double changed_fraction = 0.0;  ///< share of the movable objects that moved or went; 0 to 1
   double texture_scale = 1.0;     ///< factor on the resolution of textures; 0.01 to 2
+  /// Of rooms and furniture: where they stand and how large they are. 1 is the plan as drawn, others
+  /// are stretched, may be mirrored and have furniture of other sizes. The seed's own if none is given.
+  /// Places of one layout and different seeds are twins: alike in plan, not in objects and textures.
+  std::optional<std::uint64_t> layout = std::nullopt;
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -61,7 +66,7 @@ struct Environment {
 };
 
 /// Builds a place. Its world frame has z up and the floor at z = 0; it is the same for all sessions
-/// with one kind and seed, and so is everything that did not move. Of the movable objects the share
+/// with one kind, seed and layout, and so is everything that did not move. Of the movable objects the share
 /// asked for, rounded, stands elsewhere on the same desk, shelf or floor, or is gone where there was
 /// no free spot. Same options, same scene.
 Environment make_environment(const EnvironmentOptions& options,

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/simulation/environment.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <string>
 #include <tuple>
 
+#include <Eigen/Geometry>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -65,6 +68,59 @@ TEST_P(EnvironmentTest, SameSeedSamePlace) {
 
 TEST_P(EnvironmentTest, AnotherSeedIsAnotherPlace) {
   EXPECT_NE(places(make(1).scene, true), places(make(2).scene, true));
+}
+
+// What stands fast, by name and place.
+std::multiset<Place> plan_of(std::string_view kind, std::uint64_t seed,
+                             std::optional<std::uint64_t> layout) {
+  return places(make_environment({.kind = environment_kind(kind),
+                                  .seed = seed,
+                                  .texture_scale = kCoarse,
+                                  .layout = layout})
+                    .scene,
+                false);
+}
+// Floor, ceiling and lights have their own coordinates in the world frame.
+bool at_origin(const Place& place) {
+  return std::get<1>(place) == 0 && std::get<2>(place) == 0 && std::get<3>(place) == 0;
+}
+// Share of the things of `a` that stand in `b` at the same place.
+double shared(const std::multiset<Place>& a, const std::multiset<Place>& b) {
+  const auto common = std::count_if(a.begin(), a.end(), [&](const Place& place) {
+    return !at_origin(place) && b.contains(place);
+  });
+  return static_cast<double>(common) / static_cast<double>(a.size());
+}
+
+TEST_P(EnvironmentTest, TheSeedHasItsOwnLayoutUnlessOneIsGiven) {
+  EXPECT_EQ(plan_of(GetParam(), 5, {}), plan_of(GetParam(), 5, 5));
+  EXPECT_LT(shared(plan_of(GetParam(), 5, {}), plan_of(GetParam(), 6, {})), 0.1);
+  EXPECT_LT(shared(plan_of(GetParam(), 1, {}), plan_of(GetParam(), 6, {})), 0.1);
+}
+
+TEST_P(EnvironmentTest, TwinsShareThePlanAndNotTheThings) {
+  EXPECT_GT(shared(plan_of(GetParam(), 5, 1), plan_of(GetParam(), 6, 1)), 0.15);
+  const Scene a = make_environment({environment_kind(GetParam()), 5, 0, 0.0, kCoarse, 1}).scene;
+  const Scene b = make_environment({environment_kind(GetParam()), 6, 0, 0.0, kCoarse, 1}).scene;
+  EXPECT_NE(places(a, true), places(b, true));
+}
+
+// Things on a wall are within its ends, things on the floor within the room.
+TEST_P(EnvironmentTest, LayoutsStayWithinTheirWalls) {
+  for (const std::uint64_t layout : {1, 2, 3, 4, 5, 6, 7, 8}) {
+    const Scene scene =
+        make_environment({environment_kind(GetParam()), 1, 0, 0.0, kCoarse, layout}).scene;
+    Eigen::AlignedBox3d room;
+    for (const Surface& surface : scene.surfaces) {
+      if (scene.objects[surface.object].name != "wall") continue;
+      room.extend(surface.origin);
+      room.extend(surface.origin + surface.edge_u + surface.edge_v);
+    }
+    for (const SceneObject& object : scene.objects) {
+      const Eigen::Vector3d& at = object.world_from_object.translation();
+      EXPECT_LT(room.squaredExteriorDistance(at), 1e-12) << object.name << ", layout " << layout;
+    }
+  }
 }
 
 TEST_P(EnvironmentTest, SessionsWithoutChangesAreOnePlace) {

@@ -75,13 +75,15 @@ void add_room(SceneBuilder& builder, const RoomShape& room, const RoomLook& look
                                 next(random)));
   }
   builder.begin_object("floor", Rigid3());
-  builder.panel(
-      {room.x0, room.y1, 0}, {wide, 0, 0}, {0, -deep, 0},
-      builder.paint(wide, deep, kFar * fineness, look.floor_paint, look.floor, next(random)));
+  builder.panel({room.x0, room.y1, 0}, {wide, 0, 0}, {0, -deep, 0},
+                builder.paint(wide / look.floor_pitch, deep / look.floor_pitch,
+                              kFar * fineness * look.floor_pitch, look.floor_paint, look.floor,
+                              next(random)));
   builder.begin_object("ceiling", Rigid3());
   builder.panel({room.x0, room.y0, room.height}, {wide, 0, 0}, {0, deep, 0},
-                builder.paint(wide, deep, 150.0 * fineness, {0.85F, 0.85F, 0.83F}, look.ceiling,
-                              next(random)));
+                builder.paint(wide / look.ceiling_pitch, deep / look.ceiling_pitch,
+                              150.0 * fineness * look.ceiling_pitch, {0.85F, 0.85F, 0.83F},
+                              look.ceiling, next(random)));
   const std::uint32_t glow = builder.paint(0.1, 0.1, 40.0, {1.0F, 1.0F, 0.96F}, nullptr, random);
   for (int i = 0; i < lights_x; ++i) {
     for (int j = 0; j < lights_y; ++j) {

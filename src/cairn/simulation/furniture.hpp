@@ -28,6 +28,8 @@ struct RoomLook {
   SceneBuilder::Painting ceiling;
   Paint wall_paint;
   Paint floor_paint;
+  double floor_pitch = 1.0;  ///< factor on the size of what is painted, e.g. of tiles
+  double ceiling_pitch = 1.0;
 };
 
 /// Walls, floor, ceiling, and rows of ceiling lights.
