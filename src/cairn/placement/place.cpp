@@ -17,6 +17,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/placement/constellation_poses.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/placement/descriptor_poses.hpp"
 #include "cairn/placement/probability.hpp"
@@ -35,18 +36,22 @@ namespace {
 constexpr std::size_t kFewestLandmarks = 20;  // fewer cannot tell a pose from chance
 constexpr std::size_t kSample = 4096;         // landmarks of a map that are looked for in the other
 constexpr double kRotations = 4608;           // at effort 1: about 15 degrees apart
-constexpr double kTurns = 72;                 // and about a known vertical: 5 degrees apart
-constexpr std::size_t kShortPoints = 1000;    // of the source, in the first look at each candidate
+constexpr double kFewRotations = 2304;        // the same where constellations propose poses as well
+constexpr double kConstellations = 192;
+constexpr double kTurns = 72;               // and about a known vertical: 5 degrees apart
+constexpr std::size_t kShortPoints = 1000;  // of the source, in the first look at each candidate
 constexpr int kShortIterations = 16;
 constexpr int kFinalIterations = 60;
 constexpr std::size_t kFinalists = 12;
 constexpr std::size_t kCandidatesAScale = 24;  // where several scales are searched
+constexpr std::size_t kCandidatesBeside = 48;  // beside those that constellations propose
 constexpr std::size_t kSightPoints = 1024;     // of a map, looked for from each view of the other
 constexpr std::size_t kFewestSights = 200;     // fewer lines of sight say nothing
 constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
 constexpr double kLongest = 1e6;         // time limit in seconds
 // Shares of the time limit that must see their part of the work done; the last refinement has the rest.
 constexpr double kSearchTime = 0.5;
+constexpr double kConstellationTime = 0.65;
 constexpr double kCandidatesTime = 0.85;
 // Where the scale is open: neighbours are refined to each other, and beyond the reach about what extents
 // and spacings suggest, maps have little in common.
@@ -136,7 +141,8 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
     // Another seed looks from elsewhere.
     Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
     turn.normalize();
-    all = all_rotations(static_cast<std::size_t>(std::ceil(kRotations * options.effort)));
+    const double count = options.scale ? kRotations : kFewRotations;
+    all = all_rotations(static_cast<std::size_t>(std::ceil(count * options.effort)));
     for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
   }
   if (options.time_limit_s) shuffle(all, random);
@@ -316,6 +322,16 @@ class Placement {
       result.cut_short = result.cut_short || cut;
     }
     poses.insert(poses.end(), proposed.begin(), proposed.end());
+    if (!options_.scale) {
+      const bool cut = time.cuts(kConstellationTime, [&](const std::stop_token& stop) {
+        for (const ConstellationPose& found : constellations(stop)) {
+          if (!accept(found.target_from_source)) continue;
+          poses.emplace_back();
+          set_similarity(poses.back(), Similarity3(1.0, found.target_from_source));
+        }
+      });
+      result.cut_short = result.cut_short || cut;
+    }
     const bool unrefined = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
       refine_all(poses, sample_, kShortPoints, kShortIterations, stop);
       poses = distinct(std::move(poses), sample_, kVariants);
@@ -339,6 +355,18 @@ class Placement {
       options.most_scale = options_.scale->most;
     }
     return descriptor_poses(matches_, Random(options_.seed).fork(4), options);
+  }
+
+  // Poses on which a few landmarks and those about them agree.
+  std::vector<ConstellationPose> constellations(const std::stop_token& stop) const {
+    const ConstellationOptions options{
+        .fine = sample_.at(1.0).fine,
+        .draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort)),
+        .executor = options_.executor,
+        .stop = stop};
+    return constellation_poses(sample_of(pair_.source().positions),
+                               sample_of(pair_.target().positions), Random(options_.seed).fork(6),
+                               options);
   }
 
   // Those that may be right if the first is not; none if too few matches agree with any.
@@ -376,6 +404,7 @@ class Placement {
     SearchOptions options{
         .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
     if (scales_.size() > 1) options.candidates = kCandidatesAScale;
+    if (!options_.scale) options.candidates = kCandidatesBeside;
     if (options_.progress) {
       options.progress = [&](double share) {
         options_.progress(progress + share / static_cast<double>(scales_.size()));
