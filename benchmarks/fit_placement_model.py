@@ -18,7 +18,7 @@ import sys
 import numpy as np
 
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
-BEYOND_DOUBT = 0.98      # what the verdict accepts; verdict.cpp has the same
+BEYOND_DOUBT = 0.99      # what the verdict accepts; verdict.cpp has the same
 PENALTY = 0.005
 MATCHES_MORE = 20.0      # so that a few matches say little
 CLOSE_MORE = 3.0

@@ -19,8 +19,8 @@ struct Weights {
 // Made by benchmarks/fit_placement_model.py; docs/method.md has how well they predict other pairs.
 constexpr Weights kWithAll = {-12.293, 12.076, 0.740, 0.0, -0.786};
 constexpr Weights kWithDescriptors = {-9.095, 11.304, 0.775, 0.0, 0.0};
-constexpr Weights kWithSight = {-10.824, 5.706, 1.267, 1.146, -0.829};
-constexpr Weights kWithNeither = {-8.095, 6.358, 1.281, 1.007, 0.0};
+constexpr Weights kWithSight = {-10.875, 6.056, 1.379, 1.465, -0.816};
+constexpr Weights kWithNeither = {-8.397, 6.702, 1.571, 1.122, 0.0};
 
 // So many more, so that a few say little.
 constexpr double kMatchesMore = 20.0;

@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 // A wrong pose that is accepted costs more than a right one that is refused.
-constexpr double kBeyondDoubt = 0.98;
+constexpr double kBeyondDoubt = 0.99;
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
 
