@@ -12,7 +12,7 @@
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp.hpp"
+#include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
@@ -26,14 +26,14 @@ namespace {
 // k of 1 is base ICP. The tree is built each time.
 void align_cairn(benchmark::State& state, const Workload& work, const Effort& effort,
                  bool coarse_to_fine = false) {
-  AlignOptions options = work.options;
+  IcpOptions options = work.options;
   options.coarse_to_fine = coarse_to_fine;
   options.k = effort.k;
   options.max_iterations = effort.max_iterations;
-  options.executor = Executor(effort.threads);
-  AlignResult result;
+  options.execution.executor = Executor(effort.threads);
+  RegistrationResult result;
   for (auto _ : state) {
-    result = align(work.source, work.target, options);
+    result = icp(work.source, work.target, options);
     benchmark::DoNotOptimize(result);
   }
   state.counters["iterations_made"] = result.iterations;
@@ -56,12 +56,12 @@ void align_fast(benchmark::State& state) {
 void align_pairs(benchmark::State& state) {
   constexpr std::size_t kPairs = 16;
   const Workload& work = workload();
-  AlignOptions options = work.options;
+  IcpOptions options = work.options;
   options.k = static_cast<std::size_t>(state.range(0));
   const Executor executor(static_cast<unsigned>(state.range(1)));
   for (auto _ : state) {
     executor.for_blocks(kPairs, 1, [&](std::size_t, std::size_t) {
-      benchmark::DoNotOptimize(align(work.source, work.target, options));
+      benchmark::DoNotOptimize(icp(work.source, work.target, options));
     });
   }
 }

@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 #include "cairn/core/executor.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 #include "counting_heap.hpp"
 #include "workload.hpp"
@@ -17,8 +17,8 @@ int main(int argc, char** argv) {
   const unsigned threads = argc > 2 ? static_cast<unsigned>(std::atoi(argv[2])) : 2;
   const cairn::benchmarks::Workload& work = cairn::benchmarks::workload(landmarks);
   const auto size = static_cast<double>(work.source.positions.size());
-  cairn::AlignOptions options = work.options;
-  options.executor = cairn::Executor(threads);
+  cairn::IcpOptions options = work.options;
+  options.execution.executor = cairn::Executor(threads);
   for (const std::size_t k : {1, 5}) {
     for (const int iterations : {1, 11}) {
       options.k = k;
@@ -27,14 +27,14 @@ int main(int argc, char** argv) {
       std::size_t peak = 0;
       for (int run = 0; run < 3; ++run) {
         const cairn::benchmarks::HeapUse heap;
-        const cairn::AlignResult result = cairn::align(work.source, work.target, options);
+        const cairn::RegistrationResult result = cairn::icp(work.source, work.target, options);
         fastest = std::min(fastest, result.duration_s);
         peak = std::max(peak, heap.peak());
       }
       std::printf(
           "%.0f landmarks each, k = %zu, %d iterations, %u threads: %.3f s, %.1f bytes a "
           "landmark\n",
-          size, k, iterations, options.executor.threads(), fastest,
+          size, k, iterations, options.execution.executor.threads(), fastest,
           static_cast<double>(peak) / size);
     }
   }

@@ -43,7 +43,7 @@ constexpr double kMostLogScale = 0.03;
 
 class Bench {
  public:
-  explicit Bench(unsigned threads) { options_.executor = Executor(threads); }
+  explicit Bench(unsigned threads) { options_.execution.executor = Executor(threads); }
 
   void run(const PlacementPair& pair) {
     if (tallies_.empty()) {

@@ -59,7 +59,7 @@ void trials(const std::string& group, std::uint64_t count, const LandmarkMap& so
     pair.truth_by_cairn = true;
     const LandmarkCloud all = landmark_cloud(source);
     const PlacementResult whole = place(all, landmark_cloud(target));
-    if (whole.alignment.status == AlignStatus::kFailed) {
+    if (whole.alignment.status == RegistrationStatus::kFailed) {
       throw std::runtime_error("all landmarks: " + whole.reason);
     }
     reference = whole.alignment.target_from_source;

@@ -25,7 +25,7 @@
 #include "cairn/geometry/centroid.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/scales.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "placement_pairs.hpp"
@@ -83,14 +83,14 @@ constexpr int kIcpIterations = 50;
 std::optional<Rigid3> by_icp(const PeerTask& task) {
   const PointSet source{.positions = task.source.positions, .confidences = {}};
   const PointSet target{.positions = task.target.positions, .confidences = {}};
-  AlignOptions options;
+  IcpOptions options;
   options.k = 1;
   options.max_iterations = kIcpIterations;
   std::optional<Rigid3> best;
   double least = std::numeric_limits<double>::infinity();
   for (const Rigid3& start : random_starts(task, kIcpStarts)) {
     options.initial = start;
-    const AlignResult result = align(source, target, options);
+    const RegistrationResult result = icp(source, target, options);
     if (result.score && *result.score < least) {
       least = *result.score;
       best = result.target_from_source;
@@ -147,10 +147,10 @@ class Comparison {
     }
     PlaceOptions options;
     options.seed = pair.trial;
-    options.executor = Executor(1);
+    options.execution.executor = Executor(1);
     const PlacementResult result = place(pair.source, pair.target, options);
     const bool accepted = result.verdict == Verdict::kAligned;
-    const bool failed = result.alignment.status == AlignStatus::kFailed;
+    const bool failed = result.alignment.status == RegistrationStatus::kFailed;
     const std::optional<Rigid3> found =
         failed ? std::nullopt : std::optional(result.alignment.target_from_source);
     tell(pair, "Cairn, aligned or not", found, result.duration_s);

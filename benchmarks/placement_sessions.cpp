@@ -34,7 +34,7 @@ using namespace cairn;
 using benchmarks::SessionPair;
 
 // -1 where the covariance is unknown.
-double squared_mahalanobis(const AlignResult& result, const Rigid3& truth) {
+double squared_mahalanobis(const RegistrationResult& result, const Rigid3& truth) {
   if (!result.covariance) return -1.0;
   return normalised_squared_error(result.target_from_source, *result.covariance, truth);
 }
@@ -94,7 +94,7 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
   PlaceOptions options;
   options.seed = pair.number;
   options.search = variant.search;
-  options.executor = executor;
+  options.execution.executor = executor;
   LandmarkCloud source = pair.source;
   LandmarkCloud target = pair.target;
   for (LandmarkCloud* const cloud : {&source, &target}) {

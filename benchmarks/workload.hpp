@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 #include "cairn/registration/point_set.hpp"
 
 namespace cairn::benchmarks {
@@ -14,7 +14,7 @@ namespace cairn::benchmarks {
 struct Workload {
   PointSet source;
   PointSet target;
-  AlignOptions options;
+  IcpOptions options;
 };
 
 /// The landmarks of the real map in the folder that CAIRN_DATA names, confidences by number of

@@ -3,7 +3,7 @@
 #include <iostream>
 
 #include <cairn/map/io/map_file.hpp>
-#include <cairn/registration/align.hpp>
+#include <cairn/registration/icp.hpp>
 
 int main(int argc, char** argv) try {
   if (argc != 3) {
@@ -12,9 +12,9 @@ int main(int argc, char** argv) try {
   }
   const auto source = cairn::read_map(argv[1]);
   const auto target = cairn::read_map(argv[2]);
-  const auto result = cairn::align(source, target, cairn::observations_metric(), {.k = 5});
+  const auto result = cairn::icp(source, target, cairn::observations_metric(), {.k = 5});
   std::cout << result.reason << "\n";
-  if (result.status != cairn::AlignStatus::kAligned) return 4;
+  if (!result.has_pose()) return 4;
   std::cout << result.target_from_source.matrix() << "\n";
   return 0;
 } catch (const std::exception& error) {

@@ -7,7 +7,7 @@
 #include <cairn/registration/convergence/pcl_criteria.hpp>
 #include <cairn/registration/correspondence/confident_neighbor.hpp>
 #include <cairn/registration/estimation/point_to_point.hpp>
-#include <cairn/registration/icp.hpp>
+#include <cairn/registration/icp_loop.hpp>
 #include <cairn/registration/neighbors/kd_tree.hpp>
 #include <cairn/registration/point_set.hpp>
 

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/registration/align.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -14,6 +12,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/registration/icp.hpp"
 
 #include "commands.hpp"
 #include "support/alignments.hpp"
@@ -36,7 +35,7 @@ struct AlignArguments {
   std::string truth;
   std::string output;
   std::string camera;
-  AlignOptions options;
+  IcpOptions options;
   bool stop_as_pcl = false;
   PointSetOptions point_options;
   std::string method;
@@ -162,11 +161,11 @@ bool AlignArguments::is_robust() const {
 }
 
 void AlignArguments::check_options() const {
-  with_option_names({{"AlignOptions.k", "--neighbors"},
-                     {"AlignOptions.max_iterations", "--max-iterations"},
-                     {"AlignOptions.max_distance", "--max-distance"},
-                     {"AlignOptions.trimmed_fraction", "--trim"},
-                     {"AlignOptions.overlap_radius", "--overlap-radius"},
+  with_option_names({{"IcpOptions.k", "--neighbors"},
+                     {"IcpOptions.max_iterations", "--max-iterations"},
+                     {"IcpOptions.max_distance", "--max-distance"},
+                     {"IcpOptions.trimmed_fraction", "--trim"},
+                     {"IcpOptions.overlap_radius", "--overlap-radius"},
                      {"PlaceOptions.effort", "--effort"},
                      {"PlaceOptions.prior_odds", "--prior-odds"},
                      {"PlaceOptions.time_limit_s", "--time-limit"}},
@@ -251,11 +250,11 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   }
   console.print("\n" + alignment_table(alignments, options, unit));
   for (const Alignment& alignment : alignments) {
-    const AlignResult& result = alignment.result;
+    const RegistrationResult& result = alignment.result;
     const std::string verdict =
-        alignment.placement ? std::string(to_string(alignment.placement->verdict)) + ": " : "";
-    console.print(fmt::format("\n{}: {}{}\n", alignment.confidence, verdict, result.reason));
-    if (!is_aligned(alignment)) continue;
+        alignment.placement ? std::string(to_string(alignment.placement->verdict)) : "not judged";
+    console.print(fmt::format("\n{}: {}: {}\n", alignment.confidence, verdict, result.reason));
+    if (!has_answer(alignment)) continue;
     const Eigen::Vector3d& t = result.target_from_source.translation();
     const Eigen::Vector3d angles = result.target_from_source.roll_pitch_yaw();
     if (estimate_scale) {
@@ -271,7 +270,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
                       result.unobservable.size(), estimate_scale ? 7 : 6));
     }
   }
-  if (!output.empty() && is_aligned(alignments.front())) {
+  if (!output.empty() && has_answer(alignments.front())) {
     console.print(fmt::format("\nwrote {}\n", output));
   }
 }
@@ -327,7 +326,7 @@ int AlignArguments::run() {
     loaded->description["kept_landmarks"] =
         landmarks_observed(loaded->map, point_options.min_observations).size();
   }
-  AlignOptions traced = options;
+  IcpOptions traced = options;
   traced.trace = options.trace || !common.report_path.empty();
   robust.placement.seed = common.seed;
   robust.placement.unit = unit_symbol(unit);
@@ -338,8 +337,8 @@ int AlignArguments::run() {
                    common, is_robust() ? std::optional(robust) : std::nullopt);
 
   if (!output.empty()) {
-    if (is_aligned(alignments.front())) {
-      const AlignResult& result = alignments.front().result;
+    if (has_answer(alignments.front())) {
+      const RegistrationResult& result = alignments.front().result;
       LandmarkMap aligned = transformed(source_map.map, result.similarity());
       if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
       save_map(aligned, output, common);
@@ -363,8 +362,8 @@ int AlignArguments::run() {
   if (!common.report_path.empty()) {
     write_report(make_report(source_map, target_map, alignments, unit, true_pose, json), common);
   }
-  const bool all_aligned = std::all_of(alignments.begin(), alignments.end(), is_aligned);
-  return all_aligned ? kDone : kNoTrustworthyAlignment;
+  const bool all_answered = std::all_of(alignments.begin(), alignments.end(), has_answer);
+  return all_answered ? kDone : kNoTrustworthyAlignment;
 }
 
 }  // namespace

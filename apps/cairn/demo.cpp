@@ -45,7 +45,7 @@ struct DemoArguments {
   report::Report make_report(const DemoPair& pair, const Rigid3& initial,
                              const std::vector<Alignment>& alignments, const Json& json) const;
   std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const;
-  void print(const DemoPair& pair, const AlignOptions& options,
+  void print(const DemoPair& pair, const IcpOptions& options,
              const std::vector<Alignment>& alignments, const std::string& saved) const;
 };
 
@@ -160,7 +160,7 @@ std::string DemoArguments::save_to_folder(const DemoPair& pair, const Rigid3& in
   return names;
 }
 
-void DemoArguments::print(const DemoPair& pair, const AlignOptions& options,
+void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
                           const std::vector<Alignment>& alignments,
                           const std::string& saved) const {
   const Console console = common.console();
@@ -187,7 +187,7 @@ int DemoArguments::run() {
   if (!save.empty()) make_folder(save);  // where the document may go, too
   require_outputs(common);
   const DemoPair pair = make_pair();
-  AlignOptions options;
+  IcpOptions options;
   options.overlap_radius = 0.05;
   options.trace = !common.report_path.empty();
   options.initial = displaced(pair.target_from_source, offset, pair.source);
@@ -203,7 +203,7 @@ int DemoArguments::run() {
   json["initial"] = to_json(options.initial);
   json["results"] = Json::array();
   for (const Alignment& alignment : alignments) {
-    AlignOptions plain = options;
+    IcpOptions plain = options;
     plain.trace = false;  // for the report only
     json["results"].push_back(to_json(alignment, plain, LengthUnit::kMetres));
   }

@@ -87,8 +87,8 @@ void PaperArguments::check_options() const {
   with_option_names({{"PaperOptions.success_score", "--success-score"},
                      {"PaperOptions.tolerance.rotation_deg", "--max-rotation-deg"},
                      {"PaperOptions.tolerance.translation_m", "--max-translation-m"},
-                     {"AlignOptions.max_iterations", "--max-iterations"},
-                     {"AlignOptions.max_distance", "--max-distance"}},
+                     {"IcpOptions.max_iterations", "--max-iterations"},
+                     {"IcpOptions.max_distance", "--max-distance"}},
                     [&] { options.validate(); });
 }
 
@@ -156,9 +156,9 @@ int PaperArguments::run() {
   pair.source = std::move(source_map.map);
   pair.target = std::move(target_map.map);
 
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
-  options.progress = common.console().progress("180 alignments");
+  options.execution.executor = common.executor();
+  options.execution.stop = interrupt_requests();
+  options.execution.progress = common.console().progress("180 alignments");
   const auto start = std::chrono::steady_clock::now();
   const PaperResults results = run_paper_experiments(pair, options);
   const double seconds =

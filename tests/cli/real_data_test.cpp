@@ -71,7 +71,7 @@ TEST_F(RealDataTest, HalvesAlignFromIdentityByEveryStrategy) {
   EXPECT_EQ(json.at("inputs").at("target").at("kept_landmarks"), 3050);
   ASSERT_EQ(json.at("results").size(), 4U);
   for (const Json& result : json.at("results")) {
-    EXPECT_EQ(result.at("status"), "aligned");
+    EXPECT_THAT(result.at("status"), ::testing::AnyOf("converged", "stopped"));
     EXPECT_NEAR(result.at("initial_score").get<double>(), 0.01735, 5e-6);
     EXPECT_THAT(result.at("score").get<double>(), AllOf(Ge(0.014), Le(0.031)));
   }
@@ -84,7 +84,7 @@ TEST_F(RealDataTest, HalvesAlignFromDisplacementsOfThePaper) {
     const Json json = document({"align", "later.map", "earlier.map", "--method", "icp", "--initial",
                                 pose, "--confidence", "none,covariance,observations,distance"});
     for (const Json& result : json.at("results")) {
-      EXPECT_EQ(result.at("status"), "aligned");
+      EXPECT_THAT(result.at("status"), ::testing::AnyOf("converged", "stopped"));
       EXPECT_LT(result.at("score"), result.at("initial_score"));
     }
   }

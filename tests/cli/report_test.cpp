@@ -324,7 +324,7 @@ TEST_F(WrittenReportTest, WhatIsNoResultIsRefusedWithFileFieldAndValue) {
   expect(changed("/results", 5), {"bad.json: results is 5", "a list"});
   expect(changed("/results", Json::array()), {"results is []", "at least one"});
   expect(changed("/results/0/status", "fine"),
-         {"results[0].status is \"fine\"", "aligned, failed"});
+         {"results[0].status is \"fine\"", "converged, stopped, failed"});
   expect(changed("/results/0/k", -1), {"results[0].k is -1", "whole number"});
   expect(changed("/results/0/history/1/target_from_source", Json::array()),
          {"results[0].history[1].target_from_source", "4 rows"});

@@ -9,7 +9,7 @@
 #include "cairn/confidence/metric.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 int main(int argc, char** argv) {
   const std::string_view strategy = argc == 2 ? argv[1] : "";
@@ -25,13 +25,13 @@ int main(int argc, char** argv) {
   const cairn::SyntheticPair maps = cairn::synthetic_pair({.seed = 1});
   const cairn::PointSet source = cairn::point_set(maps.source, cairn::observations_metric());
   const cairn::PointSet target = cairn::point_set(maps.target, cairn::observations_metric());
-  cairn::AlignOptions options;
+  cairn::IcpOptions options;
   options.k = strategy == "base" ? 1 : 5;
   options.initial =
       cairn::Rigid3::from_roll_pitch_yaw({0.1, 0.05, 0.0}, 0.0, 0.0, cairn::radians(5.0)) *
       maps.target_from_source;
-  const cairn::AlignResult result = cairn::align(source, target, options);
+  const cairn::RegistrationResult result = cairn::icp(source, target, options);
   std::printf("%s: %d iterations, score %.6f\n", argv[1], result.iterations,
               result.score.value_or(-1.0));
-  return result.status == cairn::AlignStatus::kAligned ? 0 : 1;
+  return result.has_pose() ? 0 : 1;
 }

@@ -22,7 +22,7 @@
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 #include "adapters/pcl/confidence_correspondence_estimation.hpp"
 #include "support/real_data.hpp"
@@ -61,8 +61,7 @@ struct PclResult {
   bool reached_limit = false;
 };
 
-PclResult align_by_pcl(const PointSet& source, const PointSet& target,
-                       const AlignOptions& options) {
+PclResult align_by_pcl(const PointSet& source, const PointSet& target, const IcpOptions& options) {
   Icp icp;
   if (!target.confidences.empty()) {
     icp.setCorrespondenceEstimation(
@@ -113,16 +112,16 @@ std::vector<Rigid3> displacements() {
           Rigid3::from_roll_pitch_yaw({0, 1, 0.4}, 10 * kDegree, 0, 22.5 * kDegree)};
 }
 
-void expect_one_step_agrees(const MapPair& pair, const AlignOptions& base_options) {
+void expect_one_step_agrees(const MapPair& pair, const IcpOptions& base_options) {
   for (const auto& metric : strategies()) {
     const PointSet source = rounded_to_float(point_set(pair.source, metric));
     const PointSet target = rounded_to_float(point_set(pair.target, metric));
     for (const Rigid3& initial : displacements()) {
       SCOPED_TRACE(name_of(metric));
-      AlignOptions options = base_options;
+      IcpOptions options = base_options;
       options.initial = initial;
       options.max_iterations = 1;
-      const AlignResult ours = align(source, target, options);
+      const RegistrationResult ours = icp(source, target, options);
       const PclResult theirs = align_by_pcl(source, target, options);
       const PoseError error =
           pose_error(ours.target_from_source, theirs.target_from_source, source.positions);
@@ -140,7 +139,7 @@ TEST(PclPeer, TakesTheSameStepOnSyntheticMaps) {
 
 TEST(PclPeer, TakesTheSameReciprocalStepOnSyntheticMaps) {
   const SyntheticPair pair = synthetic_pair({.seed = 4, .landmarks = 1500});
-  AlignOptions options;
+  IcpOptions options;
   options.reciprocal = true;
   options.max_distance = 0.5;
   expect_one_step_agrees({transformed(pair.source, pair.target_from_source), pair.target}, options);
@@ -161,10 +160,10 @@ TEST(PclPeer, ReachesTheSamePoseOnTheRealMap) {
     const PointSet source = rounded_to_float(point_set(pair->source, metric));
     const PointSet target = rounded_to_float(point_set(pair->target, metric));
     for (const Rigid3& initial : displacements()) {
-      AlignOptions options;
+      IcpOptions options;
       options.initial = initial;
       options.stop_at_repetition = false;
-      const AlignResult ours = align(source, target, options);
+      const RegistrationResult ours = icp(source, target, options);
       const PclResult theirs = align_by_pcl(source, target, options);
       ++runs;
       const PoseError error =

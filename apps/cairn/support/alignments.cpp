@@ -97,29 +97,27 @@ Json json_of(const std::vector<PlacementCandidate>& candidates) {
 }
 
 // A placement has a radius of its own, where none is asked for.
-Json overlap_radius_of(const Alignment& alignment, const AlignOptions& options) {
+Json overlap_radius_of(const Alignment& alignment, const IcpOptions& options) {
   if (options.overlap_radius) return *options.overlap_radius;
   return alignment.placement ? Json(alignment.placement->radius) : Json(nullptr);
 }
 
 // With the scale's row and column where that is estimated.
-Json covariance_json(const AlignResult& result) {
+Json covariance_json(const RegistrationResult& result) {
   if (result.covariance_with_scale) return to_json(*result.covariance_with_scale);
   return result.covariance ? to_json(*result.covariance) : Json(nullptr);
 }
 
 // What all methods take alike.
 template <class Options>
-void take_common(const AlignOptions& from, Options& to) {
+void take_common(const IcpOptions& from, Options& to) {
   to.overlap_radius = from.overlap_radius;
   to.trace = from.trace;
-  to.executor = from.executor;
-  to.stop = from.stop;
-  to.progress = from.progress;
+  to.execution = from.execution;
 }
 
-AlignResult refine_by(const RobustMethod& method, const LandmarkCloud& source,
-                      const LandmarkCloud& target, const AlignOptions& options) {
+RegistrationResult refine_by(const RobustMethod& method, const LandmarkCloud& source,
+                             const LandmarkCloud& target, const IcpOptions& options) {
   RefineOptions refinement;
   refinement.initial = options.initial;
   refinement.one_to_one = method.one_to_one;
@@ -129,7 +127,7 @@ AlignResult refine_by(const RobustMethod& method, const LandmarkCloud& source,
 }
 
 PlacementResult place_by(const RobustMethod& method, const LandmarkCloud& source,
-                         const LandmarkCloud& target, const AlignOptions& options) {
+                         const LandmarkCloud& target, const IcpOptions& options) {
   PlaceOptions placement = method.placement;
   take_common(options, placement);
   return place(source, target, placement);
@@ -142,24 +140,24 @@ std::string_view status_of(const Alignment& alignment) {
                              : to_string(alignment.result.status);
 }
 
-bool is_aligned(const Alignment& alignment) {
+bool has_answer(const Alignment& alignment) {
   return alignment.placement ? alignment.placement->verdict == Verdict::kAligned
-                             : alignment.result.status == AlignStatus::kAligned;
+                             : alignment.result.has_pose();
 }
 
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies, AlignOptions options,
+                                    const std::vector<Strategy>& strategies, IcpOptions options,
                                     const PointSetOptions& point_options,
                                     const std::optional<Similarity3>& truth,
                                     const CommonArguments& common,
                                     const std::optional<RobustMethod>& robust) {
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
+  options.execution.executor = common.executor();
+  options.execution.stop = interrupt_requests();
   std::vector<Alignment> alignments;
   for (const Strategy& strategy : strategies) {
     const PointSet source_points = point_set(source, strategy.metric, point_options);
     const PointSet target_points = point_set(target, strategy.metric, point_options);
-    options.progress = common.console().progress("aligning, confidence " + strategy.name);
+    options.execution.progress = common.console().progress("aligning, confidence " + strategy.name);
     Alignment alignment;
     alignment.confidence = strategy.name;
     if (robust) {
@@ -176,12 +174,12 @@ std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap
       }
     } else {
       alignment.k = strategy.metric ? options.k : 1;
-      alignment.result = align(source_points, target_points, options);
+      alignment.result = icp(source_points, target_points, options);
     }
-    if (alignment.result.status == AlignStatus::kCancelled) {
+    if (alignment.result.status == RegistrationStatus::kCancelled) {
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
     }
-    if (truth && is_aligned(alignment)) {
+    if (truth && has_answer(alignment)) {
       alignment.error = pose_error(alignment.result.similarity(), *truth, source_points.positions);
     }
     alignments.push_back(std::move(alignment));
@@ -189,7 +187,7 @@ std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap
   return alignments;
 }
 
-std::string alignment_table(const std::vector<Alignment>& alignments, const AlignOptions& options,
+std::string alignment_table(const std::vector<Alignment>& alignments, const IcpOptions& options,
                             LengthUnit unit) {
   const bool with_error = std::any_of(alignments.begin(), alignments.end(),
                                       [](const Alignment& a) { return a.error.has_value(); });
@@ -204,7 +202,7 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const Alig
   header.emplace_back("time");
   Table table(header);
   for (const Alignment& alignment : alignments) {
-    const AlignResult& result = alignment.result;
+    const RegistrationResult& result = alignment.result;
     std::vector<std::string> row = {alignment.confidence,
                                     std::to_string(alignment.k),
                                     std::string(status_of(alignment)),
@@ -239,12 +237,12 @@ std::string alignment_table(const std::vector<Alignment>& alignments, const Alig
   return text;
 }
 
-Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit unit) {
-  const AlignResult& result = alignment.result;
+Json to_json(const Alignment& alignment, const IcpOptions& options, LengthUnit unit) {
+  const RegistrationResult& result = alignment.result;
   const auto& placement = alignment.placement;
   // The best pose of a rejected pair is wrong more often than not; the candidates list it.
   const bool is_rejected = placement && placement->verdict == Verdict::kRejected;
-  const bool has_pose = result.status != AlignStatus::kFailed && !is_rejected;
+  const bool has_pose = result.status != RegistrationStatus::kFailed && !is_rejected;
   Json json = {
       {"status", status_of(alignment)},
       {"verdict", placement ? to_string(placement->verdict) : "none"},

@@ -7,7 +7,7 @@
 
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/placement/place.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
@@ -18,7 +18,7 @@ namespace cairn::cli {
 struct RobustMethod {
   bool one_to_one = false;
   bool anywhere = false;   ///< from no initial pose, with a verdict
-  PlaceOptions placement;  ///< for anywhere; what AlignOptions have too is taken from there
+  PlaceOptions placement;  ///< for anywhere; what IcpOptions have too is taken from there
 };
 
 /// One pair of maps aligned by one strategy.
@@ -26,32 +26,32 @@ struct Alignment {
   std::string confidence;  ///< name of the strategy
   std::string method = "icp";
   std::size_t k = 1;  ///< candidates it chose among
-  AlignResult result;
+  RegistrationResult result;
   std::optional<PlacementResult> placement;  ///< without its alignment, which is `result`
   std::optional<PoseError> error;            ///< against the truth, where that is known
 };
 
-/// "aligned" and so on, or the verdict where there is one.
+/// The verdict where there is one; else "converged" and so on, which judges nothing.
 std::string_view status_of(const Alignment& alignment);
 
-/// Whether there is a pose to be trusted as far as the method can tell.
-bool is_aligned(const Alignment& alignment);
+/// Whether there is a pose to go on with: judged aligned, or, where none is judged, what the method came to.
+bool has_answer(const Alignment& alignment);
 
 /// Aligns two maps by each strategy in turn, with progress and until interrupted.
 /// @param robust nothing: by ICP
 /// @throws Error (cancelled)
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies, AlignOptions options,
+                                    const std::vector<Strategy>& strategies, IcpOptions options,
                                     const PointSetOptions& point_options,
                                     const std::optional<Similarity3>& truth,
                                     const CommonArguments& common,
                                     const std::optional<RobustMethod>& robust = {});
 
 /// One row a strategy, and what the columns mean.
-std::string alignment_table(const std::vector<Alignment>& alignments, const AlignOptions& options,
+std::string alignment_table(const std::vector<Alignment>& alignments, const IcpOptions& options,
                             LengthUnit unit);
 
 /// One entry of a document's `results`.
-Json to_json(const Alignment& alignment, const AlignOptions& options, LengthUnit unit);
+Json to_json(const Alignment& alignment, const IcpOptions& options, LengthUnit unit);
 
 }  // namespace cairn::cli

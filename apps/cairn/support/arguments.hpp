@@ -45,7 +45,7 @@ CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& t
 std::string long_name(const std::string& name);
 
 /// The library names its own parameters and fields; people know the options. Calls `call`; of an
-/// Error about one of the library's names ("AlignOptions.k") the message names its option instead.
+/// Error about one of the library's names ("IcpOptions.k") the message names its option instead.
 /// @param options (name in the library, option)
 void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
                        const std::function<void()>& call);

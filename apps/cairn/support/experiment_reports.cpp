@@ -87,11 +87,11 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
   const auto published = published_experiments();
   const auto one =
       std::find_if(published.begin(), published.end(), [](const PublishedExperiment& candidate) {
-        return candidate.experiment == Experiment::kNeighbors && candidate.k == AlignOptions().k;
+        return candidate.experiment == Experiment::kNeighbors && candidate.k == IcpOptions().k;
       });
   std::vector<Strategy> strategies;
   for (const std::string_view name : kPaperStrategies) strategies.push_back(strategy_named(name));
-  AlignOptions align = shown.align;
+  IcpOptions align = shown.align;
   align.initial = one->initial.pose();
   align.trace = true;
   ReportedPair pair;

@@ -19,7 +19,7 @@ struct ShownPaper {
   std::string source_name = {};  ///< for people
   std::string target_name = {};
   const MapPair* pair = nullptr;  ///< null: not to be had; then there is no scene
-  AlignOptions align = {};        ///< as they were run with
+  IcpOptions align = {};          ///< as they were run with
   PointSetOptions points = {};
   std::vector<report::Section> sections = {};  ///< paper_sections()
 };

@@ -56,9 +56,10 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
   std::vector<report::AlignmentRun> runs;
   for (const Alignment& alignment : pair.alignments) {
     const bool has_points = pair.source != nullptr && pair.target != nullptr;
-    AlignResult result = alignment.result;
+    RegistrationResult result = alignment.result;
     const auto& placement = alignment.placement;
-    if (placement && placement->verdict == Verdict::kRejected) result.status = AlignStatus::kFailed;
+    if (placement && placement->verdict == Verdict::kRejected)
+      result.status = RegistrationStatus::kFailed;
     if (!has_points) {  // neither can matches be shown nor errors measured at the landmarks
       for (IterationRecord& iteration : result.history) iteration.matches.clear();
     }
@@ -164,7 +165,7 @@ std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit uni
   const Alignment* nearest = nullptr;
   const Alignment* closest = nullptr;
   for (const Alignment& alignment : alignments) {
-    if (!is_aligned(alignment)) continue;
+    if (!has_answer(alignment)) continue;
     const auto& error = alignment.error;
     if (error && (nearest == nullptr || error->translation < nearest->error->translation)) {
       nearest = &alignment;

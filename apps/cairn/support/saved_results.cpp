@@ -132,18 +132,22 @@ Alignment alignment_of(const Field& field) {
   alignment.confidence = field["confidence"].text();
   alignment.method = field["method"].optional_text().value_or(alignment.method);
   alignment.k = field["k"].whole(std::numeric_limits<std::uint32_t>::max());
-  AlignResult& result = alignment.result;
+  RegistrationResult& result = alignment.result;
   if (const Field verdict = field["verdict"]; !verdict.is_null() && verdict.text() != "none") {
     PlacementResult& placement = alignment.placement.emplace();
     placement.verdict =
         verdict.one_of(std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
     placement.probability = field["probability"].number();
     placement.radius = field["support_radius"].number();
-    result.status =
-        field["target_from_source"].is_null() ? AlignStatus::kFailed : AlignStatus::kAligned;
+    result.status = field["target_from_source"].is_null() ? RegistrationStatus::kFailed
+                                                          : RegistrationStatus::kConverged;
   } else {
-    result.status = field["status"].one_of(
-        std::array{AlignStatus::kAligned, AlignStatus::kFailed, AlignStatus::kCancelled});
+    // Earlier documents call what was never judged "aligned".
+    result.status = field["status"].text() == "aligned"
+                        ? RegistrationStatus::kConverged
+                        : field["status"].one_of(std::array{
+                              RegistrationStatus::kConverged, RegistrationStatus::kStopped,
+                              RegistrationStatus::kFailed, RegistrationStatus::kCancelled});
   }
   result.stop_reason = field["stop_reason"].one_of(
       std::array{StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint,

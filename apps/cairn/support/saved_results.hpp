@@ -49,7 +49,7 @@ struct SavedPaper {
   double success_score = 0.0;
   Agreement agreement;
   PoseTolerance tolerance;
-  AlignOptions align;
+  IcpOptions align;
   PointSetOptions points;
 };
 

@@ -19,9 +19,10 @@ constexpr std::size_t kStrategyCount = kPaperStrategies.size();
 class PaperRunner {
  public:
   PaperRunner(const MapPair& pair, const PaperOptions& options) : pair_(pair), options_(options) {
-    options_.align.executor = Executor();  // runs are spread over threads, not the work of one
-    options_.align.stop = options.stop;
-    options_.align.progress = {};
+    options_.align.execution.executor =
+        Executor();  // runs are spread over threads, not the work of one
+    options_.align.execution.stop = options.execution.stop;
+    options_.align.execution.progress = {};
     points_.reserve(kStrategyCount);
     for (const std::string_view name : kPaperStrategies) {
       points_.push_back(pair_points(pair, strategy_named(name), options.points));
@@ -95,7 +96,7 @@ std::vector<TrialResult> run_all(const PaperRunner& runner, const PaperOptions& 
   std::vector<TrialResult> runs(published.size() * kStrategyCount);
   std::mutex mutex;
   std::size_t done = 0;
-  options.executor.for_blocks(runs.size(), 1, [&](std::size_t begin, std::size_t end) {
+  options.execution.executor.for_blocks(runs.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::size_t configuration = i / kStrategyCount;
       const PublishedExperiment& experiment = published[configuration];
@@ -103,8 +104,8 @@ std::vector<TrialResult> run_all(const PaperRunner& runner, const PaperOptions& 
                            experiment.k, experiment.initial, i % kStrategyCount);
       const std::lock_guard lock(mutex);
       ++done;
-      if (options.progress) {
-        options.progress(static_cast<double>(done) / static_cast<double>(runs.size()));
+      if (options.execution.progress) {
+        options.execution.progress(static_cast<double>(done) / static_cast<double>(runs.size()));
       }
     }
   });
@@ -129,11 +130,12 @@ std::vector<QuadrantSearch> search_quadrants(const PaperRunner& runner, const Pa
                                              const PaperOptions& options) {
   constexpr std::array<std::pair<int, int>, 4> kQuadrants = {{{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
   std::vector<QuadrantSearch> searches(kQuadrants.size());
-  options.executor.for_blocks(kQuadrants.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      searches[i] = runner.search(kQuadrants[i].first, kQuadrants[i].second, results);
-    }
-  });
+  options.execution.executor.for_blocks(
+      kQuadrants.size(), 1, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          searches[i] = runner.search(kQuadrants[i].first, kQuadrants[i].second, results);
+        }
+      });
   return searches;
 }
 

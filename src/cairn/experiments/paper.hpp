@@ -3,19 +3,17 @@
 
 #include <cstddef>
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
-#include "cairn/core/progress.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/experiments/published.hpp"
 #include "cairn/experiments/run.hpp"
 
 namespace cairn {
 
 struct PaperOptions {
-  AlignOptions align;  ///< but its initial pose, k, executor and callbacks; the paper's by default
+  IcpOptions align;  ///< but its initial pose, k, executor and callbacks; the paper's by default
   PointSetOptions points;
   /// Below this score, m², a run counts as a success. Nothing: as far above the score of base ICP from
   /// the identity as the paper's 0.0037 is above its own, a factor of 1.078.
@@ -25,9 +23,7 @@ struct PaperOptions {
   bool search_xy = false;
   double search_limit_m = 5.0;        ///< of |x| and of |y|; positive
   double search_resolution_m = 0.01;  ///< positive
-  Executor executor = Executor();
-  std::stop_token stop = {};
-  Progress progress = {};
+  Execution execution = {};
 
   /// @throws Error (misuse) naming the field
   void validate() const;

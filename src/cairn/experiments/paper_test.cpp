@@ -53,7 +53,7 @@ TEST(PaperExperiments, AreTheSameWithAnyNumberOfThreads) {
   const MapPair pair = small_pair();
   const auto text = [&](unsigned threads) {
     PaperOptions options;
-    options.executor = Executor(threads);
+    options.execution.executor = Executor(threads);
     options.search_xy = true;
     const PaperResults results = run_paper_experiments(pair, options);
     std::string rows;
@@ -118,8 +118,8 @@ TEST(PaperExperiments, StopWhenAsked) {
   const MapPair pair = small_pair();
   std::stop_source stop;
   PaperOptions options;
-  options.stop = stop.get_token();
-  options.progress = [&](double share) {
+  options.execution.stop = stop.get_token();
+  options.execution.progress = [&](double share) {
     if (share > 0.1) stop.request_stop();
   };
   EXPECT_THROW(run_paper_experiments(pair, options), Error);

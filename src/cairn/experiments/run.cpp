@@ -14,16 +14,16 @@
 namespace cairn {
 namespace {
 
-AlignResult placed(const PairPoints& points, std::uint64_t seed, const AlignOptions& options) {
+RegistrationResult placed(const PairPoints& points, std::uint64_t seed, const IcpOptions& options) {
   PlaceOptions placement;
   placement.seed = seed;
-  placement.executor = options.executor;
-  placement.stop = options.stop;
+  placement.execution.executor = options.execution.executor;
+  placement.execution.stop = options.execution.stop;
   PlacementResult result = place(points.source_cloud, points.target_cloud, placement);
-  const bool cancelled = result.alignment.status == AlignStatus::kCancelled;
+  const bool cancelled = result.alignment.status == RegistrationStatus::kCancelled;
   if (!cancelled && result.verdict != Verdict::kAligned) {
     // Scores of a pose that nobody is to take say nothing.
-    result.alignment.status = AlignStatus::kFailed;
+    result.alignment.status = RegistrationStatus::kFailed;
     result.alignment.score.reset();
     result.alignment.initial_score.reset();
   }
@@ -31,8 +31,8 @@ AlignResult placed(const PairPoints& points, std::uint64_t seed, const AlignOpti
   return std::move(result.alignment);
 }
 
-AlignResult found(const Trial& trial, const PairPoints& points, AlignOptions options,
-                  std::uint64_t seed) {
+RegistrationResult found(const Trial& trial, const PairPoints& points, IcpOptions options,
+                         std::uint64_t seed) {
   switch (trial.method) {
     case Method::kIcp:
       options.stop_at_repetition = false;
@@ -41,15 +41,15 @@ AlignResult found(const Trial& trial, const PairPoints& points, AlignOptions opt
       options.coarse_to_fine = true;
       break;
     case Method::kRobust:
-      return refine(points.source_cloud, points.target_cloud,
-                    {.initial = options.initial,
-                     .max_iterations = options.max_iterations,
-                     .executor = options.executor,
-                     .stop = options.stop});
+      return refine(
+          points.source_cloud, points.target_cloud,
+          {.initial = options.initial,
+           .max_iterations = options.max_iterations,
+           .execution = {.executor = options.execution.executor, .stop = options.execution.stop}});
     case Method::kAnywhere:
       return placed(points, seed, options);
   }
-  return align(points.source, points.target, options);
+  return icp(points.source, points.target, options);
 }
 
 }  // namespace
@@ -99,12 +99,11 @@ PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
 }
 
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
-                      const std::optional<Rigid3>& truth, AlignOptions options,
-                      std::uint64_t seed) {
+                      const std::optional<Rigid3>& truth, IcpOptions options, std::uint64_t seed) {
   options.initial = initial;
   options.k = trial.k;
-  const AlignResult result = found(trial, points, options, seed);
-  if (result.status == AlignStatus::kCancelled) {
+  const RegistrationResult result = found(trial, points, options, seed);
+  if (result.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "experiment", "cancelled", "");
   }
   TrialResult run;
@@ -116,7 +115,7 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
   run.initial_score = result.initial_score;
   run.score = result.score;
   run.duration_s = result.duration_s;
-  if (result.status == AlignStatus::kAligned) {
+  if (result.has_pose()) {
     run.target_from_source = result.target_from_source;
     if (truth) run.error = pose_error(result.target_from_source, *truth, points.source.positions);
   }

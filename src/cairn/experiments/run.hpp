@@ -14,7 +14,7 @@
 #include "cairn/experiments/displacement.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 namespace cairn {
 
@@ -88,7 +88,7 @@ struct Trial {
 /// A trial and what came of it.
 struct TrialResult {
   Trial trial;
-  AlignStatus status = AlignStatus::kFailed;
+  RegistrationStatus status = RegistrationStatus::kFailed;
   StopReason stop_reason = StopReason::kTooFewMatches;
   int iterations = 0;
   std::optional<int> cycle_length;           ///< of matches that came back; 1: a fixed point
@@ -106,7 +106,7 @@ struct TrialResult {
 /// @param seed    of what a method draws
 /// @throws Error (cancelled) if options.stop asks for it
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
-                      const std::optional<Rigid3>& truth, AlignOptions options,
+                      const std::optional<Rigid3>& truth, IcpOptions options,
                       std::uint64_t seed = 0);
 
 /// How far a pose may be from the true one and still be a success.

@@ -31,7 +31,7 @@ TEST(RunTrial, FromTheTruthEndsNearIt) {
   const TrialResult run = run_trial(trial, pair_points(pair, strategy_named("observations")),
                                     *pair.truth, pair.truth, {.max_distance = 0.1});
   EXPECT_EQ(run.trial, trial);
-  EXPECT_EQ(run.status, AlignStatus::kAligned);
+  EXPECT_EQ(run.status, RegistrationStatus::kConverged);
   ASSERT_TRUE(run.error);
   EXPECT_TRUE(PoseTolerance{}.holds(*run.error));
   EXPECT_GT(run.iterations, 0);
@@ -64,7 +64,7 @@ TEST(RunTrial, WithoutAPoseHasNoError) {
   const Rigid3 far(Eigen::Quaterniond::Identity(), {1000.0, 0.0, 0.0});
   const TrialResult run = run_trial({.strategy = "base"}, pair_points(pair, strategy_named("base")),
                                     far, pair.truth, {.max_distance = 0.1});
-  EXPECT_EQ(run.status, AlignStatus::kFailed);
+  EXPECT_EQ(run.status, RegistrationStatus::kFailed);
   EXPECT_FALSE(run.target_from_source);
   EXPECT_FALSE(run.error);
 }
@@ -73,8 +73,8 @@ TEST(RunTrial, IsCancelledByItsToken) {
   const MapPair pair = small_pair();
   std::stop_source stop;
   stop.request_stop();
-  AlignOptions options;
-  options.stop = stop.get_token();
+  IcpOptions options;
+  options.execution.stop = stop.get_token();
   EXPECT_THROW(
       run_trial({.strategy = "base"}, pair_points(pair, strategy_named("base")), {}, {}, options),
       Error);

@@ -36,8 +36,8 @@ constexpr std::array<std::string_view, 15> kResults = {"status",
                                                        "rotation_error_deg",
                                                        "translation_error_m"};
 
-constexpr std::array kStatuses = {AlignStatus::kAligned, AlignStatus::kFailed,
-                                  AlignStatus::kCancelled};
+constexpr std::array kStatuses = {RegistrationStatus::kConverged, RegistrationStatus::kStopped,
+                                  RegistrationStatus::kFailed, RegistrationStatus::kCancelled};
 constexpr std::array kStopReasons = {StopReason::kMseChange,      StopReason::kNoMotion,
                                      StopReason::kFixedPoint,     StopReason::kCycle,
                                      StopReason::kIterationLimit, StopReason::kTimeLimit,
@@ -65,6 +65,7 @@ class RowReader {
   const std::string& text() { return row_.cells[next_++]; }
 
   bool blank() const { return row_.cells[next_].empty(); }
+  bool is(std::string_view text) const { return row_.cells[next_] == text; }
   void skip(std::size_t cells) { next_ += cells; }
 
   double number() {
@@ -123,8 +124,15 @@ TrialResult parse_run(RowReader row) {
         &Displacement::pitch_deg, &Displacement::yaw_deg}) {
     trial.initial.*part = row.number();
   }
-  run.status = row.named(kStatuses);
+  // Earlier tables say it of all that has a pose.
+  const bool has_pose = row.is("aligned");
+  if (has_pose) {
+    row.skip(1);
+  } else {
+    run.status = row.named(kStatuses);
+  }
   run.stop_reason = row.named(kStopReasons);
+  if (has_pose) run.status = status_of(run.stop_reason);
   run.iterations = static_cast<int>(row.whole(kMost));
   if (!row.blank()) {
     run.cycle_length = static_cast<int>(row.whole(kMost));

@@ -21,7 +21,7 @@ TrialResult full_run() {
                .strategy = "covariance",
                .k = 7,
                .initial = {0.1, -0.2, 1e-9, 10, -20, 22.5}};
-  run.status = AlignStatus::kAligned;
+  run.status = RegistrationStatus::kConverged;
   run.stop_reason = StopReason::kMseChange;
   run.iterations = 87;
   run.cycle_length = 3;
@@ -44,7 +44,7 @@ TEST(RunsFile, ReadsBackWhatItWrote) {
   const std::vector<TrialResult> runs = parse_runs(text, "runs.csv");
   ASSERT_EQ(runs.size(), 2U);
   EXPECT_EQ(runs[0].trial, full_run().trial);
-  EXPECT_EQ(runs[0].status, AlignStatus::kAligned);
+  EXPECT_EQ(runs[0].status, RegistrationStatus::kConverged);
   EXPECT_EQ(runs[0].stop_reason, StopReason::kMseChange);
   EXPECT_EQ(runs[0].iterations, 87);
   EXPECT_EQ(runs[0].cycle_length, 3);
@@ -59,6 +59,14 @@ TEST(RunsFile, ReadsBackWhatItWrote) {
   EXPECT_FALSE(runs[1].score);
   EXPECT_FALSE(runs[1].target_from_source);
   EXPECT_FALSE(runs[1].error);
+}
+
+TEST(RunsFile, ReadsTheStatusOfEarlierTables) {
+  std::string row = runs_row(full_run());
+  row.replace(row.find("converged"), 9, "aligned");
+  EXPECT_EQ(parse_runs(runs_header() + row, "runs.csv")[0].status, RegistrationStatus::kConverged);
+  row.replace(row.find("mse_change"), 10, "cycle");
+  EXPECT_EQ(parse_runs(runs_header() + row, "runs.csv")[0].status, RegistrationStatus::kStopped);
 }
 
 TEST(RunsFile, HoldsNoTimesButTheTimingsFileDoes) {
@@ -84,8 +92,9 @@ TEST(RunsFile, NamesLineAndColumnOfADefect) {
   EXPECT_THAT(message(runs_header() + "a,b\n"), HasSubstr("runs.csv:2: 2 cells"));
   std::string row = runs_row(failed_run());
   row.replace(row.find("failed"), 6, "fallen");
-  EXPECT_THAT(message(runs_header() + row),
-              HasSubstr("runs.csv:2: status: 'fallen'; expected aligned, failed, cancelled"));
+  EXPECT_THAT(
+      message(runs_header() + row),
+      HasSubstr("runs.csv:2: status: 'fallen'; expected converged, stopped, failed, cancelled"));
   row = runs_row(full_run());
   row.replace(row.find("22.5"), 4, "nan");
   EXPECT_THAT(message(runs_header() + row), HasSubstr("yaw_deg: 'nan'; expected a number"));

@@ -54,7 +54,7 @@ struct Study {
   std::vector<Method> methods = {Method::kIcp};
   std::vector<std::string> strategies = {"base", "covariance", "observations", "distance"};
   std::vector<std::size_t> k = {5};
-  AlignOptions align;  ///< of it, what can be set in a study: max_iterations and max_distance
+  IcpOptions align;  ///< of it, what can be set in a study: max_iterations and max_distance
   PointSetOptions points;
   PoseTolerance success;
   /// Score below which a run counts as a success by the paper's measure, m²; nothing: within each pair,

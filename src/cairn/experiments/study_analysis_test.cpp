@@ -38,7 +38,7 @@ std::vector<TrialResult> runs_of(const Study& study, const Success& success, con
   for (std::size_t i = 0; i < plan.size(); ++i) {
     TrialResult run;
     run.trial = plan.trial(i);
-    run.status = AlignStatus::kAligned;
+    run.status = RegistrationStatus::kConverged;
     run.stop_reason = StopReason::kMseChange;
     run.iterations = 10;
     run.target_from_source = Rigid3();

@@ -261,9 +261,9 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
   const Study& study = plan.study();
   const std::size_t first = shard.begin(plan.size());
   const std::size_t end = shard.end(plan.size());
-  AlignOptions align = study.align;
-  align.executor = Executor();  // runs are spread over threads, not the work of one
-  align.stop = options.stop;
+  IcpOptions align = study.align;
+  align.execution.executor = Executor();  // runs are spread over threads, not the work of one
+  align.execution.stop = options.stop;
 
   const bool with_clouds = std::any_of(study.methods.begin(), study.methods.end(), needs_clouds);
   for (std::size_t next = first + folder.done(); next < end;) {

@@ -212,12 +212,12 @@ class Finder {
   std::vector<ConstellationPose> run() const {
     std::vector<ConstellationPose> found;  // most evidence first
     for (std::size_t first = 0; first < options_.draws && !clear(found); first += kRound) {
-      if (options_.stop.stop_requested()) break;
+      if (options_.execution.stop.stop_requested()) break;
       std::array<std::vector<ConstellationPose>, kRound> round;
       const std::size_t count = std::min(kRound, options_.draws - first);
-      options_.executor.for_blocks(count, 4, [&](std::size_t begin, std::size_t end) {
+      options_.execution.executor.for_blocks(count, 4, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) {
-          if (options_.stop.stop_requested()) return;
+          if (options_.execution.stop.stop_requested()) return;
           if (const auto one = draw(random_.fork(first + i))) round[i] = poses_of(*one);
         }
       });

@@ -3,12 +3,11 @@
 
 #include <cstddef>
 #include <span>
-#include <stop_token>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
@@ -18,10 +17,9 @@ struct ConstellationOptions {
   /// Unit of all lengths here: the fine scale of the kernel, so that landmarks are about a third of it
   /// apart. Positive.
   double fine = 0.0;
-  std::size_t draws = 192;  ///< constellations of the source that are looked for in the target
-  std::size_t poses = 24;   ///< at most so many are proposed
-  Executor executor = Executor();
-  std::stop_token stop = {};  ///< what was found until then is the result
+  std::size_t draws = 192;   ///< constellations of the source that are looked for in the target
+  std::size_t poses = 24;    ///< at most so many are proposed
+  Execution execution = {};  ///< when stopped, what was found until then is the result
 };
 
 /// A pose that brings landmarks about a constellation close to others.

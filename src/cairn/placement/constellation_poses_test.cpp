@@ -101,7 +101,7 @@ TEST(ConstellationPoses, AMirrorImageHasLittleEvidence) {
 TEST(ConstellationPoses, SameWithAnyNumberOfThreads) {
   const Ground ground(2);
   const auto one = poses_of(ground);
-  const auto many = poses_of(ground, {.executor = Executor(0)});
+  const auto many = poses_of(ground, {.execution = {.executor = Executor(0)}});
   ASSERT_EQ(one.size(), many.size());
   for (std::size_t i = 0; i < one.size(); ++i) {
     EXPECT_EQ(one[i].target_from_source.matrix(), many[i].target_from_source.matrix());
@@ -137,7 +137,7 @@ TEST(ConstellationPoses, AStrayLandmarkFarAwayCostsNoMemory) {
 TEST(ConstellationPoses, StopWhenAsked) {
   std::stop_source source;
   source.request_stop();
-  EXPECT_TRUE(poses_of(Ground(1), {.stop = source.get_token()}).empty());
+  EXPECT_TRUE(poses_of(Ground(1), {.execution = {.stop = source.get_token()}}).empty());
 }
 
 }  // namespace

@@ -153,7 +153,7 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
 class TimeLimit {
  public:
   TimeLimit(std::chrono::steady_clock::time_point start, const PlaceOptions& options)
-      : start_(start), limit_s_(options.time_limit_s), caller_(options.stop) {}
+      : start_(start), limit_s_(options.time_limit_s), caller_(options.execution.stop) {}
 
   /// Calls work(stop), which is asked to stop when that share of the time is over.
   /// @return whether it was
@@ -223,13 +223,13 @@ class Placement {
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions),
         support_(pair_, source_tree_, target_tree_, kSample, Random(options.seed).fork(5),
-                 options.executor),
+                 options.execution.executor),
         matches_(pair_),
         sight_(pair_, kSightPoints) {
-    all_ = {cloud_scales(pair_.source(), source_tree_, options.executor),
-            cloud_scales(pair_.target(), target_tree_, options.executor)};
-    sample_ = {sample_scales(pair_.source(), all_.source, options.executor),
-               sample_scales(pair_.target(), all_.target, options.executor)};
+    all_ = {cloud_scales(pair_.source(), source_tree_, options.execution.executor),
+            cloud_scales(pair_.target(), target_tree_, options.execution.executor)};
+    sample_ = {sample_scales(pair_.source(), all_.source, options.execution.executor),
+               sample_scales(pair_.target(), all_.target, options.execution.executor)};
     distance_ = PoseDistance::of(pair_.source().positions);
   }
 
@@ -362,8 +362,7 @@ class Placement {
     const ConstellationOptions options{
         .fine = sample_.at(1.0).fine,
         .draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort)),
-        .executor = options_.executor,
-        .stop = stop};
+        .execution = {.executor = options_.execution.executor, .stop = stop}};
     return constellation_poses(sample_of(pair_.source().positions),
                                sample_of(pair_.target().positions), Random(options_.seed).fork(6),
                                options);
@@ -401,13 +400,14 @@ class Placement {
               const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
               std::vector<Finalist>& poses) const {
     const KernelScales kernel = all_.at(scale);
-    SearchOptions options{
-        .coarse = kernel.coarse, .fine = kernel.fine, .executor = options_.executor, .stop = stop};
+    SearchOptions options{.coarse = kernel.coarse,
+                          .fine = kernel.fine,
+                          .execution = {.executor = options_.execution.executor, .stop = stop}};
     if (scales_.size() > 1) options.candidates = kCandidatesAScale;
     if (!options_.scale) options.candidates = kCandidatesBeside;
-    if (options_.progress) {
-      options.progress = [&](double share) {
-        options_.progress(progress + share / static_cast<double>(scales_.size()));
+    if (options_.execution.progress) {
+      options.execution.progress = [&](double share) {
+        options_.execution.progress(progress + share / static_cast<double>(scales_.size()));
       };
     }
     std::vector<Eigen::Vector3d> source = pair_.source().positions;
@@ -429,22 +429,23 @@ class Placement {
     // The candidates run beside each other, each on one thread.
     const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
                                     Executor());
-    options_.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const double fine = lengths.at(poses[i].scale).fine;
-        const Similarity3 pose = alignment
-                                     .run(poses[i].similarity(),
-                                          {.coarse = sample_.at(poses[i].scale).fine,
-                                           .fine = fine,
-                                           .finest = kFinest * fine,
-                                           .max_iterations = iterations,
-                                           .points = points,
-                                           .free_scale = options_.scale.has_value()},
-                                          stop)
-                                     .target_from_source;
-        poses[i] = assessed(pose, partners);
-      }
-    });
+    options_.execution.executor.for_blocks(
+        poses.size(), 1, [&](std::size_t begin, std::size_t end) {
+          for (std::size_t i = begin; i < end; ++i) {
+            const double fine = lengths.at(poses[i].scale).fine;
+            const Similarity3 pose = alignment
+                                         .run(poses[i].similarity(),
+                                              {.coarse = sample_.at(poses[i].scale).fine,
+                                               .fine = fine,
+                                               .finest = kFinest * fine,
+                                               .max_iterations = iterations,
+                                               .points = points,
+                                               .free_scale = options_.scale.has_value()},
+                                              stop)
+                                         .target_from_source;
+            poses[i] = assessed(pose, partners);
+          }
+        });
   }
 
   // The best of the poses, with at most so many variants of what people would call one.
@@ -512,7 +513,7 @@ class CallersPlacement {
         target_(target),
         callers_(options),
         options_(options),
-        unit_(options.scale ? std::clamp(likely_scale(source, target, options.executor),
+        unit_(options.scale ? std::clamp(likely_scale(source, target, options.execution.executor),
                                          options.scale->least, options.scale->most)
                             : 1.0),
         // Which is the larger cannot be seen where the scale is open; the one with fewer landmarks is
@@ -553,8 +554,8 @@ class CallersPlacement {
   double fine(const Finalist& pose) const {
     return placement_->fine(pose.scale) / (inverted_ ? pose.scale : 1.0);
   }
-  AlignResult refined(const Finalist& best, bool hold, const TimeLimit& time,
-                      PlacementResult& result) const;
+  RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
+                             PlacementResult& result) const;
 
   const LandmarkCloud& source_;
   const LandmarkCloud& target_;
@@ -580,8 +581,8 @@ double precision(const Finalist& pose) {
 }
 
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
-AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const TimeLimit& time,
-                                      PlacementResult& result) const {
+RegistrationResult CallersPlacement::refined(const Finalist& best, bool hold, const TimeLimit& time,
+                                             PlacementResult& result) const {
   const Similarity3 pose = for_caller(best.similarity());
   RefineOptions refinement;
   refinement.initial = pose.rigid();
@@ -596,14 +597,14 @@ AlignResult CallersPlacement::refined(const Finalist& best, bool hold, const Tim
   refinement.error_scale = std::min(kErrorScale * kernel, fine(best));
   refinement.use_covariances = callers_.use_covariances;
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
-  refinement.executor = callers_.executor;
+  refinement.execution.executor = callers_.execution.executor;
   refinement.trace = callers_.trace;
-  AlignResult alignment;
+  RegistrationResult alignment;
   const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
-    refinement.stop = stop;
+    refinement.execution.stop = stop;
     alignment = refine(source_, target_, refinement);
   });
-  if (unfinished && alignment.status == AlignStatus::kCancelled) {
+  if (unfinished && alignment.status == RegistrationStatus::kCancelled) {
     result.cut_short = true;
     alignment.stop_reason = StopReason::kTimeLimit;
     alignment.status = status_of(StopReason::kTimeLimit);
@@ -629,8 +630,8 @@ void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
     const Finalist best = found.poses.front();
     result.radius = kMatched * fine(best);
     result.alignment = refined(best, false, time, result);
-    if (result.alignment.status == AlignStatus::kCancelled) break;
-    const bool failed = result.alignment.status == AlignStatus::kFailed;
+    if (result.alignment.status == RegistrationStatus::kCancelled) break;
+    const bool failed = result.alignment.status == RegistrationStatus::kFailed;
     Finalist after = placement_->assessed(centred(result.alignment.similarity()));
     // Without evidence at the finer scales there is none to lose.
     const bool worse =

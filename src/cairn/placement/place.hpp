@@ -4,15 +4,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
-#include "cairn/core/progress.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
 #include "cairn/placement/verdict.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 namespace cairn {
 
@@ -64,9 +62,7 @@ struct PlaceOptions {
   std::string unit = {};
   bool trace = false;  ///< keep score and matches of every iteration of the final refinement
 
-  Executor executor = Executor();
-  std::stop_token stop = {};
-  Progress progress = {};
+  Execution execution = {};
 
   /// @throws Error (misuse) naming the field, its value and what it may be
   void validate() const;
@@ -77,7 +73,7 @@ struct PlacementResult {
   std::string reason;  ///< one sentence for people, with its numbers
   /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if
   /// there is none. Its status says nothing of how right the pose is: the verdict does.
-  AlignResult alignment;
+  RegistrationResult alignment;
   /// Likeliest first: the first is what was refined, the second the runner-up.
   std::vector<PlacementCandidate> candidates;
   double probability = 0.0;  ///< that the pose is right: that of the first candidate

@@ -57,7 +57,7 @@ Difference difference(const Rigid3& a, const Rigid3& b, const LandmarkCloud& sou
 PlaceOptions two_threads(std::uint64_t seed = 0) {
   PlaceOptions options;
   options.seed = seed;
-  options.executor = Executor(2);
+  options.execution.executor = Executor(2);
   return options;
 }
 
@@ -394,7 +394,7 @@ TEST(Place, RejectsTooFewLandmarks) {
   const PlacementResult result = place(few, few);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
   EXPECT_THAT(result.reason, HasSubstr("10 source and 10 target landmarks"));
-  EXPECT_EQ(result.alignment.status, AlignStatus::kFailed);
+  EXPECT_EQ(result.alignment.status, RegistrationStatus::kFailed);
   EXPECT_EQ(place({}, {}).verdict, Verdict::kRejected);
 }
 
@@ -427,11 +427,11 @@ TEST(Place, ReturnsWhenAskedToStop) {
   std::stop_source stop;
   stop.request_stop();
   PlaceOptions options;
-  options.stop = stop.get_token();
+  options.execution.stop = stop.get_token();
   const SyntheticPair pair = synthetic_pair({.seed = 14, .landmarks = 500});
   const PlacementResult result =
       place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
-  EXPECT_EQ(result.alignment.status, AlignStatus::kCancelled);
+  EXPECT_EQ(result.alignment.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
 }
 
@@ -454,7 +454,7 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
   EXPECT_TRUE(hasty.cut_short);
   EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the work short"));
   EXPECT_EQ(hasty.alignment.stop_reason, StopReason::kTimeLimit);
-  EXPECT_EQ(hasty.alignment.status, AlignStatus::kAligned);
+  EXPECT_EQ(hasty.alignment.status, RegistrationStatus::kStopped);
   EXPECT_FALSE(hasty.candidates.empty());
 }
 

@@ -32,7 +32,7 @@ void require(bool valid, std::string_view field, const Value& value, std::string
 }
 
 // @param icp_iterations that led to where the refinement began; 0: it began at the initial pose
-std::string sentence(const AlignResult& result, double finest, int icp_iterations) {
+std::string sentence(const RegistrationResult& result, double finest, int icp_iterations) {
   if (result.iterations == 0 && result.stop_reason == StopReason::kNoMotion) {
     return fmt::format("held at the initial pose, at a kernel scale of {:.3g}", finest);
   }
@@ -67,7 +67,7 @@ std::vector<Match> turned_round(const std::vector<Match>& matches, double unit) 
 }
 
 // What is said of the moving cloud's pose in the other's frame, as said of its inverse.
-void turn_round(const Similarity3& pose, AlignResult& result) {
+void turn_round(const Similarity3& pose, RegistrationResult& result) {
   const Similarity3 inverse = pose.inverse();
   result.target_from_source = inverse.rigid();
   result.scale = inverse.scale();
@@ -97,7 +97,7 @@ class Refinement {
         source_tree_(pair_.source().positions),
         target_tree_(pair_.target().positions) {}
 
-  void run(AlignResult& result) const;
+  void run(RegistrationResult& result) const;
 
  private:
   // One way to an optimum, all in the centred frames.
@@ -114,15 +114,15 @@ class Refinement {
   void follow(const RobustAlignment& alignment, const KernelScales& kernel, Path& path) const;
   // The result of a way.
   void conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
-                AlignResult& result) const;
+                RegistrationResult& result) const;
   std::optional<Path> drawn_in(const Similarity3& initial) const;
   std::vector<double> from_source(const Similarity3& pose) const {
     return nearest_squared_distances(pair_.source().positions, pose, target_tree_,
-                                     options_.executor);
+                                     options_.execution.executor);
   }
   std::vector<double> from_target(const Similarity3& pose) const {
     return nearest_squared_distances(pair_.target().positions, pose.inverse(), source_tree_,
-                                     options_.executor);
+                                     options_.execution.executor);
   }
   // Of the caller's landmarks; either way the tree is that of the caller's target.
   std::vector<double> distances(const Similarity3& pose) const {
@@ -149,8 +149,8 @@ KernelScales Refinement::kernel() const {
   const KernelScales own =
       options_.fine && options_.coarse
           ? KernelScales{}
-          : kernel_scales(cloud_scales(pair_.source(), source_tree_, options_.executor),
-                          cloud_scales(pair_.target(), target_tree_, options_.executor));
+          : kernel_scales(cloud_scales(pair_.source(), source_tree_, options_.execution.executor),
+                          cloud_scales(pair_.target(), target_tree_, options_.execution.executor));
   const double fine =
       options_.fine.value_or(std::min(own.fine, options_.coarse.value_or(own.fine)));
   return {.coarse = options_.coarse.value_or(std::max(own.coarse, fine)), .fine = fine};
@@ -176,18 +176,18 @@ IterationRecord Refinement::record(RobustAlignment::Iteration iteration,
 
 // Of samples first, which ends where plain ICP does and takes less time; nothing if it fails.
 std::optional<Refinement::Path> Refinement::drawn_in(const Similarity3& initial) const {
-  AlignOptions icp;
-  icp.initial = initial.rigid();
-  icp.k = 1;
-  icp.max_iterations = options_.max_iterations;
-  icp.coarse_to_fine = true;
-  icp.trace = options_.trace;
-  icp.executor = options_.executor;
-  icp.stop = options_.stop;
-  AlignResult result =
-      align(PointSet{.positions = pair_.source().positions, .confidences = {}},
-            PointSet{.positions = pair_.target().positions, .confidences = {}}, icp);
-  if (result.status != AlignStatus::kAligned) return std::nullopt;
+  IcpOptions drawing;
+  drawing.initial = initial.rigid();
+  drawing.k = 1;
+  drawing.max_iterations = options_.max_iterations;
+  drawing.coarse_to_fine = true;
+  drawing.trace = options_.trace;
+  drawing.execution.executor = options_.execution.executor;
+  drawing.execution.stop = options_.execution.stop;
+  RegistrationResult result =
+      icp(PointSet{.positions = pair_.source().positions, .confidences = {}},
+          PointSet{.positions = pair_.target().positions, .confidences = {}}, drawing);
+  if (!result.has_pose()) return std::nullopt;
   Path path;
   path.run.target_from_source = Similarity3(1.0, result.target_from_source);
   path.icp_iterations = result.iterations;
@@ -209,22 +209,22 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
        .finest = finest_of(kernel),
        .max_iterations = options_.max_iterations,
        .free_scale = options_.scale.has_value()},
-      options_.stop, [&](RobustAlignment::Iteration iteration) {
+      options_.execution.stop, [&](RobustAlignment::Iteration iteration) {
         const std::size_t count = iteration.matches.size();
         path.history.push_back(record(std::move(iteration), count));
-        if (options_.progress) {
+        if (options_.execution.progress) {
           const auto done = static_cast<int>(path.history.size()) - path.icp_iterations;
-          options_.progress(static_cast<double>(done) / options_.max_iterations);
+          options_.execution.progress(static_cast<double>(done) / options_.max_iterations);
         }
       });
   path.matches = alignment.matches(path.run.target_from_source);
   path.value = alignment.value(path.run.target_from_source, finest_of(kernel), path.matches);
 }
 
-void Refinement::run(AlignResult& result) const {
+void Refinement::run(RegistrationResult& result) const {
   const KernelScales scales = kernel();
   const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances,
-                                  options_.one_to_one, options_.executor);
+                                  options_.one_to_one, options_.execution.executor);
   const bool free_scale = options_.scale.has_value();
   const Similarity3 initial =
       pair_.centred(inverted_ ? options_.initial.inverse() : options_.initial);
@@ -247,7 +247,7 @@ void Refinement::run(AlignResult& result) const {
 }
 
 void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
-                          AlignResult& result) const {
+                          RegistrationResult& result) const {
   const bool free_scale = options_.scale.has_value();
   const RobustAlignment::Run& run = path.run;
   result.history = std::move(path.history);
@@ -304,13 +304,13 @@ void RefineOptions::validate() const {
   require_length(overlap_radius, "overlap_radius");
 }
 
-AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
-                   const RefineOptions& options) {
+RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                          const RefineOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   options.validate();
   source.validate("source");
   target.validate("target");
-  AlignResult result;
+  RegistrationResult result;
   result.target_from_source = options.initial;
   result.scale = options.scale.value_or(1.0);
   if (source.size() < kFewestMatches || target.size() < kFewestMatches) {

@@ -3,12 +3,10 @@
 
 #include <functional>
 #include <optional>
-#include <stop_token>
 
-#include "cairn/core/executor.hpp"
-#include "cairn/core/progress.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 namespace cairn {
 
@@ -16,7 +14,7 @@ namespace cairn {
 /// target.
 struct RefineOptions {
   Rigid3 initial = {};  ///< target_from_source to start from
-  /// Of the source, to start from, where it is to be estimated with the pose (see AlignResult::scale);
+  /// Of the source, to start from, where it is to be estimated with the pose (see RegistrationResult::scale);
   /// positive. Nothing: both maps are of one scale.
   std::optional<double> scale = {};
   /// Scale of the kernel in the beginning: matches much farther apart hardly count. Nothing: half the
@@ -44,9 +42,7 @@ struct RefineOptions {
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< keep score and matches of every iteration
 
-  Executor executor = Executor();
-  std::stop_token stop = {};
-  Progress progress = {};
+  Execution execution = {};
 
   /// @throws Error (misuse) naming the field, its value and what it may be
   void validate() const;
@@ -71,7 +67,7 @@ struct RefineOptions {
 /// the executor's number of threads.
 ///
 /// @throws Error (misuse) for invalid options or clouds
-AlignResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
-                   const RefineOptions& options = {});
+RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                          const RefineOptions& options = {});
 
 }  // namespace cairn

@@ -91,8 +91,8 @@ TEST(Refine, FindsTheTruthFromAFewDegreesAway) {
   const Pair pair = synthetic({.seed = 3, .outlier_fraction = 0.1});
   RefineOptions options;
   options.initial = Rigid3::from_roll_pitch_yaw({0.1, -0.1, 0.05}, 0.05, 0.05, -0.1) * pair.truth;
-  const AlignResult result = refine(pair.source, pair.target, options);
-  EXPECT_EQ(result.status, AlignStatus::kAligned) << result.reason;
+  const RegistrationResult result = refine(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, RegistrationStatus::kConverged) << result.reason;
   EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
   ASSERT_TRUE(result.covariance);
   EXPECT_LT(*result.score, *result.initial_score);
@@ -107,7 +107,7 @@ TEST(Refine, IsDrawnInByIcpWhereMapsShareMuch) {
   RefineOptions options;
   options.initial = far;
   options.trace = true;
-  const AlignResult result = refine(pair.source, pair.target, options);
+  const RegistrationResult result = refine(pair.source, pair.target, options);
   EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
   EXPECT_THAT(result.reason, HasSubstr("by ICP"));
   EXPECT_EQ(result.history.size(), static_cast<std::size_t>(result.iterations));
@@ -115,13 +115,13 @@ TEST(Refine, IsDrawnInByIcpWhereMapsShareMuch) {
 
   // The other way round, the same.
   options.initial = far.inverse();
-  const AlignResult back = refine(pair.target, pair.source, options);
+  const RegistrationResult back = refine(pair.target, pair.source, options);
   EXPECT_LT(distance(back.target_from_source, result.target_from_source.inverse()), 1e-3);
   EXPECT_EQ(back.history.back().score, back.score);
 
   options.initial = far;
   options.by_icp_too = false;
-  const AlignResult alone = refine(pair.source, pair.target, options);
+  const RegistrationResult alone = refine(pair.source, pair.target, options);
   EXPECT_GT(distance(alone.target_from_source, pair.truth), 0.1);
   EXPECT_THAT(alone.reason, Not(HasSubstr("by ICP")));
 }
@@ -150,7 +150,7 @@ TEST(Refine, IsCloserWithCovariances) {
   EXPECT_LT(with, without);
 }
 
-double error_of(const AlignResult& result, const Rigid3& truth) {
+double error_of(const RegistrationResult& result, const Rigid3& truth) {
   return normalised_squared_error(result.target_from_source, *result.covariance, truth);
 }
 
@@ -162,7 +162,7 @@ TEST(Refine, CovarianceCoversTheErrorWhereMatchesAreRight) {
     RefineOptions options;
     options.initial = pair.truth;
     options.coarse = options.fine = 0.03;
-    const AlignResult result = refine(pair.source, pair.target, options);
+    const RegistrationResult result = refine(pair.source, pair.target, options);
     ASSERT_TRUE(result.covariance);
     sum += error_of(result, pair.truth);
   }
@@ -184,7 +184,7 @@ TEST(Refine, CovarianceCoversTheErrorWhereMostMatchesAreWrong) {
       RefineOptions options;
       options.initial = pair.truth;
       options.coarse = 0.1;
-      const AlignResult result = refine(pair.source, pair.target, options);
+      const RegistrationResult result = refine(pair.source, pair.target, options);
       ASSERT_TRUE(result.covariance);
       const double distance = error_of(result, pair.truth);
       inside += distance < kNormalisedSquaredError95 ? 1 : 0;
@@ -199,7 +199,7 @@ TEST(Refine, MovesWithTheMaps) {
   const Pair pair = synthetic({.seed = 4, .landmarks = 800});
   RefineOptions options;
   options.initial = Rigid3::from_roll_pitch_yaw({0.02, 0.01, 0.0}, 0.0, 0.01, 0.02) * pair.truth;
-  const AlignResult still = refine(pair.source, pair.target, options);
+  const RegistrationResult still = refine(pair.source, pair.target, options);
   const Rigid3 motion(rotation_exp({0.5, 2.0, -1.0}), {300.0, -200.0, 100.0});
   LandmarkCloud moved = pair.target;
   for (auto& position : moved.positions) position = motion * position;
@@ -207,7 +207,7 @@ TEST(Refine, MovesWithTheMaps) {
     covariance = motion.rotation() * covariance * motion.rotation().transpose();
   }
   options.initial = motion * options.initial;
-  const AlignResult result = refine(pair.source, moved, options);
+  const RegistrationResult result = refine(pair.source, moved, options);
   EXPECT_LT((motion * still.target_from_source).difference_to(result.target_from_source).norm(),
             1e-5);
 }
@@ -216,9 +216,9 @@ TEST(Refine, IsTheSameForAnyNumberOfThreads) {
   const Pair pair = synthetic({.seed = 5});
   RefineOptions options;
   options.initial = pair.truth;
-  const AlignResult one = refine(pair.source, pair.target, options);
-  options.executor = Executor(2);
-  const AlignResult two = refine(pair.source, pair.target, options);
+  const RegistrationResult one = refine(pair.source, pair.target, options);
+  options.execution.executor = Executor(2);
+  const RegistrationResult two = refine(pair.source, pair.target, options);
   EXPECT_EQ(one.target_from_source.matrix(), two.target_from_source.matrix());
   EXPECT_EQ(*one.covariance, *two.covariance);
 }
@@ -228,7 +228,7 @@ TEST(Refine, MatchesOneToOneOnDemand) {
   RefineOptions options;
   options.initial = pair.truth;
   options.one_to_one = true;
-  const AlignResult result = refine(pair.source, pair.target, options);
+  const RegistrationResult result = refine(pair.source, pair.target, options);
   EXPECT_LT(distance(result.target_from_source, pair.truth), 5e-3);
   std::set<std::uint32_t> taken;
   for (const Match& match : result.matches) EXPECT_TRUE(taken.insert(match.target).second);
@@ -240,7 +240,7 @@ TEST(Refine, NamesTheMotionThatMatchesLeaveOpen) {
   for (int i = 0; i < 50; ++i) line.positions.emplace_back(0.01 * i * i, 0.0, 0.0);
   RefineOptions options;
   options.coarse = options.fine = 0.05;
-  const AlignResult result = refine(line, line, options);
+  const RegistrationResult result = refine(line, line, options);
   ASSERT_EQ(result.unobservable.size(), 1U);
   EXPECT_FALSE(result.covariance);
   const Eigen::Vector3d axis = result.unobservable[0].rotation.normalized();
@@ -276,14 +276,14 @@ TEST(Refine, SaysWhichWayACorridorIsOpen) {
   options.coarse = 0.5;
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const Pair alike = corridor(seed, 0.0);
-    const AlignResult open = refine(alike.source, alike.target, options);
+    const RegistrationResult open = refine(alike.source, alike.target, options);
     EXPECT_FALSE(open.covariance);
     ASSERT_EQ(open.unobservable.size(), 1U);
     EXPECT_GT(std::abs(open.unobservable[0].translation.normalized().x()), 0.99);
 
     // Landmarks that are the same hold it, though their surfaces do not.
     const Pair same = corridor(seed, 0.5);
-    const AlignResult held = refine(same.source, same.target, options);
+    const RegistrationResult held = refine(same.source, same.target, options);
     EXPECT_TRUE(held.unobservable.empty());
     ASSERT_TRUE(held.covariance);
     EXPECT_LT(std::abs(held.target_from_source.translation().x()), 0.02);
@@ -297,11 +297,11 @@ TEST(Refine, KnowsHowWellASmallMapIsHeldInALargeOneAndTheOtherWayRound) {
   options.coarse = 0.1;
   options.fine = 0.04;
   options.initial = pair.truth;
-  const AlignResult there = refine(small, pair.target, options);
+  const RegistrationResult there = refine(small, pair.target, options);
   EXPECT_TRUE(there.unobservable.empty());
   EXPECT_TRUE(there.covariance);
   options.initial = pair.truth.inverse();
-  const AlignResult back = refine(pair.target, small, options);
+  const RegistrationResult back = refine(pair.target, small, options);
   EXPECT_TRUE(back.unobservable.empty());
   ASSERT_TRUE(back.covariance);
 
@@ -335,8 +335,8 @@ TEST(Refine, FindsTheScaleTooAndSaysAllInTheTargetsUnit) {
     options.scale = 1.04 / kUnit;
     options.overlap_radius = kRadius;
     options.trace = true;
-    const AlignResult result = refine(source, target, options);
-    EXPECT_EQ(result.status, AlignStatus::kAligned) << result.reason;
+    const RegistrationResult result = refine(source, target, options);
+    EXPECT_EQ(result.status, RegistrationStatus::kConverged) << result.reason;
     EXPECT_NEAR(result.scale * kUnit, 1.0, 5e-3);
     EXPECT_LT(distance(result.target_from_source, pair.truth), 0.02);
     ASSERT_TRUE(result.covariance_with_scale);
@@ -377,13 +377,13 @@ TEST(Refine, WithAScaleSaysTheSameOfTheSmallerMapWhicheverIsTheSource) {
   options.fine = 0.03;
   options.initial = pair.truth;
   options.scale = 1.0 / kUnit;
-  const AlignResult there = refine(source, pair.target, options);
+  const RegistrationResult there = refine(source, pair.target, options);
   const Similarity3 back_truth = Similarity3(1.0 / kUnit, pair.truth).inverse();
   options.coarse = 0.1 * kUnit;
   options.fine = 0.03 * kUnit;
   options.initial = back_truth.rigid();
   options.scale = kUnit;
-  const AlignResult back = refine(pair.target, source, options);
+  const RegistrationResult back = refine(pair.target, source, options);
   EXPECT_NEAR(back.scale * there.scale, 1.0, 1e-6);
   EXPECT_LT(distance(back.similarity().inverse().rigid(), there.target_from_source), 1e-5);
   ASSERT_TRUE(there.covariance_with_scale);
@@ -406,7 +406,7 @@ TEST(Refine, CovarianceCoversTheErrorOfTheScale) {
       options.initial = pair.truth;
       options.scale = 1.0;
       options.coarse = 0.1;
-      const AlignResult result = refine(pair.source, pair.target, options);
+      const RegistrationResult result = refine(pair.source, pair.target, options);
       ASSERT_TRUE(result.covariance_with_scale);
       const double squared =
           normalised_squared_error(result.similarity(), *result.covariance_with_scale, pair.truth);
@@ -424,9 +424,9 @@ TEST(Refine, SaysNothingOfAPoseThatIsNoOptimum) {
   stop.request_stop();
   RefineOptions options;
   options.initial = pair.truth;
-  options.stop = stop.get_token();
-  const AlignResult result = refine(pair.source, pair.target, options);
-  EXPECT_EQ(result.status, AlignStatus::kCancelled);
+  options.execution.stop = stop.get_token();
+  const RegistrationResult result = refine(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
   EXPECT_FALSE(result.covariance);
   EXPECT_TRUE(result.unobservable.empty());
 }
@@ -434,15 +434,15 @@ TEST(Refine, SaysNothingOfAPoseThatIsNoOptimum) {
 TEST(Refine, FailsWithTooFewLandmarks) {
   LandmarkCloud two;
   two.positions = {{0, 0, 0}, {1, 0, 0}};
-  const AlignResult result = refine(two, two);
-  EXPECT_EQ(result.status, AlignStatus::kFailed);
+  const RegistrationResult result = refine(two, two);
+  EXPECT_EQ(result.status, RegistrationStatus::kFailed);
   EXPECT_THAT(result.reason, HasSubstr("2 source and 2 target"));
 }
 
 TEST(Refine, SurvivesLandmarksThatCoincide) {
   LandmarkCloud same;
   same.positions.assign(30, Eigen::Vector3d(1, 2, 3));
-  const AlignResult result = refine(same, same);
+  const RegistrationResult result = refine(same, same);
   EXPECT_TRUE(result.target_from_source.matrix().allFinite());
 }
 

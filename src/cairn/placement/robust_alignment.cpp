@@ -16,7 +16,7 @@
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/placement/spatial_groups.hpp"
-#include "cairn/registration/icp.hpp"
+#include "cairn/registration/icp_loop.hpp"
 
 namespace cairn {
 namespace {

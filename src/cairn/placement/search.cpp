@@ -105,14 +105,14 @@ class Search {
     std::vector<SearchCandidate> poses = scout(rotations, field(scale));
     double done = 1.0;
     for (const Round& round : kRounds) {
-      if (options_.progress) options_.progress(done++ / (kRounds.size() + 1.0));
+      if (options_.execution.progress) options_.execution.progress(done++ / (kRounds.size() + 1.0));
       keep_best(poses, round.entrants);
       const double start = scale;
       scale = options_.coarse * std::pow(options_.fine / options_.coarse, round.scale);
       std::vector<SearchCandidate> refined = poses;
       refine(refined, start, scale, round, field(scale));
       // Scores of a finer scale do not compare with those of the one before.
-      if (options_.stop.stop_requested()) break;
+      if (options_.execution.stop.stop_requested()) break;
       poses = std::move(refined);
       // Poses on their way to one optimum need not all go on; those of different optima must.
       poses = distinct(std::move(poses), 0.5 * scale);
@@ -138,29 +138,30 @@ class Search {
     const std::size_t count = std::min(kScoutPoints, source_.size());
     constexpr double kNotTried = -1.0;
     std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
-    options_.executor.for_blocks(rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
-      // Something to go on with there is always.
-      if (begin > 0 && options_.stop.stop_requested()) return;
-      PointsF rotated(count);
-      for (std::size_t i = begin; i < end; ++i) {
-        const Eigen::Matrix3f rotation = rotations[i].toRotationMatrix().cast<float>();
-        for (std::size_t j = 0; j < count; ++j) rotated[j] = rotation * source_[j];
-        float best = -1.0F;
-        Eigen::Vector3f best_translation = Eigen::Vector3f::Zero();
-        for (const Eigen::Vector3f& a : from) {
-          const Eigen::Vector3f moved = rotation * a;
-          for (const Eigen::Vector3f& b : to) {
-            const Eigen::Vector3f translation = b - moved;
-            const float value = score(rotated, translation, field);
-            if (value > best) {
-              best = value;
-              best_translation = translation;
+    options_.execution.executor.for_blocks(
+        rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
+          // Something to go on with there is always.
+          if (begin > 0 && options_.execution.stop.stop_requested()) return;
+          PointsF rotated(count);
+          for (std::size_t i = begin; i < end; ++i) {
+            const Eigen::Matrix3f rotation = rotations[i].toRotationMatrix().cast<float>();
+            for (std::size_t j = 0; j < count; ++j) rotated[j] = rotation * source_[j];
+            float best = -1.0F;
+            Eigen::Vector3f best_translation = Eigen::Vector3f::Zero();
+            for (const Eigen::Vector3f& a : from) {
+              const Eigen::Vector3f moved = rotation * a;
+              for (const Eigen::Vector3f& b : to) {
+                const Eigen::Vector3f translation = b - moved;
+                const float value = score(rotated, translation, field);
+                if (value > best) {
+                  best = value;
+                  best_translation = translation;
+                }
+              }
             }
+            poses[i] = {Rigid3(rotations[i], best_translation.cast<double>()), best};
           }
-        }
-        poses[i] = {Rigid3(rotations[i], best_translation.cast<double>()), best};
-      }
-    });
+        });
     std::erase_if(poses, [](const SearchCandidate& pose) { return pose.score == kNotTried; });
     return poses;
   }
@@ -188,15 +189,16 @@ class Search {
   void refine(std::vector<SearchCandidate>& poses, double start, double end, const Round& round,
               const NearestField& field) const {
     const std::size_t count = std::min(round.points, source_.size());
-    options_.executor.for_blocks(poses.size(), 16, [&](std::size_t begin, std::size_t stop) {
-      for (std::size_t i = begin; i < stop; ++i) {
-        if (options_.stop.stop_requested()) return;
-        for (int k = 1; k <= round.iterations; ++k) {
-          const double share = static_cast<double>(k) / round.iterations;
-          step(poses[i], start * std::pow(end / start, share), count, field);
-        }
-      }
-    });
+    options_.execution.executor.for_blocks(
+        poses.size(), 16, [&](std::size_t begin, std::size_t stop) {
+          for (std::size_t i = begin; i < stop; ++i) {
+            if (options_.execution.stop.stop_requested()) return;
+            for (int k = 1; k <= round.iterations; ++k) {
+              const double share = static_cast<double>(k) / round.iterations;
+              step(poses[i], start * std::pow(end / start, share), count, field);
+            }
+          }
+        });
   }
 
   // One step of least squares; the score is that before it.

@@ -5,14 +5,12 @@
 #include <cstdint>
 #include <functional>
 #include <span>
-#include <stop_token>
 #include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "cairn/core/executor.hpp"
-#include "cairn/core/progress.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 namespace cairn {
@@ -27,9 +25,7 @@ struct SearchOptions {
   double coarse = 0.0;  ///< scale of the kernel in the beginning
   double fine = 0.0;    ///< and in the end
   std::size_t candidates = 128;
-  Executor executor = Executor();
-  std::stop_token stop = {};  ///< what was found until then is the result
-  Progress progress = {};
+  Execution execution = {};  ///< when stopped, what was found until then is the result
 };
 
 /// Poses that bring the source points close to target points: from each rotation with many

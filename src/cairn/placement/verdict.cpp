@@ -27,7 +27,7 @@ std::string probability_text(double probability) {
 }
 
 // "a shift along (0.00, 1.00, 0.00)", "a turn about ...", one a direction.
-std::string open_text(const AlignResult& result) {
+std::string open_text(const RegistrationResult& result) {
   std::string text;
   for (const OpenDirection& open : result.unobservable) {
     if (!text.empty()) text += " and ";
@@ -61,7 +61,7 @@ std::string_view to_string(Verdict verdict) {
   return "unknown";
 }
 
-Judgement judge(std::span<const PlacementCandidate> candidates, const AlignResult& result,
+Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
                 std::size_t landmarks, double radius, std::string_view unit) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();

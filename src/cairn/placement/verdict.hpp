@@ -9,7 +9,7 @@
 
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/support.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 namespace cairn {
 
@@ -51,7 +51,7 @@ struct Judgement {
 /// @param landmarks  of the smaller map, whose share the supports are
 /// @param radius     within which landmarks were matched, for the sentence
 /// @param unit       of the radius, for the sentence; may be empty
-Judgement judge(std::span<const PlacementCandidate> candidates, const AlignResult& result,
+Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
                 std::size_t landmarks, double radius, std::string_view unit = {});
 
 }  // namespace cairn

@@ -12,14 +12,14 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-AlignResult known_pose() {
-  AlignResult result;
+RegistrationResult known_pose() {
+  RegistrationResult result;
   result.covariance = Matrix6d(Matrix6d::Identity());
   return result;
 }
 
 Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
-                     const AlignResult& result = known_pose()) {
+                     const RegistrationResult& result = known_pose()) {
   return judge(candidates, result, 3000, 0.02);
 }
 
@@ -64,7 +64,7 @@ TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
 }
 
 TEST(Verdict, AmbiguousByNameIfADirectionIsOpenHoweverLikelyThePose) {
-  AlignResult result = known_pose();
+  RegistrationResult result = known_pose();
   result.unobservable.push_back({{0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), 0.0});
   const Judgement shift = verdict_of({candidate(1.0)}, result);
   EXPECT_EQ(shift.verdict, Verdict::kAmbiguous);
@@ -77,7 +77,7 @@ TEST(Verdict, AmbiguousByNameIfADirectionIsOpenHoweverLikelyThePose) {
 }
 
 TEST(Verdict, AmbiguousWithoutACovariance) {
-  const Judgement judgement = verdict_of({candidate(1.0)}, AlignResult{});
+  const Judgement judgement = verdict_of({candidate(1.0)}, RegistrationResult{});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("too few places"));
 }

@@ -12,7 +12,7 @@
 #include "cairn/core/sampling.hpp"
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp.hpp"
+#include "cairn/registration/icp_loop.hpp"
 
 namespace cairn {
 namespace {
@@ -134,10 +134,11 @@ CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<Ba
       both_ways.emplace(ConfidentSet<BatchTree>{*tree, positions, sample.confidences});
     }
     const ConfidentNeighborCorrespondence<BatchTree> find_matches(among.set(), both_ways, matching,
-                                                                  options.executor);
-    const IcpRun icp = run_icp(positions, result.target_from_source, find_matches,
-                               PointToPointEstimation(among.set().positions, sample.weights),
-                               WithinChance(positions, options.max_iterations), options.stop);
+                                                                  options.execution.executor);
+    const IcpRun icp =
+        run_icp(positions, result.target_from_source, find_matches,
+                PointToPointEstimation(among.set().positions, sample.weights),
+                WithinChance(positions, options.max_iterations), options.execution.stop);
     // Too few matches in the sample say nothing yet of all points.
     if (icp.stop_reason != StopReason::kTooFewMatches) {
       result.target_from_source = icp.target_from_source;

@@ -2,9 +2,8 @@
 #pragma once
 
 #include <span>
-#include <stop_token>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -14,8 +13,7 @@ struct CoarseToFineOptions {
   ConfidentNeighborOptions matching = {};
   bool reciprocal = false;   ///< keep only matches that hold both ways, within the sample
   int max_iterations = 150;  ///< on each sample
-  Executor executor = Executor();
-  std::stop_token stop = {};
+  Execution execution = {};
 };
 
 /// Columns of one length; the second and third may be empty.

@@ -8,7 +8,7 @@
 
 #include "cairn/geometry/pose_distance.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 namespace cairn {
 namespace {
@@ -25,8 +25,8 @@ Maps maps() {
           point_set(pair.target, observations_metric()), pair.target_from_source};
 }
 
-AlignOptions from_afar(const Maps& maps) {
-  AlignOptions options;
+IcpOptions from_afar(const Maps& maps) {
+  IcpOptions options;
   options.initial = Rigid3::from_roll_pitch_yaw({0.3, -0.2, 0.1}, 0.05, -0.05, 0.3) * maps.truth;
   options.coarse_to_fine = true;
   return options;
@@ -35,16 +35,16 @@ AlignOptions from_afar(const Maps& maps) {
 TEST(CoarseToFine, EndsWhereThePlainAlgorithmStays) {
   const Maps pair = maps();
   for (const std::size_t k : {1UL, 5UL}) {
-    AlignOptions options = from_afar(pair);
+    IcpOptions options = from_afar(pair);
     options.k = k;
-    const AlignResult coarse = align(pair.source, pair.target, options);
+    const RegistrationResult coarse = icp(pair.source, pair.target, options);
     EXPECT_GT(coarse.coarse_iterations, 0);
     ASSERT_TRUE(coarse.repetition) << "k = " << k;
 
-    AlignOptions again;
+    IcpOptions again;
     again.k = k;
     again.initial = coarse.target_from_source;
-    const AlignResult plain = align(pair.source, pair.target, again);
+    const RegistrationResult plain = icp(pair.source, pair.target, again);
     ASSERT_TRUE(plain.repetition) << "k = " << k;
     EXPECT_EQ(plain.repetition->cycle.length, coarse.repetition->cycle.length);
     const PoseDistance distance = PoseDistance::of(pair.source.positions);
@@ -56,10 +56,10 @@ TEST(CoarseToFine, EndsWhereThePlainAlgorithmStays) {
 
 TEST(CoarseToFine, NeedsFewerIterationsWithAllPoints) {
   const Maps pair = maps();
-  AlignOptions options = from_afar(pair);
-  const AlignResult coarse = align(pair.source, pair.target, options);
+  IcpOptions options = from_afar(pair);
+  const RegistrationResult coarse = icp(pair.source, pair.target, options);
   options.coarse_to_fine = false;
-  const AlignResult plain = align(pair.source, pair.target, options);
+  const RegistrationResult plain = icp(pair.source, pair.target, options);
   EXPECT_EQ(plain.coarse_iterations, 0);
   EXPECT_LT(coarse.iterations, plain.iterations / 2);
   const PoseDistance distance = PoseDistance::of(pair.source.positions);
@@ -70,10 +70,10 @@ TEST(CoarseToFine, HasNoSamplesOfASmallMap) {
   Maps pair = maps();
   pair.source.positions.resize(1000);
   pair.source.confidences.resize(1000);
-  AlignOptions options = from_afar(pair);
-  const AlignResult coarse = align(pair.source, pair.target, options);
+  IcpOptions options = from_afar(pair);
+  const RegistrationResult coarse = icp(pair.source, pair.target, options);
   options.coarse_to_fine = false;
-  const AlignResult plain = align(pair.source, pair.target, options);
+  const RegistrationResult plain = icp(pair.source, pair.target, options);
   EXPECT_EQ(coarse.coarse_iterations, 0);
   EXPECT_EQ(coarse.target_from_source.matrix(), plain.target_from_source.matrix());
   EXPECT_EQ(coarse.iterations, plain.iterations);
@@ -81,15 +81,15 @@ TEST(CoarseToFine, HasNoSamplesOfASmallMap) {
 
 TEST(CoarseToFine, GivesTheSameBytesWithAnyNumberOfThreads) {
   const Maps pair = maps();
-  AlignOptions options = from_afar(pair);
+  IcpOptions options = from_afar(pair);
   options.reciprocal = true;
   options.trimmed_fraction = 0.1;
   const auto run = [&](unsigned threads) {
-    options.executor = Executor(threads);
-    return align(pair.source, pair.target, options);
+    options.execution.executor = Executor(threads);
+    return icp(pair.source, pair.target, options);
   };
-  const AlignResult one = run(1);
-  const AlignResult two = run(2);
+  const RegistrationResult one = run(1);
+  const RegistrationResult two = run(2);
   EXPECT_GT(one.coarse_iterations, 0);
   EXPECT_EQ(one.target_from_source.matrix(), two.target_from_source.matrix());
   EXPECT_EQ(one.coarse_iterations, two.coarse_iterations);
@@ -104,21 +104,21 @@ TEST(CoarseToFine, DrawsNoPointWithoutWeight) {
     source.positions[i] += Eigen::Vector3d(0.0, 0.0, 50.0);
     source.confidences[i] = 0.0;
   }
-  AlignOptions options = from_afar(pair);
+  IcpOptions options = from_afar(pair);
   options.weight_by_source_confidence = true;
-  const AlignResult result = align(source, pair.target, options);
+  const RegistrationResult result = icp(source, pair.target, options);
   EXPECT_GT(result.coarse_iterations, 0);
   EXPECT_LT(PoseDistance::of(pair.source.positions)(result.target_from_source, pair.truth), 0.05);
 }
 
 TEST(CoarseToFine, KeepsThePoseWhereSamplesFindNoMatches) {
   const Maps pair = maps();
-  AlignOptions options;
+  IcpOptions options;
   options.initial = Rigid3(Eigen::Quaterniond::Identity(), {1000.0, 0.0, 0.0});
   options.coarse_to_fine = true;
   options.max_distance = 0.1;
-  const AlignResult result = align(pair.source, pair.target, options);
-  EXPECT_EQ(result.status, AlignStatus::kFailed);
+  const RegistrationResult result = icp(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, RegistrationStatus::kFailed);
   EXPECT_EQ(result.coarse_iterations, 0);
   EXPECT_LT(result.target_from_source.difference_to(options.initial).norm(), 1e-9);
 }
@@ -127,10 +127,10 @@ TEST(CoarseToFine, StopsWhenAsked) {
   const Maps pair = maps();
   std::stop_source stop;
   stop.request_stop();
-  AlignOptions options = from_afar(pair);
-  options.stop = stop.get_token();
-  const AlignResult result = align(pair.source, pair.target, options);
-  EXPECT_EQ(result.status, AlignStatus::kCancelled);
+  IcpOptions options = from_afar(pair);
+  options.execution.stop = stop.get_token();
+  const RegistrationResult result = icp(pair.source, pair.target, options);
+  EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.coarse_iterations, 0);
 }
 

@@ -1,83 +1,61 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
-#include <span>
-#include <stop_token>
-#include <utility>
-#include <vector>
+#include <cstddef>
+#include <limits>
+#include <optional>
 
-#include "cairn/registration/concepts.hpp"
+#include "cairn/core/execution.hpp"
+#include "cairn/registration/point_set.hpp"
+#include "cairn/registration/result.hpp"
 
 namespace cairn {
 
-/// One iteration as it was.
-struct Iteration {
-  Rigid3 target_from_source;           ///< after the iteration's step
-  double mean_squared_distance = 0.0;  ///< of its matches, before the step
-  std::vector<Match> matches;
+/// How to iterate. The defaults are the paper's.
+struct IcpOptions {
+  Rigid3 initial = {};  ///< target_from_source to start from
+  std::size_t k = 5;  ///< candidates a point among which the most confident is matched; at least 1
+  int max_iterations = 150;  ///< at least 1; of a coarse_to_fine alignment, with each sample
+  /// Stop below this change of the mean squared match distance.
+  double mse_change_threshold = 1e-12;
+  /// Stop as soon as matches come back, when all that would follow is known (see MatchHistory). Without
+  /// it an alignment goes on, as PCL's does, until the change or the limit above ends it: in a limit
+  /// cycle at whichever of its poses the limit falls upon.
+  bool stop_at_repetition = true;
+  /// Align growing samples of both first (see align_samples): faster, and it may end at
+  /// another optimum than without.
+  bool coarse_to_fine = false;
+  double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
+  bool reciprocal = false;        ///< keep only matches that hold both ways
+  double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
+  /// Weigh each match in the estimate by its source point's confidence (the paper does not).
+  bool weight_by_source_confidence = false;
+  /// Within which distance points count as overlapping; nothing: overlap is not computed.
+  std::optional<double> overlap_radius = {};
+  bool trace = false;  ///< keep score and matches of every iteration
+
+  Execution execution = {};
+
+  /// @throws Error (misuse) naming the field, its value and what it may be
+  void validate() const;
 };
 
-struct IcpRun {
-  Rigid3 target_from_source;
-  int iterations = 0;  ///< steps made
-  StopReason stop_reason = StopReason::kTooFewMatches;
-};
-
-inline double mean_squared_distance(std::span<const Match> matches) {
-  double sum = 0.0;
-  for (const Match& match : matches) sum += match.squared_distance;
-  return sum / static_cast<double>(matches.size());
-}
-
-/// Iterative closest point (Besl and McKay 1992), of any stages: assume matches, estimate the motion
-/// that brings them together, move the source, repeat.
+/// Aligns one set of points to another: the paper's ICP. Base if the target has no confidences,
+/// weighted if it has.
 ///
-/// @param source     points in the source frame
-/// @param initial    target_from_source to start from
-/// @param observe    called after each iteration; may be empty
-template <CorrespondenceSearch Correspondence, TransformEstimation Estimator,
-          ConvergenceTest Convergence>
-IcpRun run_icp(std::span<const Eigen::Vector3d> source, const Rigid3& initial,
-               const Correspondence& find_matches, const Estimator& estimate_step,
-               const Convergence& converged, const std::stop_token& stop = {},
-               const std::function<void(Iteration)>& observe = {}) {
-  IcpRun run;
-  run.target_from_source = initial;
-  std::vector<Eigen::Vector3d> moved_source(source.size());
-  const auto move_source = [&] {
-    const Eigen::Matrix3d rotation = run.target_from_source.rotation();
-    const Eigen::Vector3d& translation = run.target_from_source.translation();
-    for (std::size_t i = 0; i < source.size(); ++i) {
-      moved_source[i] = rotation * source[i] + translation;
-    }
-  };
-  move_source();
+/// An expected failure (an empty set, too few matches) is a status, not an exception. Same input, same
+/// result, whatever the executor's number of threads.
+///
+/// @throws Error (misuse) for invalid options, confidences whose number differs from the points', or
+///         positions or confidences that are not finite
+RegistrationResult icp(const PointSet& source, const PointSet& target,
+                       const IcpOptions& options = {});
 
-  IterationState state;
-  for (;;) {
-    if (stop.stop_requested()) {
-      run.stop_reason = StopReason::kCancelled;
-      return run;
-    }
-    std::vector<Match> matches = find_matches(moved_source, run.target_from_source);
-    if (matches.size() < kFewestMatches) {
-      run.stop_reason = StopReason::kTooFewMatches;
-      return run;
-    }
-    state.iteration = ++run.iterations;
-    state.mean_squared_distance = mean_squared_distance(matches);
-    state.step = estimate_step(moved_source, matches);
-    run.target_from_source = state.step * run.target_from_source;
-    state.target_from_source = run.target_from_source;
-    move_source();
-    if (observe) observe({run.target_from_source, state.mean_squared_distance, std::move(matches)});
-    if (const auto reason = converged(state)) {
-      run.stop_reason = *reason;
-      return run;
-    }
-    state.previous_mean_squared_distance = state.mean_squared_distance;
-  }
-}
+/// Aligns two maps with the confidences of one metric.
+/// @param metric nothing: base ICP
+/// @throws Error also where a map lacks the metric's input
+RegistrationResult icp(const LandmarkMap& source, const LandmarkMap& target,
+                       const std::optional<Metric>& metric, const IcpOptions& options = {},
+                       const PointSetOptions& point_options = {});
 
 }  // namespace cairn

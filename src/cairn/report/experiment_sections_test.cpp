@@ -92,7 +92,7 @@ TEST(StudySections, ShowSuccessDifferencesAndBasins) {
   for (std::size_t i = 0; i < plan.size(); ++i) {
     TrialResult run;
     run.trial = plan.trial(i);
-    run.status = AlignStatus::kAligned;
+    run.status = RegistrationStatus::kConverged;
     run.target_from_source = Rigid3();
     const bool good = std::abs(run.trial.initial.yaw_deg) < 30;
     run.error = good ? PoseError{0.001, 0.001} : PoseError{0.5, 0.5};

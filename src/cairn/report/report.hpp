@@ -98,7 +98,7 @@ struct Matches {
   std::vector<std::int32_t> targets = {};         ///< their new matches, or -1
 };
 
-/// One alignment; make_run() builds one of an AlignResult. Lists of numbers are empty where they are
+/// One alignment; make_run() builds one of an RegistrationResult. Lists of numbers are empty where they are
 /// unknown altogether, and have one entry a pose otherwise, NaN where unknown.
 struct AlignmentRun {
   std::string name = {};

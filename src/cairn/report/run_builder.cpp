@@ -117,7 +117,7 @@ Matches delta_coded(std::span<const IterationRecord> history, const ShownPoints&
   return matches;
 }
 
-AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
+AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
                       const ShownPoints& target, const RunOptions& options) {
   AlignmentRun run;
   run.name = options.name;
@@ -150,7 +150,7 @@ AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
 
   const std::string status =
       options.status.empty() ? std::string(to_string(result.status)) : options.status;
-  const bool has_pose = result.status != AlignStatus::kFailed;
+  const bool has_pose = result.status != RegistrationStatus::kFailed;
   const bool has_error = has_pose && !run.rotation_error_deg.empty();
   const bool has_scale = has_pose && result.scale != 1.0;  // of maps of one scale there is none
   const auto& overlap = result.overlap;

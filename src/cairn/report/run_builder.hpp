@@ -10,13 +10,13 @@
 
 #include <Eigen/Core>
 
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 #include "cairn/report/report.hpp"
 
 namespace cairn::report {
 
 /// The points that were aligned as landmarks of the report's maps: entry i is the position of point i
-/// in its Map. Matches of an AlignResult count points of a PointSet, which leaves landmarks out and has
+/// in its Map. Matches of an RegistrationResult count points of a PointSet, which leaves landmarks out and has
 /// an order of its own.
 struct ShownPoints {
   std::size_t landmark_count = 0;               ///< of the Map
@@ -39,10 +39,10 @@ struct RunOptions {
   std::string status = {};
 };
 
-/// An alignment, iteration by iteration. With AlignOptions::trace it has the scores and matches of
+/// An alignment, iteration by iteration. With IcpOptions::trace it has the scores and matches of
 /// each; without, only those that the result holds.
 /// @throws Error (misuse) if a match names a point that is not there
-AlignmentRun make_run(const AlignResult& result, const ShownPoints& source,
+AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
                       const ShownPoints& target, const RunOptions& options);
 
 /// The same coded as differences: `history` as match lists of points.

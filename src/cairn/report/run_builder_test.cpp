@@ -29,8 +29,8 @@ using ::testing::SizeIs;
 struct Aligned {
   SyntheticPair pair;
   PointSetOptions point_options = {.min_observations = 6};
-  AlignOptions options;
-  AlignResult result;
+  IcpOptions options;
+  RegistrationResult result;
 
   static LandmarkMap shuffled(const LandmarkMap& map) {
     MapTables tables = LandmarkMap(map).tables();
@@ -48,7 +48,7 @@ struct Aligned {
     options.stop_at_repetition = false;
     options.initial =
         Rigid3::from_roll_pitch_yaw({0.1, -0.1, 0.05}, 0.02, -0.03, 0.1) * pair.target_from_source;
-    result = align(pair.source, pair.target, observations_metric(), options, point_options);
+    result = icp(pair.source, pair.target, observations_metric(), options, point_options);
   }
 
   RunOptions run_options() const {
@@ -113,8 +113,8 @@ TEST(MakeRun, KeepsScales) {
 TEST(MakeRun, APoseTakenFromACycleComesLast) {
   Aligned aligned;
   aligned.options.stop_at_repetition = true;
-  aligned.result = align(aligned.pair.source, aligned.pair.target, observations_metric(),
-                         aligned.options, aligned.point_options);
+  aligned.result = icp(aligned.pair.source, aligned.pair.target, observations_metric(),
+                       aligned.options, aligned.point_options);
   ASSERT_EQ(aligned.result.stop_reason, StopReason::kCycle) << "or this shows nothing";
   const auto source = ShownPoints::among_all(aligned.pair.source, aligned.point_options);
   const auto target = ShownPoints::among_all(aligned.pair.target, aligned.point_options);
@@ -193,7 +193,7 @@ TEST(MakeRun, WithoutATraceThereAreNoMatches) {
 }
 
 TEST(MakeRun, AFailedAlignmentHasItsInitialPoseOnly) {
-  AlignResult result;
+  RegistrationResult result;
   result.reason = "the source has no landmarks to align";
   const AlignmentRun run = make_run(result, {}, {}, {.name = "base", .truth = Rigid3()});
   EXPECT_THAT(run.target_from_source, SizeIs(1));
@@ -206,7 +206,7 @@ TEST(MakeRun, AFailedAlignmentHasItsInitialPoseOnly) {
 }
 
 TEST(MakeRun, AMatchOfAPointThatIsNotThereIsRefused) {
-  AlignResult result;
+  RegistrationResult result;
   result.history.emplace_back().matches = {Match{0, 5, 0.0}};
   const ShownPoints one = {1, {0}, {Eigen::Vector3d::Zero()}};
   EXPECT_THROW(make_run(result, one, one, {}), Error);
@@ -277,7 +277,7 @@ TEST(ReportSize, FourRunsOf150IterationsStayUnder15Megabytes) {
   Scene scene{.source = "source", .target = "target", .truth = {}, .up = {}, .runs = {}};
   std::uint32_t state = 1;
   for (const char* const name : {"base", "covariance", "observations", "distance"}) {
-    AlignResult result;
+    RegistrationResult result;
     for (int i = 0; i < 150; ++i) {
       IterationRecord record;
       record.score = 1.0 / (i + 1.1);

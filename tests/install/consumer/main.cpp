@@ -10,7 +10,7 @@
 #include <cairn/evaluation/pose_error.hpp>
 #include <cairn/map/io/map_file.hpp>
 #include <cairn/map/synthetic.hpp>
-#include <cairn/registration/align.hpp>
+#include <cairn/registration/icp.hpp>
 
 namespace {
 
@@ -48,13 +48,13 @@ void read_a_map() {
 
 void align_two_maps() {
   const cairn::SyntheticPair pair = cairn::synthetic_pair({.seed = 1, .landmarks = 1000});
-  cairn::AlignOptions options = {.initial = pair.target_from_source, .max_distance = 0.1};
+  cairn::IcpOptions options = {.initial = pair.target_from_source, .max_distance = 0.1};
   options.initial =
       cairn::Rigid3::from_roll_pitch_yaw({0.02, 0.01, 0.0}, 0.0, 0.0, 0.01) * options.initial;
-  const cairn::AlignResult result =
-      cairn::align(pair.source, pair.target, cairn::covariance_metric(), options);
+  const cairn::RegistrationResult result =
+      cairn::icp(pair.source, pair.target, cairn::covariance_metric(), options);
   std::cout << result.reason << '\n';
-  check(result.status == cairn::AlignStatus::kAligned, "aligned");
+  check(result.has_pose(), "has a pose");
   const cairn::PoseError error = cairn::pose_error(
       result.target_from_source, pair.target_from_source, pair.source.landmarks().positions);
   check(error.translation < 0.02, "less than 2 cm off");

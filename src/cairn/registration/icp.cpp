@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 #include <chrono>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp.hpp"
+#include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
 
@@ -28,7 +28,7 @@ using Correspondence = ConfidentNeighborCorrespondence<BatchTree>;
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
   if (valid) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("AlignOptions.{}", field), fmt::format("{}", value),
+  throw Error(ErrorKind::kMisuse, fmt::format("IcpOptions.{}", field), fmt::format("{}", value),
               expected);
 }
 
@@ -97,11 +97,11 @@ class Repetition {
   std::vector<Known> iterations_;
 };
 
-// One alignment. All work is done in a frame centred on the target, with the source brought near it
+// All work is done in a frame centred on the target, with the source brought near it
 // by the initial pose, so that coordinates far from the origin cost no precision.
-class Alignment {
+class IcpAlignment {
  public:
-  Alignment(const PointSet& source, const PointSet& target, const AlignOptions& options)
+  IcpAlignment(const PointSet& source, const PointSet& target, const IcpOptions& options)
       : options_(options),
         centre_(centroid(target.positions)),
         centred_from_source_(Rigid3(Eigen::Quaterniond::Identity(), -centre_) * options.initial),
@@ -114,8 +114,8 @@ class Alignment {
     if (options.weight_by_source_confidence) weights_ = non_negative(source.confidences);
   }
 
-  AlignResult run() const {
-    AlignResult result;
+  RegistrationResult run() const {
+    RegistrationResult result;
     const Correspondence find_any_matches = correspondence();
     const auto find_matches = [&](std::span<const Eigen::Vector3d> moved_source,
                                   const Rigid3& pose) {
@@ -143,22 +143,22 @@ class Alignment {
       start = coarse.target_from_source;
       result.coarse_iterations = coarse.iterations;
     }
-    IcpRun icp = run_icp(source_, start, find_matches, estimate_step, converged, options_.stop,
-                         [&](Iteration iteration) {
+    IcpRun run = run_icp(source_, start, find_matches, estimate_step, converged,
+                         options_.execution.stop, [&](Iteration iteration) {
                            repetition.add(iteration);
                            result.history.push_back(record(std::move(iteration), queries));
                            report_progress(result.history.size());
                          });
-    result.iterations = icp.iterations;
-    result.stop_reason = icp.stop_reason;
+    result.iterations = run.iterations;
+    result.stop_reason = run.stop_reason;
     result.repetition = repetition.result();
-    if (icp.stop_reason == StopReason::kCycle) icp.target_from_source = repetition.best_pose();
-    result.target_from_source = uncentred(icp.target_from_source);
+    if (run.stop_reason == StopReason::kCycle) run.target_from_source = repetition.best_pose();
+    result.target_from_source = uncentred(run.target_from_source);
     // One after the other: of large maps, what each of them needs is most of the memory.
-    describe_fit(icp.target_from_source, queries, result);
-    const Points moved_source = moved_points(source_, icp.target_from_source);
-    result.matches = find_matches(moved_source, icp.target_from_source);
-    describe_uncertainty(icp.target_from_source, moved_source, result);
+    describe_fit(run.target_from_source, queries, result);
+    const Points moved_source = moved_points(source_, run.target_from_source);
+    result.matches = find_matches(moved_source, run.target_from_source);
+    describe_uncertainty(run.target_from_source, moved_source, result);
     return result;
   }
 
@@ -166,7 +166,7 @@ class Alignment {
   Correspondence correspondence() const {
     std::optional<ConfidentSet<BatchTree>> source;
     if (options_.reciprocal) source.emplace(*source_tree_, source_, source_confidences_);
-    return {target_set(), source, matching(), options_.executor};
+    return {target_set(), source, matching(), options_.execution.executor};
   }
 
   ConfidentSet<BatchTree> target_set() const {
@@ -183,8 +183,7 @@ class Alignment {
                                 {.matching = matching(),
                                  .reciprocal = options_.reciprocal,
                                  .max_iterations = options_.max_iterations,
-                                 .executor = options_.executor,
-                                 .stop = options_.stop});
+                                 .execution = options_.execution});
   }
 
   // centred_target_from_centred_source as target_from_source.
@@ -193,7 +192,8 @@ class Alignment {
   }
 
   std::optional<double> score(const Rigid3& pose, BatchTree::Batch& queries) const {
-    return fitness_score(nearest_squared_distances(source_, pose, queries, options_.executor));
+    return fitness_score(
+        nearest_squared_distances(source_, pose, queries, options_.execution.executor));
   }
 
   IterationRecord record(Iteration iteration, BatchTree::Batch& queries) const {
@@ -209,24 +209,25 @@ class Alignment {
   }
 
   void report_progress(std::size_t iterations) const {
-    if (!options_.progress) return;
-    options_.progress(static_cast<double>(iterations) / options_.max_iterations);
+    if (!options_.execution.progress) return;
+    options_.execution.progress(static_cast<double>(iterations) / options_.max_iterations);
   }
 
-  void describe_fit(const Rigid3& pose, BatchTree::Batch& queries, AlignResult& result) const {
+  void describe_fit(const Rigid3& pose, BatchTree::Batch& queries,
+                    RegistrationResult& result) const {
     const std::vector<double> distances =
-        nearest_squared_distances(source_, pose, queries, options_.executor);
+        nearest_squared_distances(source_, pose, queries, options_.execution.executor);
     result.score = fitness_score(distances);
     if (options_.overlap_radius) {
-      const std::vector<double> back =
-          nearest_squared_distances(target_, pose.inverse(), *source_tree_, options_.executor);
+      const std::vector<double> back = nearest_squared_distances(
+          target_, pose.inverse(), *source_tree_, options_.execution.executor);
       result.overlap = Overlap{*share_within(distances, *options_.overlap_radius),
                                *share_within(back, *options_.overlap_radius)};
     }
   }
 
   void describe_uncertainty(const Rigid3& pose, const Points& moved_source,
-                            AlignResult& result) const {
+                            RegistrationResult& result) const {
     PoseUncertainty uncertainty =
         pose_uncertainty(pose, moved_source, target_, result.matches, weights_);
     result.unobservable = std::move(uncertainty.unobservable);
@@ -242,7 +243,7 @@ class Alignment {
     return propagated_covariance(jacobian, covariance);
   }
 
-  const AlignOptions& options_;
+  const IcpOptions& options_;
   Eigen::Vector3d centre_;
   Rigid3 centred_from_source_;
   Points source_;
@@ -254,7 +255,8 @@ class Alignment {
   std::vector<double> weights_;
 };
 
-std::string sentence(const AlignResult& result, std::size_t source_size, std::size_t target_size) {
+std::string sentence(const RegistrationResult& result, std::size_t source_size,
+                     std::size_t target_size) {
   const std::string iterations = result.coarse_iterations == 0
                                      ? fmt::format("{} iterations", result.iterations)
                                      : fmt::format("{} iterations, {} on samples before them",
@@ -289,7 +291,7 @@ std::string sentence(const AlignResult& result, std::size_t source_size, std::si
 
 }  // namespace
 
-void AlignOptions::validate() const {
+void IcpOptions::validate() const {
   require(initial.matrix().allFinite(), "initial", "not finite", "a rigid transform");
   require(k >= 1, "k", k, "at least 1");
   require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
@@ -302,20 +304,20 @@ void AlignOptions::validate() const {
           "a positive number");
 }
 
-AlignResult align(const PointSet& source, const PointSet& target, const AlignOptions& options) {
+RegistrationResult icp(const PointSet& source, const PointSet& target, const IcpOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   options.validate();
   check_points(source, "source");
   check_points(target, "target");
   if (options.weight_by_source_confidence && source.confidences.empty() &&
       !source.positions.empty()) {
-    throw Error(ErrorKind::kMisuse, "AlignOptions.weight_by_source_confidence",
+    throw Error(ErrorKind::kMisuse, "IcpOptions.weight_by_source_confidence",
                 "the source has no confidences", "one a point");
   }
-  AlignResult result;
+  RegistrationResult result;
   result.target_from_source = options.initial;
   if (!source.positions.empty() && !target.positions.empty()) {
-    result = Alignment(source, target, options).run();
+    result = IcpAlignment(source, target, options).run();
   }
   result.status = status_of(result.stop_reason);
   result.reason = sentence(result, source.positions.size(), target.positions.size());
@@ -324,51 +326,11 @@ AlignResult align(const PointSet& source, const PointSet& target, const AlignOpt
   return result;
 }
 
-AlignResult align(const LandmarkMap& source, const LandmarkMap& target,
-                  const std::optional<Metric>& metric, const AlignOptions& options,
-                  const PointSetOptions& point_options) {
-  return align(point_set(source, metric, point_options), point_set(target, metric, point_options),
-               options);
-}
-
-std::string_view to_string(StopReason reason) {
-  switch (reason) {
-    case StopReason::kMseChange:
-      return "mse_change";
-    case StopReason::kNoMotion:
-      return "no_motion";
-    case StopReason::kFixedPoint:
-      return "fixed_point";
-    case StopReason::kCycle:
-      return "cycle";
-    case StopReason::kIterationLimit:
-      return "iteration_limit";
-    case StopReason::kTimeLimit:
-      return "time_limit";
-    case StopReason::kTooFewMatches:
-      return "too_few_matches";
-    case StopReason::kCancelled:
-      return "cancelled";
-  }
-  return "unknown";
-}
-
-AlignStatus status_of(StopReason reason) {
-  if (reason == StopReason::kTooFewMatches) return AlignStatus::kFailed;
-  if (reason == StopReason::kCancelled) return AlignStatus::kCancelled;
-  return AlignStatus::kAligned;
-}
-
-std::string_view to_string(AlignStatus status) {
-  switch (status) {
-    case AlignStatus::kAligned:
-      return "aligned";
-    case AlignStatus::kFailed:
-      return "failed";
-    case AlignStatus::kCancelled:
-      return "cancelled";
-  }
-  return "unknown";
+RegistrationResult icp(const LandmarkMap& source, const LandmarkMap& target,
+                       const std::optional<Metric>& metric, const IcpOptions& options,
+                       const PointSetOptions& point_options) {
+  return icp(point_set(source, metric, point_options), point_set(target, metric, point_options),
+             options);
 }
 
 }  // namespace cairn

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/registration/align.hpp"
+#include "cairn/registration/icp.hpp"
 
 #include <cmath>
 #include <numbers>
@@ -20,7 +20,7 @@
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp.hpp"
+#include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "support/brute_force_search.hpp"
@@ -83,11 +83,11 @@ TEST(Align, FollowsThePlainAlgorithmStepByStep) {
   const PointSet source =
       moved(random_points(2, 120), Rigid3::from_roll_pitch_yaw({0.1, 0, 0}, 0, 0, 0.1));
   for (const std::size_t k : {1UL, 3UL, 5UL}) {
-    AlignOptions options;
+    IcpOptions options;
     options.k = k;
     options.max_iterations = 20;
     options.mse_change_threshold = 0.0;
-    const AlignResult result = align(source, target, options);
+    const RegistrationResult result = icp(source, target, options);
     for (std::size_t i = 0; i < result.history.size(); ++i) {
       const Rigid3 expected = plain_icp(source, target, k, static_cast<int>(i) + 1);
       ASSERT_LT(distance(result.history[i].target_from_source, expected), 1e-9) << k << " " << i;
@@ -98,11 +98,11 @@ TEST(Align, FollowsThePlainAlgorithmStepByStep) {
 TEST(Align, FindsASmallMotionOfTheSameMapExactly) {
   const PointSet target = random_points(3, 500);
   const auto truth = Rigid3::from_roll_pitch_yaw({0.02, -0.01, 0.01}, 0.01, -0.02, 0.02);
-  AlignOptions options;
+  IcpOptions options;
   options.k = 1;
   options.overlap_radius = 0.01;
-  const AlignResult result = align(moved(target, truth.inverse()), target, options);
-  EXPECT_EQ(result.status, AlignStatus::kAligned);
+  const RegistrationResult result = icp(moved(target, truth.inverse()), target, options);
+  EXPECT_EQ(result.status, RegistrationStatus::kConverged);
   EXPECT_LT(distance(result.target_from_source, truth), 1e-9);
   EXPECT_LT(*result.score, 1e-18);
   EXPECT_GT(*result.initial_score, 1e-6);
@@ -116,11 +116,11 @@ TEST(Align, FindsASmallMotionOfTheSameMapExactly) {
 TEST(Align, OneCandidateOrNoConfidencesIsTheBaseIcp) {
   const PointSet target = random_points(4, 300);
   const PointSet source = random_points(5, 200);
-  AlignOptions options;
+  IcpOptions options;
   options.k = 1;
-  const AlignResult weighted = align(source, target, options);
+  const RegistrationResult weighted = icp(source, target, options);
   options.k = 5;
-  const AlignResult base = align({source.positions, {}}, {target.positions, {}}, options);
+  const RegistrationResult base = icp({source.positions, {}}, {target.positions, {}}, options);
   EXPECT_EQ(distance(weighted.target_from_source, base.target_from_source), 0.0);
   EXPECT_EQ(weighted.matches, base.matches);
 }
@@ -128,21 +128,21 @@ TEST(Align, OneCandidateOrNoConfidencesIsTheBaseIcp) {
 TEST(Align, MapsTheSourceAsReadWithTheInitialPosePartOfTheResult) {
   const PointSet target = random_points(6, 300);
   const auto truth = Rigid3::from_roll_pitch_yaw({5, -3, 2}, 0.5, 1.0, 2.0);
-  AlignOptions options;
+  IcpOptions options;
   options.k = 1;
   options.initial = truth.perturbed((Vector6d() << 0.01, 0.01, 0, 0.005, 0, 0.005).finished());
-  const AlignResult result = align(moved(target, truth.inverse()), target, options);
+  const RegistrationResult result = icp(moved(target, truth.inverse()), target, options);
   EXPECT_LT(distance(result.target_from_source, truth), 1e-9);
 }
 
 TEST(Align, DoesNotDependOnWhereTheWorldIs) {
   const PointSet target = random_points(7, 300);
   const PointSet source = random_points(8, 250);
-  const AlignResult here = align(source, target);
+  const RegistrationResult here = icp(source, target);
   const auto shift = Rigid3::from_roll_pitch_yaw({3, 4, -5}, 0.2, 0.3, 0.4);
-  AlignOptions options;
+  IcpOptions options;
   options.initial = shift;
-  const AlignResult there = align(source, moved(target, shift), options);
+  const RegistrationResult there = icp(source, moved(target, shift), options);
   EXPECT_LT(distance(there.target_from_source, shift * here.target_from_source), 1e-8);
   EXPECT_NEAR(*there.score, *here.score, 1e-10);
 }
@@ -154,10 +154,10 @@ TEST(Align, KeepsItsPrecisionAtHugeOffsets) {
   const Eigen::Vector3d far(1e6, -1e6, 1e6);
   const Rigid3 shift(Eigen::Quaterniond::Identity(), far);
   for (const std::size_t k : {1UL, 5UL}) {
-    AlignOptions options;
+    IcpOptions options;
     options.k = k;
-    const AlignResult centred = align(source, target, options);
-    const AlignResult offset = align(moved(source, shift), moved(target, shift), options);
+    const RegistrationResult centred = icp(source, target, options);
+    const RegistrationResult offset = icp(moved(source, shift), moved(target, shift), options);
     for (const auto& x : source.positions) {
       const Eigen::Vector3d expected = shift * (centred.target_from_source * x);
       EXPECT_LT((offset.target_from_source * (shift * x) - expected).norm(), 1e-6);
@@ -168,17 +168,17 @@ TEST(Align, KeepsItsPrecisionAtHugeOffsets) {
 
 TEST(Align, GivesTheSameBytesWithAnyNumberOfThreads) {
   const SyntheticPair pair = synthetic_pair({.seed = 4});
-  AlignOptions options;
+  IcpOptions options;
   options.initial = pair.target_from_source;
   options.overlap_radius = 0.05;
   options.reciprocal = true;
   const auto run = [&](unsigned threads) {
-    options.executor = Executor(threads);
-    return align(pair.source, pair.target, observations_metric(), options);
+    options.execution.executor = Executor(threads);
+    return icp(pair.source, pair.target, observations_metric(), options);
   };
-  const AlignResult one = run(1);
+  const RegistrationResult one = run(1);
   for (const unsigned threads : {2U, 3U}) {
-    const AlignResult many = run(threads);
+    const RegistrationResult many = run(threads);
     EXPECT_EQ(one.target_from_source.matrix(), many.target_from_source.matrix());
     EXPECT_EQ(one.score, many.score);
     EXPECT_EQ(one.matches, many.matches);
@@ -214,12 +214,12 @@ TEST(Align, SearchesInBatchesAsIfEveryPointWereLookedAt) {
 
 TEST(Align, AlignsTwoSessionsOfOneDeskNearTheTruth) {
   const SyntheticPair pair = synthetic_pair({.seed = 5, .overlap = 0.8});
-  AlignOptions options;
+  IcpOptions options;
   options.initial = pair.target_from_source.perturbed(
       (Vector6d() << 0.03, -0.02, 0.02, 0.02, -0.02, 0.03).finished());
   for (const auto& metric : {std::optional<Metric>(), std::optional(observations_metric())}) {
     options.trimmed_fraction = 0.3;
-    const AlignResult result = align(pair.source, pair.target, metric, options);
+    const RegistrationResult result = icp(pair.source, pair.target, metric, options);
     const Eigen::Vector3d centre = pair.source.landmarks().positions.front();
     EXPECT_LT((result.target_from_source * centre - pair.target_from_source * centre).norm(), 0.02);
     EXPECT_LT((result.target_from_source.inverse() * pair.target_from_source).angle(),
@@ -233,9 +233,9 @@ TEST(Align, MatchesOnlyWithinTheDistance) {
   target.confidences.clear();
   source.confidences.clear();
   for (std::size_t i = 0; i < 50; ++i) source.positions[i] += Eigen::Vector3d(0, 0, 10);
-  AlignOptions options;
+  IcpOptions options;
   options.max_distance = 0.5;
-  const AlignResult result = align(source, target, options);
+  const RegistrationResult result = icp(source, target, options);
   EXPECT_EQ(result.matches.size(), 150U);
   EXPECT_LT(distance(result.target_from_source, Rigid3()), 1e-9);
 }
@@ -248,21 +248,21 @@ TEST(Align, TrimmingAndWeightsKeepOutliersFromThePose) {
     source.positions[i] += Eigen::Vector3d(0, 0, 3);
     source.confidences[i] = 0.0;
   }
-  AlignOptions trim;
+  IcpOptions trim;
   trim.trimmed_fraction = 0.2;
-  AlignOptions weigh;
+  IcpOptions weigh;
   weigh.weight_by_source_confidence = true;
-  EXPECT_LT(distance(align(source, target, trim).target_from_source, Rigid3()), 1e-9);
-  EXPECT_LT(distance(align(source, target, weigh).target_from_source, Rigid3()), 1e-9);
-  EXPECT_GT(distance(align(source, target).target_from_source, Rigid3()), 1e-2);
+  EXPECT_LT(distance(icp(source, target, trim).target_from_source, Rigid3()), 1e-9);
+  EXPECT_LT(distance(icp(source, target, weigh).target_from_source, Rigid3()), 1e-9);
+  EXPECT_GT(distance(icp(source, target).target_from_source, Rigid3()), 1e-2);
 }
 
 TEST(Align, RecordsEveryIteration) {
   const PointSet target = random_points(13, 100);
   const PointSet source = random_points(14, 100);
-  AlignOptions options;
+  IcpOptions options;
   options.trace = true;
-  const AlignResult result = align(source, target, options);
+  const RegistrationResult result = icp(source, target, options);
   ASSERT_EQ(result.history.size(), static_cast<std::size_t>(result.iterations));
   EXPECT_EQ(result.history.back().target_from_source.matrix(), result.target_from_source.matrix());
   EXPECT_EQ(*result.history.back().score, *result.score);
@@ -270,7 +270,7 @@ TEST(Align, RecordsEveryIteration) {
     EXPECT_EQ(record.matches.size(), record.match_count);
   }
   options.trace = false;
-  const AlignResult brief = align(source, target, options);
+  const RegistrationResult brief = icp(source, target, options);
   EXPECT_FALSE(brief.history.front().score);
   EXPECT_TRUE(brief.history.front().matches.empty());
 }
@@ -288,9 +288,9 @@ TEST(Align, CovarianceHoldsTheTruthOfRightMatchesFarFromTheOrigin) {
     for (auto& p : target.positions) {
       p += 0.02 * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
     }
-    AlignOptions options;
+    IcpOptions options;
     options.initial = truth;
-    const AlignResult result = align(source, target, options);
+    const RegistrationResult result = icp(source, target, options);
     const double error =
         normalised_squared_error(result.target_from_source, *result.covariance, truth);
     inside += error < kNormalisedSquaredError95 ? 1 : 0;
@@ -300,22 +300,21 @@ TEST(Align, CovarianceHoldsTheTruthOfRightMatchesFarFromTheOrigin) {
 
 TEST(Align, StopsWhenAsked) {
   std::stop_source stop;
-  AlignOptions options;
-  options.stop = stop.get_token();
-  options.progress = [&](double share) {
+  IcpOptions options;
+  options.execution.stop = stop.get_token();
+  options.execution.progress = [&](double share) {
     EXPECT_GT(share, 0.0);
     stop.request_stop();
   };
-  const AlignResult result = align(random_points(16, 100), random_points(17, 100), options);
-  EXPECT_EQ(result.status, AlignStatus::kCancelled);
+  const RegistrationResult result = icp(random_points(16, 100), random_points(17, 100), options);
+  EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.stop_reason, StopReason::kCancelled);
   EXPECT_EQ(result.iterations, 1);
 }
 
-std::string message_of(const PointSet& source, const PointSet& target,
-                       const AlignOptions& options) {
+std::string message_of(const PointSet& source, const PointSet& target, const IcpOptions& options) {
   try {
-    align(source, target, options);
+    icp(source, target, options);
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
     return error.what();
@@ -326,16 +325,15 @@ std::string message_of(const PointSet& source, const PointSet& target,
 TEST(Align, RefusesMisuseByName) {
   const PointSet points = random_points(18, 10);
   const auto with = [&](auto&& change) {
-    AlignOptions options;
+    IcpOptions options;
     change(options);
     return message_of(points, points, options);
   };
   const double nan = std::nan("");
-  EXPECT_THAT(with([](auto& o) { o.k = 0; }), HasSubstr("AlignOptions.k: 0; expected at least 1"));
-  EXPECT_THAT(with([](auto& o) { o.max_iterations = 0; }),
-              HasSubstr("AlignOptions.max_iterations"));
-  EXPECT_THAT(with([](auto& o) { o.max_distance = 0; }), HasSubstr("AlignOptions.max_distance"));
-  EXPECT_THAT(with([&](auto& o) { o.max_distance = nan; }), HasSubstr("AlignOptions.max_distance"));
+  EXPECT_THAT(with([](auto& o) { o.k = 0; }), HasSubstr("IcpOptions.k: 0; expected at least 1"));
+  EXPECT_THAT(with([](auto& o) { o.max_iterations = 0; }), HasSubstr("IcpOptions.max_iterations"));
+  EXPECT_THAT(with([](auto& o) { o.max_distance = 0; }), HasSubstr("IcpOptions.max_distance"));
+  EXPECT_THAT(with([&](auto& o) { o.max_distance = nan; }), HasSubstr("IcpOptions.max_distance"));
   EXPECT_THAT(with([](auto& o) { o.trimmed_fraction = 1; }), HasSubstr("trimmed_fraction: 1"));
   EXPECT_THAT(with([](auto& o) { o.mse_change_threshold = -1; }),
               HasSubstr("mse_change_threshold"));
@@ -343,7 +341,7 @@ TEST(Align, RefusesMisuseByName) {
   EXPECT_THAT(with([&](auto& o) {
                 o.initial = Rigid3(Eigen::Quaterniond(1, 0, 0, 0), {nan, 0, 0});
               }),
-              HasSubstr("AlignOptions.initial"));
+              HasSubstr("IcpOptions.initial"));
 
   PointSet short_of_confidences = points;
   short_of_confidences.confidences.pop_back();
@@ -355,7 +353,7 @@ TEST(Align, RefusesMisuseByName) {
   PointSet nan_confidence = points;
   nan_confidence.confidences[4] = nan;
   EXPECT_THAT(message_of(points, nan_confidence, {}), HasSubstr("confidence of point 4"));
-  AlignOptions weigh;
+  IcpOptions weigh;
   weigh.weight_by_source_confidence = true;
   EXPECT_THAT(message_of({points.positions, {}}, points, weigh), HasSubstr("no confidences"));
 }
@@ -377,13 +375,13 @@ TEST(AlignWhereMatchesComeBack, StopsWithAPoseOfTheCycle) {
   for (int trial = 0; trial < 200; ++trial) {
     const PointSet source = confusing_points(60, random);
     const PointSet target = confusing_points(60, random);
-    AlignOptions options;
+    IcpOptions options;
     options.stop_at_repetition = false;
     options.mse_change_threshold = 0.0;
     options.max_iterations = 200;
-    const AlignResult through = align(source, target, options);
+    const RegistrationResult through = icp(source, target, options);
     options.stop_at_repetition = true;
-    const AlignResult stopped = align(source, target, options);
+    const RegistrationResult stopped = icp(source, target, options);
     if (!through.repetition) {
       EXPECT_EQ(stopped.iterations, through.iterations);
       continue;
@@ -394,7 +392,6 @@ TEST(AlignWhereMatchesComeBack, StopsWithAPoseOfTheCycle) {
     EXPECT_EQ(cycle.length, through.repetition->cycle.length);
     EXPECT_EQ(stopped.iterations, cycle.first + cycle.length);
     ASSERT_LT(stopped.iterations, through.iterations);
-    EXPECT_EQ(stopped.status, AlignStatus::kAligned);
 
     // From there on every pose is one of the cycle's.
     const auto pose = [&](int iteration) {
@@ -412,9 +409,11 @@ TEST(AlignWhereMatchesComeBack, StopsWithAPoseOfTheCycle) {
     if (cycle.length == 1) {
       ++fixed_points;
       EXPECT_EQ(stopped.stop_reason, StopReason::kFixedPoint);
+      EXPECT_EQ(stopped.status, RegistrationStatus::kConverged);
     } else {
       ++cycles;
       EXPECT_EQ(stopped.stop_reason, StopReason::kCycle);
+      EXPECT_EQ(stopped.status, RegistrationStatus::kStopped);
       EXPECT_THAT(stopped.reason, HasSubstr("repeat"));
     }
   }
@@ -426,11 +425,11 @@ TEST(AlignWhereMatchesComeBack, GoesOnAsPclDoesIfAsked) {
   Random random(22);
   PointSet points = confusing_points(200, random);
   points.confidences.clear();
-  AlignOptions options;
+  IcpOptions options;
   options.initial = Rigid3::from_roll_pitch_yaw({0.01, 0, 0}, 0, 0, 0.02);
-  EXPECT_EQ(align(points, points, options).stop_reason, StopReason::kFixedPoint);
+  EXPECT_EQ(icp(points, points, options).stop_reason, StopReason::kFixedPoint);
   options.stop_at_repetition = false;
-  const AlignResult through = align(points, points, options);
+  const RegistrationResult through = icp(points, points, options);
   EXPECT_EQ(through.stop_reason, StopReason::kMseChange);
   EXPECT_EQ(through.repetition->cycle.length, 1);
 }
