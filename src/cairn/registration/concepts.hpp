@@ -74,11 +74,11 @@ static_assert(NearestList<NeighborList>);
 /// nearest first, equal distances by lower index, and returns how many; a set of k nearest with a tie
 /// at its edge keeps the lower indices. Distances are `(p - query).squaredNorm()`. Thread-safe.
 template <class Search>
-concept NeighborSearch = requires(const Search& search, const Eigen::Vector3d& query,
-                                  std::span<Neighbor> out) {
-  { search.size() } -> std::convertible_to<std::size_t>;
-  { search.nearest(query, out) } -> std::same_as<std::size_t>;
-};
+concept NeighborSearch =
+    requires(const Search& search, const Eigen::Vector3d& query, std::span<Neighbor> out) {
+      { search.size() } -> std::convertible_to<std::size_t>;
+      { search.nearest(query, out) } -> std::same_as<std::size_t>;
+    };
 
 /// A NeighborSearch that also answers many queries at once, and remembers them.
 ///
@@ -88,9 +88,9 @@ concept NeighborSearch = requires(const Search& search, const Eigen::Vector3d& q
 /// what `search.nearest` would find for queries[i] and k, as a NearestList that is valid during the
 /// call; from several threads, in any order. A batch is not thread-safe and must not outlive its search.
 template <class Search>
-concept BatchSearch = NeighborSearch<Search> &&
-    requires(const Search& search, std::size_t k, std::span<const Eigen::Vector3d> queries,
-             const Executor& executor) {
+concept BatchSearch = NeighborSearch<Search> && requires(const Search& search, std::size_t k,
+                                                         std::span<const Eigen::Vector3d> queries,
+                                                         const Executor& executor) {
   search.batch(k).for_each(queries, executor,
                            [](std::size_t, const NearestList auto& /*nearest*/) {});
 };
@@ -100,22 +100,22 @@ concept BatchSearch = NeighborSearch<Search> &&
 /// Called with the source points moved into the target frame and the pose that moved them; returns
 /// at most one match a source point, by ascending source index.
 template <class Correspondence>
-concept CorrespondenceSearch = requires(const Correspondence& find_matches,
-                                        std::span<const Eigen::Vector3d> moved_source,
-                                        const Rigid3& target_from_source) {
-  { find_matches(moved_source, target_from_source) } -> std::same_as<std::vector<Match>>;
-};
+concept CorrespondenceSearch =
+    requires(const Correspondence& find_matches, std::span<const Eigen::Vector3d> moved_source,
+             const Rigid3& target_from_source) {
+      { find_matches(moved_source, target_from_source) } -> std::same_as<std::vector<Match>>;
+    };
 
 /// Finds the motion that brings matched points together.
 ///
 /// Called with the moved source points and their matches; returns the step to apply to the moved
 /// source points.
 template <class Estimator>
-concept TransformEstimation = requires(const Estimator& estimate_step,
-                                       std::span<const Eigen::Vector3d> moved_source,
-                                       std::span<const Match> matches) {
-  { estimate_step(moved_source, matches) } -> std::same_as<Rigid3>;
-};
+concept TransformEstimation =
+    requires(const Estimator& estimate_step, std::span<const Eigen::Vector3d> moved_source,
+             std::span<const Match> matches) {
+      { estimate_step(moved_source, matches) } -> std::same_as<Rigid3>;
+    };
 
 /// Why an alignment ended.
 enum class StopReason {
