@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -251,8 +252,8 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   console.print("\n" + alignment_table(alignments, options, unit));
   for (const Alignment& alignment : alignments) {
     const RegistrationResult& result = alignment.result;
-    const std::string verdict =
-        alignment.placement ? std::string(to_string(alignment.placement->verdict)) : "not judged";
+    const std::string_view verdict =
+        alignment.placement ? to_string(alignment.placement->verdict) : "not judged";
     console.print(fmt::format("\n{}: {}: {}\n", alignment.confidence, verdict, result.reason));
     if (!has_answer(alignment)) continue;
     const Eigen::Vector3d& t = result.target_from_source.translation();

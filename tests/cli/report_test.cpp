@@ -170,6 +170,20 @@ TEST_F(WrittenReportTest, SavedResultMakesTheSamePage) {
   EXPECT_EQ(saved.document.at("provenance").at("inputs").at(1).at("role"), "source");
 }
 
+// Results of earlier versions call every pose "aligned".
+TEST_F(WrittenReportTest, ReadsTheStatusOfEarlierResults) {
+  write_pair();
+  Json result = document(align({}));
+  result.at("results").at(0)["status"] = "aligned";
+  for (const auto& [stop_reason, status] :
+       {std::pair<const char*, std::string>{"mse_change", "converged"}, {"cycle", "stopped"}}) {
+    result.at("results").at(0)["stop_reason"] = stop_reason;
+    write("result.json", result.dump());
+    answer({"report", "result.json", "-o", "r.html"});
+    EXPECT_EQ(section(page("r.html"), "scene").at("runs").at(0).at("summary").at("status"), status);
+  }
+}
+
 TEST_F(WrittenReportTest, MapsThatAreGoneOrChangedAreNamedAndLeftOut) {
   write_pair();
   answer(align({"--truth", "truth.txt", "--trace", "--json", "result.json"}));

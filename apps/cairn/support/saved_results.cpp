@@ -133,6 +133,10 @@ Alignment alignment_of(const Field& field) {
   alignment.method = field["method"].optional_text().value_or(alignment.method);
   alignment.k = field["k"].whole(std::numeric_limits<std::uint32_t>::max());
   RegistrationResult& result = alignment.result;
+  result.stop_reason = field["stop_reason"].one_of(
+      std::array{StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint,
+                 StopReason::kCycle, StopReason::kIterationLimit, StopReason::kTimeLimit,
+                 StopReason::kTooFewMatches, StopReason::kCancelled});
   if (const Field verdict = field["verdict"]; !verdict.is_null() && verdict.text() != "none") {
     PlacementResult& placement = alignment.placement.emplace();
     placement.verdict =
@@ -141,18 +145,14 @@ Alignment alignment_of(const Field& field) {
     placement.radius = field["support_radius"].number();
     result.status = field["target_from_source"].is_null() ? RegistrationStatus::kFailed
                                                           : RegistrationStatus::kConverged;
+  } else if (field["status"].text() == "aligned") {
+    // Earlier documents say it of all that has a pose, which was never judged.
+    result.status = status_of(result.stop_reason);
   } else {
-    // Earlier documents call what was never judged "aligned".
-    result.status = field["status"].text() == "aligned"
-                        ? RegistrationStatus::kConverged
-                        : field["status"].one_of(std::array{
-                              RegistrationStatus::kConverged, RegistrationStatus::kStopped,
-                              RegistrationStatus::kFailed, RegistrationStatus::kCancelled});
+    result.status = field["status"].one_of(
+        std::array{RegistrationStatus::kConverged, RegistrationStatus::kStopped,
+                   RegistrationStatus::kFailed, RegistrationStatus::kCancelled});
   }
-  result.stop_reason = field["stop_reason"].one_of(
-      std::array{StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint,
-                 StopReason::kCycle, StopReason::kIterationLimit, StopReason::kTimeLimit,
-                 StopReason::kTooFewMatches, StopReason::kCancelled});
   result.reason = field["reason"].text();
   result.target_from_source = field["target_from_source"].optional_pose().value_or(Rigid3());
   result.scale = field["scale"].scale();

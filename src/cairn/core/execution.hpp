@@ -13,6 +13,9 @@ struct Execution {
   Executor executor = Executor();  ///< one thread by default; results do not depend on how many
   std::stop_token stop = {};
   Progress progress = {};
+
+  /// For work that is part of another, which tells of its own progress.
+  Execution without_progress() const { return {executor, stop, {}}; }
 };
 
 }  // namespace cairn

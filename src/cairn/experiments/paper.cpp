@@ -19,10 +19,8 @@ constexpr std::size_t kStrategyCount = kPaperStrategies.size();
 class PaperRunner {
  public:
   PaperRunner(const MapPair& pair, const PaperOptions& options) : pair_(pair), options_(options) {
-    options_.align.execution.executor =
-        Executor();  // runs are spread over threads, not the work of one
-    options_.align.execution.stop = options.execution.stop;
-    options_.align.execution.progress = {};
+    // Runs are spread over threads, not the work of one.
+    options_.align.execution = {.stop = options.execution.stop};
     points_.reserve(kStrategyCount);
     for (const std::string_view name : kPaperStrategies) {
       points_.push_back(pair_points(pair, strategy_named(name), options.points));

@@ -17,8 +17,7 @@ namespace {
 RegistrationResult placed(const PairPoints& points, std::uint64_t seed, const IcpOptions& options) {
   PlaceOptions placement;
   placement.seed = seed;
-  placement.execution.executor = options.execution.executor;
-  placement.execution.stop = options.execution.stop;
+  placement.execution = options.execution.without_progress();
   PlacementResult result = place(points.source_cloud, points.target_cloud, placement);
   const bool cancelled = result.alignment.status == RegistrationStatus::kCancelled;
   if (!cancelled && result.verdict != Verdict::kAligned) {
@@ -41,11 +40,10 @@ RegistrationResult found(const Trial& trial, const PairPoints& points, IcpOption
       options.coarse_to_fine = true;
       break;
     case Method::kRobust:
-      return refine(
-          points.source_cloud, points.target_cloud,
-          {.initial = options.initial,
-           .max_iterations = options.max_iterations,
-           .execution = {.executor = options.execution.executor, .stop = options.execution.stop}});
+      return refine(points.source_cloud, points.target_cloud,
+                    {.initial = options.initial,
+                     .max_iterations = options.max_iterations,
+                     .execution = options.execution.without_progress()});
     case Method::kAnywhere:
       return placed(points, seed, options);
   }

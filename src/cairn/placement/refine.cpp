@@ -182,8 +182,7 @@ std::optional<Refinement::Path> Refinement::drawn_in(const Similarity3& initial)
   drawing.max_iterations = options_.max_iterations;
   drawing.coarse_to_fine = true;
   drawing.trace = options_.trace;
-  drawing.execution.executor = options_.execution.executor;
-  drawing.execution.stop = options_.execution.stop;
+  drawing.execution = options_.execution.without_progress();
   RegistrationResult result =
       icp(PointSet{.positions = pair_.source().positions, .confidences = {}},
           PointSet{.positions = pair_.target().positions, .confidences = {}}, drawing);

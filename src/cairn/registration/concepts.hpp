@@ -15,7 +15,7 @@
 #include "cairn/core/executor.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-/// The stages of an ICP that can be replaced, and what passes between them. `run_icp` (icp.hpp) puts
+/// The stages of an ICP that can be replaced, and what passes between them. `run_icp` (icp_loop.hpp) puts
 /// any four of them together; `icp` (icp.hpp) is the ready-made combination.
 namespace cairn {
 

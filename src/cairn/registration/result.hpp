@@ -58,7 +58,7 @@ struct RegistrationResult {
   /// Of the source, which is scaled before it is moved: x_in_target = R·(scale·x_in_source) + t. 1 where
   /// it is not estimated. All that is said below is in the target's unit.
   double scale = 1.0;
-  std::optional<double> initial_score;  ///< Eq. 5 at the initial pose; nothing of no points
+  std::optional<double> initial_score;  ///< Eq. 5 at the initial pose; absent if a set is empty
   std::optional<double> score;          ///< Eq. 5 at the final pose
   int iterations = 0;                   ///< with all points
   int coarse_iterations = 0;  ///< before them, on samples; with IcpOptions::coarse_to_fine
@@ -67,7 +67,7 @@ struct RegistrationResult {
   std::optional<RepeatedMatches> repetition;
   std::vector<Match> matches;  ///< at the final pose
   std::vector<IterationRecord> history;
-  std::optional<Matrix6d> covariance;             ///< see PoseUncertainty; nothing if unknown
+  std::optional<Matrix6d> covariance;             ///< see PoseUncertainty; absent if unknown
   std::optional<Matrix7d> covariance_with_scale;  ///< the same, where a scale is estimated
   std::vector<OpenDirection> unobservable;
   std::optional<Overlap> overlap;
