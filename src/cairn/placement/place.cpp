@@ -280,6 +280,33 @@ class Placement {
     return poses;
   }
 
+  /// The optimum near a pose.
+  Finalist settled(const Similarity3& pose, const std::stop_token& stop) const {
+    std::vector<Finalist> one(1);
+    set_similarity(one.front(), pose);
+    refine_all(one, all_, kSample, kFinalIterations, stop);
+    return one.front();
+  }
+
+  /// Whether people would call both the same.
+  bool near(const Finalist& a, const Finalist& b) const {
+    return distance_(a.similarity(), b.similarity()) < kDistinct * fine(b.scale);
+  }
+
+  /// Of the poses the nearest, if that is near this one but not the same, and fits clearly better; and how
+  /// far it is from it.
+  std::pair<std::optional<Finalist>, double> better_near(const std::vector<Finalist>& poses,
+                                                         const Finalist& pose) const {
+    std::pair<std::optional<Finalist>, double> better = {std::nullopt, 0.0};
+    for (const Finalist& other : poses) {
+      const double off = distance_(other.similarity(), pose.similarity());
+      if (!near(other, pose) || off < kSame * fine(pose.scale)) continue;
+      if (merit(pose) >= kKept * merit(other)) continue;
+      if (!better.first || merit(other) > merit(*better.first)) better = {other, off};
+    }
+    return better;
+  }
+
   const CentredPair& pair() const { return pair_; }
 
   /// Of the smaller cloud.
@@ -306,8 +333,10 @@ class Placement {
         refine_all(rivals, all_, kSample, kFinalIterations, stop);
       });
       result.poses = judged(std::move(rivals));
-      const bool decided = !result.poses.empty() && result.poses.front().probability >= kDecided &&
-                           result.poses.front().support.agreement->spread >= kDecisive;
+      const bool decided =
+          !result.poses.empty() &&
+          result.poses.front().probability >= std::max(kDecided, options_.min_probability) &&
+          result.poses.front().support.agreement->spread >= kDecisive;
       if (decided || options_.search == PoseSearch::kNever) return result;
     }
     std::vector<Finalist> poses;
@@ -504,11 +533,12 @@ double likely_scale(const LandmarkCloud& source, const LandmarkCloud& target,
   return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
 }
 
+}  // namespace
+
 // A placement of the caller's clouds, of which one may have to be scaled and the two exchanged first.
-class CallersPlacement {
+class PreparedPair::Parts {
  public:
-  CallersPlacement(const LandmarkCloud& source, const LandmarkCloud& target,
-                   const PlaceOptions& options)
+  Parts(const LandmarkCloud& source, const LandmarkCloud& target, const PlaceOptions& options)
       : source_(source),
         target_(target),
         callers_(options),
@@ -520,6 +550,7 @@ class CallersPlacement {
         // likely to be part of the other.
         inverted_(options.scale ? source.size() > target.size()
                                 : cloud_extent(source) > cloud_extent(target)) {
+    if (std::min(source.size(), target.size()) < kFewestLandmarks) return;
     if (inverted_ && options_.gravity) {
       std::swap(options_.gravity->source, options_.gravity->target);
     }
@@ -538,9 +569,17 @@ class CallersPlacement {
     }
   }
 
-  void run(const TimeLimit& time, PlacementResult& result);
+  PlacementResult place() {
+    return timed([&](const TimeLimit& time, PlacementResult& result) {
+      conclude(searched(time), time, result);
+    });
+  }
+  PlacementResult judge(const Similarity3& pose);
+  PlacementResult settle(const Similarity3& pose);
 
  private:
+  template <class Work>
+  PlacementResult timed(const Work& work);
   Similarity3 for_caller(const Similarity3& centred) const {
     const Similarity3 pose = placement_->pair().uncentred(centred);
     const Similarity3 direct = inverted_ ? pose.inverse() : pose;
@@ -556,15 +595,24 @@ class CallersPlacement {
   }
   RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
                              PlacementResult& result) const;
+  const Candidates& searched(const TimeLimit& time);
+  void conclude(Candidates found, const TimeLimit& time, PlacementResult& result) const;
+  void conclude_held(Candidates found, const Finalist& pose, const TimeLimit& time,
+                     PlacementResult& result) const;
+  void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
+  void require_scale(const Similarity3& pose) const;
 
   const LandmarkCloud& source_;
   const LandmarkCloud& target_;
-  const PlaceOptions& callers_;
+  const PlaceOptions callers_;
   PlaceOptions options_;  // as the placement has them
   double unit_;           // by which the source is scaled
   bool inverted_;
-  std::optional<Placement> placement_;
+  std::optional<Placement> placement_;  // nothing where landmarks are too few
+  std::optional<Candidates> searched_;
 };
+
+namespace {
 
 // How closely the maps agree at a candidate, in fine scales, as far as that is known: a kernel much finer
 // would follow the errors of single landmarks.
@@ -580,9 +628,12 @@ double precision(const Finalist& pose) {
   return same ? kPerDeviation * ProximityEvidence::kWidest / kSmoothSpacings : 1.0;
 }
 
+}  // namespace
+
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
-RegistrationResult CallersPlacement::refined(const Finalist& best, bool hold, const TimeLimit& time,
-                                             PlacementResult& result) const {
+RegistrationResult PreparedPair::Parts::refined(const Finalist& best, bool hold,
+                                                const TimeLimit& time,
+                                                PlacementResult& result) const {
   const Similarity3 pose = for_caller(best.similarity());
   RefineOptions refinement;
   refinement.initial = pose.rigid();
@@ -614,18 +665,31 @@ RegistrationResult CallersPlacement::refined(const Finalist& best, bool hold, co
   return alignment;
 }
 
-void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
-  Candidates found = placement_->candidates(time);
+// Of the poses that the search finds; the same for every pose that is judged.
+const Candidates& PreparedPair::Parts::searched(const TimeLimit& time) {
+  if (!searched_) searched_ = placement_->candidates(time);
+  return *searched_;
+}
+
+void PreparedPair::Parts::report(const std::vector<Finalist>& poses,
+                                 PlacementResult& result) const {
+  for (const Finalist& pose : poses) {
+    set_similarity(result.candidates.emplace_back(pose), for_caller(pose.similarity()));
+  }
+}
+
+// What all landmarks make of the likeliest pose is judged like the candidates. If another is likelier
+// then, that one is refined too. A candidate that has more to show for it as it is stays so.
+void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
+                                   PlacementResult& result) const {
   result.cut_short = found.cut_short;
   if (found.poses.empty()) {
     result.radius = kMatched * placement_->fine(1.0);
     result.verdict = Verdict::kRejected;
-    result.reason = judge({}, {}, placement_->landmarks(), result.radius).reason;
+    result.reason = cairn::judge({}, {}, placement_->landmarks(), result.radius).reason;
     result.alignment.reason = result.reason;
     return;
   }
-  // What all landmarks make of the likeliest pose is judged like the candidates. If another is likelier
-  // then, that one is refined too. A candidate that has more to show for it as it is stays so.
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const Finalist best = found.poses.front();
     result.radius = kMatched * fine(best);
@@ -645,21 +709,117 @@ void CallersPlacement::run(const TimeLimit& time, PlacementResult& result) {
     found.poses = placement_->with_probabilities(std::move(found.poses));
     if (found.poses.front().similarity().matrix() == pose.matrix()) break;
   }
-  for (const Finalist& pose : found.poses) {
-    set_similarity(result.candidates.emplace_back(pose), for_caller(pose.similarity()));
-  }
+  report(found.poses, result);
+  result.own = 0;
   result.probability = result.candidates.front().probability;
-  Judgement judgement = judge(result.candidates, result.alignment, placement_->landmarks(),
-                              result.radius, callers_.unit);
+  Judgement judgement = cairn::judge(result.candidates, result.alignment, placement_->landmarks(),
+                                     result.radius, callers_.min_probability, callers_.unit);
   result.verdict = judgement.verdict;
   result.reason = std::move(judgement.reason);
 }
 
-}  // namespace
+// The pose beside the poses found, of which it stands for those that people would call the same.
+void PreparedPair::Parts::conclude_held(Candidates found, const Finalist& pose,
+                                        const TimeLimit& time, PlacementResult& result) const {
+  result.cut_short = found.cut_short;
+  result.radius = kMatched * fine(pose);
+  const auto [better, off] = placement_->better_near(found.poses, pose);
+  std::erase_if(found.poses, [&](const Finalist& other) { return placement_->near(other, pose); });
+  // A better pose near it is held against the others in its place.
+  found.poses.push_back(better.value_or(pose));
+  const Matrix4d placed = found.poses.back().similarity().matrix();
+  found.poses = placement_->with_probabilities(std::move(found.poses));
+  const auto own = static_cast<std::size_t>(
+      std::find_if(found.poses.begin(), found.poses.end(),
+                   [&](const Finalist& one) { return one.similarity().matrix() == placed; }) -
+      found.poses.begin());
+  result.alignment = refined(better ? pose : found.poses[own], true, time, result);
+  report(found.poses, result);
+  const double unit = inverted_ ? 1.0 / pose.scale : 1.0;
+  if (better) {
+    result.verdict = Verdict::kRejected;
+    result.reason = fmt::format(
+        "a pose {:.3g}{}{} from it (root mean square over the landmarks) fits better, and is right "
+        "with a probability of {:.2f} %",
+        off * unit, callers_.unit.empty() ? "" : " ", callers_.unit,
+        100.0 * found.poses[own].probability);
+    return;
+  }
+  result.own = own;
+  result.probability = found.poses[own].probability;
+  if (own > 0) {
+    result.verdict = Verdict::kRejected;
+    result.reason = fmt::format(
+        "another pose is likelier: it is right with a probability of {:.2f} %, this one of {:.2f} "
+        "%",
+        100.0 * found.poses.front().probability, 100.0 * result.probability);
+    return;
+  }
+  Judgement judgement = cairn::judge(result.candidates, result.alignment, placement_->landmarks(),
+                                     result.radius, callers_.min_probability, callers_.unit);
+  result.verdict = judgement.verdict;
+  result.reason = std::move(judgement.reason);
+}
+
+void PreparedPair::Parts::require_scale(const Similarity3& pose) const {
+  constexpr double kOne = 1e-9;
+  if (callers_.scale || std::abs(pose.scale() - 1.0) <= kOne) return;
+  throw Error(ErrorKind::kMisuse, "target_from_source", fmt::format("scale {}", pose.scale()),
+              "1, or PlaceOptions.scale");
+}
+
+template <class Work>
+PlacementResult PreparedPair::Parts::timed(const Work& work) {
+  const auto start = std::chrono::steady_clock::now();
+  PlacementResult result;
+  result.time_limited = callers_.time_limit_s.has_value();
+  if (!placement_) {
+    result.reason =
+        fmt::format("{} source and {} target landmarks: a pose is told from chance by at least {}",
+                    source_.size(), target_.size(), kFewestLandmarks);
+    result.alignment.reason = result.reason;
+  } else {
+    work(TimeLimit(start, callers_), result);
+    if (result.cut_short) result.reason += "; the time limit cut the work short";
+  }
+  result.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+PlacementResult PreparedPair::Parts::judge(const Similarity3& pose) {
+  require_scale(pose);
+  return timed([&](const TimeLimit& time, PlacementResult& result) {
+    conclude_held(searched(time), placement_->assessed(centred(pose)), time, result);
+  });
+}
+
+PlacementResult PreparedPair::Parts::settle(const Similarity3& pose) {
+  require_scale(pose);
+  return timed([&](const TimeLimit& time, PlacementResult& result) {
+    Candidates found = searched(time);
+    Finalist settled = placement_->settled(centred(pose), callers_.execution.stop);
+    if (const auto better = placement_->better_near(found.poses, settled).first) settled = *better;
+    // Beside the poses found, it is likeliest or it is not.
+    std::erase_if(found.poses,
+                  [&](const Finalist& other) { return placement_->near(other, settled); });
+    const Matrix4d own = settled.similarity().matrix();
+    Candidates all = found;
+    all.poses.push_back(settled);
+    all.poses = placement_->with_probabilities(std::move(all.poses));
+    if (all.poses.front().similarity().matrix() == own) {
+      conclude(std::move(all), time, result);
+    } else {
+      conclude_held(std::move(found), settled, time, result);
+    }
+  });
+}
 
 void PlaceOptions::validate() const {
   require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
   require(prior_odds >= 1e-6 && prior_odds <= 1e6, "prior_odds", prior_odds, "from 1e-6 to 1e6");
+  require(min_probability >= 0.5 && min_probability < 1.0, "min_probability", min_probability,
+          "at least 0.5 and below 1");
   require(!time_limit_s || (*time_limit_s > 0.0 && *time_limit_s <= kLongest), "time_limit_s",
           time_limit_s.value_or(0.0), "a positive number of at most 1e6");
   require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
@@ -676,23 +836,33 @@ void PlaceOptions::validate() const {
           "gravity.max_tilt_rad", gravity->max_tilt_rad, "above 0 and at most pi");
 }
 
-PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
-                      const PlaceOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
+PreparedPair::PreparedPair(const LandmarkCloud& source, const LandmarkCloud& target,
+                           const PlaceOptions& options) {
   options.validate();
   source.validate("source");
   target.validate("target");
-  PlacementResult result;
-  result.time_limited = options.time_limit_s.has_value();
-  if (std::min(source.size(), target.size()) < kFewestLandmarks) {
-    result.reason =
-        fmt::format("{} source and {} target landmarks: a pose is told from chance by at least {}",
-                    source.size(), target.size(), kFewestLandmarks);
-    result.alignment.reason = result.reason;
-  } else {
-    CallersPlacement(source, target, options).run(TimeLimit(start, options), result);
-    if (result.cut_short) result.reason += "; the time limit cut the work short";
-  }
+  parts_ = std::make_unique<Parts>(source, target, options);
+}
+PreparedPair::~PreparedPair() = default;
+PreparedPair::PreparedPair(PreparedPair&&) noexcept = default;
+PreparedPair& PreparedPair::operator=(PreparedPair&&) noexcept = default;
+
+PlacementResult PreparedPair::place() {
+  return parts_->place();
+}
+
+PlacementResult PreparedPair::judge(const Similarity3& target_from_source) {
+  return parts_->judge(target_from_source);
+}
+
+PlacementResult PreparedPair::settle(const Similarity3& target_from_source) {
+  return parts_->settle(target_from_source);
+}
+
+PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
+                      const PlaceOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  PlacementResult result = PreparedPair(source, target, options).place();
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

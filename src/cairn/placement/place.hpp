@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -45,6 +46,8 @@ struct PlaceOptions {
   /// How much likelier it is, before anything is looked at, that the maps show one place than that they do
   /// not: 0.01 where of a hundred pairs one does. From 1e-6 to 1e6.
   double prior_odds = 1.0;
+  /// From which probability a pose is aligned, and poses between them are ambiguous; in [0.5, 1).
+  double min_probability = 0.99;
   std::optional<GravityPrior> gravity = {};
   /// For maps that need not be of one scale, such as those of a single camera; takes some times longer
   /// where descriptors do not decide. Nothing: both maps are of one scale.
@@ -74,10 +77,12 @@ struct PlacementResult {
   /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if
   /// there is none. Its status says nothing of how right the pose is: the verdict does.
   RegistrationResult alignment;
-  /// Likeliest first: the first is what was refined, the second the runner-up.
+  /// Likeliest first. Of a placement the first is what was refined, the second the runner-up.
   std::vector<PlacementCandidate> candidates;
-  double probability = 0.0;  ///< that the pose is right: that of the first candidate
-  double radius = 0.0;       ///< within which landmarks count as matched
+  double probability = 0.0;  ///< that the pose is right
+  /// The candidate that the pose is; nothing for a judged pose that is near a better candidate.
+  std::optional<std::size_t> own;
+  double radius = 0.0;  ///< within which landmarks count as matched
   /// The time limit cut the work short: a pose that the search would have found may be missing, and the
   /// probability does not know; or the last refinement did not come to its end.
   bool cut_short = false;
@@ -103,5 +108,34 @@ struct PlacementResult {
 /// @throws Error (misuse) for invalid options or clouds
 PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
                       const PlaceOptions& options = {});
+
+/// A pair of maps between which any number of poses is found or judged; what all of them need is computed
+/// once, when it is first needed. What a pose is held against are the poses that place() chooses among.
+class PreparedPair {
+ public:
+  /// @param source, target must outlive the pair
+  /// @throws Error (misuse) for invalid options or clouds
+  PreparedPair(const LandmarkCloud& source, const LandmarkCloud& target,
+               const PlaceOptions& options = {});
+  ~PreparedPair();
+  PreparedPair(PreparedPair&&) noexcept;
+  PreparedPair& operator=(PreparedPair&&) noexcept;
+
+  /// What cairn::place() gives.
+  PlacementResult place();
+
+  /// Judges a pose as it is, whatever found it. It is aligned only if it is likelier than every other
+  /// pose, and if it is no worse than the best pose near it.
+  /// @throws Error (misuse) for a scale other than 1, unless PlaceOptions::scale is given
+  PlacementResult judge(const Similarity3& target_from_source);
+
+  /// Moves a pose to the optimum near it and judges that.
+  /// @throws Error as judge()
+  PlacementResult settle(const Similarity3& target_from_source);
+
+ private:
+  class Parts;
+  std::unique_ptr<Parts> parts_;
+};
 
 }  // namespace cairn

@@ -388,6 +388,125 @@ TEST(Place, IsNotFooledByAPlaneUpsideDown) {
             1.0);
 }
 
+// Turned about the middle of the source and shifted.
+Similarity3 off_by(const Rigid3& pose, const LandmarkCloud& source, Random& random,
+                   double rotation_deg, double shift) {
+  const Eigen::Vector3d middle = pose * centroid(source.positions);
+  const Eigen::Vector3d axis =
+      Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
+  const Eigen::Vector3d direction =
+      Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(radians(rotation_deg), axis));
+  return Similarity3(Rigid3(turn, middle + shift * direction - turn * middle) * pose);
+}
+
+bool is_right(const PlacementResult& result, const Rigid3& truth, const LandmarkCloud& source) {
+  const auto [rotation_deg, translation] =
+      difference(result.alignment.target_from_source, truth, source);
+  return rotation_deg < 5.0 && translation < 0.05;
+}
+
+TEST(PreparedPair, PlacesAsPlaceDoesHoweverOftenAsked) {
+  const SyntheticPair pair = synthetic_pair({.seed = 31, .overlap = 0.5});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  const PlacementResult once = place(source, target, two_threads());
+  PreparedPair prepared(source, target, two_threads());
+  for (int i = 0; i < 2; ++i) {
+    const PlacementResult again = prepared.place();
+    EXPECT_EQ(again.verdict, once.verdict);
+    EXPECT_EQ(again.probability, once.probability);
+    EXPECT_EQ(again.alignment.similarity().matrix(), once.alignment.similarity().matrix());
+    EXPECT_EQ(again.own, 0);
+  }
+}
+
+TEST(PreparedPair, JudgesWhatWasPlacedAsItWasJudged) {
+  const SyntheticPair pair = synthetic_pair({.seed = 32, .overlap = 0.5});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PreparedPair prepared(source, target, two_threads());
+  const PlacementResult placed = prepared.place();
+  ASSERT_EQ(placed.verdict, Verdict::kAligned) << placed.reason;
+  const PlacementResult judged = prepared.judge(placed.alignment.similarity());
+  EXPECT_EQ(judged.verdict, Verdict::kAligned) << judged.reason;
+  EXPECT_NEAR(judged.probability, placed.probability, 1e-3);
+  // The pose is held: what is returned is what was judged.
+  EXPECT_TRUE(judged.alignment.similarity().matrix().isApprox(
+      placed.alignment.similarity().matrix(), 1e-12));
+  EXPECT_TRUE(judged.alignment.covariance);
+}
+
+TEST(PreparedPair, AcceptsNoWrongPoseAndSettlesGuessesInTheTruth) {
+  const SyntheticPair pair = synthetic_pair({.seed = 33, .overlap = 0.5});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PreparedPair prepared(source, target, two_threads());
+  EXPECT_EQ(prepared.judge(pair.target_from_source).verdict, Verdict::kAligned);
+  Random random(7);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Similarity3 wrong = off_by(pair.target_from_source, source, random,
+                                     random.uniform(6, 180), random.uniform(0, 2));
+    const PlacementResult judged = prepared.judge(wrong);
+    EXPECT_EQ(judged.verdict, Verdict::kRejected) << judged.reason;
+    EXPECT_THAT(judged.reason,
+                ::testing::AnyOf(HasSubstr("another pose is likelier"), HasSubstr("fits better")));
+    const PlacementResult settled = prepared.settle(wrong);
+    if (settled.verdict == Verdict::kAligned) {
+      EXPECT_TRUE(is_right(settled, pair.target_from_source, source)) << settled.reason;
+    }
+    const PlacementResult near =
+        prepared.settle(off_by(pair.target_from_source, source, random, 0.5, 0.02));
+    EXPECT_EQ(near.verdict, Verdict::kAligned) << near.reason;
+    EXPECT_TRUE(is_right(near, pair.target_from_source, source));
+  }
+}
+
+TEST(PreparedPair, RejectsEveryPoseBetweenDifferentScenes) {
+  const SyntheticPair a = synthetic_pair({.seed = 34});
+  const SyntheticPair b = synthetic_pair({.seed = 35});
+  const LandmarkCloud source = landmark_cloud(a.source);
+  const LandmarkCloud target = landmark_cloud(b.target);
+  PreparedPair prepared(source, target, two_threads());
+  Random random(8);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Similarity3 pose = any_pose(random, 2.0);
+    EXPECT_NE(prepared.judge(pose).verdict, Verdict::kAligned);
+    EXPECT_NE(prepared.settle(pose).verdict, Verdict::kAligned);
+  }
+}
+
+TEST(PreparedPair, JudgesByTheBarAskedFor) {
+  const SyntheticPair pair = synthetic_pair({.seed = 36, .overlap = 0.3});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PlaceOptions options = two_threads();
+  options.min_probability = 0.9999999999;
+  EXPECT_NE(PreparedPair(source, target, options).judge(pair.target_from_source).verdict,
+            Verdict::kAligned);
+  options.min_probability = 0.4;
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
+              HasSubstr("PlaceOptions.min_probability"));
+}
+
+TEST(PreparedPair, KeepsToOneScaleUnlessToldOtherwise) {
+  const SyntheticPair pair = synthetic_pair({.seed = 37});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PreparedPair rigid(source, target);
+  const Similarity3 scaled_pose(2.0, pair.target_from_source);
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { rigid.judge(scaled_pose); }),
+              HasSubstr("scale 2"));
+}
+
+TEST(PreparedPair, RejectsTooFewLandmarks) {
+  LandmarkCloud few;
+  few.positions.assign(5, Eigen::Vector3d::Zero());
+  PreparedPair prepared(few, few);
+  EXPECT_EQ(prepared.judge({}).verdict, Verdict::kRejected);
+  EXPECT_THAT(prepared.settle({}).reason, HasSubstr("at least 20"));
+}
+
 TEST(Place, RejectsTooFewLandmarks) {
   LandmarkCloud few;
   for (int i = 0; i < 10; ++i) few.positions.emplace_back(i, i * i, -i);

@@ -10,8 +10,6 @@
 namespace cairn {
 namespace {
 
-// A wrong pose that is accepted costs more than a right one that is refused.
-constexpr double kBeyondDoubt = 0.99;
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
 
@@ -62,7 +60,7 @@ std::string_view to_string(Verdict verdict) {
 }
 
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
-                std::size_t landmarks, double radius, std::string_view unit) {
+                std::size_t landmarks, double radius, double least, std::string_view unit) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();
   double any = 0.0;
@@ -85,7 +83,7 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
   if (best.contradicted) {
     found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
   }
-  if (best.probability >= kBeyondDoubt) {
+  if (best.probability >= least) {
     found += fmt::format(": right with a probability of {}", probability_text(best.probability));
     if (!result.unobservable.empty()) {
       return {Verdict::kAmbiguous,
@@ -98,7 +96,7 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
     }
     return {Verdict::kAligned, std::move(found)};
   }
-  if (any >= kBeyondDoubt) {
+  if (any >= least) {
     const auto rivals = std::count_if(candidates.begin(), candidates.end(),
                                       [&](const PlacementCandidate& candidate) {
                                         return candidate.probability >= kRival * best.probability;

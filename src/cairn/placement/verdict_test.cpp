@@ -92,7 +92,7 @@ TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
 
 TEST(Verdict, SaysTheRadiusInItsUnit) {
   const std::vector<PlacementCandidate> candidates = {candidate(0.996)};
-  EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02, "m").reason,
+  EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02, 0.99, "m").reason,
               HasSubstr("within 0.02 m, "));
   EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02).reason, HasSubstr("within 0.02, "));
 }
