@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/align.hpp"
+
+#include <stop_token>
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/refusal.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+double degrees_off(const Similarity3& pose, const Rigid3& truth) {
+  return degrees((pose.rigid().inverse() * truth).angle());
+}
+
+Rigid3 turned(const Rigid3& pose, double degrees_about_z) {
+  return Rigid3(Eigen::Quaterniond(
+                    Eigen::AngleAxisd(radians(degrees_about_z), Eigen::Vector3d::UnitZ())),
+                Eigen::Vector3d::Zero()) *
+         pose;
+}
+
+// Two maps of different places.
+std::pair<LandmarkMap, LandmarkMap> strangers() {
+  return {synthetic_pair({.seed = 51}).source, synthetic_pair({.seed = 52}).target};
+}
+
+TEST(Align, SearchesAndJudgesByDefault) {
+  const SyntheticPair pair = synthetic_pair({.seed = 50, .overlap = 0.5});
+  const Alignment alignment = align(pair.source, pair.target);
+  EXPECT_EQ(alignment.verdict, Verdict::kAligned) << alignment.reason;
+  EXPECT_EQ(status_of(alignment), "aligned");
+  ASSERT_TRUE(alignment.target_from_source);
+  EXPECT_LT(degrees_off(*alignment.target_from_source, pair.target_from_source), 0.5);
+  EXPECT_EQ(alignment.estimate->matrix(), alignment.target_from_source->matrix());
+  EXPECT_GE(alignment.probability.value(), 0.99);
+  EXPECT_TRUE(alignment.registration.covariance);
+  EXPECT_FALSE(alignment.candidates.empty());
+}
+
+TEST(Align, AcceptsNothingBetweenStrangersHoweverItIsAsked) {
+  const auto [source, target] = strangers();
+  AlignOptions options;
+  for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
+    for (const double turn : {0.0, 40.0, 170.0}) {
+      options.method = method;
+      options.prior = PosePrior{.target_from_source = turned({}, turn)};
+      const Alignment alignment = align(source, target, options);
+      EXPECT_NE(alignment.verdict, Verdict::kAligned) << alignment.reason;
+      EXPECT_FALSE(alignment.target_from_source);
+      EXPECT_TRUE(alignment.estimate);
+    }
+  }
+  const Alignment searched = align(source, target);
+  EXPECT_EQ(searched.verdict, Verdict::kRejected);
+  EXPECT_TRUE(searched.estimate);
+  EXPECT_FALSE(searched.target_from_source);
+}
+
+TEST(Align, JudgesWhatAGuessIsRefinedTo) {
+  const SyntheticPair pair = synthetic_pair({.seed = 53, .overlap = 0.6});
+  AlignOptions options;
+  options.trace = true;
+  options.prior = PosePrior{.target_from_source = turned(pair.target_from_source, 5.0)};
+  const Alignment near = align(pair.source, pair.target, options);
+  EXPECT_EQ(near.verdict, Verdict::kAligned) << near.reason;
+  EXPECT_LT(degrees_off(*near.target_from_source, pair.target_from_source), 0.5);
+  EXPECT_GT(near.registration.iterations, 0);
+  EXPECT_FALSE(near.registration.history.empty());
+  EXPECT_TRUE(near.registration.initial_score);
+
+  // Turned the other way round, it either comes back or is told from the truth.
+  options.prior = PosePrior{.target_from_source = turned(pair.target_from_source, 180.0)};
+  const Alignment far = align(pair.source, pair.target, options);
+  if (far.target_from_source) {
+    EXPECT_LT(degrees_off(*far.target_from_source, pair.target_from_source), 5.0);
+  } else {
+    EXPECT_THAT(far.reason, HasSubstr("another pose is likelier"));
+  }
+}
+
+TEST(Align, KeepsToAPriorsCovariance) {
+  const SyntheticPair pair = synthetic_pair({.seed = 54, .overlap = 0.6});
+  AlignOptions options;
+  options.prior = PosePrior{.target_from_source = turned(pair.target_from_source, 1.0),
+                            .covariance = Matrix6d(Matrix6d::Identity() * 4e-4)};
+  const Alignment alignment = align(pair.source, pair.target, options);
+  EXPECT_EQ(alignment.verdict, Verdict::kAligned) << alignment.reason;
+}
+
+TEST(Align, JudgesThePapersIcp) {
+  const SyntheticPair pair = synthetic_pair({.seed = 55, .overlap = 1.0});
+  AlignOptions options;
+  options.method = AlignMethod::kIcp;
+  options.prior = PosePrior{.target_from_source = turned(pair.target_from_source, 2.0)};
+  const Alignment alignment = align(pair.source, pair.target, options);
+  IcpOptions alone;
+  alone.initial = options.prior->target_from_source.rigid();
+  const RegistrationResult bare = icp(pair.source, pair.target, std::nullopt, alone);
+  // The verdict changes nothing of what ICP found.
+  EXPECT_EQ(alignment.estimate->matrix(), bare.similarity().matrix());
+  EXPECT_EQ(alignment.registration.score, bare.score);
+  EXPECT_EQ(alignment.registration.iterations, bare.iterations);
+  ASSERT_TRUE(alignment.verdict);
+  if (degrees_off(*alignment.estimate, pair.target_from_source) > 5.0) {
+    EXPECT_NE(alignment.verdict, Verdict::kAligned);
+  }
+}
+
+TEST(Align, SaysOnlyHowItEndedWhereNoVerdictIsAskedFor) {
+  const auto [source, target] = strangers();
+  AlignOptions options;
+  options.judge = false;
+  options.method = AlignMethod::kIcp;
+  const Alignment alignment = align(source, target, options);
+  EXPECT_FALSE(alignment.verdict);
+  EXPECT_FALSE(alignment.probability);
+  EXPECT_FALSE(alignment.target_from_source);
+  EXPECT_TRUE(alignment.estimate);
+  EXPECT_THAT(status_of(alignment), ::testing::AnyOf("converged", "stopped"));
+}
+
+TEST(Align, IsTheSameForAnyNumberOfThreads) {
+  const SyntheticPair pair = synthetic_pair({.seed = 56, .overlap = 0.4});
+  AlignOptions options;
+  options.prior = PosePrior{.target_from_source = turned(pair.target_from_source, 20.0)};
+  const Alignment one = align(pair.source, pair.target, options);
+  options.execution.executor = Executor(3);
+  const Alignment three = align(pair.source, pair.target, options);
+  EXPECT_EQ(one.verdict, three.verdict);
+  EXPECT_EQ(one.probability, three.probability);
+  EXPECT_EQ(one.estimate->matrix(), three.estimate->matrix());
+}
+
+TEST(Align, FailsWithAReasonWithoutLandmarks) {
+  AlignOptions options;
+  for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
+    options.method = method;
+    const Alignment alignment = align(LandmarkCloud(), LandmarkCloud(), options);
+    EXPECT_EQ(alignment.verdict, Verdict::kRejected);
+    EXPECT_FALSE(alignment.estimate);
+    EXPECT_FALSE(alignment.reason.empty());
+  }
+}
+
+TEST(Align, IsNotJudgedWhenStopped) {
+  const SyntheticPair pair = synthetic_pair({.seed = 57});
+  std::stop_source stop;
+  stop.request_stop();
+  AlignOptions options;
+  options.execution.stop = stop.get_token();
+  for (const bool guessed : {false, true}) {
+    if (guessed) options.prior = PosePrior{};
+    const Alignment alignment = align(pair.source, pair.target, options);
+    EXPECT_NE(alignment.verdict, Verdict::kAligned);
+    EXPECT_FALSE(alignment.target_from_source);
+  }
+}
+
+TEST(Align, RefusesInvalidOptionsByName) {
+  const auto refused = [](const AlignOptions& options) {
+    return testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); });
+  };
+  EXPECT_THAT(refused({.min_probability = 0.3}), HasSubstr("AlignOptions.min_probability"));
+  EXPECT_THAT(refused({.method = AlignMethod::kIcp, .scale = ScaleRange()}),
+              HasSubstr("AlignOptions.scale"));
+  EXPECT_THAT(refused({.prior = PosePrior{.target_from_source = {2.0, Rigid3()}}}),
+              HasSubstr("AlignOptions.prior.target_from_source"));
+  EXPECT_THAT(refused({.prior = PosePrior{.covariance = Matrix6d(-Matrix6d::Identity())}}),
+              HasSubstr("AlignOptions.prior.covariance"));
+}
+
+}  // namespace
+}  // namespace cairn
