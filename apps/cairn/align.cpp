@@ -42,9 +42,14 @@ struct AlignArguments {
   std::string method;
   bool gravity = false;
   bool estimate_scale = false;
-  RobustMethod robust;
+  bool anywhere = false;
+  bool no_verdict = false;
+  AlignOptions alignment;  // but for what `options` hold
   std::vector<const CLI::Option*> of_icp_alone;
-  const CLI::Option* one_to_one = nullptr;
+  std::vector<const CLI::Option*> of_guesses;  // a search has none of these
+  std::vector<const CLI::Option*> initials;
+
+  bool has_initial() const;
 
   void add_to(CLI::App& command);
   int run();
@@ -98,8 +103,8 @@ void AlignArguments::add_to(CLI::App& command) {
            "robust (graduated kernel, landmark covariances; confidences are weights) or icp (the "
            "paper's) (default: robust, or icp where an option that only icp has is given)",
            "METHOD");
-  one_to_one = command.add_flag("--one-to-one", robust.one_to_one,
-                                "With robust: match no target landmark twice");
+  command.add_flag("--one-to-one", alignment.one_to_one,
+                   "With robust and --initial: match no target landmark twice");
   add_number(
       command, "--overlap-radius", options.overlap_radius,
       fmt::format("Distance within which landmarks overlap, in the maps' unit (default: {:g} "
@@ -111,54 +116,58 @@ void AlignArguments::add_to(CLI::App& command) {
                    "Keep score and matches of each iteration in the JSON");
   common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
   common.add_to(command);
-  auto* const anywhere = command.add_flag(
-      "--anywhere", robust.anywhere,
-      "Align from no initial pose, robustly, and judge: aligned, ambiguous or rejected");
+  auto* const everywhere = command.add_flag(
+      "--anywhere", anywhere,
+      "Search for the pose everywhere: what is done anyway without --initial and --method icp");
   for (const char* const other :
        {"--initial", "--initial-matrix", "--method", "--max-iterations", "--one-to-one"}) {
-    anywhere->excludes(command.get_option(other));
+    everywhere->excludes(command.get_option(other));
   }
   for (const char* const name : {"--neighbors", "--stop-as-pcl", "--fast", "--max-distance",
                                  "--reciprocal", "--trim", "--weight-by-confidence"}) {
     of_icp_alone.push_back(command.get_option(name));
-    anywhere->excludes(command.get_option(name));
+    everywhere->excludes(command.get_option(name));
   }
-  command
-      .add_flag("--gravity", gravity,
-                "With --anywhere: only turn about the vertical, and tilt a little; a map that does "
-                "not know where down is has z upwards")
-      ->needs(anywhere);
-  command
-      .add_flag(
-          "--scale", estimate_scale,
-          "With --anywhere: the maps need not be of one scale; find the source's, from 1/20 to "
-          "20 times the target's")
-      ->needs(anywhere);
+  command.add_flag("--gravity", gravity,
+                   "Only turn about the vertical, and tilt a little; a map that does "
+                   "not know where down is has z upwards");
+  command.add_flag("--scale", estimate_scale,
+                   "The maps need not be of one scale; find the source's, from 1/20 to "
+                   "20 times the target's");
+  add_number(command, "--prior-odds", alignment.prior_odds,
+             "Odds, before anything is looked at, that the maps show one place; 0.01 "
+             "where one of a hundred pairs does");
+  add_number(command, "--effort", alignment.effort,
+             "Of the search: work in units of the default's, 1/16 to 64");
   add_number(
-      command, "--prior-odds", robust.placement.prior_odds,
-      "With --anywhere: odds, before anything is looked at, that the maps show one place; 0.01 "
-      "where one of a hundred pairs does")
-      ->needs(anywhere);
-  add_number(command, "--effort", robust.placement.effort,
-             "With --anywhere: work in units of the default's, 1/16 to 64")
-      ->needs(anywhere);
-  add_number(
-      command, "--time-limit", robust.placement.time_limit_s,
-      "With --anywhere: make do with what is found in so many seconds; the result then depends "
-      "on the machine (default: no limit)")
-      ->needs(anywhere);
+      command, "--time-limit", alignment.time_limit_s,
+      "Of the search: make do with what is found in so many seconds; the result then depends "
+      "on the machine (default: no limit)");
+  add_number(command, "--min-probability", alignment.min_probability,
+             "Probability from which a pose is aligned, 0.5 to below 1");
+  command.add_flag("--no-verdict", no_verdict,
+                   "Do not judge: give the pose that the method came to, right or not");
+  for (const char* const name : {"--initial", "--initial-matrix"}) {
+    initials.push_back(command.get_option(name));
+  }
+  of_guesses = {command.get_option("--max-iterations"), command.get_option("--one-to-one")};
   command.footer(
       "Example: align two maps of one place of which nothing else is known\n"
-      "  cairn align later.map earlier.map --anywhere\n"
+      "  cairn align later.map earlier.map\n"
       "Example: refine a guess by the paper's ICP, by two strategies, and keep the result\n"
       "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
 
 bool AlignArguments::is_robust() const {
-  if (robust.anywhere || !method.empty()) return method != "icp";
+  if (anywhere || !method.empty()) return method != "icp";
   return std::none_of(of_icp_alone.begin(), of_icp_alone.end(),
                       [](const CLI::Option* option) { return option->count() > 0; });
+}
+
+bool AlignArguments::has_initial() const {
+  return std::any_of(initials.begin(), initials.end(),
+                     [](const CLI::Option* option) { return option->count() > 0; });
 }
 
 void AlignArguments::check_options() const {
@@ -167,12 +176,13 @@ void AlignArguments::check_options() const {
                      {"IcpOptions.max_distance", "--max-distance"},
                      {"IcpOptions.trimmed_fraction", "--trim"},
                      {"IcpOptions.overlap_radius", "--overlap-radius"},
+                     {"AlignOptions.min_probability", "--min-probability"},
                      {"PlaceOptions.effort", "--effort"},
                      {"PlaceOptions.prior_odds", "--prior-odds"},
                      {"PlaceOptions.time_limit_s", "--time-limit"}},
                     [&] {
                       options.validate();
-                      robust.placement.validate();
+                      alignment.validate();
                     });
   if (!method.empty() && method != "icp" && method != "robust") {
     throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
@@ -184,9 +194,18 @@ void AlignArguments::check_options() const {
                   "--method icp");
     }
   }
-  if (!is_robust() && one_to_one->count() > 0) {
-    throw Error(ErrorKind::kMisuse, one_to_one->get_name(), "given with what only icp has",
+  if (!is_robust() && alignment.one_to_one) {
+    throw Error(ErrorKind::kMisuse, "--one-to-one", "given with what only icp has",
                 "--method robust");
+  }
+  for (const CLI::Option* const option : of_guesses) {
+    if (is_robust() && !has_initial() && option->count() > 0) {
+      throw Error(ErrorKind::kMisuse, option->get_name(), "given, but a search has no such thing",
+                  "--initial, or --method icp");
+    }
+  }
+  if (!is_robust() && estimate_scale) {
+    throw Error(ErrorKind::kMisuse, "--scale", "given with icp", "--method robust");
   }
 }
 
@@ -195,13 +214,15 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
   for (const Strategy& strategy : strategies) names.push_back(strategy.name);
   return {{"confidence", std::move(names)},
           {"method", is_robust() ? "robust" : "icp"},
-          {"anywhere", robust.anywhere},
+          {"anywhere", is_robust() && !has_initial()},
+          {"judge", !no_verdict},
+          {"min_probability", no_verdict ? Json(nullptr) : Json(alignment.min_probability)},
           {"gravity", gravity},
           {"estimate_scale", estimate_scale},
-          {"effort", robust.anywhere ? Json(robust.placement.effort) : Json(nullptr)},
-          {"prior_odds", robust.anywhere ? Json(robust.placement.prior_odds) : Json(nullptr)},
-          {"time_limit_s", to_json(robust.placement.time_limit_s)},
-          {"one_to_one", robust.one_to_one},
+          {"effort", alignment.effort},
+          {"prior_odds", alignment.prior_odds},
+          {"time_limit_s", to_json(alignment.time_limit_s)},
+          {"one_to_one", alignment.one_to_one},
           {"k", options.k},
           {"initial", to_json(options.initial)},
           {"max_iterations", options.max_iterations},
@@ -241,6 +262,33 @@ report::Report AlignArguments::make_report(const LoadedMap& source_map, const Lo
   return report;
 }
 
+// The likeliest poses of a pair that has no trustworthy one, and what may help.
+std::string not_trusted(const Alignment& alignment, LengthUnit unit) {
+  constexpr std::size_t kShown = 3;
+  std::string text;
+  const auto& candidates = alignment.placement->candidates;
+  for (std::size_t i = 0; i < std::min(kShown, candidates.size()); ++i) {
+    const PlacementCandidate& candidate = candidates[i];
+    const Eigen::Vector3d& t = candidate.target_from_source.translation();
+    const Eigen::Vector3d angles = candidate.target_from_source.roll_pitch_yaw();
+    text += fmt::format("  not trusted, {} %: x {} y {} z {} {}, roll {} pitch {} yaw {} deg\n",
+                        fixed(100.0 * candidate.probability, 2), fixed(t.x(), 3), fixed(t.y(), 3),
+                        fixed(t.z(), 3), unit_symbol(unit), fixed(degrees(angles.x()), 2),
+                        fixed(degrees(angles.y()), 2), fixed(degrees(angles.z()), 2));
+  }
+  const bool other =
+      !candidates.empty() && candidates.front().probability > alignment.placement->probability;
+  if (other) text += "  hint: without --initial and --method icp the likeliest pose is judged\n";
+  if (!candidates.empty() && !candidates.front().support.agreement) {
+    text += "  hint: maps with descriptors are told apart better\n";
+  }
+  if (!alignment.result.unobservable.empty()) {
+    text += "  hint: maps that overlap in more than a plane or a line determine every direction\n";
+  }
+  text += "  hint: --min-probability lowers the bar\n";
+  return text;
+}
+
 void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_map,
                            const std::vector<Alignment>& alignments, LengthUnit unit) const {
   const Console console = common.console();
@@ -250,12 +298,18 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
                               loaded->map.landmark_count()));
   }
   console.print("\n" + alignment_table(alignments, options, unit));
-  for (const Alignment& alignment : alignments) {
-    const RegistrationResult& result = alignment.result;
-    const std::string_view verdict =
-        alignment.placement ? to_string(alignment.placement->verdict) : "not judged";
-    console.print(fmt::format("\n{}: {}: {}\n", alignment.confidence, verdict, result.reason));
-    if (!has_answer(alignment)) continue;
+  for (const Alignment& each : alignments) {
+    const RegistrationResult& result = each.result;
+    const std::string_view verdict = each.placement           ? to_string(each.placement->verdict)
+                                     : each.result.has_pose() ? "not judged"
+                                                              : "failed";
+    console.print(fmt::format("\n{}: {}: {}\n", each.confidence, verdict, result.reason));
+    const bool judged_wrong = each.placement && each.placement->verdict != Verdict::kAligned;
+    if (judged_wrong) {
+      console.print(not_trusted(each, unit));
+      continue;
+    }
+    if (!has_answer(each)) continue;
     const Eigen::Vector3d& t = result.target_from_source.translation();
     const Eigen::Vector3d angles = result.target_from_source.roll_pitch_yaw();
     if (estimate_scale) {
@@ -283,16 +337,9 @@ LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
     throw Error(ErrorKind::kInput, source.path,
                 "in " + to_string(unit) + " units, but " + target.path + " in " +
                     to_string(target.map.info().length_unit),
-                "maps of one scale, or --anywhere --scale");
+                "maps of one scale, or --scale");
   }
   return unit;
-}
-
-GravityPrior gravity_of(const LandmarkMap& source, const LandmarkMap& target) {
-  GravityPrior gravity;
-  gravity.source = source.info().gravity.value_or(gravity.source);
-  gravity.target = target.info().gravity.value_or(gravity.target);
-  return gravity;
 }
 
 int AlignArguments::run() {
@@ -327,15 +374,18 @@ int AlignArguments::run() {
     loaded->description["kept_landmarks"] =
         landmarks_observed(loaded->map, point_options.min_observations).size();
   }
-  IcpOptions traced = options;
-  traced.trace = options.trace || !common.report_path.empty();
-  robust.placement.seed = common.seed;
-  robust.placement.unit = unit_symbol(unit);
-  if (estimate_scale) robust.placement.scale = ScaleRange();
-  if (gravity) robust.placement.gravity = gravity_of(source_map.map, target_map.map);
+  alignment.method = is_robust() ? AlignMethod::kRobust : AlignMethod::kIcp;
+  if (has_initial()) alignment.prior = PosePrior{.target_from_source = options.initial};
+  alignment.judge = !no_verdict;
+  alignment.points = point_options;
+  alignment.overlap_radius = options.overlap_radius;
+  alignment.trace = options.trace || !common.report_path.empty();
+  alignment.icp = options;
+  alignment.seed = common.seed;
+  if (estimate_scale) alignment.scale = ScaleRange();
+  if (gravity) alignment.gravity = gravity_prior(source_map.map, target_map.map);
   const std::vector<Alignment> alignments =
-      align_by_all(source_map.map, target_map.map, strategies, traced, point_options, true_pose,
-                   common, is_robust() ? std::optional(robust) : std::nullopt);
+      align_by_all(source_map.map, target_map.map, strategies, alignment, true_pose, common);
 
   if (!output.empty()) {
     if (has_answer(alignments.front())) {
@@ -355,8 +405,8 @@ int AlignArguments::run() {
   }
   Json json = document("align", common, std::move(inputs), options_json(strategies));
   json["results"] = Json::array();
-  for (const Alignment& alignment : alignments) {
-    json["results"].push_back(to_json(alignment, options, unit));
+  for (const Alignment& one : alignments) {
+    json["results"].push_back(to_json(one, options, unit));
   }
   write_document(json, common);
   print(source_map, target_map, alignments, unit);

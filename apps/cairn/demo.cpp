@@ -192,8 +192,8 @@ int DemoArguments::run() {
   options.trace = !common.report_path.empty();
   options.initial = displaced(pair.target_from_source, offset, pair.source);
   const std::vector<Alignment> alignments = align_by_all(
-      pair.source, pair.target, parse_strategies("none,covariance,observations,distance"), options,
-      PointSetOptions(), pair.target_from_source, common);
+      pair.source, pair.target, parse_strategies("none,covariance,observations,distance"),
+      by_icp_alone(options, {}), pair.target_from_source, common);
 
   std::string saved;
   if (!save.empty()) saved = save_to_folder(pair, options.initial);

@@ -282,7 +282,7 @@ class EvaluateAlignmentTest : public EvaluateTest {
   SyntheticPair write_result() const {
     SyntheticPair pair = write_pair();
     answer({"align", "source.map", "target.map", "--initial-matrix", "start.txt", "--confidence",
-            "none,covariance", "--json", "result.json"});
+            "none,covariance", "--no-verdict", "--json", "result.json"});
     return pair;
   }
   const Words evaluate_ = {"evaluate", "alignment", "result.json", "--truth", "truth.txt"};
@@ -296,8 +296,9 @@ class EvaluateAlignmentTest : public EvaluateTest {
 
 TEST_F(EvaluateAlignmentTest, ErrorsAreThoseThatTheAlignmentWouldHaveTold) {
   write_result();
-  const Json told = document({"align", "source.map", "target.map", "--initial-matrix", "start.txt",
-                              "--confidence", "none,covariance", "--truth", "truth.txt"});
+  const Json told =
+      document({"align", "source.map", "target.map", "--initial-matrix", "start.txt",
+                "--confidence", "none,covariance", "--no-verdict", "--truth", "truth.txt"});
   const Json json = document(evaluate_);
   EXPECT_EQ(json.at("schema").at("name"), "cairn.evaluate_alignment");
   EXPECT_EQ(json.at("inputs").at("result").at("hash"), hash_file(path("result.json")));

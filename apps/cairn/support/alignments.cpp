@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/placement/refine.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/table.hpp"
@@ -108,29 +107,17 @@ Json covariance_json(const RegistrationResult& result) {
   return result.covariance ? to_json(*result.covariance) : Json(nullptr);
 }
 
-// What all methods take alike.
-template <class Options>
-void take_common(const IcpOptions& from, Options& to) {
-  to.overlap_radius = from.overlap_radius;
-  to.trace = from.trace;
-  to.execution = from.execution;
-}
-
-RegistrationResult refine_by(const RobustMethod& method, const LandmarkCloud& source,
-                             const LandmarkCloud& target, const IcpOptions& options) {
-  RefineOptions refinement;
-  refinement.initial = options.initial;
-  refinement.one_to_one = method.one_to_one;
-  refinement.max_iterations = options.max_iterations;
-  take_common(options, refinement);
-  return refine(source, target, refinement);
-}
-
-PlacementResult place_by(const RobustMethod& method, const LandmarkCloud& source,
-                         const LandmarkCloud& target, const IcpOptions& options) {
-  PlaceOptions placement = method.placement;
-  take_common(options, placement);
-  return place(source, target, placement);
+// What the verdict rests on, for the table and the document.
+PlacementResult placement_of(const cairn::Alignment& alignment) {
+  PlacementResult placement;
+  placement.verdict = *alignment.verdict;
+  placement.reason = alignment.reason;
+  placement.candidates = alignment.candidates;
+  placement.probability = alignment.probability.value_or(0.0);
+  placement.radius = alignment.radius;
+  placement.cut_short = alignment.cut_short;
+  placement.time_limited = !alignment.deterministic;
+  return placement;
 }
 
 }  // namespace
@@ -145,42 +132,44 @@ bool has_answer(const Alignment& alignment) {
                              : alignment.result.has_pose();
 }
 
+AlignOptions by_icp_alone(const IcpOptions& options, const PointSetOptions& points) {
+  AlignOptions alone;
+  alone.method = AlignMethod::kIcp;
+  alone.judge = false;
+  alone.icp = options;
+  alone.prior = PosePrior{.target_from_source = options.initial};
+  alone.overlap_radius = options.overlap_radius;
+  alone.trace = options.trace;
+  alone.points = points;
+  return alone;
+}
+
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies, IcpOptions options,
-                                    const PointSetOptions& point_options,
+                                    const std::vector<Strategy>& strategies, AlignOptions options,
                                     const std::optional<Similarity3>& truth,
-                                    const CommonArguments& common,
-                                    const std::optional<RobustMethod>& robust) {
+                                    const CommonArguments& common) {
+  const bool by_icp = options.method == AlignMethod::kIcp;
   options.execution.executor = common.executor();
   options.execution.stop = interrupt_requests();
   std::vector<Alignment> alignments;
   for (const Strategy& strategy : strategies) {
-    const PointSet source_points = point_set(source, strategy.metric, point_options);
-    const PointSet target_points = point_set(target, strategy.metric, point_options);
     options.execution.progress = common.console().progress("aligning, confidence " + strategy.name);
+    options.confidence = strategy.metric;
+    cairn::Alignment found = align(source, target, options);
     Alignment alignment;
     alignment.confidence = strategy.name;
-    if (robust) {
-      const LandmarkCloud from = landmark_cloud(source, strategy.metric, point_options);
-      const LandmarkCloud to = landmark_cloud(target, strategy.metric, point_options);
-      alignment.method = "robust";
-      if (robust->anywhere) {
-        alignment.placement = place_by(*robust, from, to, options);
-        alignment.result = std::move(alignment.placement->alignment);
-        alignment.result.reason = alignment.placement->reason;
-        alignment.result.duration_s = alignment.placement->duration_s;
-      } else {
-        alignment.result = refine_by(*robust, from, to, options);
-      }
-    } else {
-      alignment.k = strategy.metric ? options.k : 1;
-      alignment.result = icp(source_points, target_points, options);
-    }
+    alignment.method = by_icp ? "icp" : "robust";
+    if (by_icp && strategy.metric) alignment.k = options.icp.k;
+    alignment.result = std::move(found.registration);
     if (alignment.result.status == RegistrationStatus::kCancelled) {
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
     }
+    if (found.verdict) alignment.placement = placement_of(found);
+    alignment.result.reason = found.reason;
+    alignment.result.duration_s = found.duration_s;
     if (truth && has_answer(alignment)) {
-      alignment.error = pose_error(alignment.result.similarity(), *truth, source_points.positions);
+      alignment.error = pose_error(alignment.result.similarity(), *truth,
+                                   point_set(source, std::nullopt, options.points).positions);
     }
     alignments.push_back(std::move(alignment));
   }
@@ -248,6 +237,10 @@ Json to_json(const Alignment& alignment, const IcpOptions& options, LengthUnit u
       {"verdict", placement ? to_string(placement->verdict) : "none"},
       {"reason", result.reason},
       {"target_from_source", has_pose ? to_json(result.target_from_source) : Json(nullptr)},
+      // The best pose found, right or not.
+      {"estimate", result.status == RegistrationStatus::kFailed
+                       ? Json(nullptr)
+                       : to_json(result.target_from_source)},
       {"scale", has_pose ? Json(result.scale) : Json(nullptr)},
       {"method", alignment.method},
       {"confidence", alignment.confidence},

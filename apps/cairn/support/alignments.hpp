@@ -5,21 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/evaluation/pose_error.hpp"
-#include "cairn/placement/place.hpp"
-#include "cairn/registration/icp.hpp"
 
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 
 namespace cairn::cli {
-
-/// How a pair is aligned, other than by ICP.
-struct RobustMethod {
-  bool one_to_one = false;
-  bool anywhere = false;   ///< from no initial pose, with a verdict
-  PlaceOptions placement;  ///< for anywhere; what IcpOptions have too is taken from there
-};
 
 /// One pair of maps aligned by one strategy.
 struct Alignment {
@@ -37,15 +29,16 @@ std::string_view status_of(const Alignment& alignment);
 /// Whether there is a pose to go on with: judged aligned, or, where none is judged, what the method came to.
 bool has_answer(const Alignment& alignment);
 
+/// By the paper's ICP from the initial pose, which the caller holds against a truth: without a verdict.
+AlignOptions by_icp_alone(const IcpOptions& options, const PointSetOptions& points);
+
 /// Aligns two maps by each strategy in turn, with progress and until interrupted.
-/// @param robust nothing: by ICP
+/// @param options of all; the confidence is each strategy's
 /// @throws Error (cancelled)
 std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies, IcpOptions options,
-                                    const PointSetOptions& point_options,
+                                    const std::vector<Strategy>& strategies, AlignOptions options,
                                     const std::optional<Similarity3>& truth,
-                                    const CommonArguments& common,
-                                    const std::optional<RobustMethod>& robust = {});
+                                    const CommonArguments& common);
 
 /// One row a strategy, and what the columns mean.
 std::string alignment_table(const std::vector<Alignment>& alignments, const IcpOptions& options,

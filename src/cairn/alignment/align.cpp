@@ -26,8 +26,10 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-PlaceOptions placement_of(const AlignOptions& options) {
+// @param unit symbol of the target's unit of length; may be empty
+PlaceOptions placement_of(const AlignOptions& options, std::string_view unit = {}) {
   PlaceOptions placement;
+  placement.unit = unit;
   placement.seed = options.seed;
   placement.effort = options.effort;
   placement.prior_odds = options.prior_odds;
@@ -75,6 +77,8 @@ RegistrationResult refined(const LandmarkCloud& source, const LandmarkCloud& tar
     if (off > 0.0) refinement.coarse = off;
     refinement.by_icp_too = false;
   }
+  refinement.one_to_one = options.one_to_one;
+  refinement.max_iterations = options.icp.max_iterations;
   refinement.overlap_radius = options.overlap_radius;
   refinement.trace = options.trace;
   refinement.execution = options.execution;
@@ -111,19 +115,16 @@ void take_verdict(PlacementResult placed, Alignment& alignment) {
 
 // @param found by the method, from the prior pose; nothing: by search
 Alignment concluded(const LandmarkCloud& source, const LandmarkCloud& target,
-                    const AlignOptions& options, std::optional<RegistrationResult> found) {
+                    const AlignOptions& options, std::string_view unit,
+                    std::optional<RegistrationResult> found) {
   Alignment alignment;
   alignment.deterministic = !options.time_limit_s;
   const bool cancelled = found && found->status == RegistrationStatus::kCancelled;
   if (found && (!options.judge || cancelled || !found->has_pose())) {
     alignment.registration = std::move(*found);
     alignment.reason = alignment.registration.reason;
-    if (options.judge && !cancelled) {
-      alignment.verdict = Verdict::kRejected;
-      alignment.probability = 0.0;
-    }
   } else {
-    PreparedPair pair(source, target, placement_of(options));
+    PreparedPair pair(source, target, placement_of(options, unit));
     const bool by_icp = options.method == AlignMethod::kIcp;
     PlacementResult placed = !found   ? pair.place()
                              : by_icp ? pair.judge(found->similarity())
@@ -144,7 +145,7 @@ Alignment concluded(const LandmarkCloud& source, const LandmarkCloud& target,
 }
 
 Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
-                const PointSet& source_points, const PointSet& target_points,
+                const PointSet& source_points, const PointSet& target_points, std::string_view unit,
                 const AlignOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   std::optional<RegistrationResult> found;
@@ -153,7 +154,7 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
   } else if (options.prior) {
     found = refined(source, target, options);
   }
-  Alignment alignment = concluded(source, target, options, std::move(found));
+  Alignment alignment = concluded(source, target, options, unit, std::move(found));
   alignment.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return alignment;
@@ -197,7 +198,7 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
   source.validate("source");
   target.validate("target");
   return align(source, target, {source.positions, source.weights},
-               {target.positions, target.weights}, options);
+               {target.positions, target.weights}, {}, options);
 }
 
 Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options) {
@@ -208,7 +209,8 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
   };
   return align(landmark_cloud(source, options.confidence, options.points),
                landmark_cloud(target, options.confidence, options.points), points(source),
-               points(target), options);
+               points(target), target.info().length_unit == LengthUnit::kMetres ? "m" : "",
+               options);
 }
 
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {

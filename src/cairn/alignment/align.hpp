@@ -41,6 +41,7 @@ struct AlignOptions {
   double min_probability = 0.99;
   /// Odds, before anything is looked at, that the maps show one place; see PlaceOptions.
   double prior_odds = 1.0;
+  bool one_to_one = false;  ///< kRobust, from a prior pose: match no target landmark twice
   bool judge = true;  ///< without it no pose is aligned: the result has an estimate and no verdict
   /// Work of the search in units of the default's; from 1/16 to 64.
   double effort = 1.0;
@@ -51,7 +52,8 @@ struct AlignOptions {
   std::optional<double> overlap_radius = {};
   std::uint64_t seed = 0;
   bool trace = false;  ///< keep score and matches of every iteration
-  /// For kIcp. Initial pose, overlap radius, trace and execution are taken from here above and below.
+  /// For kIcp; its limit of iterations is also that of a refinement from a prior pose. Initial pose,
+  /// overlap radius, trace and execution are taken from here above and below.
   IcpOptions icp = {};
 
   Execution execution = {};
@@ -62,7 +64,7 @@ struct AlignOptions {
 
 /// What is known of the pose between two maps.
 struct Alignment {
-  /// Nothing: not judged, for that was not asked for, or the caller stopped the work.
+  /// Nothing: not judged, for that was not asked for, the method failed, or the caller stopped the work.
   std::optional<Verdict> verdict;
   std::optional<double> probability;  ///< that the estimate is right; nothing if not judged
   std::string reason;                 ///< one sentence for people

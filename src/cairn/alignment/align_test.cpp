@@ -147,7 +147,8 @@ TEST(Align, FailsWithAReasonWithoutLandmarks) {
   for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
     options.method = method;
     const Alignment alignment = align(LandmarkCloud(), LandmarkCloud(), options);
-    EXPECT_EQ(alignment.verdict, Verdict::kRejected);
+    EXPECT_EQ(status_of(alignment), method == AlignMethod::kIcp ? "failed" : "rejected");
+    EXPECT_FALSE(alignment.target_from_source);
     EXPECT_FALSE(alignment.estimate);
     EXPECT_FALSE(alignment.reason.empty());
   }
