@@ -49,13 +49,12 @@ struct AlignArguments {
   std::vector<const CLI::Option*> of_guesses;  // a search has none of these
   std::vector<const CLI::Option*> initials;
 
-  bool has_initial() const;
-
   void add_to(CLI::App& command);
   int run();
 
  private:
   bool is_robust() const;
+  bool has_initial() const;
   void check_options() const;
   Json options_json(const std::vector<Strategy>& strategies) const;
   report::Report make_report(const LoadedMap& source_map, const LoadedMap& target_map,
@@ -139,10 +138,9 @@ void AlignArguments::add_to(CLI::App& command) {
              "where one of a hundred pairs does");
   add_number(command, "--effort", alignment.effort,
              "Of the search: work in units of the default's, 1/16 to 64");
-  add_number(
-      command, "--time-limit", alignment.time_limit_s,
-      "Of the search: make do with what is found in so many seconds; the result then depends "
-      "on the machine (default: no limit)");
+  add_number(command, "--time-limit", alignment.time_limit_s,
+             "Limit of the search in seconds; the result then depends on the machine (default: no "
+             "limit)");
   add_number(command, "--min-probability", alignment.min_probability,
              "Probability from which a pose is aligned, 0.5 to below 1");
   command.add_flag("--no-verdict", no_verdict,
@@ -159,15 +157,18 @@ void AlignArguments::add_to(CLI::App& command) {
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
 
+bool any_given(const std::vector<const CLI::Option*>& options) {
+  return std::any_of(options.begin(), options.end(),
+                     [](const CLI::Option* option) { return option->count() > 0; });
+}
+
 bool AlignArguments::is_robust() const {
   if (anywhere || !method.empty()) return method != "icp";
-  return std::none_of(of_icp_alone.begin(), of_icp_alone.end(),
-                      [](const CLI::Option* option) { return option->count() > 0; });
+  return !any_given(of_icp_alone);
 }
 
 bool AlignArguments::has_initial() const {
-  return std::any_of(initials.begin(), initials.end(),
-                     [](const CLI::Option* option) { return option->count() > 0; });
+  return any_given(initials);
 }
 
 void AlignArguments::check_options() const {
@@ -262,19 +263,24 @@ report::Report AlignArguments::make_report(const LoadedMap& source_map, const Lo
   return report;
 }
 
+// "x 0.100 y ..., roll ... deg", with so many digits.
+std::string pose_text(const Rigid3& pose, LengthUnit unit, int digits, int angle_digits) {
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Vector3d angles = pose.roll_pitch_yaw();
+  return fmt::format(
+      "x {} y {} z {} {}, roll {} pitch {} yaw {} deg", fixed(t.x(), digits), fixed(t.y(), digits),
+      fixed(t.z(), digits), unit_symbol(unit), fixed(degrees(angles.x()), angle_digits),
+      fixed(degrees(angles.y()), angle_digits), fixed(degrees(angles.z()), angle_digits));
+}
+
 // The likeliest poses of a pair that has no trustworthy one, and what may help.
 std::string not_trusted(const Alignment& alignment, LengthUnit unit) {
   constexpr std::size_t kShown = 3;
   std::string text;
   const auto& candidates = alignment.placement->candidates;
   for (std::size_t i = 0; i < std::min(kShown, candidates.size()); ++i) {
-    const PlacementCandidate& candidate = candidates[i];
-    const Eigen::Vector3d& t = candidate.target_from_source.translation();
-    const Eigen::Vector3d angles = candidate.target_from_source.roll_pitch_yaw();
-    text += fmt::format("  not trusted, {} %: x {} y {} z {} {}, roll {} pitch {} yaw {} deg\n",
-                        fixed(100.0 * candidate.probability, 2), fixed(t.x(), 3), fixed(t.y(), 3),
-                        fixed(t.z(), 3), unit_symbol(unit), fixed(degrees(angles.x()), 2),
-                        fixed(degrees(angles.y()), 2), fixed(degrees(angles.z()), 2));
+    text += fmt::format("  not trusted, {} %: {}\n", fixed(100.0 * candidates[i].probability, 2),
+                        pose_text(candidates[i].target_from_source, unit, 3, 2));
   }
   const bool other =
       !candidates.empty() && candidates.front().probability > alignment.placement->probability;
@@ -310,15 +316,11 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
       continue;
     }
     if (!has_answer(each)) continue;
-    const Eigen::Vector3d& t = result.target_from_source.translation();
-    const Eigen::Vector3d angles = result.target_from_source.roll_pitch_yaw();
     if (estimate_scale) {
       console.print(fmt::format("  scale of the source: {:.6g}\n", result.scale));
     }
-    console.print(fmt::format(
-        "  target_from_source: x {} y {} z {} {}, roll {} pitch {} yaw {} deg\n", fixed(t.x(), 6),
-        fixed(t.y(), 6), fixed(t.z(), 6), unit_symbol(unit), fixed(degrees(angles.x()), 4),
-        fixed(degrees(angles.y()), 4), fixed(degrees(angles.z()), 4)));
+    console.print(fmt::format("  target_from_source: {}\n",
+                              pose_text(result.target_from_source, unit, 6, 4)));
     if (!result.unobservable.empty()) {
       console.print(
           fmt::format("  {} of the pose's {} directions are not determined by the matches\n",

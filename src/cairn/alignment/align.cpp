@@ -58,9 +58,7 @@ double displacement(const PosePrior& prior, const LandmarkCloud& source) {
   for (const Eigen::Vector3d& position : source.positions) {
     const Eigen::Vector3d p = prior.target_from_source * position;
     Eigen::Matrix<double, 3, 6> jacobian;
-    jacobian << Eigen::Matrix3d::Identity(),
-        (Eigen::Matrix3d() << 0.0, p.z(), -p.y(), -p.z(), 0.0, p.x(), p.y(), -p.x(), 0.0)
-            .finished();
+    jacobian << Eigen::Matrix3d::Identity(), -skew(p);
     sum += (jacobian * *prior.covariance * jacobian.transpose()).trace();
   }
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(source.size(), 1)));
@@ -97,6 +95,7 @@ RegistrationResult joined(RegistrationResult way, RegistrationResult end) {
 
 // ICP's result with what the verdict rests on.
 RegistrationResult completed(RegistrationResult result, RegistrationResult held) {
+  if (held.status == RegistrationStatus::kCancelled) result.status = held.status;
   result.covariance = held.covariance;
   result.covariance_with_scale = held.covariance_with_scale;
   result.unobservable = std::move(held.unobservable);
@@ -134,9 +133,11 @@ Alignment concluded(const LandmarkCloud& source, const LandmarkCloud& target,
     alignment.registration = !found   ? std::move(end)
                              : by_icp ? completed(std::move(*found), std::move(end))
                                       : joined(std::move(*found), std::move(end));
-    alignment.reason = placed.reason;
-    if (options.judge && !stopped) take_verdict(std::move(placed), alignment);
-    if (!options.judge || stopped) alignment.reason = alignment.registration.reason;
+    if (options.judge && !stopped) {
+      take_verdict(std::move(placed), alignment);
+    } else {
+      alignment.reason = alignment.registration.reason;
+    }
   }
   const RegistrationResult& result = alignment.registration;
   if (result.status != RegistrationStatus::kFailed) alignment.estimate = result.similarity();
@@ -203,14 +204,17 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
 
 Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options) {
   options.validate();
+  const bool by_icp = options.method == AlignMethod::kIcp;
   const auto points = [&](const LandmarkMap& map) {
-    if (options.method != AlignMethod::kIcp) return PointSet{};
-    return point_set(map, options.confidence, options.points);
+    return by_icp ? point_set(map, options.confidence, options.points) : PointSet{};
   };
-  return align(landmark_cloud(source, options.confidence, options.points),
-               landmark_cloud(target, options.confidence, options.points), points(source),
-               points(target), target.info().length_unit == LengthUnit::kMetres ? "m" : "",
-               options);
+  // What ICP alone does not look at.
+  const auto cloud = [&](const LandmarkMap& map) {
+    if (by_icp && !options.judge) return LandmarkCloud{};
+    return landmark_cloud(map, options.confidence, options.points);
+  };
+  return align(cloud(source), cloud(target), points(source), points(target),
+               target.info().length_unit == LengthUnit::kMetres ? "m" : "", options);
 }
 
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {

@@ -45,7 +45,7 @@ struct AlignOptions {
   bool judge = true;  ///< without it no pose is aligned: the result has an estimate and no verdict
   /// Work of the search in units of the default's; from 1/16 to 64.
   double effort = 1.0;
-  /// Seconds after which the search makes do with what it has; see PlaceOptions.
+  /// Limit of the search in seconds; see PlaceOptions.
   std::optional<double> time_limit_s = {};
   PointSetOptions points = {};  ///< which landmarks of maps take part
   /// Within which distance landmarks count as overlapping; nothing: one that the maps suggest.
@@ -66,12 +66,11 @@ struct AlignOptions {
 struct Alignment {
   /// Nothing: not judged, for that was not asked for, the method failed, or the caller stopped the work.
   std::optional<Verdict> verdict;
-  std::optional<double> probability;  ///< that the estimate is right; nothing if not judged
+  std::optional<double> probability;  ///< of the estimate; nothing if it was not judged
   std::string reason;                 ///< one sentence for people
   /// Only if the verdict is aligned. x_in_target = target_from_source * x_in_source.
   std::optional<Similarity3> target_from_source;
-  /// The best pose found, or the pose that the method came to, whatever the verdict; nothing if there
-  /// is none.
+  /// The best pose that the method found, trusted or not; nothing if it found none.
   std::optional<Similarity3> estimate;
   /// All poses that were held against each other, likeliest first; empty if not judged.
   std::vector<PlacementCandidate> candidates;

@@ -107,7 +107,7 @@ TEST(Align, JudgesThePapersIcp) {
   IcpOptions alone;
   alone.initial = options.prior->target_from_source.rigid();
   const RegistrationResult bare = icp(pair.source, pair.target, std::nullopt, alone);
-  // The verdict changes nothing of what ICP found.
+  // ICP finds the same pose, judged or not.
   EXPECT_EQ(alignment.estimate->matrix(), bare.similarity().matrix());
   EXPECT_EQ(alignment.registration.score, bare.score);
   EXPECT_EQ(alignment.registration.iterations, bare.iterations);

@@ -293,8 +293,8 @@ class Placement {
     return distance_(a.similarity(), b.similarity()) < kDistinct * fine(b.scale);
   }
 
-  /// Of the poses the nearest, if that is near this one but not the same, and fits clearly better; and how
-  /// far it is from it.
+  /// Of the poses near this one, but not the same, the one that fits best, if it fits clearly better than
+  /// this one; and how far it is from it.
   std::pair<std::optional<Finalist>, double> better_near(const std::vector<Finalist>& poses,
                                                          const Finalist& pose) const {
     std::pair<std::optional<Finalist>, double> better = {std::nullopt, 0.0};
@@ -578,6 +578,11 @@ class PreparedPair::Parts {
   PlacementResult settle(const Similarity3& pose);
 
  private:
+  struct Placed {
+    Candidates found;
+    std::size_t own = 0;  // index of the placed pose among them
+  };
+
   template <class Work>
   PlacementResult timed(const Work& work);
   Similarity3 for_caller(const Similarity3& centred) const {
@@ -597,8 +602,10 @@ class PreparedPair::Parts {
                              PlacementResult& result) const;
   const Candidates& searched(const TimeLimit& time);
   void conclude(Candidates found, const TimeLimit& time, PlacementResult& result) const;
-  void conclude_held(Candidates found, const Finalist& pose, const TimeLimit& time,
-                     PlacementResult& result) const;
+  void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
+                     const TimeLimit& time, PlacementResult& result) const;
+  void judge_best(PlacementResult& result) const;
+  Placed beside(Candidates found, const Finalist& pose) const;
   void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
   void require_scale(const Similarity3& pose) const;
 
@@ -712,53 +719,67 @@ void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
   report(found.poses, result);
   result.own = 0;
   result.probability = result.candidates.front().probability;
+  judge_best(result);
+}
+
+// The verdict on the likeliest candidate.
+void PreparedPair::Parts::judge_best(PlacementResult& result) const {
   Judgement judgement = cairn::judge(result.candidates, result.alignment, placement_->landmarks(),
                                      result.radius, callers_.min_probability, callers_.unit);
   result.verdict = judgement.verdict;
   result.reason = std::move(judgement.reason);
 }
 
-// The pose beside the poses found, of which it stands for those that people would call the same.
-void PreparedPair::Parts::conclude_held(Candidates found, const Finalist& pose,
-                                        const TimeLimit& time, PlacementResult& result) const {
-  result.cut_short = found.cut_short;
-  result.radius = kMatched * fine(pose);
-  const auto [better, off] = placement_->better_near(found.poses, pose);
+// A pose among the poses found, of which it stands for those that people would call the same.
+PreparedPair::Parts::Placed PreparedPair::Parts::beside(Candidates found,
+                                                        const Finalist& pose) const {
   std::erase_if(found.poses, [&](const Finalist& other) { return placement_->near(other, pose); });
-  // A better pose near it is held against the others in its place.
-  found.poses.push_back(better.value_or(pose));
-  const Matrix4d placed = found.poses.back().similarity().matrix();
+  found.poses.push_back(pose);
   found.poses = placement_->with_probabilities(std::move(found.poses));
-  const auto own = static_cast<std::size_t>(
-      std::find_if(found.poses.begin(), found.poses.end(),
-                   [&](const Finalist& one) { return one.similarity().matrix() == placed; }) -
-      found.poses.begin());
-  result.alignment = refined(better ? pose : found.poses[own], true, time, result);
+  const Matrix4d matrix = pose.similarity().matrix();
+  const auto own = std::find_if(found.poses.begin(), found.poses.end(), [&](const Finalist& one) {
+    return one.similarity().matrix() == matrix;
+  });
+  const auto index = static_cast<std::size_t>(own - found.poses.begin());
+  return {std::move(found), index};
+}
+
+// @param held   the pose that is judged, as it is
+// @param better how far it is from the placed one, if that is a better pose near it
+void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& held,
+                                        std::optional<double> better, const TimeLimit& time,
+                                        PlacementResult& result) const {
+  const auto& [found, own] = placed;
+  result.cut_short = found.cut_short;
+  result.radius = kMatched * fine(held);
+  result.alignment = refined(held, true, time, result);
+  // Of a search that was stopped the likelier poses may be missing.
+  if (callers_.execution.stop.stop_requested()) {
+    result.alignment.status = RegistrationStatus::kCancelled;
+    result.alignment.stop_reason = StopReason::kCancelled;
+    result.alignment.reason = result.reason = "cancelled before the pose was judged";
+    return;
+  }
   report(found.poses, result);
-  const double unit = inverted_ ? 1.0 / pose.scale : 1.0;
   if (better) {
-    result.verdict = Verdict::kRejected;
+    const double unit = inverted_ ? 1.0 / held.scale : 1.0;
     result.reason = fmt::format(
         "a pose {:.3g}{}{} from it (root mean square over the landmarks) fits better, and is right "
         "with a probability of {:.2f} %",
-        off * unit, callers_.unit.empty() ? "" : " ", callers_.unit,
+        *better * unit, callers_.unit.empty() ? "" : " ", callers_.unit,
         100.0 * found.poses[own].probability);
     return;
   }
   result.own = own;
   result.probability = found.poses[own].probability;
   if (own > 0) {
-    result.verdict = Verdict::kRejected;
     result.reason = fmt::format(
         "another pose is likelier: it is right with a probability of {:.2f} %, this one of {:.2f} "
         "%",
         100.0 * found.poses.front().probability, 100.0 * result.probability);
     return;
   }
-  Judgement judgement = cairn::judge(result.candidates, result.alignment, placement_->landmarks(),
-                                     result.radius, callers_.min_probability, callers_.unit);
-  result.verdict = judgement.verdict;
-  result.reason = std::move(judgement.reason);
+  judge_best(result);
 }
 
 void PreparedPair::Parts::require_scale(const Similarity3& pose) const {
@@ -790,28 +811,25 @@ PlacementResult PreparedPair::Parts::timed(const Work& work) {
 PlacementResult PreparedPair::Parts::judge(const Similarity3& pose) {
   require_scale(pose);
   return timed([&](const TimeLimit& time, PlacementResult& result) {
-    conclude_held(searched(time), placement_->assessed(centred(pose)), time, result);
+    const Candidates& found = searched(time);
+    const Finalist held = placement_->assessed(centred(pose));
+    const auto [better, off] = placement_->better_near(found.poses, held);
+    // A better pose near it is held against the others in its place.
+    const Placed placed = beside(found, better.value_or(held));
+    conclude_held(placed, better ? held : placed.found.poses[placed.own],
+                  better ? std::optional(off) : std::nullopt, time, result);
   });
 }
 
 PlacementResult PreparedPair::Parts::settle(const Similarity3& pose) {
   require_scale(pose);
   return timed([&](const TimeLimit& time, PlacementResult& result) {
-    Candidates found = searched(time);
+    const Candidates& found = searched(time);
     Finalist settled = placement_->settled(centred(pose), callers_.execution.stop);
     if (const auto better = placement_->better_near(found.poses, settled).first) settled = *better;
-    // Beside the poses found, it is likeliest or it is not.
-    std::erase_if(found.poses,
-                  [&](const Finalist& other) { return placement_->near(other, settled); });
-    const Matrix4d own = settled.similarity().matrix();
-    Candidates all = found;
-    all.poses.push_back(settled);
-    all.poses = placement_->with_probabilities(std::move(all.poses));
-    if (all.poses.front().similarity().matrix() == own) {
-      conclude(std::move(all), time, result);
-    } else {
-      conclude_held(std::move(found), settled, time, result);
-    }
+    Placed placed = beside(found, settled);
+    if (placed.own == 0) return conclude(std::move(placed.found), time, result);
+    conclude_held(placed, placed.found.poses[placed.own], std::nullopt, time, result);
   });
 }
 

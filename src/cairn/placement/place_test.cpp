@@ -476,6 +476,20 @@ TEST(PreparedPair, RejectsEveryPoseBetweenDifferentScenes) {
   }
 }
 
+TEST(PreparedPair, AcceptsNothingBesideASearchThatWasStopped) {
+  const SyntheticPair pair = synthetic_pair({.seed = 33, .overlap = 0.5});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  std::stop_source stop;
+  stop.request_stop();
+  PlaceOptions options = two_threads();
+  options.execution.stop = stop.get_token();
+  const PlacementResult judged =
+      PreparedPair(source, target, options).judge(pair.target_from_source);
+  EXPECT_EQ(judged.verdict, Verdict::kRejected);
+  EXPECT_EQ(judged.alignment.status, RegistrationStatus::kCancelled);
+}
+
 TEST(PreparedPair, JudgesByTheBarAskedFor) {
   const SyntheticPair pair = synthetic_pair({.seed = 36, .overlap = 0.3});
   const LandmarkCloud source = landmark_cloud(pair.source);

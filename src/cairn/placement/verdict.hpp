@@ -48,9 +48,9 @@ struct Judgement {
 ///
 /// @param candidates likeliest first
 /// @param result     the first candidate's pose, with its covariance and open directions
-/// @param least      probability from which it is aligned
 /// @param landmarks  of the smaller map, whose share the supports are
 /// @param radius     within which landmarks were matched, for the sentence
+/// @param least      probability from which the pose is aligned
 /// @param unit       of the radius, for the sentence; may be empty
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
                 std::size_t landmarks, double radius, double least = 0.99,
