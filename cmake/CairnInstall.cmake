@@ -10,7 +10,7 @@ foreach(module IN LISTS modules)
   get_target_property(folder ${module} SOURCE_DIR)
   file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}/src" "${folder}")
   install(DIRECTORY "src/${folder}/" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/${folder}"
-          FILES_MATCHING PATTERN "*.hpp")
+          FILES_MATCHING PATTERN "*.hpp" PATTERN "detail" EXCLUDE)
 endforeach()
 install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/adapters/pcl
         FILES_MATCHING PATTERN "*.hpp")

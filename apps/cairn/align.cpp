@@ -35,6 +35,9 @@ struct AlignArguments {
   PoseArguments initial;
   std::string truth;
   std::string output;
+  std::string format;  // of an output to stdout
+  std::string pose;
+  std::string pose_format = "matrix";
   std::string camera;
   IcpOptions options;
   bool stop_as_pcl = false;
@@ -56,16 +59,18 @@ struct AlignArguments {
   bool is_robust() const;
   bool has_initial() const;
   void check_options() const;
+  void check_outputs(std::size_t strategies);
+  void write_pose_file(const Similarity3& target_from_source) const;
   Json options_json(const std::vector<Strategy>& strategies) const;
   report::Report make_report(const LoadedMap& source_map, const LoadedMap& target_map,
-                             const std::vector<Alignment>& alignments, LengthUnit unit,
+                             const std::vector<StrategyResult>& alignments, LengthUnit unit,
                              const std::optional<Similarity3>& true_pose, const Json& json) const;
   void print(const LoadedMap& source_map, const LoadedMap& target_map,
-             const std::vector<Alignment>& alignments, LengthUnit unit) const;
+             const std::vector<StrategyResult>& alignments, LengthUnit unit) const;
 };
 
 void AlignArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: .map, .txt, .cairn, .ply or .pcd")->required();
+  add_text(command, "source", source, "Map to move: .map, .txt, .cairn, .ply or .pcd; - for stdin")->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "--confidence", confidence,
            "Trust in landmarks: " + confidence_help() +
@@ -78,7 +83,17 @@ void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "--truth", truth,
            "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors",
            "FILE");
-  add_text(command, "-o,--output", output, "Write the source map, aligned to the target", "FILE");
+  add_text(command, "-o,--output", output,
+           "Write the source map, aligned to the target; - for stdout, which takes --format",
+           "FILE|-");
+  add_text(command, "--format", format, "Format of a map on stdout: map, cairn, ply or pcd", "NAME");
+  add_text(command, "--pose", pose,
+           "Write target_from_source: 16 numbers, row-major; - for stdout. Not written without a "
+           "trusted pose",
+           "FILE|-");
+  add_text(command, "--pose-format", pose_format,
+           "Of --pose: matrix, or tum (one line: 0 tx ty tz qx qy qz qw)", "NAME")
+      ->capture_default_str();
   add_number(command, "--max-iterations", options.max_iterations, "Limit of the iterations");
   command.add_flag(
       "--stop-as-pcl", stop_as_pcl,
@@ -112,7 +127,7 @@ void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "--camera", camera,
            "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
   command.add_flag("--trace", options.trace,
-                   "Keep score and matches of each iteration in the JSON");
+                   "Keep each iteration in the JSON: pose, score, matches");
   common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
   common.add_to(command);
   auto* const everywhere = command.add_flag(
@@ -152,6 +167,8 @@ void AlignArguments::add_to(CLI::App& command) {
   command.footer(
       "Example: align two maps of one place of which nothing else is known\n"
       "  cairn align later.map earlier.map\n"
+      "Example: write the pose for other programs, the map in between from a pipe\n"
+      "  cairn convert later.map - --format cairn | cairn align - earlier.map --pose pose.txt\n"
       "Example: refine a guess by the paper's ICP, by two strategies, and keep the result\n"
       "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
@@ -242,7 +259,7 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
 }
 
 report::Report AlignArguments::make_report(const LoadedMap& source_map, const LoadedMap& target_map,
-                                           const std::vector<Alignment>& alignments,
+                                           const std::vector<StrategyResult>& alignments,
                                            LengthUnit unit,
                                            const std::optional<Similarity3>& true_pose,
                                            const Json& json) const {
@@ -255,7 +272,7 @@ report::Report AlignArguments::make_report(const LoadedMap& source_map, const Lo
   pair.point_options = point_options;
   pair.initial = options.initial;
   pair.truth = true_pose;
-  pair.alignments = alignments;
+  pair.results = alignments;
   report::Report report = begin_report(pair.source_name + " to " + pair.target_name, common);
   report.subtitle = subtitle_of(alignments, unit);
   set_provenance(report, json);
@@ -273,62 +290,167 @@ std::string pose_text(const Rigid3& pose, LengthUnit unit, int digits, int angle
       fixed(degrees(angles.y()), angle_digits), fixed(degrees(angles.z()), angle_digits));
 }
 
-// The likeliest poses of a pair that has no trustworthy one, and what may help.
-std::string not_trusted(const Alignment& alignment, LengthUnit unit) {
-  constexpr std::size_t kShown = 3;
+// A vector's numbers with blanks between.
+template <class Vector>
+std::string numbers_text(const Vector& vector, int digits) {
   std::string text;
-  const auto& candidates = alignment.placement->candidates;
-  for (std::size_t i = 0; i < std::min(kShown, candidates.size()); ++i) {
-    text += fmt::format("  not trusted, {} %: {}\n", fixed(100.0 * candidates[i].probability, 2),
+  for (Eigen::Index i = 0; i < vector.size(); ++i) {
+    text += (i > 0 ? " " : "") + fixed(vector[i], digits);
+  }
+  return text;
+}
+
+// The trusted pose, or one that was not judged, in full.
+std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_scale) {
+  const Similarity3& pose = *alignment.estimate;
+  const RegistrationResult& result = alignment.registration;
+  const std::string symbol = unit_symbol(unit);
+  std::string text =
+      fmt::format("  target_from_source: {}\n", pose_text(pose.rigid(), unit, 6, 4));
+  const Matrix4d matrix = pose.matrix();
+  for (int row = 0; row < 4; ++row) {
+    text += fmt::format("    {:>13.9f} {:>13.9f} {:>13.9f} {:>14.9f}\n", matrix(row, 0),
+                        matrix(row, 1), matrix(row, 2), matrix(row, 3));
+  }
+  const Eigen::Quaterniond q = pose.rigid().quaternion();
+  text += fmt::format("  quaternion (qw qx qy qz): {}\n",
+                      numbers_text(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()), 9));
+  if (with_scale) text += fmt::format("  scale of the source: {:.6g}\n", pose.scale());
+  if (result.covariance) {
+    const Eigen::Matrix<double, 6, 1> deviations = result.covariance->diagonal().cwiseSqrt();
+    text += fmt::format("  standard deviation: x y z {} {}, rotation about x y z {} deg",
+                        numbers_text(Eigen::Vector3d(deviations.head<3>()), 5), symbol,
+                        numbers_text(Eigen::Vector3d(deviations.tail<3>() * degrees(1.0)), 4));
+    if (result.covariance_with_scale) {
+      text += fmt::format(", scale {} %",
+                          fixed(100.0 * std::sqrt((*result.covariance_with_scale)(6, 6)), 3));
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+// "moving along (0.00 1.00 0.00)": a motion that the matches leave open, in the target's frame.
+std::string direction_text(const OpenDirection& open) {
+  std::string text;
+  const auto add = [&](const char* what, const Eigen::Vector3d& axis) {
+    if (axis.norm() < 1e-6) return;
+    text += fmt::format("{}{} ({})", text.empty() ? "" : " with ", what,
+                        numbers_text(Eigen::Vector3d(axis.normalized()), 2));
+  };
+  // The rotation is a length shorter than the translation: what it amounts to at the landmarks counts.
+  add("moving along", open.translation);
+  add("turning about", open.rotation);
+  if (std::abs(open.log_scale) > 1e-6) text += text.empty() ? "scaling" : " with scaling";
+  return text;
+}
+
+std::string open_directions_text(const Alignment& alignment, bool with_scale) {
+  const auto& open = alignment.registration.unobservable;
+  if (open.empty()) return {};
+  std::string text =
+      fmt::format("  {} of the pose's {} directions are not determined by the matches:\n",
+                  open.size(), with_scale ? 7 : 6);
+  for (const OpenDirection& direction : open) text += "    " + direction_text(direction) + "\n";
+  return text;
+}
+
+std::string candidates_text(const Alignment& alignment, LengthUnit unit, bool trusted) {
+  constexpr std::size_t kShown = 3;
+  const auto& candidates = alignment.candidates;
+  std::string text;
+  for (std::size_t i = trusted ? 1 : 0; i < std::min(kShown, candidates.size()); ++i) {
+    text += fmt::format("  {}, {}: {}\n", trusted ? "other candidate" : "not trusted",
+                        percent_text(candidates[i].probability),
                         pose_text(candidates[i].target_from_source, unit, 3, 2));
   }
-  const bool other =
-      !candidates.empty() && candidates.front().probability > alignment.placement->probability;
-  if (other) text += "  hint: without --initial and --method icp the likeliest pose is judged\n";
+  return text;
+}
+
+double extent_of(const LandmarkMap& map) {
+  const std::vector<Eigen::Vector3d>& positions = map.landmarks().positions;
+  if (positions.empty()) return 0.0;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& position : positions) centre += position;
+  centre /= static_cast<double>(positions.size());
+  std::vector<double> distances;
+  for (const Eigen::Vector3d& position : positions) {
+    distances.push_back((position - centre).norm());
+  }
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
+}
+
+// What may help where no pose is trusted.
+std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
+                  bool with_scale) {
+  constexpr double kLittleOverlap = 0.4;
+  constexpr double kOtherUnit = 8.0;  // no two maps of one place differ by so much in extent
+  std::vector<std::string> list;
+  const auto& candidates = alignment.candidates;
+  const double ratio = extent_of(source) / extent_of(target);
+  if (std::isfinite(ratio) && ratio > 0.0 && std::max(ratio, 1.0 / ratio) > kOtherUnit) {
+    list.push_back(fmt::format(
+        "the source's landmarks extend {:.3g} times as far as the target's: are both in one unit?{}",
+        ratio, with_scale ? "" : " --scale finds factors of 1/20 to 20"));
+  }
+  if (!candidates.empty() && alignment.probability &&
+      candidates.front().probability > *alignment.probability) {
+    list.emplace_back("without --initial and --method icp the likeliest pose is judged");
+  }
   if (!candidates.empty() && !candidates.front().support.agreement) {
-    text += "  hint: maps with descriptors are told apart better\n";
+    list.emplace_back("maps with descriptors are told apart better");
   }
-  if (!alignment.result.unobservable.empty()) {
-    text += "  hint: maps that overlap in more than a plane or a line determine every direction\n";
+  for (const auto& [role, map] : {std::pair{"source", &source}, {"target", &target}}) {
+    if (!map->has_observations()) {
+      list.push_back(fmt::format(
+          "the {} has no observations: with them, what its keyframes see through counts", role));
+    }
   }
-  text += "  hint: --min-probability lowers the bar\n";
+  const auto& overlap = alignment.registration.overlap;
+  if (overlap && std::min(overlap->source, overlap->target) < kLittleOverlap) {
+    list.push_back(fmt::format(
+        "the maps overlap little at the best pose: {:.0f} % of the source, {:.0f} % of the target",
+        100.0 * overlap->source, 100.0 * overlap->target));
+  }
+  if (!alignment.registration.unobservable.empty()) {
+    list.emplace_back("maps that overlap in more than a plane or a line determine every direction");
+  }
+  list.emplace_back("--min-probability lowers the bar");
+  std::string text;
+  for (const std::string& hint : list) text += "  hint: " + hint + "\n";
   return text;
 }
 
 void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_map,
-                           const std::vector<Alignment>& alignments, LengthUnit unit) const {
+                           const std::vector<StrategyResult>& results, LengthUnit unit) const {
   const Console console = common.console();
   for (const auto& [role, loaded] : {std::pair{"source", &source_map}, {"target", &target_map}}) {
     console.print(fmt::format("{}  {}: {} of {} landmarks\n", role, loaded->path,
                               loaded->description["kept_landmarks"].get<std::size_t>(),
                               loaded->map.landmark_count()));
   }
-  console.print("\n" + alignment_table(alignments, options, unit));
-  for (const Alignment& each : alignments) {
-    const RegistrationResult& result = each.result;
-    const std::string_view verdict = each.placement           ? to_string(each.placement->verdict)
-                                     : each.result.has_pose() ? "not judged"
-                                                              : "failed";
-    console.print(fmt::format("\n{}: {}: {}\n", each.confidence, verdict, result.reason));
-    const bool judged_wrong = each.placement && each.placement->verdict != Verdict::kAligned;
-    if (judged_wrong) {
-      console.print(not_trusted(each, unit));
-      continue;
-    }
-    if (!has_answer(each)) continue;
-    if (estimate_scale) {
-      console.print(fmt::format("  scale of the source: {:.6g}\n", result.scale));
-    }
-    console.print(fmt::format("  target_from_source: {}\n",
-                              pose_text(result.target_from_source, unit, 6, 4)));
-    if (!result.unobservable.empty()) {
-      console.print(
-          fmt::format("  {} of the pose's {} directions are not determined by the matches\n",
-                      result.unobservable.size(), estimate_scale ? 7 : 6));
-    }
+  console.print("\n" + alignment_table(results, unit));
+  for (const StrategyResult& each : results) {
+    const Alignment& one = each.alignment;
+    const std::string_view verdict = one.verdict                     ? to_string(*one.verdict)
+                                     : one.registration.has_pose() ? "not judged"
+                                                                   : "failed";
+    const std::string probability =
+        one.probability ? " (" + percent_text(*one.probability) + ")" : "";
+    console.print(
+        fmt::format("\n{}: {}{}: {}\n", each.confidence, verdict, probability, one.reason));
+    const bool trusted = has_answer(one);
+    if (trusted) console.print(answer_text(one, unit, estimate_scale));
+    console.print(open_directions_text(one, estimate_scale));
+    if (!one.verdict) continue;
+    console.print(candidates_text(one, unit, trusted));
+    if (!trusted) console.print(hints(one, source_map.map, target_map.map, estimate_scale));
   }
-  if (!output.empty() && has_answer(alignments.front())) {
-    console.print(fmt::format("\nwrote {}\n", output));
+  if (!has_answer(results.front().alignment)) return;
+  for (const std::string& path : {output, pose}) {
+    if (!path.empty() && path != "-") console.print(fmt::format("\nwrote {}\n", path));
   }
 }
 
@@ -344,17 +466,47 @@ LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
   return unit;
 }
 
-int AlignArguments::run() {
-  // What the command line says is checked before any file is read.
-  const std::vector<Strategy> strategies = parse_strategies(confidence);
-  if (!output.empty()) {
-    require_map_path(output, "--output");
-    if (strategies.size() > 1) {
-      throw Error(ErrorKind::kMisuse, "--output", "several strategies give several results",
+void AlignArguments::check_outputs(std::size_t strategies) {
+  if (pose_format != "matrix" && pose_format != "tum") {
+    throw Error(ErrorKind::kMisuse, "--pose-format", printable(pose_format), "matrix or tum");
+  }
+  if (pose_format == "tum" && estimate_scale) {
+    throw Error(ErrorKind::kMisuse, "--pose-format", "tum holds no scale, but --scale is given",
+                "matrix");
+  }
+  if (!output.empty()) require_map_output(output, format, "--output");
+  if (!pose.empty() && pose != "-") require_folder_of(pose);
+  if (output.empty() && !format.empty()) {
+    throw Error(ErrorKind::kMisuse, "--format", "given without --output -", "");
+  }
+  for (const auto& [option, path] : {std::pair{"--output", &output}, {"--pose", &pose}}) {
+    if (!path->empty() && strategies > 1) {
+      throw Error(ErrorKind::kMisuse, option, "several strategies give several results",
                   "one --confidence");
     }
   }
+  require_one_stdout({{"--json", &common.json_path}, {"--output", &output}, {"--pose", &pose}});
+  if (source == "-" && target == "-") {
+    throw Error(ErrorKind::kMisuse, "target", "stdin is the source already", "a file");
+  }
+  common.stdout_is_taken = output == "-" || pose == "-";
   require_outputs(common);
+}
+
+void AlignArguments::write_pose_file(const Similarity3& target_from_source) const {
+  std::string text = matrix_text(target_from_source);
+  if (pose_format == "tum") {
+    const Eigen::Quaterniond q = target_from_source.rigid().quaternion();
+    const Eigen::Vector3d& t = target_from_source.translation();
+    text = fmt::format("0 {} {} {} {} {} {} {}\n", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+  }
+  write_text(text, pose);
+}
+
+int AlignArguments::run() {
+  // What the command line says is checked before any file is read.
+  const std::vector<Strategy> strategies = parse_strategies(confidence);
+  check_outputs(strategies.size());
   check_options();
   const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
   options.initial = initial.pose();
@@ -386,17 +538,20 @@ int AlignArguments::run() {
   alignment.seed = common.seed;
   if (estimate_scale) alignment.scale = ScaleRange();
   if (gravity) alignment.gravity = gravity_prior(source_map.map, target_map.map);
-  const std::vector<Alignment> alignments =
+  const std::vector<StrategyResult> results =
       align_by_all(source_map.map, target_map.map, strategies, alignment, true_pose, common);
 
-  if (!output.empty()) {
-    if (has_answer(alignments.front())) {
-      const RegistrationResult& result = alignments.front().result;
-      LandmarkMap aligned = transformed(source_map.map, result.similarity());
+  const Alignment& first = results.front().alignment;
+  if (has_answer(first)) {
+    if (!output.empty()) {
+      LandmarkMap aligned = transformed(source_map.map, *first.estimate);
       if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
-      save_map(aligned, output, common);
-    } else {
-      common.console().remark(output + " is not written: there is no pose to move the source by");
+      save_map(aligned, output, common, {.format = format_of_name(format)});
+    }
+    if (!pose.empty()) write_pose_file(*first.estimate);
+  } else {
+    for (const std::string& path : {output, pose}) {
+      if (!path.empty()) common.console().remark(path + " is not written: there is no trusted pose");
     }
   }
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
@@ -405,17 +560,21 @@ int AlignArguments::run() {
                        {"target_from_source", to_json(true_pose->rigid())},
                        {"scale", true_pose->scale()}};
   }
-  Json json = document("align", common, std::move(inputs), options_json(strategies));
+  Json json =
+      document("align", common, std::move(inputs), options_json(strategies), kAlignmentVersion);
   json["results"] = Json::array();
-  for (const Alignment& one : alignments) {
-    json["results"].push_back(to_json(one, options, unit));
+  for (const StrategyResult& one : results) {
+    json["results"].push_back(
+        to_json(one, options.trace ? HistoryDetail::kMatches : HistoryDetail::kNone));
   }
   write_document(json, common);
-  print(source_map, target_map, alignments, unit);
+  print(source_map, target_map, results, unit);
   if (!common.report_path.empty()) {
-    write_report(make_report(source_map, target_map, alignments, unit, true_pose, json), common);
+    write_report(make_report(source_map, target_map, results, unit, true_pose, json), common);
   }
-  const bool all_answered = std::all_of(alignments.begin(), alignments.end(), has_answer);
+  const bool all_answered = std::all_of(results.begin(), results.end(), [](const auto& one) {
+    return has_answer(one.alignment);
+  });
   return all_answered ? kDone : kNoTrustworthyAlignment;
 }
 

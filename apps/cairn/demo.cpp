@@ -43,10 +43,10 @@ struct DemoArguments {
   DemoPair make_pair() const;
   Json options_json() const;
   report::Report make_report(const DemoPair& pair, const Rigid3& initial,
-                             const std::vector<Alignment>& alignments, const Json& json) const;
+                             const std::vector<StrategyResult>& alignments, const Json& json) const;
   std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const;
   void print(const DemoPair& pair, const IcpOptions& options,
-             const std::vector<Alignment>& alignments, const std::string& saved) const;
+             const std::vector<StrategyResult>& alignments, const std::string& saved) const;
 };
 
 void DemoArguments::add_to(CLI::App& command) {
@@ -124,7 +124,7 @@ Json DemoArguments::options_json() const {
 }
 
 report::Report DemoArguments::make_report(const DemoPair& pair, const Rigid3& initial,
-                                          const std::vector<Alignment>& alignments,
+                                          const std::vector<StrategyResult>& alignments,
                                           const Json& json) const {
   ReportedPair shown;
   shown.source_name = "Second session";
@@ -133,7 +133,7 @@ report::Report DemoArguments::make_report(const DemoPair& pair, const Rigid3& in
   shown.target = &pair.target;
   shown.initial = initial;
   shown.truth = pair.target_from_source;
-  shown.alignments = alignments;
+  shown.results = alignments;
   // Its table is for a terminal; the sentences before are for all.
   std::string story = pair.story.substr(0, pair.story.find("\n\n"));
   if (story.ends_with(':')) story.back() = '.';
@@ -161,7 +161,7 @@ std::string DemoArguments::save_to_folder(const DemoPair& pair, const Rigid3& in
 }
 
 void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
-                          const std::vector<Alignment>& alignments,
+                          const std::vector<StrategyResult>& alignments,
                           const std::string& saved) const {
   const Console console = common.console();
   const PoseError start =
@@ -169,7 +169,7 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
   console.print(pair.story);
   console.print(fmt::format("The source starts {:.2f} m and {:.1f} degrees off its true pose.\n\n",
                             start.translation, degrees(start.rotation_rad)));
-  console.print(alignment_table(alignments, options, LengthUnit::kMetres));
+  console.print(alignment_table(alignments, LengthUnit::kMetres));
   console.print(
       "error    of the pose found against the true one; a lower score need not mean a smaller "
       "error\n"
@@ -191,21 +191,19 @@ int DemoArguments::run() {
   options.overlap_radius = 0.05;
   options.trace = !common.report_path.empty();
   options.initial = displaced(pair.target_from_source, offset, pair.source);
-  const std::vector<Alignment> alignments = align_by_all(
+  const std::vector<StrategyResult> alignments = align_by_all(
       pair.source, pair.target, parse_strategies("none,covariance,observations,distance"),
       by_icp_alone(options, {}), pair.target_from_source, common);
 
   std::string saved;
   if (!save.empty()) saved = save_to_folder(pair, options.initial);
-  Json json = document("demo", common, Json::object(), options_json());
+  Json json = document("demo", common, Json::object(), options_json(), kAlignmentVersion);
   json.update(pair.description);
   json["truth"] = to_json(pair.target_from_source);
   json["initial"] = to_json(options.initial);
   json["results"] = Json::array();
-  for (const Alignment& alignment : alignments) {
-    IcpOptions plain = options;
-    plain.trace = false;  // for the report only
-    json["results"].push_back(to_json(alignment, plain, LengthUnit::kMetres));
+  for (const StrategyResult& alignment : alignments) {
+    json["results"].push_back(to_json(alignment, HistoryDetail::kPoses));
   }
   write_document(json, common);
   print(pair, options, alignments, saved);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -16,12 +17,16 @@
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/registration/point_set.hpp"
+#include "cairn/trajectory/trajectory_evaluation.hpp"
+#include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
-#include "support/saved_alignments.hpp"
+#include "support/interrupt.hpp"
+#include "support/saved_results.hpp"
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -32,6 +37,13 @@ struct EvaluateAlignmentArguments {
   std::string result;
   std::string truth;
   std::string source;
+  std::string target;
+  std::string camera;
+  double min_probability = AlignOptions().min_probability;
+  std::string source_trajectory;
+  std::string source_truth;
+  std::string target_trajectory;
+  std::string target_truth;
   double max_rotation_deg = 5.0;
   double max_translation_m = 0.05;
   double max_scale_percent = 5.0;
@@ -40,12 +52,19 @@ struct EvaluateAlignmentArguments {
   int run();
 
  private:
-  std::string source_path(const SavedAlignments& saved) const;
+  std::string map_path(const std::string& given, const std::string& option, const SavedMap& saved) const;
+  LoadedMap load(const std::string& given, const std::string& option, const SavedMap& saved,
+                 const SavedResult& whole) const;
+  bool has_trajectories() const;
+  std::optional<Similarity3> true_pose() const;
+  Json truth_json(const Similarity3& pose) const;
+  int give_verdicts(const SavedResult& saved) const;
+  int compare(const SavedResult& saved, const Similarity3& true_pose) const;
 };
 
 // One result beside the truth; what is not known stays nothing.
 struct JudgedAlignment {
-  SavedAlignment alignment;
+  const StrategyResult* result = nullptr;
   std::optional<PoseError> error = {};
   std::optional<bool> success = {};
   std::optional<double> normalised_squared_error = {};
@@ -54,11 +73,22 @@ struct JudgedAlignment {
 
 void EvaluateAlignmentArguments::add_to(CLI::App& command) {
   add_text(command, "result", result, "What 'cairn align --json' wrote")->required();
-  add_text(command, "--truth", truth,
-           "True target_from_source, 16 numbers or the JSON of an alignment", "FILE")
-      ->required();
+  auto* const truth_file =
+      add_text(command, "--truth", truth,
+               "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
+  add_text(command, "--source-trajectory", source_trajectory,
+           "The truth from trajectories, TUM format: the estimated one of the source map's camera, "
+           "in the map's frame",
+           "FILE");
+  add_text(command, "--source-truth", source_truth, "The true one of the same camera", "FILE");
+  add_text(command, "--target-trajectory", target_trajectory, "The same of the target map", "FILE");
+  add_text(command, "--target-truth", target_truth,
+           "The true one of the target's camera, in the same world as the source's", "FILE");
   add_text(command, "--source", source,
            "The source map; without it, it is looked for where the result says", "MAP");
+  add_text(command, "--target", target, "The target map, for a verdict; as --source", "MAP");
+  add_number(command, "--min-probability", min_probability,
+             "Without a truth: probability from which a pose is aligned, 0.5 to below 1");
   add_number(command, "--max-rotation-deg", max_rotation_deg,
              "Largest rotation error of a success, degrees");
   add_number(command, "--max-translation-m", max_translation_m,
@@ -67,42 +97,126 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
              "Largest error of the scale in a success, percent");
   common.add_csv_to(command, "result");
   common.add_to(command);
+  for (const char* const name :
+       {"--source-trajectory", "--source-truth", "--target-trajectory", "--target-truth"}) {
+    command.get_option(name)->excludes(truth_file);
+  }
   command.footer(
+      "Without a truth, each pose is judged as it is: exit code 4 unless all are aligned.\n"
+      "\n"
       "Example: align by two strategies, then hold the poses against the true one\n"
       "  cairn align source.map target.map --confidence none,observations --json result.json\n"
-      "  cairn evaluate alignment result.json --truth truth.txt --max-translation-m 0.02");
+      "  cairn evaluate alignment result.json --truth truth.txt --max-translation-m 0.02\n"
+      "Example: judge the poses of a result\n"
+      "  cairn evaluate alignment result.json\n"
+      "Example: the truth from both cameras' trajectories\n"
+      "  cairn evaluate alignment result.json --source-trajectory source.tum \\\n"
+      "      --source-truth source_truth.tum --target-trajectory target.tum \\\n"
+      "      --target-truth target_truth.tum");
 }
 
 // A path in a result is relative to where the alignment ran: here, or where the result lies.
-std::string EvaluateAlignmentArguments::source_path(const SavedAlignments& saved) const {
-  if (!source.empty()) return source;
-  if (!saved.source_path) {
-    throw Error(ErrorKind::kInput, result, "does not name the source map", "--source MAP");
+std::string EvaluateAlignmentArguments::map_path(const std::string& given,
+                                                 const std::string& option,
+                                                 const SavedMap& saved) const {
+  const std::string role = option.substr(2);
+  if (!given.empty()) return given;
+  if (!saved.path) {
+    throw Error(ErrorKind::kInput, result, "does not name the " + role + " map", option + " MAP");
   }
-  const std::filesystem::path here = *saved.source_path;
+  const std::filesystem::path here = *saved.path;
   const std::filesystem::path beside = std::filesystem::path(result).parent_path() / here;
   for (const auto& path : {here, beside}) {
     if (std::filesystem::exists(path)) return path.string();
   }
-  throw Error(ErrorKind::kInput, result, "its source map is not to be found: " + here.string(),
-              "--source MAP");
+  throw Error(ErrorKind::kInput, result,
+              "its " + role + " map is not to be found: " + here.string(), option + " MAP");
+}
+
+LoadedMap EvaluateAlignmentArguments::load(const std::string& given, const std::string& option,
+                                           const SavedMap& saved,
+                                           const SavedResult& whole) const {
+  LoadedMap loaded = load_map(map_path(given, option, saved), common);
+  if (saved.hash && std::filesystem::is_regular_file(loaded.path) &&
+      hash_file(loaded.path) != *saved.hash) {
+    common.console().remark(loaded.path +
+                            " is not the file that was aligned: its content differs");
+  }
+  if (!whole.camera.empty()) loaded.map = with_camera(loaded.map, parse_camera(whole.camera));
+  return loaded;
+}
+
+bool EvaluateAlignmentArguments::has_trajectories() const {
+  const std::array<const std::string*, 4> all = {&source_trajectory, &source_truth,
+                                                 &target_trajectory, &target_truth};
+  const auto given = std::count_if(all.begin(), all.end(), [](const auto* path) {
+    return !path->empty();
+  });
+  if (given != 0 && given != 4) {
+    throw Error(ErrorKind::kMisuse, "--source-trajectory", "given without all of the others",
+                "--source-trajectory, --source-truth, --target-trajectory and --target-truth");
+  }
+  return given == 4;
+}
+
+Trajectory read_trajectory(const std::string& path) {
+  FileReader file(path);
+  return read_tum_trajectory(file);
+}
+
+// By orientations and positions: where a path is short or straight, positions leave a turn open.
+Rigid3 world_from_map(const std::string& estimate_path, const std::string& truth_path) {
+  const Trajectory estimate = read_trajectory(estimate_path);
+  const Trajectory truth = read_trajectory(truth_path);
+  TrajectoryEvaluationOptions options;
+  options.alignment = TrajectoryAlignment::kPoses;
+  const TrajectoryEvaluation evaluation = evaluate_trajectory(estimate, truth, options);
+  if (!evaluation.absolute) {
+    throw Error(ErrorKind::kInput, estimate_path,
+                "cannot be brought to " + truth_path + ": " + evaluation.reason,
+                "trajectories with common times");
+  }
+  return evaluation.absolute->truth_from_estimate.rigid();
+}
+
+// std::nullopt if none was given.
+std::optional<Similarity3> EvaluateAlignmentArguments::true_pose() const {
+  if (!truth.empty()) return read_similarity_file(truth);
+  if (!has_trajectories()) return std::nullopt;
+  return Similarity3(world_from_map(target_trajectory, target_truth).inverse() *
+                     world_from_map(source_trajectory, source_truth));
+}
+
+Json EvaluateAlignmentArguments::truth_json(const Similarity3& pose) const {
+  Json json = {{"path", text_or_null(truth)},
+               {"target_from_source", to_json(pose.rigid())},
+               {"scale", pose.scale()}};
+  if (truth.empty()) {
+    json["source_trajectory"] = describe_file(source_trajectory, common);
+    json["source_truth"] = describe_file(source_truth, common);
+    json["target_trajectory"] = describe_file(target_trajectory, common);
+    json["target_truth"] = describe_file(target_truth, common);
+  }
+  return json;
 }
 
 // How the error compares to the stated covariance.
 void judge_covariance(const Similarity3& truth, JudgedAlignment& judged) {
-  const auto& pose = judged.alignment.target_from_source;
-  const auto& covariance = judged.alignment.covariance;
-  if (!pose || !covariance) return;
-  const bool with_scale = covariance->rows() == 7;
+  const Alignment& alignment = judged.result->alignment;
+  const RegistrationResult& result = alignment.registration;
+  if (!alignment.estimate || !result.covariance) return;
+  const Similarity3& pose = *alignment.estimate;
+  const auto& with_scale = result.covariance_with_scale;
   // Six rows know nothing of a scale.
-  if (!with_scale && pose->scale() != truth.scale()) return;
+  if (!with_scale && pose.scale() != truth.scale()) return;
+  Eigen::MatrixXd covariance = *result.covariance;
+  if (with_scale) covariance = *with_scale;
   // As of a map aligned to itself, whose residuals are none.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(*covariance,
-                                                                Eigen::EigenvaluesOnly);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(covariance, Eigen::EigenvaluesOnly);
   if (!(spectrum.eigenvalues().minCoeff() > 1e-12 * spectrum.eigenvalues().maxCoeff())) return;
   judged.normalised_squared_error =
-      with_scale ? normalised_squared_error(*pose, Matrix7d(*covariance), truth)
-                 : normalised_squared_error(pose->rigid(), Matrix6d(*covariance), truth.rigid());
+      with_scale ? normalised_squared_error(pose, *with_scale, truth)
+                 : normalised_squared_error(pose.rigid(), *result.covariance, truth.rigid());
   judged.in_ellipsoid =
       *judged.normalised_squared_error <=
       (with_scale ? kNormalisedSquaredErrorWithScale95 : kNormalisedSquaredError95);
@@ -120,11 +234,11 @@ double percent_of(const PoseError& error) {
 Csv rows_of(const std::vector<JudgedAlignment>& judged) {
   Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
             "success", "log_scale_error", "normalised_squared_error", "in_ellipsoid"});
-  for (const auto& [alignment, error, success, normalised, inside] : judged) {
-    rows << alignment.confidence << alignment.status;
+  for (const auto& [result, error, success, normalised, inside] : judged) {
+    rows << result->confidence << std::string(status_of(result->alignment));
     rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
     rows << (error ? std::optional(error->translation) : std::nullopt);
-    rows << alignment.length_unit;
+    rows << to_string(result->length_unit);
     rows << yes_or_no(success, "");
     rows << (error ? std::optional(error->log_scale) : std::nullopt);
     rows << normalised << yes_or_no(inside, "");
@@ -135,10 +249,10 @@ Csv rows_of(const std::vector<JudgedAlignment>& judged) {
 
 Json json_of(const std::vector<JudgedAlignment>& judged) {
   Json results = Json::array();
-  for (const auto& [alignment, error, success, normalised, inside] : judged) {
-    Json entry = {{"confidence", alignment.confidence},
-                  {"status", alignment.status},
-                  {"length_unit", alignment.length_unit}};
+  for (const auto& [result, error, success, normalised, inside] : judged) {
+    Json entry = {{"confidence", result->confidence},
+                  {"status", status_of(result->alignment)},
+                  {"length_unit", to_string(result->length_unit)}};
     entry["error"] = error ? to_json(*error) : Json(nullptr);
     entry["success"] = to_json(success);
     entry["normalised_squared_error"] = to_json(normalised);
@@ -155,10 +269,10 @@ std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale
   if (with_scale) header.emplace_back("scale error");
   if (with_ellipsoid) header.emplace_back("in ellipsoid");
   Table table(header);
-  for (const auto& [alignment, error, success, normalised, inside] : judged) {
-    const char* const unit = alignment.length_unit == "metres" ? "m" : "units";
+  for (const auto& [result, error, success, normalised, inside] : judged) {
+    const std::string unit = unit_symbol(result->length_unit);
     std::vector<std::string> row = {
-        alignment.confidence, alignment.status,
+        result->confidence, std::string(status_of(result->alignment)),
         error ? fixed(degrees(error->rotation_rad), 4) + " deg" : "-",
         error ? fmt::format("{} {}", fixed(error->translation, 5), unit) : "-",
         yes_or_no(success, "-")};
@@ -172,6 +286,60 @@ std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale
   return table.text();
 }
 
+// The verdict on each pose as it is, by what the maps say and nothing else.
+int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
+  const LoadedMap source_map = load(source, "--source", saved.source, saved);
+  const LoadedMap target_map = load(target, "--target", saved.target, saved);
+  AlignOptions options;
+  options.min_probability = min_probability;
+  options.seed = common.seed;
+  options.points.min_observations = saved.min_observations;
+  options.execution.executor = common.executor();
+  options.execution.stop = interrupt_requests();
+  std::vector<StrategyResult> results;
+  for (const StrategyResult& one : saved.results) {
+    StrategyResult judged = one;
+    const auto& pose = one.alignment.estimate;
+    judged.alignment = Alignment();
+    judged.alignment.reason = "there is no pose to judge";
+    if (pose) {
+      if (saved.with_scale || pose->scale() != 1.0) options.scale = ScaleRange();
+      judged.alignment = judge_pose(source_map.map, target_map.map, *pose, options);
+      judged.overlap_radius = judged.alignment.radius;
+      judged.matches = judged.alignment.registration.matches.size();
+    }
+    if (judged.alignment.registration.status == RegistrationStatus::kCancelled) {
+      throw Error(ErrorKind::kCancelled, "evaluate alignment", "cancelled", "");
+    }
+    results.push_back(std::move(judged));
+  }
+  Json json = document("evaluate_alignment", common,
+                       {{"result", describe_file(result, common)},
+                        {"source", source_map.description},
+                        {"target", target_map.description},
+                        {"truth", nullptr}},
+                       {{"min_probability", min_probability},
+                        {"min_observations", saved.min_observations}});
+  json["results"] = Json::array();
+  Csv rows({"confidence", "status", "probability"});
+  const Console console = common.console();
+  for (const StrategyResult& one : results) {
+    json["results"].push_back(to_json(one, HistoryDetail::kNone));
+    rows << one.confidence << std::string(status_of(one.alignment)) << one.alignment.probability;
+    rows.end_row();
+    const auto& probability = one.alignment.probability;
+    console.print(fmt::format("{}: {}{}: {}\n", one.confidence, status_of(one.alignment),
+                              probability ? " (" + percent_text(*probability) + ")" : "",
+                              one.alignment.reason));
+  }
+  write_document(json, common);
+  write_rows(rows, common);
+  const bool all_aligned = std::all_of(results.begin(), results.end(), [](const auto& one) {
+    return one.alignment.verdict == Verdict::kAligned;
+  });
+  return all_aligned ? kDone : kNoTrustworthyAlignment;
+}
+
 int EvaluateAlignmentArguments::run() {
   for (const auto& [option, limit] : {std::pair{"--max-rotation-deg", max_rotation_deg},
                                       {"--max-translation-m", max_translation_m},
@@ -180,17 +348,24 @@ int EvaluateAlignmentArguments::run() {
       throw Error(ErrorKind::kMisuse, option, fmt::format("{}", limit), "0 or more");
     }
   }
+  with_option_names({{"AlignOptions.min_probability", "--min-probability"}}, [&] {
+    AlignOptions options;
+    options.min_probability = min_probability;
+    options.validate();
+  });
+  has_trajectories();
   require_outputs(common);
-  const SavedAlignments saved = read_alignments(result);
-  const Similarity3 true_pose = read_similarity_file(truth);
-  const LoadedMap source_map = load_map(source_path(saved), common);
+  const SavedResult saved = saved_result(read_file(result), result);
+  if (const auto pose = true_pose()) return compare(saved, *pose);
+  return give_verdicts(saved);
+}
+
+int EvaluateAlignmentArguments::compare(const SavedResult& saved,
+                                        const Similarity3& true_pose) const {
+  const LoadedMap source_map = load(source, "--source", saved.source, saved);
   const Console console = common.console();
-  if (saved.source_hash && std::filesystem::is_regular_file(source_map.path) &&
-      hash_file(source_map.path) != *saved.source_hash) {
-    console.remark(source_map.path + " is not the file that was aligned: its content differs");
-  }
   PointSetOptions point_options;
-  if (saved.min_observations) point_options.min_observations = *saved.min_observations;
+  point_options.min_observations = saved.min_observations;
   const PointSet points = point_set(source_map.map, std::nullopt, point_options);
   if (points.positions.empty()) {
     throw Error(ErrorKind::kInput, source_map.path,
@@ -201,15 +376,14 @@ int EvaluateAlignmentArguments::run() {
 
   std::vector<JudgedAlignment> judged;
   std::optional<std::size_t> successes;  // of those in metres
-  for (const SavedAlignment& alignment : saved.results) {
-    JudgedAlignment entry{.alignment = alignment};
+  for (const StrategyResult& one : saved.results) {
+    JudgedAlignment entry{.result = &one};
     judge_covariance(true_pose, entry);
-    const bool metric = alignment.length_unit == "metres";
-    if (alignment.target_from_source) {
-      entry.error = pose_error(*alignment.target_from_source, true_pose, points.positions);
-    }
-    if (metric) {  // metres say nothing of a map of free scale
-      entry.success = entry.error && degrees(entry.error->rotation_rad) <= max_rotation_deg &&
+    const auto& pose = one.alignment.estimate;
+    if (pose) entry.error = pose_error(*pose, true_pose, points.positions);
+    // A pose that is not trusted is no success, however right. Metres say nothing of a map of free scale.
+    if (one.length_unit == LengthUnit::kMetres) {
+      entry.success = entry.error && has_answer(one.alignment) && degrees(entry.error->rotation_rad) <= max_rotation_deg &&
                       entry.error->translation <= max_translation_m &&
                       percent_of(*entry.error) <= max_scale_percent;
       successes = successes.value_or(0) + (*entry.success ? 1 : 0);
@@ -219,10 +393,7 @@ int EvaluateAlignmentArguments::run() {
 
   Json inputs = {{"result", describe_file(result, common)},
                  {"source", source_map.description},
-                 {"truth",
-                  {{"path", truth},
-                   {"target_from_source", to_json(true_pose.rigid())},
-                   {"scale", true_pose.scale()}}}};
+                 {"truth", truth_json(true_pose)}};
   Json json = document("evaluate_alignment", common, std::move(inputs),
                        {{"max_rotation_deg", max_rotation_deg},
                         {"max_translation_m", max_translation_m},
@@ -235,7 +406,7 @@ int EvaluateAlignmentArguments::run() {
   const bool with_scale =
       true_pose.scale() != 1.0 ||
       std::any_of(judged.begin(), judged.end(), [](const JudgedAlignment& entry) {
-        const auto& pose = entry.alignment.target_from_source;
+        const auto& pose = entry.result->alignment.estimate;
         return pose && pose->scale() != 1.0;
       });
   const bool with_ellipsoid = std::any_of(
@@ -268,7 +439,7 @@ int EvaluateAlignmentArguments::run() {
 Run add_evaluate_alignment(CLI::App& evaluate) {
   auto arguments = std::make_shared<EvaluateAlignmentArguments>();
   arguments->add_to(
-      *evaluate.add_subcommand("alignment", "Pose errors of the results of an alignment"));
+      *evaluate.add_subcommand("alignment", "Pose errors of the results of an alignment, or verdicts on them"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -24,17 +24,18 @@
 namespace cairn::cli {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, TrajectoryAlignment>, 4> kAlignments = {
+constexpr std::array<std::pair<std::string_view, TrajectoryAlignment>, 5> kAlignments = {
     {{"none", TrajectoryAlignment::kNone},
      {"origin", TrajectoryAlignment::kOrigin},
      {"se3", TrajectoryAlignment::kSe3},
-     {"sim3", TrajectoryAlignment::kSim3}}};
+     {"sim3", TrajectoryAlignment::kSim3},
+     {"poses", TrajectoryAlignment::kPoses}}};
 
 TrajectoryAlignment parse_alignment(const std::string& text) {
   for (const auto& [name, alignment] : kAlignments) {
     if (name == text) return alignment;
   }
-  throw Error(ErrorKind::kMisuse, "--alignment", printable(text), "none, origin, se3 or sim3");
+  throw Error(ErrorKind::kMisuse, "--alignment", printable(text), "none, origin, se3, sim3 or poses");
 }
 
 std::string_view unit_name(const RelativeInterval& interval) {
@@ -82,7 +83,8 @@ void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
   add_text(command, "truth", truth, "The true one, in the same format")->required();
   add_text(command, "--alignment", alignment,
            "How to bring the estimate into the frame of the truth: none, origin (the first poses "
-           "coincide), se3 (least squares of all positions) or sim3 (with scale)",
+           "coincide), se3 (least squares of all positions), sim3 (with scale) or poses (by "
+           "orientations, then positions)",
            "KIND")
       ->capture_default_str();
   add_number(command, "--max-time-difference", options.max_time_difference_s,

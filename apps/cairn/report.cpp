@@ -60,7 +60,7 @@ void ReportArguments::add_to(CLI::App& command) {
   common.add_to(command);
   command.footer(
       "A result names its maps: they are read again, and left out where they are gone or changed.\n"
-      "Matches are shown if the result was written with --trace.\n"
+      "Iterations and matches are shown if the result was written with --trace.\n"
       "\n"
       "Example: make a page of an experiment\n"
       "  cairn report results -o report.html\n"
@@ -74,8 +74,8 @@ void ReportArguments::add_to(CLI::App& command) {
 void check_matches(const SavedResult& result, const ReportedPair& pair) {
   const std::size_t source = landmarks_to_align(*pair.source, pair.point_options).size();
   const std::size_t target = landmarks_to_align(*pair.target, pair.point_options).size();
-  for (std::size_t i = 0; i < pair.alignments.size(); ++i) {
-    const auto& history = pair.alignments[i].result.history;
+  for (std::size_t i = 0; i < pair.results.size(); ++i) {
+    const auto& history = pair.results[i].alignment.registration.history;
     for (std::size_t k = 0; k < history.size(); ++k) {
       for (const Match& match : history[k].matches) {
         if (match.source < source && match.target < target) continue;
@@ -103,12 +103,12 @@ class Assembly {
   void finish();
 
  private:
-  // Adds what one kind of JSON document holds.
-  using Reader = void (Assembly::*)(const Json& document, const std::string& path);
+  // Adds what the text of one kind of JSON document holds.
+  using Reader = void (Assembly::*)(const std::string& text, const std::string& path);
   // Documents by schema.
   static Reader reader_of(std::string_view schema);
 
-  void add_alignment(const Json& document, const std::string& path);
+  void add_alignment(const std::string& text, const std::string& path);
   void add_experiment(const std::string& folder);
   void add_paper_experiment(const Json& document, const std::string& folder,
                             std::vector<TrialResult> runs);
@@ -162,7 +162,8 @@ void Assembly::add_file(const std::string& path) {
     add_single_map(path);
     return;
   }
-  const Json document = Json::parse(read_file(path), nullptr, false);
+  const std::string text = read_file(path);
+  const Json document = Json::parse(text, nullptr, false);
   if (document.is_discarded()) {
     throw Error(ErrorKind::kInput, path, "starts like JSON but is none", kExpected);
   }
@@ -175,7 +176,7 @@ void Assembly::add_file(const std::string& path) {
                 named ? "schema.name is " + printable(schema) : "has no schema.name", kExpected);
   }
   add_input(role("result"), inputs_.back());
-  (this->*reader)(document, path);
+  (this->*reader)(text, path);
 }
 
 void Assembly::add_single_map(const std::string& path) {
@@ -220,8 +221,8 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
   return std::nullopt;
 }
 
-void Assembly::add_alignment(const Json& document, const std::string& path) {
-  const SavedResult saved = saved_result(document, path);
+void Assembly::add_alignment(const std::string& text, const std::string& path) {
+  const SavedResult saved = saved_result(text, path);
   const auto source = reload(saved.source, "source", saved);
   const auto target = reload(saved.target, "target", saved);
   ReportedPair pair;
@@ -233,14 +234,14 @@ void Assembly::add_alignment(const Json& document, const std::string& path) {
   pair.point_options.min_observations = saved.min_observations;
   pair.initial = saved.initial;
   pair.truth = saved.truth;
-  pair.alignments = saved.alignments;
+  pair.results = saved.results;
   if (source && target) check_matches(saved, pair);
   add_pair(report_, pair, prefix());
   for (const auto& [name, description] : saved.inputs) add_input(role(name), description);
   options_[path] = saved.options;
   if (!several_) {
     if (report_.title.empty()) report_.title = pair.source_name + " to " + pair.target_name;
-    report_.subtitle = subtitle_of(pair.alignments, pair.unit);
+    report_.subtitle = subtitle_of(pair.results, pair.unit);
   }
 }
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/alignment/align.hpp"
+#include "cairn/alignment/document.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 
 #include "support/arguments.hpp"
@@ -14,17 +14,9 @@
 namespace cairn::cli {
 
 /// One pair of maps aligned by one strategy.
-struct Alignment {
-  std::string confidence;  ///< name of the strategy
-  std::string method = "icp";
-  std::size_t k = 1;  ///< candidates it chose among
-  RegistrationResult result;
-  std::optional<PlacementResult> placement;  ///< without its alignment, which is `result`
-  std::optional<PoseError> error;            ///< against the truth, where that is known
+struct StrategyResult : AlignmentRecord {
+  std::optional<PoseError> error;  ///< of the estimate, where the truth is known
 };
-
-/// The verdict where there is one; else "converged" and so on, which judges nothing.
-std::string_view status_of(const Alignment& alignment);
 
 /// Whether there is a pose to go on with: judged aligned, or, where none is judged, what the method came to.
 bool has_answer(const Alignment& alignment);
@@ -35,16 +27,16 @@ AlignOptions by_icp_alone(const IcpOptions& options, const PointSetOptions& poin
 /// Aligns two maps by each strategy in turn, with progress and until interrupted.
 /// @param options of all; the confidence is each strategy's
 /// @throws Error (cancelled)
-std::vector<Alignment> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
-                                    const std::vector<Strategy>& strategies, AlignOptions options,
-                                    const std::optional<Similarity3>& truth,
-                                    const CommonArguments& common);
+std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
+                                         const std::vector<Strategy>& strategies,
+                                         AlignOptions options,
+                                         const std::optional<Similarity3>& truth,
+                                         const CommonArguments& common);
 
 /// One row a strategy, and what the columns mean.
-std::string alignment_table(const std::vector<Alignment>& alignments, const IcpOptions& options,
-                            LengthUnit unit);
+std::string alignment_table(const std::vector<StrategyResult>& results, LengthUnit unit);
 
 /// One entry of a document's `results`.
-Json to_json(const Alignment& alignment, const IcpOptions& options, LengthUnit unit);
+Json to_json(const StrategyResult& result, HistoryDetail history);
 
 }  // namespace cairn::cli

@@ -7,13 +7,12 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <nlohmann/json.hpp>
 
+#include "cairn/alignment/document.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 
-#include "support/saved_alignments.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -38,23 +37,14 @@ constexpr std::string_view kPoseFile =
   throw Error(ErrorKind::kInput, path, what, kPoseFile);
 }
 
-Matrix4d matrix_of_json(const std::string& path, const std::string& text) {
-  const auto document = nlohmann::json::parse(text, nullptr, false);
-  if (document.is_discarded()) fail_pose_file(path, "starts like JSON but is none");
-  const nlohmann::json::json_pointer place("/results/0/target_from_source");
-  if (!document.contains(place)) fail_pose_file(path, "holds no results of an alignment");
-  const auto& rows = document.at(place);
-  if (rows.is_null()) fail_pose_file(path, "the alignment failed and has no pose");
-  const auto matrix = matrix_of_rows(rows);
-  if (!matrix) fail_pose_file(path, "target_from_source is no 4x4 matrix");
-  // The scale stands beside the rigid motion.
-  Matrix4d similarity = *matrix;
-  const nlohmann::json::json_pointer scale("/results/0/scale");
-  if (document.contains(scale) && !document.at(scale).is_null()) {
-    if (!document.at(scale).is_number()) fail_pose_file(path, "scale is no number");
-    similarity.topLeftCorner<3, 3>() *= document.at(scale).get<double>();
+// Of the first result: aligned, or never judged. A pose that was judged and not trusted is none to go on with.
+Similarity3 pose_of_json(const std::string& path, const std::string& text) {
+  const Alignment first = std::move(read_alignments(text, path).front().alignment);
+  if (!first.verdict && first.estimate) return *first.estimate;
+  if (!first.target_from_source) {
+    fail_pose_file(path, fmt::format("the first result has no pose: it is {}", status_of(first)));
   }
-  return similarity;
+  return *first.target_from_source;
 }
 
 Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
@@ -71,16 +61,13 @@ Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
   return matrix;
 }
 
-Matrix4d matrix_of_file(const std::string& path) {
+template <class Transform>
+Transform read_transform(const std::string& path) {
   const std::string text = read_file(path);
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
-  return is_json ? matrix_of_json(path, text) : matrix_of_text(path, text);
-}
-
-template <class Transform>
-Transform read_transform(const std::string& path) {
-  const Matrix4d matrix = matrix_of_file(path);
+  const Matrix4d matrix =
+      is_json ? pose_of_json(path, text).matrix() : matrix_of_text(path, text);
   try {
     return Transform::from_matrix(matrix);
   } catch (const Error& error) {

@@ -97,6 +97,7 @@ struct CommonArguments {
   std::string csv_path;     ///< the same; only of verbs that add_csv_to
   std::string report_path;  ///< empty: none; only of verbs that add_report_to
   bool quiet = false;
+  bool stdout_is_taken = false;  ///< by a map or a pose: set by the verb that writes it
   unsigned threads = 0;
   std::uint64_t seed = 0;
 
@@ -106,7 +107,11 @@ struct CommonArguments {
   /// Adds --report; `what` says what the page shows.
   void add_report_to(CLI::App& command, const std::string& what);
   /// Answers for people go to stdout unless a file goes there.
-  Console console() const { return {quiet, json_path != "-" && csv_path != "-"}; }
+  Console console() const {
+    if (json_path == "-" || csv_path == "-") return {quiet, Console::Answer::kNowhere};
+    return {quiet,
+            stdout_is_taken ? Console::Answer::kToStderr : Console::Answer::kToStdout};
+  }
   Executor executor() const { return Executor(threads); }
 };
 

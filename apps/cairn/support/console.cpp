@@ -55,10 +55,11 @@ class ProgressBar {
 
 }  // namespace
 
-Console::Console(bool quiet, bool answer) : quiet_(quiet), answer_(answer) {}
+Console::Console(bool quiet, Answer answer) : quiet_(quiet), answer_(answer) {}
 
 void Console::print(std::string_view text) const {
-  if (answer_) print_raw(text);
+  if (answer_ == Answer::kToStdout) print_raw(text);
+  if (answer_ == Answer::kToStderr && !quiet_) print_error(text);
 }
 
 void Console::remark(std::string_view text) const {

@@ -20,8 +20,13 @@ void print_error(std::string_view text);
 class Console {
  public:
   /// @param quiet  no remarks, no progress
-  /// @param answer whether stdout is for people; false when JSON goes there
-  Console(bool quiet, bool answer);
+  /// @param answer where text for people goes
+  enum class Answer {
+    kToStdout,
+    kToStderr,  ///< stdout carries a map or a pose
+    kNowhere,   ///< stdout carries a document, which says the same
+  };
+  Console(bool quiet, Answer answer);
 
   /// Part of the answer, as is.
   void print(std::string_view text) const;
@@ -37,7 +42,7 @@ class Console {
 
  private:
   bool quiet_;
-  bool answer_;
+  Answer answer_;
 };
 
 }  // namespace cairn::cli

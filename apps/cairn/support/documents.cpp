@@ -16,13 +16,7 @@
 namespace cairn::cli {
 namespace {
 
-void write_output(const std::string& text, const std::string& path) {
-  if (path == "-") {
-    print_raw(text);
-  } else {
-    write_file(path, [&](const ByteSink& sink) { sink(text); });
-  }
-}
+constexpr const char* kStdin = "/dev/stdin";
 
 Json rows_of(const Eigen::MatrixXd& matrix) {
   Json rows = Json::array();
@@ -42,7 +36,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common, bool 
   options.progress = console.progress("reading " + path);
   options.stop = interrupt_requests();
   options.log = console.log();
-  LoadedMap loaded{path, read_map(path, options), {}};
+  LoadedMap loaded{path, read_map(path == "-" ? kStdin : path, options), {}};
   loaded.description = describe_file(path, common, with_hash);
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();
@@ -95,6 +89,52 @@ void require_map_path(const std::string& path, const std::string& option) {
   require_folder_of(path);
 }
 
+std::optional<MapFormat> format_of_name(const std::string& name) {
+  if (name.empty()) return std::nullopt;
+  const auto format = format_of_extension("." + name);
+  const auto plain = format_of_extension("map." + name);
+  if (!format && !plain) {
+    throw Error(ErrorKind::kMisuse, "--format", name + " names no map format",
+                "map, cairn, ply or pcd");
+  }
+  return format ? format : plain;
+}
+
+void require_map_output(const std::string& path, const std::string& format,
+                        const std::string& option) {
+  if (path != "-") {
+    if (!format.empty()) {
+      throw Error(ErrorKind::kMisuse, "--format", "given, but " + path + " names its format",
+                  option + " -");
+    }
+    require_map_path(path, option);
+  } else if (!format_of_name(format)) {
+    throw Error(ErrorKind::kMisuse, option, "stdout has no extension that names a format",
+                "--format map, cairn, ply or pcd");
+  }
+}
+
+void require_one_stdout(
+    std::initializer_list<std::pair<const char*, const std::string*>> outputs) {
+  const char* taken = nullptr;
+  for (const auto& [option, path] : outputs) {
+    if (*path != "-") continue;
+    if (taken != nullptr) {
+      throw Error(ErrorKind::kMisuse, option, fmt::format("stdout is taken by {}", taken),
+                  "a file for one of them");
+    }
+    taken = option;
+  }
+}
+
+void write_text(const std::string& text, const std::string& path) {
+  if (path == "-") {
+    print_raw(text);
+  } else {
+    write_file(path, [&](const ByteSink& sink) { sink(text); });
+  }
+}
+
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
               MapWriteOptions options) {
   const Console console = common.console();
@@ -105,8 +145,13 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
     }
     if (show) show(share);
   };
-  write_map(map, path, options);
-  if (!holds_whole_map(format_of_extension(path).value()) && map.frame_count() > 0) {
+  const MapFormat format = options.format ? *options.format : format_of_extension(path).value();
+  if (path == "-") {
+    write_map(map, print_raw, format, options);
+  } else {
+    write_map(map, path, options);
+  }
+  if (!holds_whole_map(format) && map.frame_count() > 0) {
     console.remark(
         fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
                     map.frame_count(), map.observation_count()));
@@ -120,8 +165,9 @@ Json describe_file(const std::string& path, const CommonArguments& common, bool 
   return {{"path", path}, {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)}};
 }
 
-Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options) {
-  return {{"schema", {{"name", "cairn." + schema}, {"version", 1}}},
+Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,
+              unsigned version) {
+  return {{"schema", {{"name", "cairn." + schema}, {"version", version}}},
           {"cairn_version", kVersion},
           {"inputs", std::move(inputs)},
           {"options", std::move(options)},
@@ -134,20 +180,24 @@ std::string to_text(const Json& json) {
 }
 
 void write_document(const Json& json, const CommonArguments& common) {
-  if (!common.json_path.empty()) write_output(to_text(json), common.json_path);
+  if (!common.json_path.empty()) write_text(to_text(json), common.json_path);
 }
 
 void write_rows(const Csv& rows, const CommonArguments& common) {
-  if (!common.csv_path.empty()) write_output(rows.text(), common.csv_path);
+  if (!common.csv_path.empty()) write_text(rows.text(), common.csv_path);
 }
 
-void write_pose(const std::filesystem::path& path, const Rigid3& pose) {
+std::string matrix_text(const Similarity3& pose) {
   const Matrix4d matrix = pose.matrix();
   std::string text;
   for (int i = 0; i < 4; ++i) {
     text += fmt::format("{} {} {} {}\n", matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3));
   }
-  write_file(path, [&](const ByteSink& sink) { sink(text); });
+  return text;
+}
+
+void write_pose(const std::filesystem::path& path, const Similarity3& pose) {
+  write_file(path, [&](const ByteSink& sink) { sink(matrix_text(pose)); });
 }
 
 Json to_json(const Rigid3& pose) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -27,6 +29,7 @@ struct LoadedMap {
   Json description;  ///< path, hash, counts
 };
 
+/// @param path of a file, or "-" for stdin
 /// @param with_hash even where no document or report was asked for
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash = false);
 
@@ -46,12 +49,29 @@ void require_outputs(const CommonArguments& common);
 /// @throws Error (misuse) naming `option`
 void require_map_path(const std::string& path, const std::string& option);
 
+/// As require_map_path, or "-" for stdout with the format's name; a name with a file is refused.
+void require_map_output(const std::string& path, const std::string& format,
+                        const std::string& option);
+
+/// "map", "cairn", "ply", "pcd"; std::nullopt for no text.
+/// @throws Error (misuse) for any other
+std::optional<MapFormat> format_of_name(const std::string& name);
+
+/// At most one of these paths may be "-".
+/// @throws Error (misuse) naming both options
+void require_one_stdout(
+    std::initializer_list<std::pair<const char*, const std::string*>> outputs);
+
+/// Writes to a file, whole or not at all, or to stdout for "-".
+void write_text(const std::string& text, const std::string& path);
+
 /// Writes a map and remarks what its format does not hold.
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
               MapWriteOptions options = {});
 
 /// The head that every document has; `schema` is e.g. "align".
-Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options);
+Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,
+              unsigned version = 1);
 
 /// A document as files hold it; what is no UTF-8 in it is replaced.
 std::string to_text(const Json& json);
@@ -66,8 +86,9 @@ void write_rows(const Csv& rows, const CommonArguments& common);
 /// @param with_hash even where there will be none
 Json describe_file(const std::string& path, const CommonArguments& common, bool with_hash = false);
 
-/// Writes 16 numbers, row-major, four a line, that parse back exactly.
-void write_pose(const std::filesystem::path& path, const Rigid3& pose);
+/// 16 numbers, row-major, four a line, that parse back exactly.
+std::string matrix_text(const Similarity3& pose);
+void write_pose(const std::filesystem::path& path, const Similarity3& pose);
 
 Json to_json(const Rigid3& pose);
 Json to_json(const Matrix4d& matrix);

@@ -20,22 +20,23 @@
 namespace cairn::cli {
 namespace {
 
-Method method_of(const Alignment& alignment) {
-  if (alignment.placement) return Method::kAnywhere;
+Method method_of(const StrategyResult& result) {
   // Before it is asked for samples: ICP on samples may have led the robust method.
-  if (alignment.method == to_string(Method::kRobust)) return Method::kRobust;
-  return alignment.result.coarse_iterations > 0 ? Method::kFast : Method::kIcp;
+  if (result.method == AlignMethod::kRobust) {
+    return result.alignment.verdict ? Method::kAnywhere : Method::kRobust;
+  }
+  return result.alignment.registration.coarse_iterations > 0 ? Method::kFast : Method::kIcp;
 }
 
-std::string name_of(const Alignment& alignment) {
-  const bool weighs = alignment.confidence != "none";
-  return approach_name(method_of(alignment), weighs ? alignment.confidence : "base");
+std::string name_of(const StrategyResult& result) {
+  const bool weighs = result.confidence != "none";
+  return approach_name(method_of(result), weighs ? result.confidence : "base");
 }
 
 std::string verdict_text(const Alignment& alignment) {
-  std::string verdict(to_string(alignment.placement->verdict));
+  std::string verdict(to_string(*alignment.verdict));
   verdict.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(verdict.front())));
-  return fmt::format("{}: {}.", verdict, alignment.result.reason);
+  return fmt::format("{}: {}.", verdict, alignment.reason);
 }
 
 std::string text_of(const Json& json) {
@@ -54,25 +55,23 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
                                           const report::ShownPoints& source,
                                           const report::ShownPoints& target) {
   std::vector<report::AlignmentRun> runs;
-  for (const Alignment& alignment : pair.alignments) {
+  for (const StrategyResult& one : pair.results) {
     const bool has_points = pair.source != nullptr && pair.target != nullptr;
-    RegistrationResult result = alignment.result;
-    const auto& placement = alignment.placement;
-    if (placement && placement->verdict == Verdict::kRejected)
-      result.status = RegistrationStatus::kFailed;
+    RegistrationResult result = one.alignment.registration;
+    if (one.alignment.verdict == Verdict::kRejected) result.status = RegistrationStatus::kFailed;
     if (!has_points) {  // neither can matches be shown nor errors measured at the landmarks
       for (IterationRecord& iteration : result.history) iteration.matches.clear();
     }
     report::AlignmentRun run = report::make_run(result, source, target,
-                                                {.name = name_of(alignment),
+                                                {.name = name_of(one),
                                                  .initial = pair.initial,
-                                                 .k = alignment.k,
+                                                 .k = one.k,
                                                  .truth = has_points ? pair.truth : std::nullopt,
-                                                 .status = std::string(status_of(alignment))});
-    if (!has_points && alignment.error) {
+                                                 .status = std::string(status_of(one.alignment))});
+    if (!has_points && one.error) {
       for (auto& [name, value] : run.summary) {
-        if (name == "rotation_error_deg") value = degrees(alignment.error->rotation_rad);
-        if (name == "translation_error_m") value = alignment.error->translation;
+        if (name == "rotation_error_deg") value = degrees(one.error->rotation_rad);
+        if (name == "translation_error_m") value = one.error->translation;
       }
     }
     runs.push_back(std::move(run));
@@ -151,32 +150,36 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
                                                       .runs = {}}});
 }
 
-std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit unit) {
-  if (!alignments.empty() && alignments.front().placement) {
+std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit) {
+  if (!results.empty() && results.front().alignment.verdict) {
     std::string text;
-    for (const Alignment& alignment : alignments) {
+    for (const StrategyResult& result : results) {
       if (!text.empty()) text += " ";
-      if (alignments.size() > 1) text += name_of(alignment) + ": ";
-      text += verdict_text(alignment);
+      if (results.size() > 1) text += name_of(result) + ": ";
+      text += verdict_text(result.alignment);
     }
     return text;
   }
   const std::string symbol = unit_symbol(unit);
-  const Alignment* nearest = nullptr;
-  const Alignment* closest = nullptr;
-  for (const Alignment& alignment : alignments) {
-    if (!has_answer(alignment)) continue;
-    const auto& error = alignment.error;
+  const StrategyResult* nearest = nullptr;
+  const StrategyResult* closest = nullptr;
+  const auto score_of = [](const StrategyResult& result) {
+    return result.alignment.registration.score;
+  };
+  for (const StrategyResult& result : results) {
+    if (!has_answer(result.alignment)) continue;
+    const auto& error = result.error;
     if (error && (nearest == nullptr || error->translation < nearest->error->translation)) {
-      nearest = &alignment;
+      nearest = &result;
     }
-    const auto& score = alignment.result.score;
-    if (score && (closest == nullptr || *score < *closest->result.score)) closest = &alignment;
+    const auto score = score_of(result);
+    if (score && (closest == nullptr || *score < *score_of(*closest))) closest = &result;
   }
   if (closest == nullptr) return "No strategy found a pose.";
   std::string text =
       fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
-                  name_of(*closest), *closest->result.score, symbol, closest->result.iterations);
+                  name_of(*closest), *score_of(*closest), symbol,
+                  closest->alignment.registration.iterations);
   if (nearest != nullptr) {
     text += fmt::format("; {} is nearest to the true pose, {} {} and {} degrees off",
                         nearest == closest ? "it" : name_of(*nearest),

@@ -24,7 +24,7 @@ struct ReportedPair {
   PointSetOptions point_options = {};
   Rigid3 initial = {};
   std::optional<Similarity3> truth = {};
-  std::vector<Alignment> alignments = {};  ///< with a trace: also scores and matches
+  std::vector<StrategyResult> results = {};  ///< with a trace: also scores and matches
   std::optional<std::string> story = {};   ///< a paragraph above the scene
 };
 
@@ -41,7 +41,7 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
              const std::string& prefix = {});
 
 /// A sentence or some: the verdicts, or which strategy did best, and by what.
-std::string subtitle_of(const std::vector<Alignment>& alignments, LengthUnit unit);
+std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit);
 
 /// Inputs and options as a document has them.
 void set_provenance(report::Report& report, const Json& document);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -33,12 +34,14 @@ struct SavedResult {
   Rigid3 initial;
   std::optional<Similarity3> truth;
   LengthUnit unit = LengthUnit::kMetres;
-  std::vector<Alignment> alignments;
+  bool with_scale = false;  ///< whether the scale was estimated
+  std::uint64_t seed = 0;
+  std::vector<StrategyResult> results;
 };
 
-/// @param document of one of these schemas, as parsed from `file`
+/// @param text of a document of one of these schemas, which lies in `file`
 /// @throws Error (input) naming file, field, value and what was expected
-SavedResult saved_result(const Json& document, const std::string& file);
+SavedResult saved_result(const std::string& text, const std::string& file);
 
 /// What `cairn experiment paper` wrote besides its runs.
 struct SavedPaper {

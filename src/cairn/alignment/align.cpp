@@ -112,6 +112,12 @@ void take_verdict(PlacementResult placed, Alignment& alignment) {
   alignment.cut_short = placed.cut_short;
 }
 
+void take_pose(Alignment& alignment) {
+  const RegistrationResult& result = alignment.registration;
+  if (result.status != RegistrationStatus::kFailed) alignment.estimate = result.similarity();
+  if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
+}
+
 // @param found by the method, from the prior pose; nothing: by search
 Alignment concluded(const LandmarkCloud& source, const LandmarkCloud& target,
                     const AlignOptions& options, std::string_view unit,
@@ -139,10 +145,35 @@ Alignment concluded(const LandmarkCloud& source, const LandmarkCloud& target,
       alignment.reason = alignment.registration.reason;
     }
   }
-  const RegistrationResult& result = alignment.registration;
-  if (result.status != RegistrationStatus::kFailed) alignment.estimate = result.similarity();
-  if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
+  take_pose(alignment);
   return alignment;
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
+                     const Similarity3& pose, std::string_view unit, const AlignOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  Alignment alignment;
+  alignment.deterministic = !options.time_limit_s;
+  PlacementResult placed = PreparedPair(source, target, placement_of(options, unit)).judge(pose);
+  alignment.registration = std::move(placed.alignment);
+  if (alignment.registration.status == RegistrationStatus::kCancelled) {
+    alignment.reason = alignment.registration.reason;
+  } else {
+    take_verdict(std::move(placed), alignment);
+  }
+  take_pose(alignment);
+  alignment.estimate = pose;
+  if (alignment.target_from_source) alignment.target_from_source = pose;
+  alignment.duration_s = seconds_since(start);
+  return alignment;
+}
+
+std::string_view unit_of(const LandmarkMap& target) {
+  return target.info().length_unit == LengthUnit::kMetres ? "m" : "";
 }
 
 Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
@@ -156,8 +187,7 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
     found = refined(source, target, options);
   }
   Alignment alignment = concluded(source, target, options, unit, std::move(found));
-  alignment.duration_s =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  alignment.duration_s = seconds_since(start);
   return alignment;
 }
 
@@ -214,7 +244,23 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
     return landmark_cloud(map, options.confidence, options.points);
   };
   return align(cloud(source), cloud(target), points(source), points(target),
-               target.info().length_unit == LengthUnit::kMetres ? "m" : "", options);
+               unit_of(target), options);
+}
+
+Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
+                     const Similarity3& target_from_source, const AlignOptions& options) {
+  options.validate();
+  source.validate("source");
+  target.validate("target");
+  return judge_pose(source, target, target_from_source, std::string_view(), options);
+}
+
+Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
+                     const Similarity3& target_from_source, const AlignOptions& options) {
+  options.validate();
+  return judge_pose(landmark_cloud(source, options.confidence, options.points),
+                    landmark_cloud(target, options.confidence, options.points), target_from_source,
+                    unit_of(target), options);
 }
 
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {

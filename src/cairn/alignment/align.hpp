@@ -102,6 +102,14 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
 Alignment align(const LandmarkMap& source, const LandmarkMap& target,
                 const AlignOptions& options = {});
 
+/// Judges a pose as it is, whatever found it, as align() judges its own. Of the options, `method`,
+/// `prior` and `judge` have no effect.
+/// @throws Error (misuse) for invalid options, or a scale other than 1 without AlignOptions::scale
+Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
+                     const Similarity3& target_from_source, const AlignOptions& options = {});
+Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
+                     const Similarity3& target_from_source, const AlignOptions& options = {});
+
 /// That both maps know where down is: each as it says, or else its negative z axis.
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);
 

@@ -23,6 +23,23 @@ std::optional<Similarity3> align_trajectories(const Trajectory& estimate, const 
     return Similarity3(1.0,
                        true_pose(pairs.front().second) * estimated(pairs.front().first).inverse());
   }
+  if (alignment == TrajectoryAlignment::kPoses) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (const auto& [a, b] : pairs) {
+      sum += true_pose(b).rotation() * estimated(a).rotation().transpose();
+    }
+    // The rotation nearest to the sum.
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double sign =
+        (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
+    const Eigen::Matrix3d rotation = svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() *
+                                     svd.matrixV().transpose();
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+    for (const auto& [a, b] : pairs) {
+      translation += true_pose(b).translation() - rotation * estimated(a).translation();
+    }
+    return Similarity3(Rigid3(rotation, translation / static_cast<double>(pairs.size())));
+  }
   constexpr std::size_t kFewest = 3;
   if (pairs.size() < kFewest) return std::nullopt;
   const auto count = static_cast<Eigen::Index>(pairs.size());

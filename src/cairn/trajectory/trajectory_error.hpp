@@ -19,6 +19,9 @@ enum class TrajectoryAlignment {
   kOrigin,  ///< the first pair of poses coincides
   kSe3,     ///< least squares over all positions, rotation and translation
   kSim3,    ///< and scale
+  /// Mean rotation by the orientations (chordal), then mean translation: determined for any path, as
+  /// long as both trajectories are of one camera body.
+  kPoses,
 };
 
 struct AbsoluteError {

@@ -90,6 +90,24 @@ LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& op
   return read_native(source, options);
 }
 
+void write_map(const LandmarkMap& map, const ByteSink& sink, MapFormat format,
+               const MapWriteOptions& options) {
+  switch (format) {
+    case MapFormat::kNative:
+      write_native(map, sink, options.native_version, options.progress);
+      break;
+    case MapFormat::kBinary:
+      write_binary(map, sink, options.progress);
+      break;
+    case MapFormat::kPly:
+      write_ply(map, sink, {.ascii = options.ascii});
+      break;
+    case MapFormat::kPcd:
+      write_pcd(map, sink, {.ascii = options.ascii, .double_precision = options.double_precision});
+      break;
+  }
+}
+
 void write_map(const LandmarkMap& map, const std::filesystem::path& path,
                const MapWriteOptions& options) {
   const auto format = options.format ? options.format : format_of_extension(path);
@@ -98,23 +116,7 @@ void write_map(const LandmarkMap& map, const std::filesystem::path& path,
                 "the extension " + printable(path.extension().string()) + " names no map format",
                 ".map, .txt, .cairn, .ply or .pcd");
   }
-  write_file(path, [&](const ByteSink& sink) {
-    switch (*format) {
-      case MapFormat::kNative:
-        write_native(map, sink, options.native_version, options.progress);
-        break;
-      case MapFormat::kBinary:
-        write_binary(map, sink, options.progress);
-        break;
-      case MapFormat::kPly:
-        write_ply(map, sink, {.ascii = options.ascii});
-        break;
-      case MapFormat::kPcd:
-        write_pcd(map, sink,
-                  {.ascii = options.ascii, .double_precision = options.double_precision});
-        break;
-    }
-  });
+  write_file(path, [&](const ByteSink& sink) { write_map(map, sink, *format, options); });
 }
 
 }  // namespace cairn

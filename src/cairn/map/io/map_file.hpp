@@ -5,6 +5,7 @@
 #include <optional>
 #include <string_view>
 
+#include "cairn/core/file.hpp"
 #include "cairn/map/io/options.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -31,6 +32,10 @@ struct MapWriteOptions {
       false;  ///< PCD: positions as doubles, which PCL's point types do not take
   Progress progress = {};
 };
+
+/// Writes a map in this format to a stream; `options.format` has no effect.
+void write_map(const LandmarkMap& map, const ByteSink& sink, MapFormat format,
+               const MapWriteOptions& options = {});
 
 /// Writes a map, whole or not at all.
 /// @throws Error (misuse) for an unknown extension, (storage) if the file cannot be written
