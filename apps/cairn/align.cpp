@@ -443,7 +443,9 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
         fmt::format("\n{}: {}{}: {}\n", each.confidence, verdict, probability, one.reason));
     const bool trusted = has_answer(one);
     if (trusted) console.print(answer_text(one, unit, estimate_scale));
-    console.print(open_directions_text(one, estimate_scale));
+    if (one.verdict != Verdict::kRejected) {
+      console.print(open_directions_text(one, estimate_scale));
+    }
     if (!one.verdict) continue;
     console.print(candidates_text(one, unit, trusted));
     if (!trusted) console.print(hints(one, source_map.map, target_map.map, estimate_scale));

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/pose_error.hpp"
@@ -340,7 +342,7 @@ TEST_F(EvaluateAlignmentTest, TellsWhetherTheTruthIsWhereTheCovarianceSays) {
   write_result();
   Json result = Json::parse(content("result.json"));
   // Held against itself, moved by two centimetres along x.
-  Json truth = result.at("results").at(0).at("target_from_source");
+  Json truth = result.at("results").at(0).at("estimate");
   truth[0][3] = truth[0][3].get<double>() + 0.02;
   const auto write_truth = [&](double scale) {
     std::string text;
@@ -389,7 +391,7 @@ TEST_F(EvaluateAlignmentTest, TellsWhetherTheTruthIsWhereTheCovarianceSays) {
   const auto refuses = [&](const Json& covariance) {
     result.at("results").at(0)["covariance"] = covariance;
     write("result.json", result.dump());
-    expect_refusal(judge, kBadInput, {"result.json", "result 0", "covariance", "definite"});
+    expect_refusal(judge, kBadInput, {"result.json", "results[0]", "covariance", "definite"});
   };
   Json identity = Json::array();
   for (std::size_t i = 0; i < 6; ++i) {
@@ -410,6 +412,80 @@ TEST_F(EvaluateAlignmentTest, TellsWhetherTheTruthIsWhereTheCovarianceSays) {
   for (Json& row : small) row.erase(5);
   refuses(small);
   refuses("wide");
+}
+
+TEST_F(EvaluateAlignmentTest, WithoutATruthEachPoseIsJudged) {
+  const SyntheticPair maps = write_pair();
+  // Wrong, and never judged.
+  answer({"align", "source.map", "target.map", "--initial", "9 0 0 0 0 90", "--method", "icp",
+          "--max-iterations", "1", "--no-verdict", "--json", "wrong.json"});
+  const Json wrong = document({"evaluate", "alignment", "wrong.json"}, kNoAlignment);
+  EXPECT_EQ(wrong.at("results").at(0).at("verdict"), "rejected");
+  EXPECT_TRUE(wrong.at("results").at(0).at("target_from_source").is_null());
+  EXPECT_TRUE(wrong.at("inputs").at("truth").is_null());
+  // Right, and never judged.
+  answer({"align", "source.map", "target.map", "--no-verdict", "--json", "right.json"});
+  const Json saved = Json::parse(content("right.json"));
+  const Json right = document({"evaluate", "alignment", "right.json"});
+  EXPECT_EQ(right.at("results").at(0).at("verdict"), "aligned");
+  EXPECT_EQ(right.at("results").at(0).at("target_from_source"),
+            saved.at("results").at(0).at("estimate"));
+  EXPECT_THAT(answer({"evaluate", "alignment", "right.json", "--csv", "-"}),
+              HasSubstr("confidence,status,probability\nnone,aligned,0.99"));
+  // Against a truth it need not be judged.
+  const Json compared = document({"evaluate", "alignment", "right.json", "--truth", "truth.txt"});
+  EXPECT_EQ(compared.at("results").at(0).at("success"), true);
+}
+
+TEST_F(EvaluateAlignmentTest, PoseThatIsNotTrustedIsNoSuccessHoweverRight) {
+  write_result();
+  Json result = Json::parse(content("result.json"));
+  for (Json& entry : result.at("results")) {
+    entry["verdict"] = entry["status"] = "rejected";
+    entry["probability"] = 0.5;
+    entry["support_radius"] = 0.1;
+  }
+  write("result.json", result.dump());
+  const Json json = document(evaluate({"--max-rotation-deg", "180", "--max-translation-m", "9"}));
+  EXPECT_TRUE(json.at("results").at(0).at("error").is_object());
+  EXPECT_EQ(json.at("results").at(0).at("success"), false);
+}
+
+TEST_F(EvaluateAlignmentTest, TrajectoriesGiveTheTruth) {
+  const SyntheticPair maps = write_result();
+  // Each camera's path in its map, and in one world.
+  const Rigid3 world_from_target(Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {1.0, 2.0, 3.0});
+  const auto lines = [](const LandmarkMap& map, const Rigid3& world_from_map) {
+    std::string text;
+    for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+      const auto& [w, x, y, z] = map.frames().quaternions[i];
+      const Rigid3 pose = world_from_map * Rigid3(Eigen::Quaterniond(w, x, y, z),
+                                                  map.frames().translations[i]);
+      const Eigen::Quaterniond q = pose.quaternion();
+      const Eigen::Vector3d& t = pose.translation();
+      text += fmt::format("{} {} {} {} {} {} {} {}\n", i, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(),
+                          q.w());
+    }
+    return text;
+  };
+  write("s.tum", lines(maps.source, Rigid3()));
+  write("t.tum", lines(maps.target, Rigid3()));
+  write("s_truth.tum", lines(maps.source, world_from_target * maps.target_from_source));
+  write("t_truth.tum", lines(maps.target, world_from_target));
+  const Words words = {"evaluate",            "alignment", "result.json",    "--source-trajectory",
+                       "s.tum",               "--source-truth", "s_truth.tum", "--target-trajectory",
+                       "t.tum", "--target-truth", "t_truth.tum"};
+  const Json by_paths = document(words);
+  const Json by_pose = document(evaluate_);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (const char* const part : {"rotation_deg", "translation"}) {
+      EXPECT_NEAR(by_paths.at("results").at(i).at("error").at(part).get<double>(),
+                  by_pose.at("results").at(i).at("error").at(part).get<double>(), 1e-6);
+    }
+  }
+  Words three = words;
+  three.resize(three.size() - 2);
+  expect_refusal(three, kWrongUsage, {"--source-trajectory", "--target-truth"});
 }
 
 TEST_F(EvaluateAlignmentTest, CsvHasARowForEachResult) {
@@ -485,10 +561,10 @@ TEST_F(EvaluateAlignmentTest, DocumentsOfOtherKindsAreRefused) {
       {"16 numbers", "no JSON"},
       {"{}", "no results"},
       {"[]", "no results"},
-      {R"({"results": []})", "no results"},
-      {R"({"results": 7})", "no results"},
-      {R"({"results": [{}]})", "result 0 has no target_from_source"},
-      {R"({"results": [{"target_from_source": [1]}]})", "4x4"},
+      {R"({"results": []})", "at least one"},
+      {R"({"results": 7})", "a list"},
+      {R"({"results": [{}]})", "target_from_source"},
+      {R"({"results": [{"target_from_source": [1]}]})", "4 rows"},
       {R"({"results": [{"target_from_source": [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})",
        "rotation"},
       {R"({"results": [{"target_from_source": )" + pose + "}]}", "does not name the source map"}};

@@ -335,7 +335,7 @@ TEST_F(WrittenReportTest, WhatIsNoResultIsRefusedWithFileFieldAndValue) {
   expect("{", {"bad.json", "none", "cairn align"});
   expect("{}", {"bad.json", "schema.name"});
   expect(changed("/schema/name", "cairn.info"), {"bad.json", "'cairn.info'", "'cairn align'"});
-  expect(changed("/schema/version", 2), {"bad.json: schema.version is 2", "expected 1"});
+  expect(changed("/schema/version", 3), {"bad.json: schema.version is 3", "at most 2"});
   expect(changed("/results", 5), {"bad.json: results is 5", "a list"});
   expect(changed("/results", Json::array()), {"results is []", "at least one"});
   expect(changed("/results/0/status", "fine"),

@@ -225,9 +225,9 @@ TEST_F(UsageTest, PoseFilesAreChecked) {
       {"1 0 0 0 0 1 0 0 0 0 2 0 0 0 0 1", "rotation"},
       {"1 0 0 0 0 1 0 0 0 0 one 0 0 0 0 1", "'one'"},
       {"{", "JSON"},
-      {R"({"results": []})", "no results"},
+      {R"({"results": []})", "at least one"},
       {R"({"results": [{"target_from_source": null}]})", "no pose"},
-      {R"({"results": [{"target_from_source": [[1, 2], [3]]}]})", "4x4"}};
+      {R"({"results": [{"target_from_source": [[1, 2], [3]]}]})", "4 rows"}};
   for (const auto& [text, fragment] : wrong) {
     write("pose", text);
     expect_refusal({"align", "plain.map", "plain.map", "--truth", "pose"}, kBadInput,

@@ -58,6 +58,8 @@ std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
   for (const StrategyResult& one : pair.results) {
     const bool has_points = pair.source != nullptr && pair.target != nullptr;
     RegistrationResult result = one.alignment.registration;
+    result.reason = one.alignment.reason;
+    result.duration_s = one.alignment.duration_s;
     if (one.alignment.verdict == Verdict::kRejected) result.status = RegistrationStatus::kFailed;
     if (!has_points) {  // neither can matches be shown nor errors measured at the landmarks
       for (IterationRecord& iteration : result.history) iteration.matches.clear();

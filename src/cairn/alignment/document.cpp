@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/document.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -191,7 +192,12 @@ Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version)
 template <int kSize>
 std::optional<Eigen::Matrix<double, kSize, kSize, Eigen::DontAlign>> covariance_of(
     const JsonField& field) {
-  if (!field.json().is_array() || field.json().size() != kSize) return std::nullopt;
+  const Json& list = field.json();
+  const bool square = list.is_array() && list.size() == kSize &&
+                      std::all_of(list.begin(), list.end(), [](const Json& row) {
+                        return row.is_array() && row.size() == kSize;
+                      });
+  if (!square) return std::nullopt;
   const auto rows = field.rows<kSize, kSize>();
   Eigen::Matrix<double, kSize, kSize, Eigen::DontAlign> matrix;
   for (int i = 0; i < kSize * kSize; ++i) {
