@@ -5,6 +5,8 @@
 // FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit, choose or test, by the
 // places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always), undescribed (maps
 // without descriptors) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
+//   cairn_placement_sessions_benchmark FOLDER PAIRS PART guesses
+// instead refines and judges guesses, from near the true pose to 60 degrees and 2 m off it; one row a guess.
 #include <array>
 #include <cstdio>
 #include <exception>
@@ -17,6 +19,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/centroid.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/placement/centred_pair.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
@@ -73,6 +76,44 @@ void tell_truth(const SessionPair& pair) {
       agreement.matches, agreement.agreeing, agreement.spread, agreement.expected,
       support.likeness ? support.spread_likeness : -1.0, degrees(error.rotation_rad),
       error.translation);
+}
+
+// Guesses of a pose, refined as align() refines a prior pose and then judged. Between places the "truth"
+// that they are drawn about means nothing.
+void tell_guesses(const SessionPair& pair, const Executor& executor) {
+  constexpr int kGuesses = 20;
+  PlaceOptions options;
+  options.seed = pair.number;
+  options.execution.executor = executor;
+  PreparedPair prepared(pair.source, pair.target, options);
+  Random random(pair.number + 77);
+  const Eigen::Vector3d middle = pair.truth * centroid(pair.source.positions);
+  for (int i = 0; i < kGuesses; ++i) {
+    // Every other one is near.
+    const double share = i % 2 == 0 ? 0.15 * random.uniform() : random.uniform();
+    const double angle = share * radians(60.0);
+    const double offset = share * 2.0;
+    const auto direction = [&] {
+      return Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
+    };
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle, direction()));
+    const Rigid3 about(turn, middle + offset * direction() - turn * middle);
+    RefineOptions refinement;
+    refinement.initial = about * pair.truth;
+    refinement.execution.executor = executor;
+    const RegistrationResult refined = refine(pair.source, pair.target, refinement);
+    if (!refined.has_pose()) continue;
+    const PlacementResult result = prepared.settle(refined.similarity());
+    const PoseError error = pair.same_place() ? pose_error(result.alignment.target_from_source,
+                                                           pair.truth, pair.source.positions)
+                                              : PoseError{std::numbers::pi, 100.0};
+    std::printf("guess,%llu,%s,%s,%.4f,%.2f,%.3f,%s,%.6f,%.3f,%.4f\n",
+                static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
+                pair.target_place.c_str(), pair.overlap, degrees(angle), offset,
+                std::string(to_string(result.verdict)).c_str(), result.probability,
+                degrees(error.rotation_rad), error.translation);
+  }
+  std::fflush(stdout);
 }
 
 struct Variant {
@@ -143,6 +184,16 @@ int main(int argc, char** argv) {
   }
   try {
     const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
+    const Executor executor(1);
+    if (words.size() > 3 && words[3] == "guesses") {
+      std::puts(
+          "variant,pair,source,target,overlap,guess_deg,guess_m,verdict,probability,rotation_deg,"
+          "translation_m");
+      benchmarks::for_each_session_pair(
+          words[0], numbers, benchmarks::session_part(words[2]),
+          [&](const SessionPair& pair) { tell_guesses(pair, executor); });
+      return 0;
+    }
     std::puts(
         "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,"
         "rank,"
@@ -151,7 +202,6 @@ int main(int argc, char** argv) {
         "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
         "rotation_deg,translation_m,mahalanobis");
     const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
-    const Executor executor(1);
     benchmarks::for_each_session_pair(
         words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {
           for (const Variant& variant : kVariants) {

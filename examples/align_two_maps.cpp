@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Aligns one map file to another and prints the pose: example_align_two_maps SOURCE TARGET
+// Aligns one map file to another and prints the pose if it can be trusted:
+//   example_align_two_maps SOURCE TARGET
 #include <iostream>
 
+#include <cairn/alignment/align.hpp>
 #include <cairn/map/io/map_file.hpp>
-#include <cairn/registration/icp.hpp>
 
 int main(int argc, char** argv) try {
   if (argc != 3) {
@@ -12,10 +13,10 @@ int main(int argc, char** argv) try {
   }
   const auto source = cairn::read_map(argv[1]);
   const auto target = cairn::read_map(argv[2]);
-  const auto result = cairn::icp(source, target, cairn::observations_metric(), {.k = 5});
-  std::cout << result.reason << "\n";
-  if (!result.has_pose()) return 4;
-  std::cout << result.target_from_source.matrix() << "\n";
+  const cairn::Alignment result = cairn::align(source, target);
+  std::cout << cairn::status_of(result) << ": " << result.reason << "\n";
+  if (!result.target_from_source) return 4;
+  std::cout << result.target_from_source->matrix() << "\n";
   return 0;
 } catch (const std::exception& error) {
   std::cerr << error.what() << "\n";

@@ -250,8 +250,8 @@ TEST_F(WrittenReportTest, DemoTellsItsStory) {
   answer({"demo", "--synthetic", "--report", "r.html", "--json", "demo.json"});
   const ReportPage report = page("r.html");
   EXPECT_THAT(section(report, "scene").at("text").get<std::string>(), StartsWith("Two synthetic"));
-  EXPECT_EQ(section(report, "scene").at("runs").size(), 4U);
-  EXPECT_THAT(report.document.at("subtitle").get<std::string>(), HasSubstr("true pose"));
+  EXPECT_EQ(section(report, "scene").at("runs").size(), 5U);
+  EXPECT_THAT(report.document.at("subtitle").get<std::string>(), StartsWith("Aligned: "));
   EXPECT_FALSE(section(report, "scene").at("runs").at(0).at("matches").is_null());
   EXPECT_THAT(content("demo.json"), Not(HasSubstr("\"matches\": [")));
   // Its document names no maps to show.

@@ -153,11 +153,15 @@ void add_map(report::Report& report, const LandmarkMap& map, const std::string& 
 }
 
 std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit) {
-  if (!results.empty() && results.front().alignment.verdict) {
+  const auto judged = std::count_if(results.begin(), results.end(), [](const auto& result) {
+    return result.alignment.verdict.has_value();
+  });
+  if (judged > 0) {
     std::string text;
     for (const StrategyResult& result : results) {
+      if (!result.alignment.verdict) continue;
       if (!text.empty()) text += " ";
-      if (results.size() > 1) text += name_of(result) + ": ";
+      if (judged > 1) text += name_of(result) + ": ";
       text += verdict_text(result.alignment);
     }
     return text;
