@@ -2,6 +2,7 @@
 #include "support/saved_alignments.hpp"
 
 #include <array>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -10,6 +11,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/json_text.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -72,8 +74,9 @@ SavedAlignments read_alignments(const std::string& path) {
   const auto refuse = [&](std::string_view what) {
     throw Error(ErrorKind::kInput, path, what, kExpected);
   };
-  const json document = json::parse(read_file(path), nullptr, false);
-  if (document.is_discarded()) refuse("is no JSON");
+  const std::optional<json> parsed = parse_json<json>(read_file(path), path);
+  if (!parsed) refuse("is no JSON");
+  const json& document = *parsed;
   const auto results = value_at<json>(document, "/results");
   if (!results || !results->is_array() || results->empty()) {
     refuse("holds no results of an alignment");
