@@ -258,25 +258,33 @@ std::string mini_map_name(std::size_t index) {
 // Tells an unfinished folder of ours from anybody else's.
 constexpr const char* kUnfinishedMark = ".cairn-unfinished";
 
+fs::path unfinished_folder(const std::string& output) {
+  return output + ".unfinished";
+}
+
+void refuse_foreign_folder(const fs::path& folder) {
+  std::error_code ignored;
+  const auto status = fs::symlink_status(folder, ignored);
+  if (!fs::exists(status)) return;
+  const bool is_ours = fs::is_directory(status) && (fs::is_empty(folder, ignored) ||
+                                                    fs::exists(folder / kUnfinishedMark, ignored));
+  if (is_ours) return;
+  throw Error(ErrorKind::kStorage, folder.string(),
+              "stands where the unfinished mini-maps would and was not made by cairn",
+              "another name for the output, or this one moved away");
+}
+
 // Makes a folder to be renamed when it is complete. One that a killed run left behind is cleared.
 void make_unfinished_folder(const fs::path& folder) {
-  if (fs::exists(fs::symlink_status(folder))) {
-    const bool is_ours = fs::is_directory(fs::symlink_status(folder)) &&
-                         (fs::is_empty(folder) || fs::exists(folder / kUnfinishedMark));
-    if (!is_ours) {
-      throw Error(ErrorKind::kStorage, folder.string(),
-                  "stands where the unfinished mini-maps would and was not made by cairn",
-                  "another name for the output, or this one moved away");
-    }
-    fs::remove_all(folder);
-  }
+  refuse_foreign_folder(folder);
+  fs::remove_all(folder);
   fs::create_directory(folder);
   write_file(folder / kUnfinishedMark, [](const ByteSink&) {});
 }
 
 // The folder appears whole or not at all.
 void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
-  const fs::path unfinished = output + ".unfinished";
+  const fs::path unfinished = unfinished_folder(output);
   try {
     make_unfinished_folder(unfinished);
   } catch (const fs::filesystem_error& error) {
@@ -457,6 +465,7 @@ int MapArguments::run() {
       throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
     }
     require_folder_of(output);
+    refuse_foreign_folder(unfinished_folder(output));
   }
   const CameraFile camera_file = load_camera();
   SequenceOptions sequence_options;
