@@ -125,7 +125,7 @@ void AlignArguments::add_to(CLI::App& command) {
                   "for maps in metres, else no overlap is computed)",
                   kDefaultOverlapRadius));
   add_text(command, "--camera", camera,
-           "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
+           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
   command.add_flag("--trace", options.trace,
                    "Keep each iteration in the JSON: pose, score, matches");
   common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
@@ -510,7 +510,8 @@ int AlignArguments::run() {
   const std::vector<Strategy> strategies = parse_strategies(confidence);
   check_outputs(strategies.size());
   check_options();
-  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
+  const auto given_camera =
+      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
   options.initial = initial.pose();
   options.stop_at_repetition = !stop_as_pcl;
   std::optional<Similarity3> true_pose;

@@ -71,7 +71,7 @@ void ConvertArguments::add_to(CLI::App& command) {
   add_text(command, "--confidence", confidence,
            "Add confidences as columns named confidence_METRIC: " + confidence_help(),
            "METRIC,...");
-  add_text(command, "--camera", camera, "Camera of all frames: \"MODEL width height parameters\"",
+  add_text(command, "--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
            "CAMERA");
   add_number(command, "--format-version", format_version,
              "Version of the text format, 1 or 2 (default: 1 where nothing is lost)");
@@ -106,7 +106,8 @@ int ConvertArguments::run() {
   check_format();
   require_folder_of(common.json_path);
   const auto range = frames.empty() ? std::nullopt : std::optional(parse_frames(frames));
-  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
+  const auto given_camera =
+      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
   const auto strategies =
       confidence.empty() ? std::vector<Strategy>{} : parse_strategies(confidence);
   const auto new_from_old = transform.given() ? std::optional(transform.pose()) : std::nullopt;

@@ -64,7 +64,7 @@ struct EvaluateMapArguments {
 void EvaluateMapArguments::add_to(CLI::App& command) {
   add_text(command, "map", input, "Map to judge: .map, .txt, .cairn, .ply or .pcd")->required();
   add_text(command, "--camera", camera,
-           "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
+           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
   add_text(command, "--truth-map", truth_map,
            "Map with the true positions, of landmarks and frames with the same ids: judges the "
            "covariances",
@@ -328,7 +328,8 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
 
 int EvaluateMapArguments::run() {
   check_options();
-  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
+  const auto given_camera =
+      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
   const LoadedMap loaded = load_map(input, common);
   const auto truth = truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
 

@@ -37,7 +37,7 @@ struct InfoArguments {
 void InfoArguments::add_to(CLI::App& command) {
   add_text(command, "map", input, "Map to read: .map, .txt, .cairn, .ply or .pcd")->required();
   add_text(command, "--camera", camera,
-           "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
+           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
   common.add_to(command);
   command.footer(
       "Example: what the map holds, and how well it explains its images\n"
@@ -295,7 +295,8 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
 
 int InfoArguments::run() const {
   require_folder_of(common.json_path);
-  const auto given_camera = camera.empty() ? std::nullopt : std::optional(parse_camera(camera));
+  const auto given_camera =
+      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
   LoadedMap loaded = load_map(input, common);
   if (given_camera) loaded.map = with_camera(loaded.map, *given_camera);
   const Findings findings = examine(loaded.map);

@@ -22,6 +22,7 @@
 #include "support/arguments.hpp"
 #include "support/command_line.hpp"
 #include "support/console.hpp"
+#include "support/distinct_files.hpp"
 #include "support/help.hpp"
 #include "support/interrupt.hpp"
 
@@ -123,6 +124,7 @@ int run(int argc, char** argv) {
                             complaint(program, error), words));
     return ExitCode::kWrongUsage;
   }
+  cairn::cli::require_distinct_files(*parsed_verbs(program).back());
   const std::string name = program.get_subcommands().front()->get_name();
   return std::find_if(verbs.begin(), verbs.end(),
                       [&](const auto& verb) { return verb.first == name; })

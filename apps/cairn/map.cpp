@@ -103,8 +103,7 @@ void MapArguments::add_to(CLI::App& command) {
            "Also write where the camera was, in TUM format: timestamp tx ty tz qx qy qz qw a line",
            "FILE");
   add_text(command, "--camera", camera,
-           "fr1, fr2 or fr3 of the TUM benchmark; a camera file; or \"MODEL width height "
-           "parameters\" (default: camera.yaml in the sequence's folder)",
+           fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
            "CAMERA");
   add_number(command, "--depth-units", depth_units,
              "Depth image units a metre (default: as the camera file says, else 5000)");
@@ -149,22 +148,15 @@ void MapArguments::add_to(CLI::App& command) {
 }
 
 CameraFile MapArguments::load_camera() const {
-  const auto read = [](const fs::path& path) {
-    FileReader file(path);
-    return read_camera_file(file);
-  };
-  if (camera.empty()) {
-    const fs::path beside = fs::path(sequence) / "camera.yaml";
-    std::error_code ignored;
-    if (fs::is_regular_file(beside, ignored)) return read(beside);
+  if (!camera.empty()) return cli::load_camera(camera);
+  const fs::path beside = fs::path(sequence) / "camera.yaml";
+  std::error_code ignored;
+  if (!fs::is_regular_file(beside, ignored)) {
     throw Error(ErrorKind::kMisuse, "--camera", "not given, and there is no " + beside.string(),
-                "fr1, fr2, fr3, a camera file, or \"MODEL width height parameters\"");
+                kCameraHelp);
   }
-  if (camera == "fr1" || camera == "fr2" || camera == "fr3") {
-    return {tum_camera(camera), kTumDepthUnits};
-  }
-  if (camera.find(' ') != std::string::npos) return {parse_camera(camera), std::nullopt};
-  return read(camera);
+  FileReader file(beside);
+  return read_camera_file(file);
 }
 
 LandmarkCovariance parse_covariance(const std::string& text) {
@@ -263,11 +255,42 @@ std::string mini_map_name(std::size_t index) {
   return fmt::format("{:04}.map", index);
 }
 
+// Tells an unfinished folder of ours from anybody else's.
+constexpr const char* kUnfinishedMark = ".cairn-unfinished";
+
+fs::path unfinished_folder(const std::string& output) {
+  return output + ".unfinished";
+}
+
+void refuse_foreign_folder(const fs::path& folder) {
+  std::error_code ignored;
+  const auto status = fs::symlink_status(folder, ignored);
+  if (!fs::exists(status)) return;
+  const bool is_ours = fs::is_directory(status) && (fs::is_empty(folder, ignored) ||
+                                                    fs::exists(folder / kUnfinishedMark, ignored));
+  if (is_ours) return;
+  throw Error(ErrorKind::kStorage, folder.string(),
+              "stands where the unfinished mini-maps would and was not made by cairn",
+              "another name for the output, or this one moved away");
+}
+
+// Makes a folder to be renamed when it is complete. One that a killed run left behind is cleared.
+void make_unfinished_folder(const fs::path& folder) {
+  refuse_foreign_folder(folder);
+  fs::remove_all(folder);
+  fs::create_directory(folder);
+  write_file(folder / kUnfinishedMark, [](const ByteSink&) {});
+}
+
 // The folder appears whole or not at all.
 void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
-  const fs::path unfinished = output + ".unfinished";
+  const fs::path unfinished = unfinished_folder(output);
   try {
-    fs::create_directory(unfinished);
+    make_unfinished_folder(unfinished);
+  } catch (const fs::filesystem_error& error) {
+    throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
+  }
+  try {
     Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
     index["mini_maps"] = Json::array();
     for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
@@ -289,7 +312,9 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
     }
     write_file(unfinished / "mini_maps.json",
                [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
+    fs::remove(unfinished / kUnfinishedMark);
     fs::rename(unfinished, output);
+    sync_files(fs::path(output).has_parent_path() ? fs::path(output).parent_path() : ".");
   } catch (const fs::filesystem_error& error) {
     std::error_code ignored;
     fs::remove_all(unfinished, ignored);
@@ -440,6 +465,7 @@ int MapArguments::run() {
       throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
     }
     require_folder_of(output);
+    refuse_foreign_folder(unfinished_folder(output));
   }
   const CameraFile camera_file = load_camera();
   SequenceOptions sequence_options;

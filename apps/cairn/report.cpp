@@ -13,6 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/json_text.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
@@ -163,10 +164,9 @@ void Assembly::add_file(const std::string& path) {
     return;
   }
   const std::string text = read_file(path);
-  const Json document = Json::parse(text, nullptr, false);
-  if (document.is_discarded()) {
-    throw Error(ErrorKind::kInput, path, "starts like JSON but is none", kExpected);
-  }
+  const std::optional<Json> parsed = parse_json<Json>(text, path);
+  if (!parsed) throw Error(ErrorKind::kInput, path, "starts like JSON but is none", kExpected);
+  const Json& document = *parsed;
   const Json::json_pointer place("/schema/name");
   const bool named = document.contains(place) && document.at(place).is_string();
   const std::string schema = named ? document.at(place).get<std::string>() : "";
@@ -212,7 +212,8 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
       continue;
     }
     LoadedMap loaded = load_map(path.string(), common_);
-    if (!result.camera.empty()) loaded.map = with_camera(loaded.map, parse_camera(result.camera));
+    if (!result.camera.empty())
+      loaded.map = with_camera(loaded.map, load_camera(result.camera).camera);
     return loaded;
   }
   remark(
@@ -256,7 +257,7 @@ void Assembly::add_experiment(const std::string& folder) {
     throw Error(ErrorKind::kInput, folder,
                 "holds no experiment.json: no experiment was completed here", kExpected);
   }
-  const Json document = Json::parse(text_of("experiment.json"), nullptr, false);
+  const Json document = parse_json<Json>(text_of("experiment.json"), path).value_or(Json());
   const Json kind = document.is_object() ? document.value("experiment", Json()) : Json();
   const std::string title = report_.title;
   inputs_.push_back(describe_file(path, common_));

@@ -81,8 +81,10 @@ void SimulateArguments::add_to(CLI::App& command) {
              "changes");
   add_number(command, "--changed", environment_options.changed_fraction,
              "Share of the movable objects that stand elsewhere in this session, or are gone");
-  add_text(command, "--camera", camera,
-           "Camera file (default: 640 x 480 pixels, focal length 525, no distortion)", "FILE");
+  add_text(
+      command, "--camera", camera,
+      fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
+      "CAMERA");
   add_number(command, "--exposure", options.sensor.exposure, "Factor on the brightness");
   add_number(command, "--motion-blur", options.shutter_s,
              "Seconds a frame is exposed; makes rendering six times slower if not 0");
@@ -225,11 +227,10 @@ int SimulateArguments::run() {
   refuse_existing();
   Json inputs = Json::object();
   if (!camera.empty()) {
-    FileReader file(camera);
-    const CameraFile read = read_camera_file(file);
+    const CameraFile read = load_camera(camera);
     options.camera = read.camera;
     depth_units_per_metre = read.depth_units_per_metre.value_or(depth_units_per_metre);
-    inputs["camera"] = {{"path", camera}, {"hash", hash_file(camera)}};
+    inputs["camera"] = describe_file(camera, common, true);
   }
   if (path_is_file()) {
     const FileReader readable(path);  // fails before the work

@@ -249,7 +249,7 @@ TEST_F(AlignTest, MapsOfDifferentUnitsAreRefused) {
 
 TEST_F(AlignTest, OverlapOfFreeScaleNeedsARadius) {
   MapTables tables = full_tables();
-  tables.landmarks.positions[2] = {0.3, -0.2, 0.1};  // not at 1e300, where squares overflow
+  tables.landmarks.positions[2] = {0.3, -0.2, 0.1};  // not at 1e8
   write_map(LandmarkMap(std::move(tables)), path("free.map"));
   const Words words = {"align", "free.map",  "free.map",    "--min-observations",
                        "0",     "--initial", "0 0 0 0 0 0", "--no-verdict"};

@@ -206,10 +206,63 @@ TEST_F(ConvertTest, VersionOneIsRefusedWhereItWouldLoseSomething) {
   EXPECT_EQ(content("one.map"), content("plain.map"));
 }
 
-TEST_F(ConvertTest, FileCanBeReplacedByItself) {
+TEST_F(ConvertTest, AnOutputThatIsAnInputIsRefused) {
   write_plain();
-  answer({"convert", "plain.map", "plain.map", "--min-observations", "2"});
-  EXPECT_EQ(read_map(path("plain.map")).landmark_count(), 1U);
+  const std::string before = content("plain.map");
+  std::filesystem::create_symlink("plain.map", path("link.map"));
+  std::filesystem::create_hard_link(path("plain.map"), path("hard.map"));
+  std::filesystem::create_directory(path("folder"));
+  std::filesystem::create_directory_symlink(".", path("here"));
+  for (const char* const output : {"plain.map", "./plain.map", "link.map", "hard.map",
+                                   "folder/../plain.map", "here/plain.map"}) {
+    expect_refusal({"convert", "plain.map", output, "--min-observations", "2"}, kWrongUsage,
+                   {"output", output, "the input input"});
+    expect_refusal({"info", "plain.map", "--json", output}, kWrongUsage,
+                   {"--json", output, "the input map"});
+  }
+  write("turn.txt", "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  expect_refusal(
+      {"convert", "plain.map", "out.map", "--transform-matrix", "turn.txt", "--json", "turn.txt"},
+      kWrongUsage, {"--json", "turn.txt", "--transform-matrix"});
+  EXPECT_EQ(content("plain.map"), before);
+}
+
+TEST_F(ConvertTest, TwoOutputsInOneFileAreRefused) {
+  write_plain();
+  std::filesystem::create_directory_symlink(".", path("here"));
+  for (const char* const json : {"out.map", "here/out.map"}) {
+    expect_refusal({"convert", "plain.map", "out.map", "--json", json}, kWrongUsage,
+                   {json, "the output", "--json"});
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("out.map")));
+  // A device holds nothing that could be lost.
+  EXPECT_EQ(cairn({"evaluate", "map", "plain.map", "--json", "/dev/null", "--csv", "/dev/null"})
+                .errors.find("/dev/null is"),
+            std::string::npos);
+}
+
+TEST_F(ConvertTest, AByteOrderMarkIsAcceptedInEachTextFile) {
+  write_plain();
+  const std::string mark = "\xEF\xBB\xBF";
+  write("marked.map", mark + content("plain.map"));
+  answer({"convert", "marked.map", "out.map"});
+  EXPECT_EQ(content("out.map"), content("plain.map"));
+  for (const std::string name : {"plain.ply", "plain.pcd"}) {
+    answer({"convert", "plain.map", name, "--ascii"});
+    write("marked", mark + content(name));
+    answer({"convert", "marked", "out.map"});
+    EXPECT_EQ(read_map(path("out.map")).landmark_count(), 3U);
+  }
+  const std::string matrix = "1 0 0 5  0 1 0 0  0 0 1 0  0 0 0 1\n";
+  write("moved.txt", mark + matrix);
+  answer({"convert", "plain.map", "moved.map", "--transform-matrix", "moved.txt"});
+}
+
+TEST_F(ConvertTest, ALandmarkBeyondTheLimitIsNamedByLineAndField) {
+  write("far.map",
+        "LANDMARK 1 0 0 0 0 0 0 0 0 0 0 0 0 0\nLANDMARK 2 0 1e40 0 0 0 0 0 0 0 0 0 0 0\n");
+  expect_refusal({"info", "far.map"}, kBadInput,
+                 {"far.map:2: field 4 (y): 1e+40 is beyond the limit", "from -1e9 to 1e9"});
 }
 
 TEST_F(ConvertTest, MetricWithoutItsInputFailsByNameAndWritesNothing) {

@@ -235,6 +235,36 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
                  {"minis", "exists already"});
 }
 
+TEST_F(MapCliTest, AForeignFolderWhereUnfinishedMiniMapsWouldStandIsLeftAlone) {
+  fs::create_directory(path("minis.unfinished"));
+  write("minis.unfinished/thesis.txt", "years of work");
+  expect_refusal({"map", "s", "-o", "minis", "--mini-map-length", "6f"}, kSystemError,
+                 {"minis.unfinished", "was not made by cairn"});
+  EXPECT_EQ(content("minis.unfinished/thesis.txt"), "years of work");
+  EXPECT_FALSE(fs::exists(path("minis")));
+}
+
+TEST_F(MapCliTest, WhatAKilledRunLeftOfMiniMapsIsCleared) {
+  fs::create_directory(path("minis.unfinished"));
+  write("minis.unfinished/.cairn-unfinished", "");
+  write("minis.unfinished/9999.map", "half a map");
+  answer({"map", "s", "-o", "minis", "--mini-map-length", "6f"});
+  EXPECT_THAT(files(), ElementsAre("minis", "s"));
+  EXPECT_FALSE(fs::exists(path("minis/9999.map")));
+  EXPECT_FALSE(fs::exists(path("minis/.cairn-unfinished")));
+}
+
+TEST_F(MapCliTest, DepthInTheWrongUnitIsRemarkedOn) {
+  EXPECT_THAT(cairn({"map", "s", "-o", "right.map"}).errors, Not(HasSubstr("units a metre")));
+  for (const char* const units : {"500", "100000"}) {
+    const CommandResult mini =
+        cairn({"map", "s", "-o", "minis", "--mini-map-length", "1m", "--depth-units", units});
+    EXPECT_THAT(mini.errors, HasSubstr("the depth images reach"));
+    EXPECT_THAT(mini.errors, HasSubstr("units a metre may be wrong"));
+    fs::remove_all(path("minis"));
+  }
+}
+
 TEST_F(MapCliTest, CovariancesHoldAgainstExactDepth) {
   write("small.yaml",
         "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n");

@@ -131,6 +131,17 @@ TEST_F(UsageTest, PoseIsSixNumbers) {
   expect_refusal({"demo", "--displacement", "1 2"}, kWrongUsage, {"--displacement", "2 numbers"});
 }
 
+TEST_F(UsageTest, PosesBeyondTheLimitAreRefused) {
+  expect_refusal({"align", "a.map", "b.map", "--initial", "1e308 0 0 0 0 0"}, kWrongUsage,
+                 {"--initial", "is beyond the limit", "-1e9 to 1e9"});
+  write("far.txt", "1 0 0 1e308  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  expect_refusal({"align", "a.map", "b.map", "--initial-matrix", "far.txt"}, kBadInput,
+                 {"far.txt", "is beyond the limit"});
+  write_plain();
+  expect_refusal({"convert", "plain.map", "b.map", "--transform-matrix", "far.txt"}, kBadInput,
+                 {"far.txt", "is beyond the limit"});
+}
+
 TEST_F(UsageTest, PoseAndPoseFileExcludeEachOther) {
   expect_refusal({"align", "a", "b", "--initial", "0 0 0 0 0 0", "--initial-matrix", "start.txt"},
                  kWrongUsage, {"--initial", "--initial-matrix"});
@@ -152,6 +163,55 @@ TEST_F(UsageTest, AlignmentOptionsOutOfRangeAreNamedAsTheUserKnowsThem) {
 TEST_F(UsageTest, UnknownMetricIsNamedBesideThoseThereAre) {
   expect_refusal({"align", "a.map", "b.map", "--confidence", "none,covarianec"}, kWrongUsage,
                  {"--confidence", "'covarianec'", "none, covariance", "reprojection"});
+}
+
+TEST_F(UsageTest, CamerasOfTheBenchmarkAndFilesAreKnownToEachVerb) {
+  write_plain();
+  write("own.yaml", "model: PINHOLE\nwidth: 640\nheight: 480\nparameters: [500, 500, 320, 240]\n");
+  for (const char* const camera : {"fr1", "fr3", "own.yaml", "PINHOLE 640 480 500 500 320 240"}) {
+    answer({"info", "plain.map", "--camera", camera});
+    answer({"convert", "plain.map", "out.map", "--camera", camera});
+    answer({"evaluate", "map", "plain.map", "--camera", camera});
+    EXPECT_NE(cairn({"align", "plain.map", "plain.map", "--camera", camera}).exit_code,
+              kWrongUsage);
+  }
+  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kWrongUsage,
+                 {"--camera", "'fr4'", "fr1, fr2 or fr3"});
+}
+
+TEST_F(UsageTest, NothingInANameCommandsTheTerminal) {
+  const std::string name = "desk\x1b]0;owned\x07\u202e.map";
+  const CommandResult missing = cairn({"info", name});
+  EXPECT_EQ(missing.exit_code, kBadInput);
+  EXPECT_THAT(missing.errors, HasSubstr("desk\\x1b]0;owned\\x07\\xe2\\x80\\xae.map"));
+  write(name, "FRAME 1 0 0 0 1 0 0 0\n");
+  write("plain.map", "FRAME 1 0 0 0 1 0 0 0\n");
+  const CommandResult there = cairn({"align", name, "plain.map"});
+  for (const std::string& text : {missing.errors, there.output, there.errors}) {
+    for (const char* const raw : {"\x1b", "\x07", "\u202e"}) {
+      EXPECT_THAT(text, Not(HasSubstr(raw)));
+    }
+  }
+}
+
+TEST_F(UsageTest, DeeplyNestedJsonIsRefused) {
+  const std::size_t depth = 200'000;
+  const std::string deep = std::string(depth, '[') + std::string(depth, ']');
+  write("deep.json", "{\"schema\": {\"name\": " + deep + "}, \"results\": " + deep + "}");
+  write_plain();
+  std::filesystem::create_directory(path("experiment"));
+  write("experiment/experiment.json", "{\"experiment\": " + deep + "}");
+  write("experiment/runs.csv", "");
+  for (const Words& words :
+       {Words{"report", "deep.json", "-o", "r.html"}, Words{"report", "experiment", "-o", "r.html"},
+        Words{"evaluate", "alignment", "deep.json", "--truth", "truth.txt"},
+        Words{"align", "plain.map", "plain.map", "--initial-matrix", "deep.json"}}) {
+    const CommandResult result = cairn(words);
+    const bool has_no_viewer = result.errors.find("no viewer") != std::string::npos;
+    if (has_no_viewer) continue;
+    EXPECT_EQ(result.exit_code, kBadInput) << result.errors;
+    EXPECT_THAT(result.errors, HasSubstr("nested too deeply"));
+  }
 }
 
 TEST_F(UsageTest, CameraIsChecked) {

@@ -44,7 +44,7 @@ inline MapTables full_tables() {
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.ids = {LandmarkId{30}, LandmarkId{10}, LandmarkId{9223372036854775808U},
                    LandmarkId{20}};
-  landmarks.positions = {{0.5, 0.0, 2.0}, {-1.0, 0.25, 3.0}, {1e300, -1e-300, 0.1}, {0, 0, 1}};
+  landmarks.positions = {{0.5, 0.0, 2.0}, {-1.0, 0.25, 3.0}, {1e8, -1e-300, 0.1}, {0, 0, 1}};
   Eigen::Matrix3d covariance;
   covariance << 2e-4, 1e-5, -3e-5, 1e-5, 1e-4, 0.0, -3e-5, 0.0, 9e-4;
   landmarks.covariances = {covariance, Eigen::Matrix3d::Constant(kNan), Eigen::Matrix3d::Zero(),

@@ -76,7 +76,7 @@ inline MapTables rich_tables(LandmarkId largest_id) {
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.ids = {LandmarkId{7}, largest_id, LandmarkId{0}};
   landmarks.positions = {{0.1, -0.0, 1.0 / 3.0},
-                         {5e-324, 1.7976931348623157e308, -2.2250738585072014e-308},
+                         {5e-324, -999999999.9999999, -2.2250738585072014e-308},
                          {std::nextafter(1.0, 2.0), 123456789.123456789, -1e-7}};
   Eigen::Matrix3d covariance;
   covariance << 1.0 / 3.0, 0.1, -1e-9, 0.1, 0.7, 1.0 / 7.0, -1e-9, 1.0 / 7.0, 1e5;

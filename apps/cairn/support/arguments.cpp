@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 
 #include <fmt/format.h>
@@ -12,6 +13,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/geometry/limits.hpp"
 
 
 namespace cairn::cli {
@@ -63,7 +66,8 @@ Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
 
 template <class Transform>
 Transform read_transform(const std::string& path) {
-  const std::string text = read_file(path);
+  const std::string content = read_file(path);
+  const std::string text(without_byte_order_mark(content));
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
   const Matrix4d matrix =
@@ -166,6 +170,11 @@ Rigid3 parse_pose(const std::string& text, std::string_view option) {
   if (n.size() != 6) {
     throw Error(ErrorKind::kMisuse, option, fmt::format("{} numbers", n.size()), kExpected);
   }
+  const std::string_view defect = coordinate_defect({n[0], n[1], n[2]});
+  if (!defect.empty()) {
+    throw Error(ErrorKind::kMisuse, option, fmt::format("the translation {}", defect),
+                kExpectedCoordinates);
+  }
   return Rigid3::from_roll_pitch_yaw({n[0], n[1], n[2]}, radians(n[3]), radians(n[4]),
                                      radians(n[5]));
 }
@@ -227,6 +236,17 @@ std::vector<Strategy> parse_strategies(const std::string& text) {
 std::string confidence_help() {
   return fmt::format("none, {}, or a product such as covariance*observations",
                      fmt::join(metric_names(), ", "));
+}
+
+CameraFile load_camera(const std::string& text) {
+  if (text == "fr1" || text == "fr2" || text == "fr3") return {tum_camera(text), std::nullopt};
+  if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
+  if (!std::filesystem::exists(text)) {
+    throw Error(ErrorKind::kMisuse, "--camera", printable(text) + " is no camera and no file",
+                kCameraHelp);
+  }
+  FileReader file(text);
+  return read_camera_file(file);
 }
 
 Camera parse_camera(const std::string& text) {

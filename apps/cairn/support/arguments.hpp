@@ -21,6 +21,7 @@
 #include "cairn/experiments/run.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/io/camera_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/console.hpp"
@@ -144,6 +145,13 @@ std::vector<Strategy> parse_strategies(const std::string& text);
 
 /// Help text that lists the metrics.
 std::string confidence_help();
+
+/// What `--camera` takes, for help and messages.
+inline constexpr const char* kCameraHelp =
+    "fr1, fr2 or fr3 of the TUM benchmark, a camera file, or \"MODEL width height parameters\"";
+
+/// The camera that `--camera` names: any of kCameraHelp.
+CameraFile load_camera(const std::string& text);
 
 /// "MODEL width height parameters": a camera for maps whose format has none.
 Camera parse_camera(const std::string& text);

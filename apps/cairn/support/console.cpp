@@ -4,21 +4,37 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <string>
 
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "cairn/core/plain_text.hpp"
+
 namespace cairn::cli {
+namespace {
+
+constexpr std::string_view kLayout = "\n\t";  // what our own text is laid out with
+
+}  // namespace
 
 void print_raw(std::string_view text) {
   std::fwrite(text.data(), 1, text.size(), stdout);
 }
 
 void print_error(std::string_view text) {
-  std::fwrite(text.data(), 1, text.size(), stderr);
+  const std::string plain = plain_text(text, kLayout);
+  std::fwrite(plain.data(), 1, plain.size(), stderr);
 }
 
 namespace {
+
+// On a terminal, one line over the last.
+void draw(std::string_view line) {
+  std::fwrite("\r\x1b[K", 1, 4, stderr);
+  std::fwrite(line.data(), 1, line.size(), stderr);
+  std::fflush(stderr);
+}
 
 using Clock = std::chrono::steady_clock;
 
@@ -26,7 +42,7 @@ class ProgressBar {
  public:
   explicit ProgressBar(std::string label) : label_(std::move(label)) {}
   ~ProgressBar() {
-    if (shown_) print_error("\r\x1b[K");
+    if (shown_) draw({});
   }
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
@@ -38,10 +54,9 @@ class ProgressBar {
     constexpr int kWidth = 30;
     const double clamped = std::clamp(share, 0.0, 1.0);
     const int filled = static_cast<int>(clamped * kWidth);
-    print_error(fmt::format("\r\x1b[K{} [{}{}] {:3.0f} %{}{}", label_, std::string(filled, '#'),
-                            std::string(kWidth - filled, '.'), 100.0 * clamped,
-                            detail.empty() ? "" : "  ", detail));
-    std::fflush(stderr);
+    draw(plain_text(fmt::format("{} [{}{}] {:3.0f} %{}{}", label_, std::string(filled, '#'),
+                                std::string(kWidth - filled, '.'), 100.0 * clamped,
+                                detail.empty() ? "" : "  ", detail)));
     shown_ = true;
     last_ = now;
   }
@@ -58,7 +73,7 @@ class ProgressBar {
 Console::Console(bool quiet, Answer answer) : quiet_(quiet), answer_(answer) {}
 
 void Console::print(std::string_view text) const {
-  if (answer_ == Answer::kToStdout) print_raw(text);
+  if (answer_ == Answer::kToStdout) print_raw(plain_text(text, kLayout));
   if (answer_ == Answer::kToStderr && !quiet_) print_error(text);
 }
 

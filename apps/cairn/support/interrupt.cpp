@@ -5,6 +5,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <ctime>
+#include <system_error>
 #include <thread>
 
 #include "support/console.hpp"
@@ -37,15 +38,21 @@ void catch_interrupts() {
   // where anything may be called, unlike in a signal handler.
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   requests();
-  std::thread([signals] {
-    int signal = SIGINT;
-    if (::sigwait(&signals, &signal) != 0) return;
-    received = signal;
-    requests().request_stop();
-    constexpr timespec kPatience = {2, 0};
-    ::sigtimedwait(&signals, nullptr, &kPatience);
-    end_by_interrupt();
-  }).detach();
+  try {
+    std::thread([signals] {
+      int signal = SIGINT;
+      if (::sigwait(&signals, &signal) != 0) return;
+      received = signal;
+      requests().request_stop();
+      // Work that asks seldom is not waited for: write_file copes with what is left of its files.
+      constexpr timespec kPatience = {0, 400'000'000};
+      ::sigtimedwait(&signals, nullptr, &kPatience);
+      end_by_interrupt();
+    }).detach();
+  } catch (const std::system_error&) {
+    // No thread can be started: the signals end the process, as they do by default.
+    ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  }
 }
 
 std::stop_token interrupt_requests() {

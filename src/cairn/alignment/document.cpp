@@ -11,6 +11,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "cairn/core/detail/json_field.hpp"
+#include "cairn/core/json_text.hpp"
 
 namespace cairn {
 namespace {
@@ -465,9 +466,9 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
 
 std::vector<AlignmentRecord> read_alignments(std::string_view document, const std::string& name) {
   constexpr std::string_view kExpected = "what 'cairn align --json' writes";
-  const Json parsed = Json::parse(document, nullptr, false);
-  if (parsed.is_discarded()) throw Error(ErrorKind::kInput, name, "is no JSON", kExpected);
-  const JsonField root(parsed, name, "");
+  const std::optional<Json> parsed = parse_json<Json>(document, name);
+  if (!parsed) throw Error(ErrorKind::kInput, name, "is no JSON", kExpected);
+  const JsonField root(*parsed, name, "");
   unsigned version = kAlignmentVersion;
   if (const JsonField given = root["schema"]["version"]; !given.is_null()) {
     version = static_cast<unsigned>(given.whole(std::numeric_limits<std::uint32_t>::max()));

@@ -7,6 +7,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn {
 
@@ -65,7 +66,8 @@ std::vector<CsvRow> parse_csv(std::string_view text, std::string_view name) {
     throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, line), what, expected);
   };
   enum class State { kCellBegins, kPlain, kQuoted, kQuoteClosed } state = State::kCellBegins;
-  for (std::size_t i = 0; i < text.size(); ++i) {
+  const std::size_t first = text.size() - without_byte_order_mark(text).size();
+  for (std::size_t i = first; i < text.size(); ++i) {
     const char c = text[i];
     if (state == State::kQuoted) {
       if (c == '"' && i + 1 < text.size() && text[i + 1] == '"') {

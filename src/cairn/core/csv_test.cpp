@@ -58,5 +58,12 @@ TEST(Csv, NamesTheLineOfAMisplacedQuote) {
   EXPECT_THAT(message("a\n\"b\"c\n"), HasSubstr("t.csv:2: text after a closing quote"));
 }
 
+TEST(ParseCsv, LeavesOutAByteOrderMark) {
+  const auto rows = parse_csv("\xEF\xBB\xBF\"a\",b\n1,2\n", "t.csv");
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[0].cells, (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(rows[0].end, 10U);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/plain_text.hpp"
+
 namespace cairn {
 namespace {
 
@@ -13,7 +15,7 @@ std::string message(std::string_view where, std::string_view what, std::string_v
   if (!where.empty()) text += fmt::format("{}: ", where);
   text += what;
   if (!expected.empty()) text += fmt::format("; expected {}", expected);
-  return text;
+  return plain_text(text);
 }
 
 }  // namespace

@@ -10,12 +10,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/mman.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn {
 namespace {
@@ -45,6 +46,100 @@ mode_t file_mode_mask() {
   return mask;
 }
 
+// Reaches the disk with what a folder lists, as after a rename.
+void sync_folder(const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder.empty() ? "." : folder;
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;  // a folder that may be written to but not read
+  const int result = ::fsync(descriptor);
+  const int error_number = errno;
+  ::close(descriptor);
+  // EINVAL: a file system that cannot sync folders.
+  if (result != 0 && error_number != EINVAL) fail_writing(path, error_number);
+}
+
+// A file of a name of our own beside a destination, locked as long as it is open. Whoever is killed
+// leaves it behind unlocked, and the next who writes to that destination takes it over.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::filesystem::path& destination) {
+    constexpr int kMostAtOnce = 64;        // writers of one destination
+    constexpr std::size_t kLongest = 200;  // of the 255 bytes that a name may have
+    const std::string name = destination.filename().string().substr(0, kLongest);
+    for (int i = 0; i < kMostAtOnce;) {
+      const std::string suffix = i == 0 ? std::string() : fmt::format("-{}", i);
+      path_ = destination.parent_path() / fmt::format(".{}.cairn-unfinished{}", name, suffix);
+      descriptor_ =
+          ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0600);
+      error_number_ = errno;
+      if (descriptor_ < 0) {
+        const bool is_occupied = error_number_ == EACCES || error_number_ == EPERM ||
+                                 error_number_ == ELOOP || error_number_ == EISDIR;
+        if (!is_occupied) return;
+        ++i;
+      } else if (is_regular() && lock() && is_in_place()) {
+        if (::ftruncate(descriptor_, 0) == 0) return;
+        error_number_ = errno;
+        close();
+        return;
+      } else {
+        // Where the other writer has just given the file its name, the same name is free again.
+        if (!is_locked_ || is_in_place()) ++i;
+        close();
+      }
+    }
+    error_number_ = error_number_ != 0 ? error_number_ : EBUSY;
+  }
+
+  ~TemporaryFile() {
+    if (descriptor_ < 0) return;
+    if (!path_.empty()) ::unlink(path_.c_str());
+    close();
+  }
+
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  /// Negative if there is none.
+  int descriptor() const { return descriptor_; }
+  /// Why there is none.
+  int error_number() const { return error_number_; }
+
+  /// Gives the file its name. Before it is closed: nobody else must take it over.
+  bool rename_to(const std::filesystem::path& destination) {
+    if (::rename(path_.c_str(), destination.c_str()) != 0) return false;
+    path_.clear();
+    return true;
+  }
+
+ private:
+  void close() {
+    ::close(std::exchange(descriptor_, -1));
+    is_locked_ = false;
+  }
+  bool is_regular() const {
+    struct stat status = {};
+    return ::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode);
+  }
+  bool lock() {
+    is_locked_ = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
+    // Where files cannot be locked, their names alone keep writers apart.
+    if (!is_locked_ && errno != EWOULDBLOCK && errno != EINTR) is_locked_ = true;
+    return is_locked_;
+  }
+  bool is_in_place() const {
+    struct stat open = {};
+    struct stat named = {};
+    return ::fstat(descriptor_, &open) == 0 && ::lstat(path_.c_str(), &named) == 0 &&
+           open.st_ino == named.st_ino && open.st_dev == named.st_dev;
+  }
+
+  std::filesystem::path path_;
+  int descriptor_ = -1;
+  int error_number_ = 0;
+  bool is_locked_ = false;
+};
+
 // A file being written; removed again unless committed.
 class OutputFile {
  public:
@@ -66,33 +161,28 @@ class OutputFile {
     if (std::filesystem::exists(status) && ::access(destination_.c_str(), W_OK) != 0) {
       fail_writing(path, errno);
     }
-    temporary_ = destination_.string() + ".XXXXXX";
-    descriptor_ = ::mkostemp(temporary_.data(), O_CLOEXEC);
-    if (descriptor_ < 0) {
-      const int error_number = errno;
-      temporary_.clear();
-      fail_writing(path, error_number);
-    }
-    // mkostemp makes the file private; give it the rights the user's new files have, or had.
+    temporary_.emplace(destination_);
+    if (temporary_->descriptor() < 0) fail_writing(path, temporary_->error_number());
+    // The temporary file is private; give it the rights the user's new files have, or had.
     struct stat existing = {};
     if (::stat(destination_.c_str(), &existing) == 0) {
-      ::fchmod(descriptor_, existing.st_mode & 07777);
+      ::fchmod(temporary_->descriptor(), existing.st_mode & 07777);
     } else {
-      ::fchmod(descriptor_, 0666 & ~file_mode_mask());
+      ::fchmod(temporary_->descriptor(), 0666 & ~file_mode_mask());
     }
   }
 
   ~OutputFile() {
     if (descriptor_ >= 0) ::close(descriptor_);
-    if (!temporary_.empty()) ::unlink(temporary_.c_str());
   }
 
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
 
   void write(std::string_view bytes) {
+    const int descriptor = temporary_ ? temporary_->descriptor() : descriptor_;
     while (!bytes.empty()) {
-      const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
+      const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
       if (written < 0) {
         if (errno == EINTR) continue;
         fail_writing(path_, errno);
@@ -102,20 +192,22 @@ class OutputFile {
   }
 
   void commit(Durability durability) {
-    if (!temporary_.empty() && durability == Durability::kAtOnce && ::fsync(descriptor_) != 0) {
-      fail_writing(path_, errno);
+    if (!temporary_) {
+      if (::close(std::exchange(descriptor_, -1)) != 0) fail_writing(path_, errno);
+      return;
     }
-    if (::close(std::exchange(descriptor_, -1)) != 0) fail_writing(path_, errno);
-    if (temporary_.empty()) return;
-    if (::rename(temporary_.c_str(), destination_.c_str()) != 0) fail_writing(path_, errno);
-    temporary_.clear();
+    const bool at_once = durability == Durability::kAtOnce;
+    if (at_once && ::fsync(temporary_->descriptor()) != 0) fail_writing(path_, errno);
+    if (!temporary_->rename_to(destination_)) fail_writing(path_, errno);
+    temporary_.reset();
+    if (at_once) sync_folder(destination_.parent_path());
   }
 
  private:
   std::filesystem::path path_;
   std::filesystem::path destination_;
-  std::string temporary_;
-  int descriptor_ = -1;
+  std::optional<TemporaryFile> temporary_;
+  int descriptor_ = -1;  // of a device or pipe
 };
 
 }  // namespace
@@ -134,33 +226,25 @@ FileReader::FileReader(const std::filesystem::path& path) : name_(path.string())
 }
 
 FileReader::~FileReader() {
-  if (!mapped_.empty()) ::munmap(const_cast<char*>(mapped_.data()), mapped_.size());
   if (descriptor_ >= 0) ::close(descriptor_);
 }
 
 std::size_t FileReader::read(char* buffer, std::size_t capacity) {
   for (;;) {
     const ssize_t count = ::read(descriptor_, buffer, capacity);
-    if (count >= 0) return static_cast<std::size_t>(count);
-    if (errno != EINTR) fail_reading(name_, errno);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail_reading(name_, errno);
+    if (!size_ && (streamed_ += static_cast<std::uint64_t>(count)) > kLongestStream) {
+      throw Error(ErrorKind::kInput, name_,
+                  fmt::format("more than {} bytes from a pipe or device", kLongestStream),
+                  "a regular file for as much");
+    }
+    return static_cast<std::size_t>(count);
   }
 }
 
 void FileReader::rewind() {
   if (::lseek(descriptor_, 0, SEEK_SET) != 0) fail_reading(name_, errno);
-}
-
-std::optional<std::string_view> FileReader::mapped() {
-  if (!size_) return std::nullopt;
-  if (mapped_.empty() && *size_ > 0) {
-    // All pages at once, which page faults would bring one by one; of more, it would delay the start.
-    constexpr std::uint64_t kMostPopulated = std::uint64_t{64} << 20;
-    const int flags = MAP_PRIVATE | (*size_ <= kMostPopulated ? MAP_POPULATE : 0);
-    void* const bytes = ::mmap(nullptr, *size_, PROT_READ, flags, descriptor_, 0);
-    if (bytes == MAP_FAILED) return std::nullopt;
-    mapped_ = {static_cast<const char*>(bytes), *size_};
-  }
-  return mapped_;
 }
 
 MemoryReader::MemoryReader(std::string_view bytes, std::string name)
@@ -202,7 +286,8 @@ std::optional<std::string_view> LineReader::next() {
     if (found != nullptr || (at_end_ && begin_ < end_)) {
       const std::size_t stop =
           found != nullptr ? static_cast<std::size_t>(found - buffer_.data()) : end_;
-      const std::string_view line(buffer_.data() + begin_, stop - begin_);
+      std::string_view line(buffer_.data() + begin_, stop - begin_);
+      if (line_number_ == 0) line = without_byte_order_mark(line);
       terminated_ = found != nullptr;
       const std::size_t next_begin = stop + (terminated_ ? 1 : 0);
       bytes_ += next_begin - begin_;
@@ -211,6 +296,10 @@ std::optional<std::string_view> LineReader::next() {
       return line;
     }
     scanned_ = end_;
+    if (end_ - begin_ > kLongestLine) {
+      throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_.name(), line_number_ + 1),
+                  fmt::format("a line of more than {} bytes", kLongestLine), "a line end before");
+    }
     if (at_end_ || !refill()) {
       if (begin_ == end_) return std::nullopt;
     }

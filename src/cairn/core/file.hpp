@@ -29,13 +29,20 @@ class ByteSource {
   virtual std::size_t read(char* buffer, std::size_t capacity) = 0;
   /// Back to the start; only where size() is known.
   virtual void rewind() = 0;
-  /// All bytes from the start, where they lie in memory or can be mapped into it; valid as long as the
-  /// source. Nothing where they must be read. A file that another program cuts short while it is
-  /// mapped kills the process on access; write_file replaces files and never does that.
-  virtual std::optional<std::string_view> mapped() { return std::nullopt; }
+  /// All bytes from the start, where they lie in memory already; valid as long as the source.
+  /// std::nullopt where they must be read. Files are never mapped: one that another program cut short
+  /// would kill the process on access.
+  virtual std::optional<std::string_view> in_memory() { return std::nullopt; }
 };
 
-/// A file, pipe or device opened for reading; a directory is refused.
+/// Most bytes that are read from a pipe or device, which may never end.
+inline constexpr std::uint64_t kLongestStream = std::uint64_t{1} << 30;
+
+/// Most bytes of a line, so that a file without line ends does not fill the memory.
+inline constexpr std::size_t kLongestLine = std::size_t{1} << 26;
+
+/// A file, pipe or device opened for reading; a directory is refused. Of a pipe or device, reading more
+/// than kLongestStream bytes throws an Error (input).
 class FileReader final : public ByteSource {
  public:
   /// @throws Error (input) naming the path and the reason: missing, a directory, no permission
@@ -46,13 +53,12 @@ class FileReader final : public ByteSource {
   std::optional<std::uint64_t> size() const override { return size_; }
   std::size_t read(char* buffer, std::size_t capacity) override;
   void rewind() override;
-  std::optional<std::string_view> mapped() override;
 
  private:
   std::string name_;
   int descriptor_ = -1;
   std::optional<std::uint64_t> size_;
-  std::string_view mapped_;
+  std::uint64_t streamed_ = 0;  // bytes read where there is no size
 };
 
 /// Bytes that are in memory already; they must outlive the reader.
@@ -64,7 +70,7 @@ class MemoryReader final : public ByteSource {
   std::optional<std::uint64_t> size() const override { return bytes_.size(); }
   std::size_t read(char* buffer, std::size_t capacity) override;
   void rewind() override { position_ = 0; }
-  std::optional<std::string_view> mapped() override { return bytes_; }
+  std::optional<std::string_view> in_memory() override { return bytes_; }
 
  private:
   std::string name_;
@@ -80,12 +86,13 @@ std::string read_all(ByteSource& source);
 std::string read_file(const std::filesystem::path& path);
 
 /// Hands out text line by line without a copy or an allocation per line. Holds one block, or
-/// the longest line if that is longer.
+/// the longest line if that is longer. A byte order mark before the first line is left out.
 class LineReader {
  public:
   explicit LineReader(ByteSource& source, std::size_t block_size = std::size_t{1} << 20);
 
   /// The next line without its '\n'; nothing at the end. Valid until the next call.
+  /// @throws Error (input) for a line of more than kLongestLine bytes
   std::optional<std::string_view> next();
   /// Number of the line last handed out, from 1.
   std::uint64_t line_number() const noexcept { return line_number_; }
@@ -119,7 +126,8 @@ enum class Durability {
 
 /// Writes a whole file or nothing: bytes go to a temporary file beside `path`, which replaces it
 /// only when `produce` has returned and all is on disk. A link is followed; a device or pipe is
-/// written to directly. Thread-safe for different paths.
+/// written to directly. What a killed process left of its temporary file, ".NAME.cairn-unfinished",
+/// the next call for that path takes over. Thread-safe.
 /// @param durability with kLater, a crash of the whole machine may leave the file empty
 /// @throws Error (storage) naming path and reason (no such folder, no permission, disk full); what
 ///         was at `path` before is then still there

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/file.hpp"
 
+#include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <string>
 #include <thread>
@@ -9,6 +11,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include "cairn/core/error.hpp"
 
@@ -56,6 +60,72 @@ TEST(LineReader, FindsNothingInAnEmptyFile) {
   EXPECT_TRUE(lines_of(folder.write("a", ""), 8).empty());
 }
 
+TEST(LineReader, LeavesOutAByteOrderMarkAtTheStartOnly) {
+  const TemporaryFolder folder;
+  const auto path = folder.write("a", "\xEF\xBB\xBFone\n\xEF\xBB\xBFtwo\n");
+  for (const std::size_t block : {1UL, 2UL, 3UL, 1000UL}) {
+    EXPECT_THAT(lines_of(path, block), ElementsAre("one", "\xEF\xBB\xBFtwo")) << block;
+  }
+  EXPECT_THAT(lines_of(folder.write("b", "\xEF\xBB\xBF"), 2), ElementsAre(""));
+}
+
+// As many bytes as are asked for, all alike; without a size, as a pipe.
+class Endless final : public ByteSource {
+ public:
+  const std::string& name() const override { return name_; }
+  std::optional<std::uint64_t> size() const override { return std::nullopt; }
+  std::size_t read(char* buffer, std::size_t capacity) override {
+    std::fill_n(buffer, capacity, 'x');
+    given_ += capacity;
+    return capacity;
+  }
+  void rewind() override {}
+  std::uint64_t given() const { return given_; }
+
+ private:
+  std::string name_ = "endless";
+  std::uint64_t given_ = 0;
+};
+
+TEST(LineReader, RefusesALineWithoutEnd) {
+  Endless source;
+  LineReader lines(source);
+  try {
+    lines.next();
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_THAT(error.what(), HasSubstr("endless:1: a line of more than 67108864 bytes"));
+  }
+  EXPECT_LE(source.given(), 2 * kLongestLine + (std::size_t{1} << 20));
+}
+
+TEST(FileReader, RefusesADeviceWithoutEnd) {
+  if (!std::filesystem::exists("/dev/zero")) GTEST_SKIP() << "no /dev/zero";
+  FileReader file("/dev/zero");
+  std::vector<char> block(std::size_t{1} << 24);
+  std::uint64_t count = 0;
+  try {
+    while (count <= 2 * kLongestStream) count += file.read(block.data(), block.size());
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("/dev/zero: more than 1073741824 bytes"));
+  }
+  EXPECT_EQ(count, kLongestStream);
+}
+
+// Another program may do that at any time; bytes in a mapping would be gone, and the process with them.
+TEST(FileReader, OutlivesAFileThatIsCutShortWhileItIsRead) {
+  const TemporaryFolder folder;
+  const auto path = folder.write("a", std::string(std::size_t{1} << 22, 'x'));
+  FileReader file(path);
+  EXPECT_EQ(file.in_memory(), std::nullopt);
+  std::string start(4096, ' ');
+  ASSERT_EQ(file.read(start.data(), start.size()), start.size());
+  std::filesystem::resize_file(path, 5000);
+  EXPECT_EQ(read_all(file).size(), 5000U - start.size());
+}
+
 TEST(FileReader, NamesWhatItCannotRead) {
   const TemporaryFolder folder;
   const auto message_for = [](const std::filesystem::path& path) -> std::string {
@@ -84,6 +154,79 @@ TEST(WriteFile, WritesAllOrNothing) {
   write_file(path, [](const ByteSink& sink) { sink("after"); });
   EXPECT_EQ(read_text(path), "after");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+}
+
+// The bytes of the only file of that folder but "a".
+std::string leftover_of(const TemporaryFolder& folder) {
+  std::string content;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+    if (entry.path().filename() != "a") content += read_text(entry.path());
+  }
+  return content;
+}
+
+TEST(WriteFile, TakesOverWhatAKilledProcessLeft) {
+  const TemporaryFolder folder;
+  const auto path = folder.write("a", "before");
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    write_file(path, [](const ByteSink& sink) {
+      sink("more than half of what was to be written");
+      ::raise(SIGKILL);
+    });
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(read_text(path), "before");
+  ASSERT_EQ(leftover_of(folder), "more than half of what was to be written");
+  write_file(path, [](const ByteSink& sink) { sink("after"); });
+  EXPECT_EQ(read_text(path), "after");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+}
+
+TEST(WriteFile, WritersOfOneFileDoNotMeet) {
+  const TemporaryFolder folder;
+  const auto path = folder / "a";
+  write_file(path, [&](const ByteSink& outer) {
+    outer("outer ");
+    write_file(path, [](const ByteSink& sink) { sink("inner"); });
+    EXPECT_EQ(read_text(path), "inner");
+    outer("whole");
+  });
+  EXPECT_EQ(read_text(path), "outer whole");
+  const auto write_many = [&](const std::string& content) {
+    for (int i = 0; i < 200; ++i) {
+      write_file(
+          path, [&](const ByteSink& sink) { sink(content); }, Durability::kLater);
+    }
+  };
+  std::thread other([&] { write_many(std::string(5000, 'a')); });
+  write_many(std::string(3000, 'b'));
+  other.join();
+  const std::string content = read_text(path);
+  EXPECT_TRUE(content == std::string(5000, 'a') || content == std::string(3000, 'b'));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+}
+
+TEST(WriteFile, WritesNamesOfAnyLength) {
+  const TemporaryFolder folder;
+  const auto path = folder / std::string(255, 'n');
+  write_file(path, [](const ByteSink& sink) { sink("x"); });
+  EXPECT_EQ(read_text(path), "x");
+}
+
+TEST(WriteFile, LeavesAloneWhatStandsWhereItsTemporaryFileWould) {
+  const TemporaryFolder folder;
+  const auto other = folder.write("other", "of somebody");
+  std::filesystem::create_symlink(other, folder / ".a.cairn-unfinished");
+  std::filesystem::create_directory(folder / ".a.cairn-unfinished-1");
+  write_file(folder / "a", [](const ByteSink& sink) { sink("x"); });
+  EXPECT_EQ(read_text(folder / "a"), "x");
+  EXPECT_EQ(read_text(other), "of somebody");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / ".a.cairn-unfinished"));
 }
 
 TEST(WriteFile, FollowsLinksAndKeepsRights) {

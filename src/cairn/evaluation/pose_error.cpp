@@ -3,13 +3,13 @@
 
 #include <cmath>
 
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/central_part.hpp"
 
 namespace cairn {
 
 PoseError pose_error(const Similarity3& estimate, const Similarity3& truth,
                      std::span<const Eigen::Vector3d> source) {
-  const Eigen::Vector3d centre = centroid(source);
+  const Eigen::Vector3d centre = central_part(source).centre;
   return {(estimate.rigid().inverse() * truth.rigid()).angle(),
           (estimate * centre - truth * centre).norm(),
           std::abs(std::log(estimate.scale() / truth.scale()))};

@@ -5,10 +5,12 @@
 #include <functional>
 #include <limits>
 #include <set>
+#include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include "cairn/core/error.hpp"
@@ -99,6 +101,49 @@ class Entry {
   YAML::Node node_;
   std::string file_;
   std::string key_;
+};
+
+// Looks through a file before it becomes nodes, whose number would otherwise bound nothing: an alias
+// stands for as many as its anchor has.
+class BoundsCheck final : public YAML::EventHandler {
+ public:
+  explicit BoundsCheck(std::string_view file) : file_(file) {}
+
+  void OnDocumentStart(const YAML::Mark& /*mark*/) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t /*anchor*/) override { count(mark); }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t /*anchor*/) override {
+    refuse(mark, "an alias", "values written out");
+  }
+  void OnScalar(const YAML::Mark& mark, const std::string& /*tag*/, YAML::anchor_t /*anchor*/,
+                const std::string& /*value*/) override {
+    count(mark);
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string& /*tag*/,
+                       YAML::anchor_t /*anchor*/, YAML::EmitterStyle::value /*style*/) override {
+    count(mark);
+  }
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark& mark, const std::string& /*tag*/, YAML::anchor_t /*anchor*/,
+                  YAML::EmitterStyle::value /*style*/) override {
+    count(mark);
+  }
+  void OnMapEnd() override {}
+
+ private:
+  void count(const YAML::Mark& mark) {
+    constexpr std::size_t kMostValues = 100'000;
+    if (++values_ > kMostValues) {
+      refuse(mark, "too many values", fmt::format("at most {} in a study", kMostValues));
+    }
+  }
+  [[noreturn]] void refuse(const YAML::Mark& mark, std::string_view what,
+                           std::string_view expected) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", file_, mark.line + 1), what, expected);
+  }
+
+  std::string_view file_;
+  std::size_t values_ = 0;
 };
 
 std::string parse_name(const Entry& entry) {
@@ -256,6 +301,9 @@ void parse_statistics(const Entry& entry, Study& study) {
 Study parse_study(const std::string& yaml, std::string_view name) {
   YAML::Node root;
   try {
+    std::istringstream text(yaml);
+    BoundsCheck bounds(name);
+    YAML::Parser(text).HandleNextDocument(bounds);
     root = YAML::Load(yaml);
   } catch (const YAML::Exception& error) {
     throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, error.mark.line + 1), error.msg,

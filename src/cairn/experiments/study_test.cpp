@@ -122,6 +122,24 @@ TEST(StudyFile, NamesLineAndKeyOfADefect) {
   EXPECT_THAT(message_of(replaced(kFull, "seed: 7", "seed: 7\nseed: 8")), HasSubstr("twice"));
 }
 
+TEST(StudyFile, TakesMemoryInProportionToItsText) {
+  const auto refusal = [](const std::string& yaml) -> std::string {
+    try {
+      parse_study(yaml, "s.yaml");
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(refusal("name: &a b\nseed: *a\n"), "s.yaml:2: an alias; expected values written out");
+  std::string many = "name: [";
+  for (int i = 0; i < 200'000; ++i) many += "a,";
+  EXPECT_EQ(refusal(many + "a]\n"),
+            "s.yaml:1: too many values; expected at most 100000 in a study");
+  EXPECT_NE(refusal(std::string(100'000, '[')), "accepted");
+}
+
 TEST(StudyPlan, CrossesPairsPosesMethodsAndStrategies) {
   const auto name_of = [](const Trial& trial) {
     return approach_name(trial.method, trial.strategy);

@@ -3,16 +3,15 @@
 
 #include <cmath>
 
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/central_part.hpp"
 
 namespace cairn {
 
 PoseDistance PoseDistance::of(std::span<const Eigen::Vector3d> points) {
   PoseDistance distance;
-  distance.centroid = cairn::centroid(points);
-  double sum = 0.0;
-  for (const Eigen::Vector3d& point : points) sum += (point - distance.centroid).squaredNorm();
-  distance.radius = std::sqrt(sum / static_cast<double>(points.size()));
+  const CentralPart part = central_part(points);
+  distance.centroid = part.centre;
+  distance.radius = part.radius;
   return distance;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 
@@ -31,7 +32,12 @@ Rigid3 Rigid3::from_matrix(const Matrix4d& matrix, double tolerance) {
     refuse("the 3x3 part is off a rotation by " + std::to_string(error));
   }
   if (rotation.determinant() < 0.0) refuse("the 3x3 part is a reflection");
-  return {rotation, matrix.topRightCorner<3, 1>()};
+  const Eigen::Vector3d translation = matrix.topRightCorner<3, 1>();
+  if (!are_coordinates(translation)) {
+    throw Error(ErrorKind::kMisuse, "transform", "the translation is beyond the limit",
+                kExpectedCoordinates);
+  }
+  return {rotation, translation};
 }
 
 Rigid3 Rigid3::from_roll_pitch_yaw(const Eigen::Vector3d& translation, double roll, double pitch,

@@ -27,9 +27,9 @@ class Rigid3 {
   Rigid3(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation);
 
   /// From a homogeneous matrix as read from outside.
-  /// @throws Error (misuse) if the last row is not 0 0 0 1 or the rotation part is off a rotation
-  /// by
-  ///         more than `tolerance` in any entry of RᵀR - I, or is a reflection
+  /// @throws Error (misuse) if the last row is not 0 0 0 1, or the rotation part is off a rotation by
+  ///         more than `tolerance` in any entry of RᵀR - I or is a reflection, or the translation is
+  ///         beyond kLargestCoordinate (limits.hpp)
   static Rigid3 from_matrix(const Matrix4d& matrix, double tolerance = 1e-4);
   /// R = Rz(yaw)·Ry(pitch)·Rx(roll), radians.
   static Rigid3 from_roll_pitch_yaw(const Eigen::Vector3d& translation, double roll, double pitch,

@@ -5,8 +5,10 @@
 #include <string>
 
 #include <Eigen/LU>
+#include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 
@@ -26,6 +28,10 @@ Similarity3 Similarity3::from_matrix(const Matrix4d& matrix, double tolerance) {
   }
   // RᵀR of a rotation differs from I by no more than the tolerance, and so its scale by half of that.
   double scale = std::cbrt(determinant);
+  if (scale > kLargestCoordinate || scale < 1.0 / kLargestCoordinate) {
+    throw Error(ErrorKind::kMisuse, "Similarity3", fmt::format("the scale is {:.6g}", scale),
+                "a scale from 1e-9 to 1e9");
+  }
   if (std::abs(scale - 1.0) <= 0.5 * tolerance) scale = 1.0;
   Matrix4d rigid = matrix;
   rigid.topLeftCorner<3, 3>() /= scale;

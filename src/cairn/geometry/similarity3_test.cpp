@@ -53,6 +53,15 @@ TEST(Similarity3, IsReadFromItsMatrix) {
   sheared(0, 1) = 0.1;
   EXPECT_THROW(Similarity3::from_matrix(sheared), Error);
   EXPECT_THROW(Similarity3::from_matrix(Matrix4d::Zero()), Error);
+  for (const double scale : {1e10, 1e100, 1e-10}) {
+    Matrix4d extreme = Matrix4d::Identity();
+    extreme.topLeftCorner<3, 3>() *= scale;
+    EXPECT_THROW(Similarity3::from_matrix(extreme), Error) << scale;
+  }
+  Matrix4d far = Matrix4d::Identity();
+  far(1, 3) = -1.1e9;
+  EXPECT_THROW(Similarity3::from_matrix(far), Error);
+  EXPECT_THROW(Rigid3::from_matrix(far), Error);
 }
 
 TEST(Similarity3, RefusesScalesThatAreNotPositive) {

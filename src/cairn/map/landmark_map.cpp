@@ -12,6 +12,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 namespace {
@@ -153,10 +154,11 @@ class Checks {
     check_size("frame timestamps", frames.timestamps_s.size(), count, true);
     check_size("frame image names", frames.image_names.size(), count, true);
     for (std::size_t i = 0; i < count; ++i) {
-      if (!frames.translations[i].allFinite()) {
+      if (!are_coordinates(frames.translations[i])) {
         refuse_frame(MapColumn::kTranslations, i,
-                     fmt::format("translation {} is not finite", text_of(frames.translations[i])),
-                     "numbers");
+                     fmt::format("translation {} {}", text_of(frames.translations[i]),
+                                 coordinate_defect(frames.translations[i])),
+                     kExpectedCoordinates);
       }
       const auto& q = frames.quaternions[i];
       const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -170,8 +172,12 @@ class Checks {
                      "the index of a camera");
       }
       if (!frames.timestamps_s.empty() && frames.timestamps_s[i] &&
-          !std::isfinite(*frames.timestamps_s[i])) {
-        refuse_frame(MapColumn::kTimestamps, i, "timestamp is not finite", "seconds");
+          !(std::abs(*frames.timestamps_s[i]) <= kLargestTimestamp)) {
+        const bool is_number = std::isfinite(*frames.timestamps_s[i]);
+        refuse_frame(MapColumn::kTimestamps, i,
+                     is_number ? fmt::format("timestamp {}", *frames.timestamps_s[i])
+                               : "timestamp is not finite",
+                     "seconds, from -1e20 to 1e20");
       }
     }
   }
@@ -241,16 +247,17 @@ class Checks {
     if (landmarks.descriptors) check_descriptors(*landmarks.descriptors);
     check_named_columns();
     for (std::size_t i = 0; i < count; ++i) {
-      if (!landmarks.positions[i].allFinite()) {
+      if (!are_coordinates(landmarks.positions[i])) {
         refuse_landmark(MapColumn::kPositions, i,
-                        fmt::format("position {} is not finite", text_of(landmarks.positions[i])),
-                        "numbers", i);
+                        fmt::format("position {} {}", text_of(landmarks.positions[i]),
+                                    coordinate_defect(landmarks.positions[i])),
+                        kExpectedCoordinates, i);
       }
     }
     for (std::size_t i = 0; i < landmarks.covariances.size(); ++i) {
       const Eigen::Matrix3d& covariance = landmarks.covariances[i];
-      if (is_plainly_covariance(covariance) || std::isnan(covariance(0, 0))) continue;
-      const std::string defect = covariance_defect(covariance);
+      if (std::isnan(covariance(0, 0))) continue;
+      const std::string defect = landmark_covariance_defect(covariance);
       if (!defect.empty()) {
         refuse_landmark(MapColumn::kCovariances, i, "covariance is " + defect,
                         "a symmetric positive semi-definite matrix", i);
@@ -298,15 +305,19 @@ class Checks {
                            "the index of a frame");
       }
       const Pixel& pixel = observations.pixels[i];
-      if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
+      const std::string_view defect = coordinate_defect({pixel.u, pixel.v});
+      if (!defect.empty()) {
         refuse_observation(MapColumn::kPixels, i,
-                           fmt::format("pixel ({}, {}) is not finite", pixel.u, pixel.v),
-                           "numbers");
+                           fmt::format("pixel ({}, {}) {}", pixel.u, pixel.v, defect),
+                           kExpectedCoordinates);
       }
     }
     for (std::size_t i = 0; i < observations.depths.size(); ++i) {
-      if (observations.depths[i] && !std::isfinite(*observations.depths[i])) {
-        refuse_observation(MapColumn::kDepths, i, "depth is not finite", "metres");
+      if (!observations.depths[i]) continue;
+      const std::string_view defect = coordinate_defect({*observations.depths[i]});
+      if (!defect.empty()) {
+        refuse_observation(MapColumn::kDepths, i, fmt::format("depth {}", defect),
+                           "metres, from -1e9 to 1e9");
       }
     }
   }

@@ -72,7 +72,34 @@ TEST(LandmarkMap, RefusesBrokenFrames) {
       {"image names short", [](MapTables& t) { t.frames.image_names.pop_back(); },
        "frame image names: 2 entries; expected 3, one a row"},
       {"translation NaN", [](MapTables& t) { t.frames.translations[2].y() = kNan; },
-       "frame 3: translation (1e-310, nan, 0.3333333333333333) is not finite; expected numbers"},
+       "frame 3: translation (1e-310, nan, 0.3333333333333333) is not finite; expected numbers "
+       "from -1e9 to 1e9"},
+      {"translation far away",
+       [](MapTables& t) {
+         t.frames.translations[2] = {0, -1e40, 0};
+       },
+       "frame 3: translation (0, -1e+40, 0) is beyond the limit; expected numbers from -1e9 to "
+       "1e9"},
+      {"timestamp far away", [](MapTables& t) { t.frames.timestamps_s[0] = 1e300; },
+       "frame 7: timestamp 1e+300; expected seconds, from -1e20 to 1e20"},
+      {"position far away",
+       [](MapTables& t) {
+         t.landmarks.positions[1] = {1e200, 0, 0};
+       },
+       "landmark 10: position (1e+200, 0, 0) is beyond the limit; expected numbers from -1e9 to "
+       "1e9"},
+      {"variance of no use", [](MapTables& t) { t.landmarks.covariances[0](1, 1) = 1.1e18; },
+       "landmark 30: covariance is beyond the limit: it has a variance of more than 1e18; expected "
+       "a "
+       "symmetric positive semi-definite matrix"},
+      {"pixel far away",
+       [](MapTables& t) {
+         t.observations.pixels[3] = {1e10, 0};
+       },
+       "landmark 20: pixel (10000000000, 0) is beyond the limit; expected numbers from -1e9 to "
+       "1e9"},
+      {"depth far away", [](MapTables& t) { t.observations.depths[0] = 1e300; },
+       "landmark 30: depth is beyond the limit; expected metres, from -1e9 to 1e9"},
       {"quaternion zero",
        [](MapTables& t) {
          t.frames.quaternions[0] = {0, 0, 0, 0};
@@ -91,7 +118,7 @@ TEST(LandmarkMap, RefusesBrokenFrames) {
       {"camera out of range", [](MapTables& t) { t.frames.cameras[2] = CameraIndex{2}; },
        "frame 3: refers to a camera that the map does not have; expected the index of a camera"},
       {"timestamp infinite", [](MapTables& t) { t.frames.timestamps_s[0] = kInfinity; },
-       "frame 7: timestamp is not finite; expected seconds"},
+       "frame 7: timestamp is not finite; expected seconds, from -1e20 to 1e20"},
   });
 }
 
@@ -119,7 +146,7 @@ TEST(LandmarkMap, RefusesBrokenLandmarks) {
       {"colors long", [](MapTables& t) { t.landmarks.colors.emplace_back(); },
        "landmark colors: 5 entries; expected 4, one a row"},
       {"position infinite", [](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; },
-       "landmark 10: position (-1, 0.25, inf) is not finite; expected numbers"},
+       "landmark 10: position (-1, 0.25, inf) is not finite; expected numbers from -1e9 to 1e9"},
       {"covariance not finite", [](MapTables& t) { t.landmarks.covariances[0](1, 1) = kInfinity; },
        "landmark 30: covariance is an entry is not finite; expected a symmetric positive "
        "semi-definite matrix"},
@@ -201,9 +228,9 @@ TEST(LandmarkMap, RefusesBrokenObservations) {
        "landmark 20: observed by a frame that the map does not have; expected the index of a "
        "frame"},
       {"pixel NaN", [](MapTables& t) { t.observations.pixels[2].v = kNan; },
-       "landmark 10: pixel (0.1, nan) is not finite; expected numbers"},
+       "landmark 10: pixel (0.1, nan) is not finite; expected numbers from -1e9 to 1e9"},
       {"depth NaN", [](MapTables& t) { t.observations.depths[0] = kNan; },
-       "landmark 30: depth is not finite; expected metres"},
+       "landmark 30: depth is not finite; expected metres, from -1e9 to 1e9"},
   });
 }
 
@@ -220,15 +247,16 @@ TEST(LandmarkMap, SaysWhereABrokenEntryWasReadFrom) {
     }
     return "accepted";
   };
-  EXPECT_EQ(
-      refusal([](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; }),
-      "column 13 row 1: landmark 10: position (-1, 0.25, inf) is not finite; expected numbers");
+  EXPECT_EQ(refusal([](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; }),
+            "column 13 row 1: landmark 10: position (-1, 0.25, inf) is not finite; expected "
+            "numbers from -1e9 to 1e9");
   EXPECT_EQ(
       refusal([](MapTables& t) { t.landmarks.columns[1].values[2] = kInfinity; }),
       "column 20 row 6: landmark 9223372036854775808: infinite in column 'never_set'; expected "
       "a number, or NaN where unknown");
   EXPECT_EQ(refusal([](MapTables& t) { t.observations.pixels[3].v = kNan; }),
-            "column 23 row 3: landmark 20: pixel (1e-05, nan) is not finite; expected numbers");
+            "column 23 row 3: landmark 20: pixel (1e-05, nan) is not finite; expected numbers from "
+            "-1e9 to 1e9");
 }
 
 // Ids of a counter are sorted otherwise than ids from afar.

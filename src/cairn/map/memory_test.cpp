@@ -230,5 +230,27 @@ TEST_F(MapMemory, IsBoundedForDeclaredColumnsAndDescriptors) {
   EXPECT_LE(usage.peak, landmarks * each + 16 * text.size() + 4 * kMegabyte);
 }
 
+TEST_F(MapMemory, OfColumnsIsRefusedBeyondAMultipleOfTheFile) {
+  // Short landmarks, each with room for much that is not there.
+  const std::size_t landmarks = 60'000;
+  const auto landmarks_after = [&](std::string text) {
+    for (std::size_t i = 0; i < landmarks; ++i) text += fmt::format("LANDMARK {} 0 0 0 - -\n", i);
+    return text;
+  };
+  std::string columns = "CAIRN 2\n";
+  for (std::size_t i = 0; i < kMostNamedColumns; ++i) columns += fmt::format("COLUMN {}\n", i);
+  const std::string descriptors = fmt::format("CAIRN 2\nDESCRIPTORS X {}\n", kMostDescriptorBytes);
+  const std::string known = "DESCRIPTOR 59999 " + std::string(2 * kMostDescriptorBytes, '0') + "\n";
+  for (const std::string& text :
+       {landmarks_after(columns), landmarks_after(columns) + "VALUE 59999 7 1\n",
+        landmarks_after(descriptors), landmarks_after(descriptors) + known}) {
+    const Usage usage = read(text);
+    EXPECT_NE(usage.refusal.find("descriptors and columns of 60000 landmarks take 245760000 bytes"),
+              std::string::npos)
+        << usage.refusal;
+    EXPECT_LE(usage.peak, 32 * text.size() + 64 * kMegabyte);
+  }
+}
+
 }  // namespace
 }  // namespace cairn

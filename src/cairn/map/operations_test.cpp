@@ -217,7 +217,7 @@ TEST(Transformed, TwiceIsOnceByTheProduct) {
 
 TEST(Transformed, IsUndoneByTheInverse) {
   MapTables tables = full_tables();
-  tables.landmarks.positions[2] = {7.0, 8.0, 9.0};  // one at 1e300 leaves no digits for the rest
+  tables.landmarks.positions[2] = {7.0, 8.0, 9.0};  // one at 1e8 leaves no digits for the rest
   const LandmarkMap map(std::move(tables));
   const LandmarkMap back = transformed(transformed(map, kFirst), kFirst.inverse());
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {

@@ -21,12 +21,30 @@ struct PreparedFrame {
   std::string name;
   std::string defect;
   bool has_depth = false;
-  std::optional<Features> features;  // nothing: unreadable
+  std::optional<float> depth_reach_m;  // which one depth in 20 exceeds
+  std::optional<Features> features;    // nothing: unreadable
 };
 
+// Of one pixel in 64; std::nullopt where no depth is known.
+std::optional<float> depth_reach(const cv::Mat& depth_m) {
+  constexpr int kStep = 8;
+  std::vector<float> depths;
+  for (int row = 0; row < depth_m.rows; row += kStep) {
+    const float* const values = depth_m.ptr<float>(row);
+    for (int column = 0; column < depth_m.cols; column += kStep) {
+      if (values[column] > 0.0F) depths.push_back(values[column]);
+    }
+  }
+  if (depths.empty()) return std::nullopt;
+  const auto place = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() * 19 / 20);
+  std::nth_element(depths.begin(), place, depths.end());
+  return *place;
+}
+
 PreparedFrame prepare(const FrameImages& images, const Odometry& odometry) {
-  PreparedFrame prepared{images.timestamp_s, images.name, images.defect, !images.depth_m.empty(),
-                         std::nullopt};
+  PreparedFrame prepared{
+      images.timestamp_s,          images.name, images.defect, !images.depth_m.empty(),
+      depth_reach(images.depth_m), std::nullopt};
   if (!images.gray.empty()) prepared.features = odometry.extract(images.gray, images.depth_m);
   return prepared;
 }
@@ -44,6 +62,7 @@ class Mapping {
  private:
   void note_tracked(const FrameReport& report);
   void note_lost(double timestamp_s);
+  void remark_on_depth();
   bool is_long_enough() const;
   void add_poses(const Trajectory& trajectory);
 
@@ -53,6 +72,7 @@ class Mapping {
   std::vector<TimedPose> poses_;
   Rigid3 first_from_map_;  // the map being built, in the frame of the first
   std::vector<float> errors_;
+  std::vector<float> depth_reaches_m_;
   double landmark_sum_ = 0.0;
   bool was_lost_ = false;
   std::size_t frames_in_map_ = 0;
@@ -63,6 +83,7 @@ class Mapping {
 void Mapping::add(PreparedFrame frame, std::size_t frames) {
   ++result_.frames;
   if (!frame.has_depth) ++result_.frames_without_depth;
+  if (frame.depth_reach_m) depth_reaches_m_.push_back(*frame.depth_reach_m);
   FrameReport report;
   if (frame.features) {
     report = odometry_.track(frame.timestamp_s, std::move(*frame.features), frame.name);
@@ -126,7 +147,25 @@ void Mapping::add_poses(const Trajectory& trajectory) {
   }
 }
 
+// Depth images read in the wrong unit make a map that is wrong by a factor and otherwise sound: only the
+// lengths themselves tell.
+void Mapping::remark_on_depth() {
+  if (!options_->log || depth_reaches_m_.empty()) return;
+  const auto middle =
+      depth_reaches_m_.begin() + static_cast<std::ptrdiff_t>(depth_reaches_m_.size() / 2);
+  std::nth_element(depth_reaches_m_.begin(), middle, depth_reaches_m_.end());
+  const double reach = *middle;
+  constexpr double kLeast = 0.4;  // closer, a depth camera sees nothing
+  const double most = options_->odometry.features.max_depth_m;
+  if (reach >= kLeast && reach <= most) return;
+  options_->log(fmt::format(
+      "the depth images reach {:.3g} m, where {} to {} m are usual: their units a metre may be "
+      "wrong, and with them all lengths",
+      reach, kLeast, most));
+}
+
 MappedSequence Mapping::finish() {
+  remark_on_depth();
   odometry_.complete();
   add_poses(odometry_.trajectory());
   result_.trajectory = Trajectory(std::move(poses_));

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/central_part.hpp"
 #include "cairn/geometry/covariance.hpp"
 
 namespace cairn {
@@ -22,8 +22,8 @@ Rigid3 translation(const Eigen::Vector3d& by) {
 }  // namespace
 
 CentredPair::CentredPair(LandmarkCloud source, LandmarkCloud target)
-    : source_centre_(centroid(source.positions)),
-      target_centre_(centroid(target.positions)),
+    : source_centre_(central_part(source.positions).centre),
+      target_centre_(central_part(target.positions).centre),
       source_(moved(std::move(source), -source_centre_)),
       target_(moved(std::move(target), -target_centre_)) {}
 

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <numeric>
 #include <span>
+#include <string>
 #include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -64,15 +66,20 @@ void LandmarkCloud::validate(std::string_view name) const {
             fmt::format("1 to {} bytes", kMostDescriptorBytes));
   }
   for (std::size_t i = 0; i < size(); ++i) {
-    require(positions[i].allFinite(), fmt::format("position of landmark {} is not finite", i),
-            "numbers");
-    require(covariances.empty() || covariances[i].allFinite(),
-            fmt::format("covariance of landmark {} is not finite", i), "numbers");
+    require(are_coordinates(positions[i]),
+            fmt::format("position of landmark {} {}", i, coordinate_defect(positions[i])),
+            kExpectedCoordinates);
+    const std::string defect =
+        covariances.empty() ? std::string() : landmark_covariance_defect(covariances[i]);
+    require(defect.empty(), fmt::format("covariance of landmark {} is {}", i, defect),
+            "a symmetric positive semi-definite matrix");
     require(weight(i) >= 0.0 && std::isfinite(weight(i)),
             fmt::format("weight of landmark {} is {}", i, weight(i)), "0 or a positive number");
   }
   for (const LandmarkView& view : views) {
-    require(view.centre.allFinite(), "centre of a view is not finite", "numbers");
+    require(are_coordinates(view.centre),
+            fmt::format("centre of a view {}", coordinate_defect(view.centre)),
+            kExpectedCoordinates);
     for (const std::uint32_t landmark : view.landmarks) {
       require(landmark < size(), fmt::format("a view of landmark {} of {}", landmark, size()),
               "indices of landmarks");

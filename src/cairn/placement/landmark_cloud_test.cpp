@@ -39,5 +39,30 @@ TEST(LandmarkCloud, RefusesDescriptorsOfNoBytesAndOfTooMany) {
   }
 }
 
+TEST(LandmarkCloud, RefusesWhatIsNoPositionAndNoCovariance) {
+  LandmarkCloud good;
+  good.positions.assign(3, Eigen::Vector3d(1e9, 0.0, 0.0));
+  good.covariances.assign(3, Eigen::Matrix3d::Identity());
+  good.covariances[1].setZero();  // unknown
+  EXPECT_NO_THROW(good.validate("source"));
+  const auto message = [&](const auto& change) {
+    LandmarkCloud cloud = good;
+    change(cloud);
+    return testing::refusal(ErrorKind::kMisuse, [&] { cloud.validate("target"); });
+  };
+  EXPECT_THAT(message([](auto& cloud) { cloud.positions[2].z() = 1.1e9; }),
+              HasSubstr("target: position of landmark 2 is beyond the limit"));
+  EXPECT_THAT(message([](auto& cloud) { cloud.covariances[0](0, 1) = 0.5; }),
+              HasSubstr("covariance of landmark 0 is not symmetric"));
+  EXPECT_THAT(message([](auto& cloud) { cloud.covariances[2](1, 1) = -0.5; }),
+              HasSubstr("covariance of landmark 2 is indefinite"));
+  EXPECT_THAT(message([](auto& cloud) { cloud.covariances[2] *= 1.1e18; }),
+              HasSubstr("covariance of landmark 2 is beyond the limit"));
+  EXPECT_THAT(message([](auto& cloud) {
+                cloud.views.push_back({{0, 1e10, 0}, {}});
+              }),
+              HasSubstr("centre of a view is beyond the limit"));
+}
+
 }  // namespace
 }  // namespace cairn

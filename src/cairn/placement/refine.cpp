@@ -13,6 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/placement/robust_alignment.hpp"
 #include "cairn/placement/scales.hpp"
 #include "cairn/registration/score/fitness.hpp"
@@ -291,7 +292,8 @@ void RefineOptions::validate() const {
     require(!length || (*length > 0.0 && std::isfinite(*length)), field, length.value_or(0.0),
             "a positive number");
   };
-  require(initial.matrix().allFinite(), "initial", "not finite", "a rigid transform");
+  const std::string_view defect = coordinate_defect(initial);
+  require(defect.empty(), "initial", defect, "a rigid transform, coordinates from -1e9 to 1e9");
   require_length(scale, "scale");
   require_length(coarse, "coarse");
   require_length(fine, "fine");

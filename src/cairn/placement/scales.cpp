@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/central_part.hpp"
 
 namespace cairn {
 namespace {
@@ -23,7 +23,7 @@ double median(std::vector<double> values) {
 }  // namespace
 
 double cloud_extent(const LandmarkCloud& cloud) {
-  const Eigen::Vector3d centre = centroid(cloud.positions);
+  const Eigen::Vector3d centre = central_part(cloud.positions).centre;
   std::vector<double> distances;
   distances.reserve(cloud.size());
   for (const Eigen::Vector3d& position : cloud.positions) {

@@ -8,8 +8,9 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/central_part.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/coarse_to_fine.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
@@ -42,8 +43,9 @@ void check_points(const PointSet& points, std::string_view name) {
            "one a point, or none");
   }
   for (std::size_t i = 0; i < points.positions.size(); ++i) {
-    if (!points.positions[i].allFinite()) {
-      refuse(fmt::format("position of point {} is not finite", i), "numbers");
+    const std::string_view defect = coordinate_defect(points.positions[i]);
+    if (!defect.empty()) {
+      refuse(fmt::format("position of point {} {}", i, defect), kExpectedCoordinates);
     }
   }
   for (std::size_t i = 0; i < points.confidences.size(); ++i) {
@@ -103,7 +105,7 @@ class IcpAlignment {
  public:
   IcpAlignment(const PointSet& source, const PointSet& target, const IcpOptions& options)
       : options_(options),
-        centre_(centroid(target.positions)),
+        centre_(central_part(target.positions).centre),
         centred_from_source_(Rigid3(Eigen::Quaterniond::Identity(), -centre_) * options.initial),
         source_(moved_points(source.positions, centred_from_source_)),
         target_(moved_points(target.positions, Rigid3(Eigen::Quaterniond::Identity(), -centre_))),
@@ -292,7 +294,8 @@ std::string sentence(const RegistrationResult& result, std::size_t source_size,
 }  // namespace
 
 void IcpOptions::validate() const {
-  require(initial.matrix().allFinite(), "initial", "not finite", "a rigid transform");
+  const std::string_view defect = coordinate_defect(initial);
+  require(defect.empty(), "initial", defect, "a rigid transform, coordinates from -1e9 to 1e9");
   require(k >= 1, "k", k, "at least 1");
   require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
   require(mse_change_threshold >= 0.0, "mse_change_threshold", mse_change_threshold,

@@ -342,6 +342,10 @@ TEST(Align, RefusesMisuseByName) {
                 o.initial = Rigid3(Eigen::Quaterniond(1, 0, 0, 0), {nan, 0, 0});
               }),
               HasSubstr("IcpOptions.initial"));
+  EXPECT_THAT(with([&](auto& o) {
+                o.initial = Rigid3(Eigen::Quaterniond(1, 0, 0, 0), {1e10, 0, 0});
+              }),
+              HasSubstr("IcpOptions.initial: is beyond the limit"));
 
   PointSet short_of_confidences = points;
   short_of_confidences.confidences.pop_back();
@@ -350,6 +354,10 @@ TEST(Align, RefusesMisuseByName) {
   PointSet not_finite = points;
   not_finite.positions[3].y() = nan;
   EXPECT_THAT(message_of(not_finite, points, {}), HasSubstr("source: position of point 3"));
+  PointSet far = points;
+  far.positions[3].y() = -1e40;
+  EXPECT_THAT(message_of(points, far, {}),
+              HasSubstr("target: position of point 3 is beyond the limit"));
   PointSet nan_confidence = points;
   nan_confidence.confidences[4] = nan;
   EXPECT_THAT(message_of(points, nan_confidence, {}), HasSubstr("confidence of point 4"));

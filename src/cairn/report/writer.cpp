@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
+#include <optional>
 #include <set>
 #include <span>
 #include <string>
@@ -16,6 +17,8 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/json_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/report/gzip_base64.hpp"
 #include "cairn/report/markup.hpp"
@@ -172,9 +175,9 @@ Json list_or_null(const std::vector<Value>& values) {
 
 Json parsed(const std::string& text, std::string_view where) {
   if (text.empty()) return nullptr;
-  Json json = Json::parse(text, nullptr, false);
-  require(!json.is_discarded(), where, "no JSON", "JSON in UTF-8");
-  return json;
+  std::optional<Json> json = parse_json<Json>(text, where);
+  require(json.has_value(), where, "no JSON", "JSON in UTF-8");
+  return std::move(*json);
 }
 
 Json to_json(const Provenance& provenance) {
@@ -250,8 +253,8 @@ class Document {
     Json& json = json_;
     json["schema"] = {{"name", "cairn.report"}, {"version", kSchemaVersion}};
     json["cairn_version"] = kVersion;
-    json["title"] = report.title;
-    json["subtitle"] = to_json(report.subtitle);
+    json["title"] = plain_text(report.title);
+    json["subtitle"] = report.subtitle ? Json(plain_text(*report.subtitle)) : Json(nullptr);
     json["provenance"] = to_json(report.provenance);
     json["maps"] = Json::array();
     std::set<std::string> ids;
@@ -616,7 +619,7 @@ void write_report(const Report& report, std::string_view page, const ByteSink& s
   }
   const Document document(report);
   sink(page.substr(0, title));
-  sink(markup_text(report.title));
+  sink(markup_text(plain_text(report.title)));
   const std::size_t title_end = title + kTitleMark.size();
   sink(page.substr(title_end, data - title_end));
   write_element("report", sink, [&](GzipBase64& out) { out.write(document.text()); });

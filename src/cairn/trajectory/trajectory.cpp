@@ -11,6 +11,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/time_association.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 namespace {
@@ -26,8 +27,13 @@ auto first_not_before(std::span<const TimedPose> poses, double timestamp_s) {
 Trajectory::Trajectory(std::vector<TimedPose> poses) : poses_(std::move(poses)) {
   for (std::size_t i = 0; i < poses_.size(); ++i) {
     const double time = poses_[i].timestamp_s;
-    if (!std::isfinite(time) || !poses_[i].world_from_camera.matrix().allFinite()) {
-      throw Error(ErrorKind::kInput, fmt::format("pose {}", i), "not finite", "finite numbers");
+    const std::string_view defect = coordinate_defect(poses_[i].world_from_camera);
+    if (!defect.empty()) {
+      throw Error(ErrorKind::kInput, fmt::format("pose {}", i), defect, kExpectedCoordinates);
+    }
+    if (!(std::abs(time) <= kLargestTimestamp)) {
+      throw Error(ErrorKind::kInput, fmt::format("pose {}", i), fmt::format("timestamp {}", time),
+                  "seconds, from -1e20 to 1e20");
     }
     if (i > 0 && time <= poses_[i - 1].timestamp_s) {
       throw Error(ErrorKind::kInput, fmt::format("pose {}", i),

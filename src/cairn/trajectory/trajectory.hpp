@@ -23,7 +23,8 @@ class Trajectory {
  public:
   /// An empty trajectory.
   Trajectory() = default;
-  /// @throws Error (input) unless the timestamps are finite and ascend, each once
+  /// @throws Error (input) unless the timestamps ascend, each once, and timestamps and positions are
+  ///         numbers within the limits (cairn/geometry/limits.hpp)
   explicit Trajectory(std::vector<TimedPose> poses);
 
   std::span<const TimedPose> poses() const { return poses_; }

@@ -37,6 +37,15 @@ TEST(Trajectory, RefusesTimesThatDoNotAscend) {
   EXPECT_THROW(at({std::nan("")}), Error);
 }
 
+TEST(Trajectory, RefusesNumbersBeyondTheLimits) {
+  const auto trajectory = [](double time, double x) {
+    return Trajectory({{time, Rigid3(Eigen::Quaterniond::Identity(), {x, 0, 0})}});
+  };
+  EXPECT_NO_THROW(trajectory(1.7e18, -1e9));
+  EXPECT_THROW(trajectory(1e21, 0.0), Error);
+  EXPECT_THROW(trajectory(0.0, 1.1e9), Error);
+}
+
 TEST(NearestPose, IsTheNearestInTimeAndTheEarlierOfTwo) {
   const Trajectory trajectory = at({1.0, 2.0, 4.0});
   const auto nearest = [&](double time) { return nearest_pose(trajectory, time)->timestamp_s; };

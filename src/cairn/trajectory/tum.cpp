@@ -11,6 +11,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 namespace {
@@ -31,6 +32,15 @@ std::array<double, 8> numbers_of(std::string_view line, const std::string& place
     if (!number) {
       throw Error(ErrorKind::kInput, where(), printable(word) + " is not a number",
                   "a finite decimal number");
+    }
+    const bool is_time = i == 0;
+    const bool is_position = i >= 1 && i <= 3;
+    if (is_time && std::abs(*number) > kLargestTimestamp) {
+      throw Error(ErrorKind::kInput, where(), printable(word), "seconds, from -1e20 to 1e20");
+    }
+    if (is_position && std::abs(*number) > kLargestCoordinate) {
+      throw Error(ErrorKind::kInput, where(), printable(word) + " is beyond the limit",
+                  kExpectedCoordinates);
     }
     numbers[i] = *number;
     line.remove_prefix(word.size());

@@ -61,6 +61,12 @@ TEST(TumTrajectory, NamesLineAndFieldOfWhatItRefuses) {
   EXPECT_THAT(message_of("1 0 0 0 0 0 0 1 5\n"), HasSubstr("a.tum:1: more than eight fields"));
   EXPECT_THAT(message_of("#\n1 0 x 0 0 0 0 1\n"), HasSubstr("a.tum:2: field 3 (ty): 'x' is not"));
   EXPECT_THAT(message_of("1 0 0 nan 0 0 0 1\n"), HasSubstr("field 4 (tz)"));
+  EXPECT_THAT(
+      message_of("1 0 -1e300 0 0 0 0 1\n"),
+      HasSubstr("a.tum:1: field 3 (ty): '-1e300' is beyond the limit; expected numbers from "
+                "-1e9 to 1e9"));
+  EXPECT_THAT(message_of("1e300 0 0 0 0 0 0 1\n"),
+              HasSubstr("a.tum:1: field 1 (timestamp): '1e300'; expected seconds"));
   EXPECT_THAT(message_of("1 0 0 0 0 0 0 0\n"), HasSubstr("quaternion of norm 0"));
   EXPECT_THAT(message_of("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n"),
               HasSubstr("a.tum:2: field 1 (timestamp): 1.000000 does not come after 2.000000"));

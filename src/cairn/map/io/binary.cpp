@@ -804,7 +804,7 @@ class BinaryWriter {
 }  // namespace
 
 LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options) {
-  if (const auto bytes = source.mapped())
+  if (const auto bytes = source.in_memory())
     return BinaryReader(*bytes, source.name(), options).read();
   return BinaryReader(read_all(source), source.name(), options).read();
 }

@@ -515,7 +515,7 @@ TEST(ReadBinary, RefusesBrokenFrames) {
       {setting(MapColumn::kTranslations, 48, kInfinity),
        byte_of(MapColumn::kTranslations, 48) +
            "translations: frame 3: translation (inf, 4.5, 0.3333333333333333) is not finite; "
-           "expected numbers"},
+           "expected numbers from -1e9 to 1e9"},
       {setting(MapColumn::kQuaternions, 0, 1.0625),
        byte_of(MapColumn::kQuaternions) +
            "quaternions: frame 7: quaternion of norm 1.0625; expected norm 1 within 1e-3"},
@@ -530,8 +530,8 @@ TEST(ReadBinary, RefusesBrokenFrames) {
        byte_of(MapColumn::kFrameCameras) +
            "frame cameras: nothing is known in it; expected the section left out"},
       {setting(MapColumn::kTimestamps, 8, -kInfinity),
-       byte_of(MapColumn::kTimestamps, 8) +
-           "timestamps: frame 18446744073709551615: timestamp is not finite; expected seconds"},
+       byte_of(MapColumn::kTimestamps, 8) + "timestamps: frame 18446744073709551615: timestamp is "
+                                            "not finite; expected seconds, from -1e20 to 1e20"},
       {setting(MapColumn::kTimestamps, 8, kUnknownBits + 1),
        byte_of(MapColumn::kTimestamps, 8) +
            "timestamps: nan of the bits 7ff8000000000001; expected 7ff8000000000000 where unknown, "
@@ -551,8 +551,8 @@ TEST(ReadBinary, RefusesBrokenLandmarks) {
        byte_of(MapColumn::kLandmarkIds, 24) +
            "landmark ids: landmark 30: the id occurs twice; expected distinct ids"},
       {setting(MapColumn::kPositions, 24, kUnknownBits),
-       byte_of(MapColumn::kPositions, 24) +
-           "positions: landmark 10: position (nan, 0.25, 3) is not finite; expected numbers"},
+       byte_of(MapColumn::kPositions, 24) + "positions: landmark 10: position (nan, 0.25, 3) is "
+                                            "not finite; expected numbers from -1e9 to 1e9"},
       {covariance(8, 2e-5), byte_of(MapColumn::kCovariances) +
                                 "covariances: landmark 30: covariance is not symmetric: opposite "
                                 "entries differ by 1e-05; expected a symmetric positive "
@@ -618,14 +618,15 @@ TEST(ReadBinary, RefusesBrokenObservations) {
                                                   "frame that the map does not have; expected "
                                                   "the index of a frame"},
       {setting(MapColumn::kPixels, 32, kInfinity),
-       byte_of(MapColumn::kPixels, 32) +
-           "pixels: landmark 10: pixel (inf, 0.2) is not finite; expected numbers"},
+       byte_of(MapColumn::kPixels, 32) + "pixels: landmark 10: pixel (inf, 0.2) is not finite; "
+                                         "expected numbers from -1e9 to 1e9"},
       {setting<std::int64_t>(MapColumn::kKeypoints, 8, 4294967296),
        byte_of(MapColumn::kKeypoints, 8) +
            fmt::format("keypoints: 4294967296; expected 0 to 4294967295, or {} where unknown",
                        lowest)},
       {setting(MapColumn::kDepths, 0, kInfinity),
-       byte_of(MapColumn::kDepths) + "depths: landmark 30: depth is not finite; expected metres"},
+       byte_of(MapColumn::kDepths) +
+           "depths: landmark 30: depth is not finite; expected metres, from -1e9 to 1e9"},
       {setting<std::int64_t>(MapColumn::kOctaves, 8, -2147483649),
        byte_of(MapColumn::kOctaves, 8) +
            fmt::format(

@@ -7,6 +7,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/map/io/binary.hpp"
 #include "cairn/map/io/native.hpp"
 #include "cairn/map/io/pcd.hpp"
@@ -15,13 +16,20 @@
 namespace cairn {
 namespace {
 
-// A source whose first bytes were taken already and are handed out again: pipes cannot go back.
+// A source whose first bytes were taken already and are handed out again: pipes cannot go back. A byte
+// order mark among them is left out.
 class PrefixedSource final : public ByteSource {
  public:
-  PrefixedSource(std::string prefix, ByteSource& rest) : prefix_(std::move(prefix)), rest_(rest) {}
+  PrefixedSource(std::string prefix, ByteSource& rest)
+      : prefix_(without_byte_order_mark(prefix)),
+        mark_size_(prefix.size() - prefix_.size()),
+        rest_(rest) {}
 
   const std::string& name() const override { return rest_.name(); }
-  std::optional<std::uint64_t> size() const override { return rest_.size(); }
+  std::optional<std::uint64_t> size() const override {
+    const auto size = rest_.size();
+    return size ? std::optional(*size - std::min<std::uint64_t>(*size, mark_size_)) : size;
+  }
   std::size_t read(char* buffer, std::size_t capacity) override {
     if (position_ == prefix_.size()) return rest_.read(buffer, capacity);
     const std::size_t count = prefix_.copy(buffer, capacity, position_);
@@ -29,13 +37,20 @@ class PrefixedSource final : public ByteSource {
     return count;
   }
   void rewind() override {
+    // Back to the first byte, and past all that are handed out from here.
     rest_.rewind();
-    position_ = prefix_.size();
+    std::string again(mark_size_ + prefix_.size(), '\0');
+    for (std::size_t count = 0; count < again.size();) {
+      const std::size_t more = rest_.read(again.data() + count, again.size() - count);
+      if (more == 0) break;
+      count += more;
+    }
+    position_ = 0;
   }
-  std::optional<std::string_view> mapped() override { return rest_.mapped(); }
 
  private:
   std::string prefix_;
+  std::size_t mark_size_;
   ByteSource& rest_;
   std::size_t position_ = 0;
 };
@@ -67,7 +82,7 @@ bool holds_whole_map(MapFormat format) {
 
 LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options) {
   FileReader file(path);
-  std::string first_bytes(8, '\0');
+  std::string first_bytes(16, '\0');
   std::size_t count = 0;
   while (count < first_bytes.size()) {
     const std::size_t more = file.read(first_bytes.data() + count, first_bytes.size() - count);
@@ -75,7 +90,7 @@ LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& op
     count += more;
   }
   first_bytes.resize(count);
-  const MapFormat format = format_of_content(first_bytes);
+  const MapFormat format = format_of_content(without_byte_order_mark(first_bytes));
   PrefixedSource source(std::move(first_bytes), file);
   switch (format) {
     case MapFormat::kBinary:

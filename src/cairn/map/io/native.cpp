@@ -19,6 +19,8 @@
 #include "cairn/core/memory.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/geometry/limits.hpp"
+#include "cairn/map/io/memory_budget.hpp"
 
 namespace cairn {
 namespace {
@@ -186,6 +188,15 @@ class Fields {
     return value;
   }
 
+  /// A number within the limits of coordinates.
+  double coordinate(const char* name) {
+    const double value = number(name);
+    if (std::abs(value) > kLargestCoordinate) {
+      refuse(fmt::format("{} is beyond the limit", value), kExpectedCoordinates);
+    }
+    return value;
+  }
+
   template <class Integer>
   Integer integer(const char* name, const char* expected) {
     begin_field(name);
@@ -349,6 +360,7 @@ class NativeReader {
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;
     while (const auto line = lines.next()) {
+      bytes_read_ = lines.bytes_read();
       read_line(*line, lines);
       if (lines.bytes_read() >= next_report) {
         next_report = lines.bytes_read() + kReportEvery;
@@ -426,9 +438,9 @@ class NativeReader {
     if (frames.ids.size() == std::numeric_limits<std::uint32_t>::max()) {
       fields.refuse("too many frames", "fewer than 2^32");
     }
-    const double x = fields.number("tx");
-    const double y = fields.number("ty");
-    const double z = fields.number("tz");
+    const double x = fields.coordinate("tx");
+    const double y = fields.coordinate("ty");
+    const double z = fields.coordinate("tz");
     std::array<double, 4> q{};
     constexpr std::array<const char*, 4> kNames = {"qw", "qx", "qy", "qz"};
     for (std::size_t i = 0; i < 4; ++i) q[i] = fields.number(kNames[i]);
@@ -444,9 +456,9 @@ class NativeReader {
       fields.refuse_line("too many landmarks", "fewer than 2^32");
     }
     const LandmarkId id{fields.unsigned_integer("id")};
-    const double x = fields.number("x");
-    const double y = fields.number("y");
-    const double z = fields.number("z");
+    const double x = fields.coordinate("x");
+    const double y = fields.coordinate("y");
+    const double z = fields.coordinate("z");
     landmark_lines_.add(landmarks.ids.size(), line_);
     landmarks.ids.push_back(id);
     landmarks.positions.emplace_back(x, y, z);
@@ -483,8 +495,8 @@ class NativeReader {
     for (; found < count && !fields.at_end(); ++found) {
       const FrameId id{fields.unsigned_integer("observing frame")};
       observations.frames.push_back(frame(id, fields));
-      const double u = fields.number("u");
-      const double v = fields.number("v");
+      const double u = fields.coordinate("u");
+      const double v = fields.coordinate("v");
       observations.pixels.push_back({u, v});
     }
     if (found < count) {
@@ -666,6 +678,7 @@ class NativeReader {
       if (column == nullptr) {
         fields.refuse(printable(name) + " is no column", "the name of a COLUMN record above");
       }
+      require_budget(fields);
       column->values.resize(row + 1, kNan);
       refuse_second(!std::isnan(column->values[row]), fields);
       column->values[row] = fields.number("value");
@@ -681,6 +694,7 @@ class NativeReader {
   void read_descriptor(std::size_t row, Fields& fields) {
     auto& descriptors = tables_.landmarks.descriptors;
     if (!descriptors) fields.refuse_line("no DESCRIPTORS record stands above", "one");
+    require_budget(fields);
     descriptors->known.resize(row + 1);
     descriptors->bytes.resize((row + 1) * descriptors->bytes_each);
     refuse_second(descriptors->known[row] != 0, fields);
@@ -713,14 +727,37 @@ class NativeReader {
         observations.keypoints[i] =
             fields.integer<std::uint32_t>("keypoint", "an unsigned integer of 32 bits, or -");
       }
-      if (!fields.take_unknown()) observations.depths[i] = fields.number("depth");
+      if (!fields.take_unknown()) observations.depths[i] = fields.coordinate("depth");
       if (!fields.take_unknown()) {
         observations.octaves[i] = fields.integer<std::int32_t>("octave", "an integer, or -");
       }
     }
   }
 
+  // Bytes that descriptors and named columns take of all landmarks so far.
+  std::uint64_t room_of_columns() const {
+    const LandmarkTable& landmarks = tables_.landmarks;
+    const std::uint64_t each = sizeof(double) * landmarks.columns.size() +
+                               (landmarks.descriptors ? landmarks.descriptors->bytes_each : 0);
+    return landmarks.ids.size() * each;
+  }
+
+  static constexpr std::string_view kBudget = "at most 32 times the bytes of the file and 64 MiB";
+
+  void require_budget(const Fields& fields) const {
+    if (room_of_columns() <= detail::memory_budget(bytes_read_)) return;
+    fields.refuse_line(fmt::format("descriptors and columns of {} landmarks take {} bytes",
+                                   tables_.landmarks.ids.size(), room_of_columns()),
+                       kBudget);
+  }
+
   LandmarkMap finish() {
+    if (room_of_columns() > detail::memory_budget(bytes_read_)) {
+      throw Error(ErrorKind::kInput, source_.name(),
+                  fmt::format("descriptors and columns of {} landmarks take {} bytes",
+                              tables_.landmarks.ids.size(), room_of_columns()),
+                  kBudget);
+    }
     FrameTable& frames = tables_.frames;
     LandmarkTable& landmarks = tables_.landmarks;
     ObservationTable& observations = tables_.observations;
@@ -767,6 +804,7 @@ class NativeReader {
   MapTables tables_;
   int version_ = 0;  // 0: no record seen yet
   std::uint64_t line_ = 0;
+  std::uint64_t bytes_read_ = 0;
   bool length_unit_known_ = false;
   bool observations_unknown_ = false;
   std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was

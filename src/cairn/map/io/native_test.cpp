@@ -25,6 +25,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/geometry/limits.hpp"
 
 #include "support/maps.hpp"
 #include "support/temporary_folder.hpp"
@@ -284,6 +285,22 @@ std::string landmark_with(std::size_t field, std::string_view text) {
   return fmt::format("{}{}\n", kFrame, fmt::join(fields, " "));
 }
 
+TEST(ReadNative, LeavesOutAByteOrderMarkAtTheStart) {
+  EXPECT_EQ(read("\xef\xbb\xbf" + std::string(kFrame)).frame_count(), 1U);
+}
+
+TEST(ReadNative, NamesTheFieldOfACoordinateBeyondTheLimit) {
+  expect_refused({
+      {"FRAME 7 0 -1e40 0 1 0 0 0\n",
+       "desk.map:1: field 4 (ty): -1e+40 is beyond the limit; expected numbers from -1e9 to 1e9"},
+      {"LANDMARK 3 0 0 1e200 0 0 0 0 0 0 0 0 0 0\n",
+       "desk.map:1: field 5 (z): 1e+200 is beyond the limit; expected numbers from -1e9 to 1e9"},
+      {std::string(kFrame) + "LANDMARK 3 0 0 1 0 0 0 0 0 0 0 0 0 1 7 1 1e10\n",
+       "desk.map:2: field 17 (v): 10000000000 is beyond the limit; expected numbers from -1e9 to "
+       "1e9"},
+  });
+}
+
 TEST(ReadNative, RefusesUnknownRecords) {
   expect_refused({
       {"FRAM 7 0 0 0 1 0 0 0\n", "desk.map:1: unknown record 'FRAM'; expected FRAME or LANDMARK"},
@@ -294,8 +311,8 @@ TEST(ReadNative, RefusesUnknownRecords) {
        "desk.map:2: unknown record 'TIME'; expected FRAME or LANDMARK"},
       {std::string(kFrame) + "CAIRN 2\n",
        "desk.map:2: unknown record 'CAIRN'; expected FRAME or LANDMARK"},
-      {"\xef\xbb\xbf" + std::string(kFrame),
-       R"(desk.map:1: unknown record '\xef\xbb\xbfFRAME'; expected FRAME or LANDMARK)"},
+      {std::string(kFrame) + "\xef\xbb\xbf" + std::string(kFrame),
+       R"(desk.map:2: unknown record '\xef\xbb\xbfFRAME'; expected FRAME or LANDMARK)"},
   });
 }
 
@@ -795,7 +812,7 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "DETAIL 30 12 2.01 - - 1.99 1\n"
       "LANDMARK 10 -1 0.25 3 - 1 18446744073709551615 0.1 0.2\n"
       "DETAIL 10 4294967295 - -2147483648\n"
-      "LANDMARK 9223372036854775808 1e+300 -1e-300 0.1 0 0 0 0 0 0 0 0 0 0\n"
+      "LANDMARK 9223372036854775808 1e+08 -1e-300 0.1 0 0 0 0 0 0 0 0 0 0\n"
       "COLOR 9223372036854775808 0 0 0\n"
       "DESCRIPTOR 9223372036854775808 1ab2\n"
       "VALUE 9223372036854775808 confidence -0\n"
@@ -840,20 +857,28 @@ TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
       if (std::isfinite(value)) return value;
     }
   };
+  const auto within = [&](double limit) {
+    for (;;) {
+      const double value = any();
+      if (std::abs(value) <= limit) return value;
+    }
+  };
+  const auto length = [&] { return within(kLargestCoordinate); };
+  const auto variance = [&] { return std::abs(within(kLargestVariance)); };
   MapTables tables;
   tables.observations.offsets = {0};
   for (std::uint32_t i = 0; i < 2000; ++i) {
     tables.frames.ids.push_back(FrameId{(random() & ~std::uint64_t{4095}) | i});
-    tables.frames.translations.emplace_back(any(), any(), any());
+    tables.frames.translations.emplace_back(length(), length(), length());
     const auto angle = static_cast<double>(random() % 1000);
     tables.frames.quaternions.push_back({std::cos(angle), 0.0, std::sin(angle), -0.0});
     tables.landmarks.ids.push_back(LandmarkId{(random() & ~std::uint64_t{4095}) | i});
-    tables.landmarks.positions.emplace_back(any(), any(), any());
+    tables.landmarks.positions.emplace_back(length(), length(), length());
     tables.landmarks.covariances.emplace_back(
-        Eigen::Vector3d(std::abs(any()), std::abs(any()), std::abs(any())).asDiagonal());
+        Eigen::Vector3d(variance(), variance(), variance()).asDiagonal());
     for (std::uint64_t k = random() % 4; k > 0; --k) {
       tables.observations.frames.push_back(FrameIndex{static_cast<std::uint32_t>(random() % 2000)});
-      tables.observations.pixels.push_back({any(), any()});
+      tables.observations.pixels.push_back({length(), length()});
     }
     tables.observations.offsets.push_back(tables.observations.frames.size());
   }
@@ -865,10 +890,10 @@ TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
   tables.frames.timestamps_s.resize(2000);
   for (std::size_t i = 0; i < 2000; ++i) {
     tables.landmarks.columns[0].values.push_back(any());
-    if (random() % 2 == 0) tables.frames.timestamps_s[i] = any();
+    if (random() % 2 == 0) tables.frames.timestamps_s[i] = within(kLargestTimestamp);
   }
   for (std::size_t i = 0; i < tables.observations.frames.size(); ++i) {
-    tables.observations.depths.emplace_back(any());
+    tables.observations.depths.emplace_back(length());
   }
   const LandmarkMap version_2(tables);
   EXPECT_THAT(read(written(version_2)), EqualsMap(version_2));

@@ -14,6 +14,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/map/io/memory_budget.hpp"
 #include "cairn/map/io/point_columns.hpp"
 
 namespace cairn {
@@ -386,6 +387,15 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
     refuse_at(source, begin + 4,
               fmt::format("{} bytes announced to be compressed into {}", size, compressed_size),
               "at most 88 times as many");
+  }
+  // Of a point, the bytes that are decompressed, a position and all other values as doubles.
+  const std::uint64_t width = bytes_padded + sizeof(double) * (3 + table.fields().size());
+  const std::uint64_t budget = detail::memory_budget(compressed_size);
+  if (points > 0 && width > budget / points) {
+    refuse_at(source, begin,
+              fmt::format("{} points of {} fields out of {} compressed bytes", points,
+                          table.fields().size(), compressed_size),
+              "memory of at most 32 times the compressed bytes and 64 MiB");
   }
   std::vector<char> bytes(static_cast<std::size_t>(size));
   if (const auto defect = decompress_lzf(compressed, bytes)) {

@@ -843,13 +843,6 @@ PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType posi
     : map_(map) {
   const LandmarkTable& landmarks = map.landmarks();
   for (std::size_t i = 0; i < 3; ++i) add(kAxes[i], position_type, Content::kPosition, i);
-  for (std::size_t i = 0; position_type == ScalarType::kFloat32 && i < landmarks.ids.size(); ++i) {
-    if (!landmarks.positions[i].cast<float>().allFinite()) {
-      throw Error(ErrorKind::kMisuse, fmt::format("landmark {}", landmarks.ids[i].value),
-                  "its position is beyond single precision",
-                  "positions written in double precision");
-    }
-  }
   for (std::size_t i = 0; map.has_covariances() && i < kCovarianceEntries.size(); ++i) {
     add(kCovarianceEntries[i].name, ScalarType::kFloat64, Content::kCovariance, i);
   }

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/distinct_files.hpp"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct NamedPath {
+  std::string option;
+  std::string path;
+};
+
+// "--output", or the name of a positional argument.
+std::string name_of(const CLI::Option& option) {
+  if (option.get_positional()) return option.get_name(true, false);
+  const auto& names = option.get_lnames();
+  return names.empty() ? option.get_name() : "--" + names.front();
+}
+
+bool is_output(std::string_view name) {
+  constexpr std::array<std::string_view, 7> kOutputs = {
+      "--json", "--csv", "--report", "--output", "--trajectory", "--pose", "output"};
+  return std::find(kOutputs.begin(), kOutputs.end(), name) != kOutputs.end();
+}
+
+bool may_name_files(const CLI::Option& option) {
+  if (option.get_positional()) return true;
+  const std::string type = option.get_type_name();
+  return type.find("FILE") != std::string::npos || type == "MAP" || type == "CAMERA";
+}
+
+// Whether both name one file, which need not exist yet. Devices and pipes may be named twice.
+bool are_one_file(const std::string& a, const std::string& b) {
+  std::error_code error;
+  const bool exist = fs::exists(a, error) && fs::exists(b, error);
+  if (exist) {
+    const bool special = fs::is_other(a, error);
+    return !special && fs::equivalent(a, b, error) && !error;
+  }
+  if (fs::exists(a, error) || fs::exists(b, error)) return false;
+  const fs::path first = fs::weakly_canonical(a, error);
+  if (error) return a == b;
+  const fs::path second = fs::weakly_canonical(b, error);
+  return error ? a == b : first == second;
+}
+
+}  // namespace
+
+void require_distinct_files(const CLI::App& verb) {
+  std::vector<NamedPath> inputs;
+  std::vector<NamedPath> outputs;
+  for (const CLI::Option* const option : verb.get_options()) {
+    const std::string name = name_of(*option);
+    const bool written = is_output(name);
+    if (!written && !may_name_files(*option)) continue;
+    for (const std::string& word : option->results()) {
+      if (word.empty() || word == "-") continue;
+      (written ? outputs : inputs).push_back({name, word});
+    }
+  }
+  const auto refuse_one_file = [](const NamedPath& output, const NamedPath& other,
+                                  std::string_view role) {
+    if (!are_one_file(output.path, other.path)) return;
+    throw Error(ErrorKind::kMisuse, output.option,
+                fmt::format("{} is {} {} too", output.path, role, other.option),
+                "a file of its own");
+  };
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    for (const NamedPath& input : inputs) refuse_one_file(outputs[i], input, "the input");
+    for (std::size_t j = 0; j < i; ++j) refuse_one_file(outputs[i], outputs[j], "the output");
+  }
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace cairn::cli {
+
+/// Refuses a command line whose output is also an input or another output, be it through links: the one
+/// would be lost to the other.
+/// @param verb the innermost verb that was parsed
+/// @throws Error (misuse) naming both
+void require_distinct_files(const CLI::App& verb);
+
+}  // namespace cairn::cli

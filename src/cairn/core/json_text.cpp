@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/core/json_text.hpp"
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+
+void check_json_depth(std::string_view text, std::string_view name) {
+  std::size_t depth = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') ++i;  // what is escaped ends no string
+      if (c == '"') in_string = false;
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '[' || c == '{') {
+      if (++depth > kDeepestJson) {
+        throw Error(ErrorKind::kInput, fmt::format("{}: byte {}", name, i),
+                    "lists and objects are nested too deeply",
+                    fmt::format("at most {} within each other", kDeepestJson));
+      }
+    } else if ((c == ']' || c == '}') && depth > 0) {
+      --depth;
+    }
+  }
+}
+
+}  // namespace cairn
