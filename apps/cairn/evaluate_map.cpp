@@ -62,7 +62,7 @@ struct EvaluateMapArguments {
 };
 
 void EvaluateMapArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to judge: .map, .txt, .cairn, .ply or .pcd")->required();
+  add_text(command, "map", input, "Map to judge: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
            "Camera of all frames, for reprojection: \"MODEL width height parameters\"", "CAMERA");
   add_text(command, "--truth-map", truth_map,

@@ -9,6 +9,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
@@ -42,7 +43,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common, bool 
   options.progress = console.progress("reading " + path);
   options.stop = interrupt_requests();
   options.log = console.log();
-  LoadedMap loaded{path, read_map(path, options), {}};
+  LoadedMap loaded{path, all_formats().read(path, options), {}};
   loaded.description = describe_file(path, common, with_hash);
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();
@@ -88,11 +89,23 @@ void require_outputs(const CommonArguments& common) {
 }
 
 void require_map_path(const std::string& path, const std::string& option) {
-  if (!format_of_extension(path)) {
+  const MapFormat* const format = all_formats().format_of_ending(path);
+  if (format == nullptr) {
     throw Error(ErrorKind::kMisuse, option, path + " names no map format",
-                "a name that ends in .map, .txt, .cairn, .ply or .pcd");
+                "a name that ends in " + all_formats().endings_text());
   }
-  require_folder_of(path);
+  require_place_of(path, *format);
+}
+
+void require_place_of(const std::string& path, const MapFormat& format) {
+  if (!format.is_folder) return require_folder_of(path);
+  std::error_code ignored;
+  const std::filesystem::path folder = std::filesystem::path(path + "/").parent_path();
+  if (!std::filesystem::is_directory(folder, ignored)) return require_folder_of(folder.string());
+  if (!std::filesystem::is_empty(folder, ignored)) {
+    throw Error(ErrorKind::kStorage, path, "cannot be written: the folder is not empty",
+                "a new or an empty folder");
+  }
 }
 
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
@@ -105,8 +118,9 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
     }
     if (show) show(share);
   };
-  write_map(map, path, options);
-  if (!holds_whole_map(format_of_extension(path).value()) && map.frame_count() > 0) {
+  options.log = console.log();
+  all_formats().write(map, path, options);
+  if (!all_formats().format_to_write(path, options).holds_frames && map.frame_count() > 0) {
     console.remark(
         fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
                     map.frame_count(), map.observation_count()));

@@ -46,6 +46,11 @@ void require_outputs(const CommonArguments& common);
 /// @throws Error (misuse) naming `option`
 void require_map_path(const std::string& path, const std::string& option);
 
+/// Fails before long work if a map in this format could not be written at `path`: as require_folder_of;
+/// a format that is a folder takes a new or an empty one.
+/// @throws Error (storage)
+void require_place_of(const std::string& path, const MapFormat& format);
+
 /// Writes a map and remarks what its format does not hold.
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
               MapWriteOptions options = {});
