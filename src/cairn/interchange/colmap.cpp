@@ -844,7 +844,8 @@ bool is_there(const fs::path& path) {
 }
 
 bool is_model(const fs::path& folder, ColmapForm form) {
-  return is_there(folder / file_name("points3D", form)) || is_there(folder / file_name("images", form));
+  return is_there(folder / file_name("points3D", form)) ||
+         is_there(folder / file_name("images", form));
 }
 
 // The folder of a model, which is named itself or by one of its files.

@@ -1,12 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/interchange/formats.hpp"
 
+#include <iterator>
+#include <utility>
+#include <vector>
+
 #include "cairn/interchange/colmap.hpp"
+#include "cairn/interchange/opensfm.hpp"
 
 namespace cairn {
 
 const FormatRegistry& all_formats() {
-  static const FormatRegistry formats = native_formats().extended_by(colmap_formats());
+  static const FormatRegistry formats = [] {
+    std::vector<MapFormat> more;
+    for (std::vector<MapFormat> some : {colmap_formats(), opensfm_formats()}) {
+      std::move(some.begin(), some.end(), std::back_inserter(more));
+    }
+    return native_formats().extended_by(std::move(more));
+  }();
   return formats;
 }
 
