@@ -14,6 +14,7 @@
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/sequence/sequence.hpp"

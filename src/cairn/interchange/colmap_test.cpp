@@ -307,13 +307,40 @@ double median_reprojection(const LandmarkMap& map) {
   return errors[errors.size() / 2];
 }
 
+// The mean distance of each landmark's projections to its observations, in pixels.
+std::vector<double> point_errors(const LandmarkMap& map) {
+  std::vector<double> errors;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto frames = map.observing_frames(LandmarkIndex{i});
+    double sum = 0.0;
+    for (std::size_t j = 0; j < frames.size(); ++j) {
+      const auto camera = map.frames().cameras[frames[j].value];
+      const auto pixel =
+          project(map.cameras()[camera->value],
+                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
+      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
+      sum += pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9;
+    }
+    errors.push_back(sum / static_cast<double>(frames.size()));
+  }
+  return errors;
+}
+
 TEST(RealColmapModel, TextAndBinaryOfOneModelAreIdentical) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
   const fs::path model = *data / "foreign/colmap_text_and_binary";
   const LandmarkMap text = all_formats().read(model / "images.txt");
   const LandmarkMap binary = all_formats().read(model / "images.bin");
-  EXPECT_EQ(testing::map_difference(text, binary), "");
+  ASSERT_EQ(text.observation_count(), binary.observation_count());
+  // The two files are of different runs: a few pixels of theirs differ in the last bits.
+  for (std::size_t i = 0; i < text.observation_count(); ++i) {
+    ASSERT_NEAR(text.observations().pixels[i].u, binary.observations().pixels[i].u, 2e-13);
+    ASSERT_NEAR(text.observations().pixels[i].v, binary.observations().pixels[i].v, 2e-13);
+  }
+  MapTables tables = LandmarkMap(text).tables();
+  tables.observations.pixels = binary.observations().pixels;
+  EXPECT_EQ(testing::map_difference(LandmarkMap(std::move(tables)), binary), "");
   EXPECT_EQ(binary.landmark_count(), 2254U);
   EXPECT_EQ(binary.observation_count(), 5252U);
 }
@@ -326,9 +353,16 @@ TEST(RealColmapModel, ReprojectsOntoItsObservations) {
         "foreign/pairs/sceaux/even", "colmap_office"}) {
     const LandmarkMap map = all_formats().read(*data / name);
     EXPECT_LT(median_reprojection(map), 1.1) << name;
-    // The mean of what COLMAP says of each point is the mean that we find: half a pixel would show.
-    const NamedColumn* const said = map.column("reprojection_error");
-    ASSERT_NE(said, nullptr);
+    // COLMAP states each point's mean error: half a pixel of difference in convention would show.
+    const NamedColumn* const stated = map.column("reprojection_error");
+    ASSERT_NE(stated, nullptr);
+    const std::vector<double> errors = point_errors(map);
+    double difference = 0.0;
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+      difference += std::abs(errors[i] - stated->values[i]) / static_cast<double>(errors.size());
+    }
+    RecordProperty(std::string(name) + " mean difference", std::to_string(difference));
+    EXPECT_LT(difference, 0.05) << name;
   }
 }
 
@@ -370,15 +404,18 @@ TEST(RealColmapModel, ColmapReadsWhatCairnWrites) {
     EXPECT_THAT(original, HasSubstr("Mean reprojection error"));
     EXPECT_EQ(analysis(binary), original);
     EXPECT_EQ(analysis(text), original);
-    // And COLMAP's own conversion of ours is read as ours.
-    const fs::path converted = folder / (stem + "_converted");
-    fs::create_directory(converted);
-    EXPECT_EQ(
-        testing::run_command({"/usr/bin/colmap", "model_converter", "--input_path", binary.string(),
-                              "--output_path", converted.string(), "--output_type", "TXT"})
-            .exit_code,
-        0);
-    const LandmarkMap back = all_formats().read(converted);
+    // COLMAP's own conversion to text of its model is read as the same map to the last bit.
+    const auto as_text = [&](const fs::path& model, const std::string& end) {
+      const fs::path converted = folder / (stem + end);
+      fs::create_directory(converted);
+      const testing::CommandResult result = testing::run_command(
+          {"/usr/bin/colmap", "model_converter", "--input_path", model.string(), "--output_path",
+           converted.string(), "--output_type", "TXT"});
+      EXPECT_EQ(result.exit_code, 0) << result.errors;
+      return all_formats().read(converted);
+    };
+    EXPECT_EQ(testing::map_difference(as_text(*data / name, "_as_text"), map), "");
+    const LandmarkMap back = as_text(binary, "_converted");
     EXPECT_EQ(back.landmark_count(), map.landmark_count());
     EXPECT_EQ(back.observation_count(), map.observation_count());
     EXPECT_NEAR(median_reprojection(back), median_reprojection(map), 1e-6);

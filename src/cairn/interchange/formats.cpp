@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/interchange/bundle_files.hpp"
 #include "cairn/interchange/colmap.hpp"
 #include "cairn/interchange/opensfm.hpp"
 
@@ -13,7 +14,8 @@ namespace cairn {
 const FormatRegistry& all_formats() {
   static const FormatRegistry formats = [] {
     std::vector<MapFormat> more;
-    for (std::vector<MapFormat> some : {colmap_formats(), opensfm_formats()}) {
+    for (std::vector<MapFormat> some :
+         {colmap_formats(), opensfm_formats(), bundle_file_formats()}) {
       std::move(some.begin(), some.end(), std::back_inserter(more));
     }
     return native_formats().extended_by(std::move(more));
