@@ -69,6 +69,7 @@ template std::uint8_t BinaryRecords::number(std::string_view);
 template std::uint32_t BinaryRecords::number(std::string_view);
 template std::int32_t BinaryRecords::number(std::string_view);
 template std::uint64_t BinaryRecords::number(std::string_view);
+template float BinaryRecords::number(std::string_view);
 template double BinaryRecords::number(std::string_view);
 
 std::string BinaryRecords::text(std::string_view field) {

@@ -38,6 +38,7 @@ class BinaryRecords {
   std::uint32_t u32(std::string_view field) { return number<std::uint32_t>(field); }
   std::int32_t i32(std::string_view field) { return number<std::int32_t>(field); }
   std::uint64_t u64(std::string_view field) { return number<std::uint64_t>(field); }
+  float f32(std::string_view field) { return number<float>(field); }
   double f64(std::string_view field) { return number<double>(field); }
   /// Bytes up to a zero, which is passed over.
   std::string text(std::string_view field);
