@@ -241,7 +241,7 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
 std::vector<MapFormat> plain_points_formats() {
   return {
       {.name = "xyz",
-       .title = "points as text (XYZ, CSV)",
+       .title = "XYZ",
        .holds_frames = false,
        .recognises =
            [](const MapInput& input) {
@@ -252,7 +252,7 @@ std::vector<MapFormat> plain_points_formats() {
              return read_plain_points(*input.source, options);
            }},
       {.name = "npy",
-       .title = "points as .npy",
+       .title = "NumPy",
        .holds_frames = false,
        .recognises = [](const MapInput& input) { return input.first_bytes.starts_with(kNpyMagic); },
        .read =
