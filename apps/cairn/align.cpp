@@ -86,7 +86,7 @@ void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "-o,--output", output,
            "Write the source map, aligned to the target; - for stdout, which takes --format",
            "FILE|-");
-  add_text(command, "--format", format, "Format of a map on stdout: map, cairn, ply or pcd", "NAME");
+  add_text(command, "--format", format, "Format of a map on stdout: text, binary, ply or pcd", "NAME");
   add_text(command, "--pose", pose,
            "Write target_from_source: 16 numbers, row-major; - for stdout. Not written without a "
            "trusted pose",
@@ -168,7 +168,7 @@ void AlignArguments::add_to(CLI::App& command) {
       "Example: align two maps of one place of which nothing else is known\n"
       "  cairn align later.map earlier.map\n"
       "Example: write the pose for other programs, the map in between from a pipe\n"
-      "  cairn convert later.map - --format cairn | cairn align - earlier.map --pose pose.txt\n"
+      "  cairn convert later.map - --format binary | cairn align - earlier.map --pose pose.txt\n"
       "Example: refine a guess by the paper's ICP, by two strategies, and keep the result\n"
       "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
@@ -549,7 +549,7 @@ int AlignArguments::run() {
     if (!output.empty()) {
       LandmarkMap aligned = transformed(source_map.map, *first.estimate);
       if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
-      save_map(aligned, output, common, {.format = format_of_name(format)});
+      save_map(aligned, output, common, {.format = format});
     }
     if (!pose.empty()) write_pose_file(*first.estimate);
   } else {

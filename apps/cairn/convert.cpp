@@ -8,7 +8,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/interchange/formats.hpp"
+#include "cairn/map/io/format_registry.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "commands.hpp"
@@ -27,6 +28,7 @@ struct ConvertArguments {
   PoseArguments transform;
   std::string confidence;
   std::string camera;
+  std::string format;
   std::optional<int> format_version;
   bool ascii = false;
   bool double_precision = false;
@@ -35,7 +37,7 @@ struct ConvertArguments {
   int run();
 
  private:
-  void check_format() const;
+  const MapFormat& output_format() const;
 };
 
 struct FrameRange {
@@ -56,10 +58,15 @@ FrameRange parse_frames(const std::string& text) {
 }
 
 void ConvertArguments::add_to(CLI::App& command) {
-  add_text(command, "input", input, "Map to read: .map, .txt, .cairn, .ply or .pcd")->required();
-  add_text(command, "output", output,
-           "Map to write; the extension names the format: .map, .txt, .cairn, .ply or .pcd")
+  add_text(command, "input", input, "Map to read: " + all_formats().titles_text() + "; - for stdin")
       ->required();
+  add_text(command, "output", output,
+           "Map to write; its ending names the format: " + all_formats().endings_text() +
+               "; - for stdout, which takes --format")
+      ->required();
+  add_text(command, "--format", format,
+           "Format to write, whatever the output's ending: " + all_formats().written_names_text(),
+           "FORMAT");
   add_text(
       command, "--frames", frames,
       "Cut a mini-map: keep frames with ids from A to below B, and only landmarks all of whose "
@@ -86,24 +93,38 @@ void ConvertArguments::add_to(CLI::App& command) {
       "  cairn convert first.map first.ply --confidence covariance,observations");
 }
 
-void ConvertArguments::check_format() const {
-  require_map_path(output, "output");
-  const MapFormat format = format_of_extension(output).value();
-  if (format_version && format != MapFormat::kNative) {
+const MapFormat& ConvertArguments::output_format() const {
+  const bool to_stdout = output == "-";
+  if (to_stdout) {
+    require_map_output(output, format, "output");
+  } else if (format.empty()) {
+    require_map_path(output, "output");
+  }
+  const MapFormat* const written =
+      format.empty() ? all_formats().format_of_ending(output) : all_formats().find(format);
+  if (written == nullptr || !written->is_written()) {
+    throw Error(ErrorKind::kMisuse, "--format", printable(format),
+                all_formats().written_names_text());
+  }
+  if (!to_stdout) require_place_of(output, *written);
+  if (format_version && written->name != "text") {
     throw Error(ErrorKind::kMisuse, "--format-version", output + " is not in the text format",
                 "an output that ends in .map or .txt");
   }
   if (format_version && *format_version != 1 && *format_version != 2) {
     throw Error(ErrorKind::kMisuse, "--format-version", std::to_string(*format_version), "1 or 2");
   }
-  if (ascii && holds_whole_map(format)) {
+  if (ascii && written->name != "ply" && written->name != "pcd") {
     throw Error(ErrorKind::kMisuse, "--ascii", output + " is neither PLY nor PCD",
                 "an output that ends in .ply or .pcd");
   }
+  return *written;
 }
 
 int ConvertArguments::run() {
-  check_format();
+  const MapFormat& written = output_format();
+  require_one_stdout({{"--json", &common.json_path}, {"output", &output}});
+  common.stdout_is_taken = output == "-";
   require_folder_of(common.json_path);
   const auto range = frames.empty() ? std::nullopt : std::optional(parse_frames(frames));
   const auto given_camera =
@@ -132,18 +153,20 @@ int ConvertArguments::run() {
     metrics.push_back(strategy.name);
   }
   MapWriteOptions options;
+  options.format = written.name;
   options.native_version = format_version;
   options.ascii = ascii;
   options.double_precision = double_precision;
   save_map(map, output, common, options);
 
-  const bool has_frames = holds_whole_map(format_of_extension(output).value());
+  const bool has_frames = written.holds_frames;
   Json json = document("convert", common, {{"map", loaded.description}},
                        {{"frames", text_or_null(frames)},
                         {"min_observations", min_observations},
                         {"transform", new_from_old ? to_json(*new_from_old) : Json(nullptr)},
                         {"confidence", std::move(metrics)},
                         {"camera", text_or_null(camera)},
+                        {"format", text_or_null(format)},
                         {"format_version", to_json(format_version)},
                         {"ascii", ascii},
                         {"double_precision", double_precision}});

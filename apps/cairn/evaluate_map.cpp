@@ -14,6 +14,7 @@
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/sequence/sequence.hpp"
@@ -62,7 +63,7 @@ struct EvaluateMapArguments {
 };
 
 void EvaluateMapArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to judge: .map, .txt, .cairn, .ply or .pcd")->required();
+  add_text(command, "map", input, "Map to judge: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
            fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
   add_text(command, "--truth-map", truth_map,

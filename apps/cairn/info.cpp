@@ -15,6 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/error_statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "commands.hpp"
@@ -35,7 +36,7 @@ struct InfoArguments {
 };
 
 void InfoArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to read: .map, .txt, .cairn, .ply or .pcd")->required();
+  add_text(command, "map", input, "Map to read: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
            fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
   common.add_to(command);

@@ -617,9 +617,9 @@ TEST_F(AlignTest, OutputsThatDoNotGoTogetherAreRefused) {
   };
   refused({"-o", "-"}, {"--output", "--format"});
   refused({"-o", "-", "--format", "zip"}, {"--format", "zip"});
-  refused({"-o", "a.map", "--format", "map"}, {"--format", "a.map"});
-  refused({"--format", "map"}, {"--format", "--output"});
-  refused({"-o", "-", "--format", "map", "--json", "-"}, {"--output", "stdout", "--json"});
+  refused({"-o", "a.map", "--format", "text"}, {"--format", "a.map"});
+  refused({"--format", "text"}, {"--format", "--output"});
+  refused({"-o", "-", "--format", "text", "--json", "-"}, {"--output", "stdout", "--json"});
   refused({"--pose", "-", "--json", "-"}, {"--pose", "stdout", "--json"});
   refused({"--pose", "p.txt", "--pose-format", "evo"}, {"--pose-format", "evo", "tum"});
   refused({"--pose", "p.txt", "--pose-format", "tum", "--scale"}, {"--pose-format", "no scale"});

@@ -9,6 +9,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
@@ -36,7 +37,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common, bool 
   options.progress = console.progress("reading " + path);
   options.stop = interrupt_requests();
   options.log = console.log();
-  LoadedMap loaded{path, read_map(path == "-" ? kStdin : path, options), {}};
+  LoadedMap loaded{path, all_formats().read(path == "-" ? kStdin : path, options), {}};
   loaded.description = describe_file(path, common, with_hash);
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();
@@ -82,22 +83,23 @@ void require_outputs(const CommonArguments& common) {
 }
 
 void require_map_path(const std::string& path, const std::string& option) {
-  if (!format_of_extension(path)) {
+  const MapFormat* const format = all_formats().format_of_ending(path);
+  if (format == nullptr) {
     throw Error(ErrorKind::kMisuse, option, path + " names no map format",
-                "a name that ends in .map, .txt, .cairn, .ply or .pcd");
+                "a name that ends in " + all_formats().endings_text());
   }
-  require_folder_of(path);
+  require_place_of(path, *format);
 }
 
-std::optional<MapFormat> format_of_name(const std::string& name) {
-  if (name.empty()) return std::nullopt;
-  const auto format = format_of_extension("." + name);
-  const auto plain = format_of_extension("map." + name);
-  if (!format && !plain) {
-    throw Error(ErrorKind::kMisuse, "--format", name + " names no map format",
-                "map, cairn, ply or pcd");
+void require_place_of(const std::string& path, const MapFormat& format) {
+  if (!format.is_folder) return require_folder_of(path);
+  std::error_code ignored;
+  const std::filesystem::path folder = std::filesystem::path(path + "/").parent_path();
+  if (!std::filesystem::is_directory(folder, ignored)) return require_folder_of(folder.string());
+  if (!std::filesystem::is_empty(folder, ignored)) {
+    throw Error(ErrorKind::kStorage, path, "cannot be written: the folder is not empty",
+                "a new or an empty folder");
   }
-  return format ? format : plain;
 }
 
 void require_map_output(const std::string& path, const std::string& format,
@@ -107,10 +109,14 @@ void require_map_output(const std::string& path, const std::string& format,
       throw Error(ErrorKind::kMisuse, "--format", "given, but " + path + " names its format",
                   option + " -");
     }
-    require_map_path(path, option);
-  } else if (!format_of_name(format)) {
-    throw Error(ErrorKind::kMisuse, option, "stdout has no extension that names a format",
-                "--format map, cairn, ply or pcd");
+    return require_map_path(path, option);
+  }
+  const MapFormat* const named = all_formats().find(format);
+  if (named == nullptr || named->write_to == nullptr) {
+    throw Error(ErrorKind::kMisuse, "--format",
+                format.empty() ? "not given, but stdout has no ending that names one"
+                               : printable(format) + " names no format of a single file",
+                "text, binary, ply or pcd");
   }
 }
 
@@ -145,13 +151,14 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
     }
     if (show) show(share);
   };
-  const MapFormat format = options.format ? *options.format : format_of_extension(path).value();
+  options.log = console.log();
+  const MapFormat& format = all_formats().format_to_write(path, options);
   if (path == "-") {
-    write_map(map, print_raw, format, options);
+    format.write_to(map, print_raw, options);
   } else {
-    write_map(map, path, options);
+    all_formats().write(map, path, options);
   }
-  if (!holds_whole_map(format) && map.frame_count() > 0) {
+  if (!format.holds_frames && map.frame_count() > 0) {
     console.remark(
         fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
                     map.frame_count(), map.observation_count()));

@@ -53,10 +53,6 @@ void require_map_path(const std::string& path, const std::string& option);
 void require_map_output(const std::string& path, const std::string& format,
                         const std::string& option);
 
-/// "map", "cairn", "ply", "pcd"; std::nullopt for no text.
-/// @throws Error (misuse) for any other
-std::optional<MapFormat> format_of_name(const std::string& name);
-
 /// At most one of these paths may be "-".
 /// @throws Error (misuse) naming both options
 void require_one_stdout(
@@ -64,6 +60,11 @@ void require_one_stdout(
 
 /// Writes to a file, whole or not at all, or to stdout for "-".
 void write_text(const std::string& text, const std::string& path);
+
+/// Fails before long work if a map in this format could not be written at `path`: as require_folder_of;
+/// a format that is a folder takes a new or an empty one.
+/// @throws Error (storage)
+void require_place_of(const std::string& path, const MapFormat& format);
 
 /// Writes a map and remarks what its format does not hold.
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,

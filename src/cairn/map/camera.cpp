@@ -49,6 +49,13 @@ Eigen::Vector2d full_opencv(const Eigen::Vector2d& x, const double* d) {
   return brown(x, above / below, d[2], d[3]);
 }
 
+// Equidistant projection: the distance from the axis becomes the angle to it.
+Eigen::Vector2d equidistant(const Eigen::Vector2d& x, const double* /*parameters*/) {
+  const double r = x.norm();
+  constexpr double kOnAxis = 1e-12;
+  return r < kOnAxis ? x : Eigen::Vector2d(x * (std::atan(r) / r));
+}
+
 Eigen::Vector2d fisheye(const Eigen::Vector2d& x, const double* k) {
   const double r = x.norm();
   constexpr double kOnAxis = 1e-12;
@@ -56,6 +63,30 @@ Eigen::Vector2d fisheye(const Eigen::Vector2d& x, const double* k) {
   const double angle = std::atan(r);
   const double a2 = angle * angle;
   return x * (angle * (1.0 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3])))) / r);
+}
+
+Eigen::Vector2d radial1_fisheye(const Eigen::Vector2d& x, const double* k) {
+  return radial1(equidistant(x, k), k);
+}
+
+Eigen::Vector2d radial2_fisheye(const Eigen::Vector2d& x, const double* k) {
+  return radial2(equidistant(x, k), k);
+}
+
+// Devernay and Faugeras 2001: one parameter, the field of view. It tends to no distortion with it.
+Eigen::Vector2d field_of_view(const Eigen::Vector2d& x, const double* omega) {
+  const double r = x.norm();
+  constexpr double kNone = 1e-9;
+  if (r < kNone || std::abs(omega[0]) < kNone) return x;
+  return x * (std::atan(r * 2.0 * std::tan(omega[0] / 2.0)) / (r * omega[0]));
+}
+
+// d: k1 k2 p1 p2 k3 k4 sx1 sy1.
+Eigen::Vector2d thin_prism_fisheye(const Eigen::Vector2d& x, const double* d) {
+  const Eigen::Vector2d y = equidistant(x, d);
+  const double r2 = y.squaredNorm();
+  const double radial = 1.0 + r2 * (d[0] + r2 * (d[1] + r2 * (d[4] + r2 * d[5])));
+  return brown(y, radial, d[2], d[3]) + r2 * Eigen::Vector2d(d[6], d[7]);
 }
 
 struct Model {
@@ -75,6 +106,15 @@ const std::vector<Model>& models() {
       {{"FULL_OPENCV", {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}},
        2,
        &full_opencv},
+      {{"FOV", {"fx", "fy", "cx", "cy", "omega"}}, 2, &field_of_view},
+      {{"SIMPLE_RADIAL_FISHEYE", {"f", "cx", "cy", "k"}}, 1, &radial1_fisheye},
+      {{"RADIAL_FISHEYE", {"f", "cx", "cy", "k1", "k2"}}, 1, &radial2_fisheye},
+      {{"THIN_PRISM_FISHEYE",
+        {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1"}},
+       2,
+       &thin_prism_fisheye},
+      {{"SIMPLE_FISHEYE", {"f", "cx", "cy"}}, 1, &equidistant},
+      {{"FISHEYE", {"fx", "fy", "cx", "cy"}}, 2, &equidistant},
   };
   return all;
 }

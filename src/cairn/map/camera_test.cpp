@@ -75,6 +75,52 @@ TEST(Project, FollowsEachModelsFormula) {
   }
 }
 
+TEST(Project, FisheyeModelsAgreeWhereTheyOverlap) {
+  // One lens in several models: k1 and k2 of the angle, and nothing else.
+  const Eigen::Vector3d x(0.7, -0.4, 1.1);
+  const Pixel full =
+      project(camera("OPENCV_FISHEYE", {500, 400, 320, 240, 0.05, 0, 0, 0}), x).value();
+  const Pixel prism =
+      project(camera("THIN_PRISM_FISHEYE", {500, 400, 320, 240, 0.05, 0, 0, 0, 0, 0, 0, 0}), x)
+          .value();
+  EXPECT_NEAR(prism.u, full.u, 1e-10);
+  EXPECT_NEAR(prism.v, full.v, 1e-10);
+  const Pixel square =
+      project(camera("OPENCV_FISHEYE", {500, 500, 320, 240, 0.05, -0.02, 0, 0}), x).value();
+  const Pixel radial = project(camera("RADIAL_FISHEYE", {500, 320, 240, 0.05, -0.02}), x).value();
+  EXPECT_NEAR(radial.u, square.u, 1e-10);
+  EXPECT_NEAR(radial.v, square.v, 1e-10);
+  const Pixel one = project(camera("SIMPLE_RADIAL_FISHEYE", {500, 320, 240, 0.05}), x).value();
+  const Pixel one_of_two = project(camera("RADIAL_FISHEYE", {500, 320, 240, 0.05, 0}), x).value();
+  EXPECT_EQ(one.u, one_of_two.u);
+  EXPECT_EQ(one.v, one_of_two.v);
+  // Without distortion the distance from the centre is f times the angle: 45 degrees here.
+  const Pixel plain = project(camera("SIMPLE_FISHEYE", {500, 320, 240}), {1, 0, 1}).value();
+  EXPECT_NEAR(plain.u, 320 + 500 * std::atan(1.0), 1e-10);
+  EXPECT_EQ(project(camera("FISHEYE", {500, 500, 320, 240}), {1, 0, 1})->u, plain.u);
+}
+
+TEST(Project, ThinPrismMovesBySquaredAngle) {
+  // r = tan(1/2) on the u axis, so the angle is 1/2 and its square 1/4.
+  const Eigen::Vector3d x(std::tan(0.5), 0.0, 1.0);
+  const Pixel pixel = project(camera("THIN_PRISM_FISHEYE",
+                                     {100, 100, 0, 0, 0.1, 0.2, 0.01, 0.02, 0.3, 0.4, 0.5, 0.6}),
+                              x)
+                          .value();
+  const double radial = 1 + 0.1 / 4 + 0.2 / 16 + 0.3 / 64 + 0.4 / 256;
+  EXPECT_NEAR(pixel.u, 100 * (0.5 * radial + 0.02 * 0.75 + 0.5 / 4), 1e-10);
+  EXPECT_NEAR(pixel.v, 100 * (0.01 * 0.25 + 0.6 / 4), 1e-10);
+}
+
+TEST(Project, FieldOfViewModelHasItsFormula) {
+  // r = 1 with omega = pi/2: atan(2 * tan(pi/4)) / (pi/2).
+  const double omega = 2 * std::atan(1.0);
+  const Pixel pixel = project(camera("FOV", {100, 100, 0, 0, omega}), {1, 0, 1}).value();
+  EXPECT_NEAR(pixel.u, 100 * std::atan(2.0) / omega, 1e-10);
+  EXPECT_EQ(pixel.v, 0.0);
+  EXPECT_NEAR(project(camera("FOV", {100, 100, 0, 0, 0}), {1, 0, 1})->u, 100.0, 1e-10);
+}
+
 TEST(Project, FisheyeMapsTheAngleToTheAxis) {
   // At 45° to the axis (x = z) the distance from the centre is f·θd, θ = π/4, θ² = 0.61685...
   const double a = std::atan(1.0);
@@ -111,7 +157,8 @@ TEST(Project, WithoutDistortionEqualsPinhole) {
   const Camera pinhole = camera("PINHOLE", {500, 500, 300, 300});
   for (const Camera& undistorted : cameras_of_all_models(0.0)) {
     SCOPED_TRACE(undistorted.model);
-    if (undistorted.model == "OPENCV_FISHEYE") continue;  // whose undistorted form is equidistant
+    // The undistorted form of a fisheye lens is equidistant.
+    if (undistorted.model.find("FISHEYE") != std::string::npos) continue;
     for (const Eigen::Vector3d& x :
          {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(-0.3, 0.2, 0.4)}) {
       EXPECT_EQ(project(undistorted, x), project(pinhole, x));
@@ -161,11 +208,14 @@ TEST(CameraModels, AreThoseOfTheFormatsDocument) {
     descriptions.push_back(description);
   }
   EXPECT_THAT(descriptions,
-              ::testing::ElementsAre("SIMPLE_PINHOLE f cx cy", "PINHOLE fx fy cx cy",
-                                     "SIMPLE_RADIAL f cx cy k", "RADIAL f cx cy k1 k2",
-                                     "OPENCV fx fy cx cy k1 k2 p1 p2",
-                                     "OPENCV_FISHEYE fx fy cx cy k1 k2 k3 k4",
-                                     "FULL_OPENCV fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"));
+              ::testing::ElementsAre(
+                  "SIMPLE_PINHOLE f cx cy", "PINHOLE fx fy cx cy", "SIMPLE_RADIAL f cx cy k",
+                  "RADIAL f cx cy k1 k2", "OPENCV fx fy cx cy k1 k2 p1 p2",
+                  "OPENCV_FISHEYE fx fy cx cy k1 k2 k3 k4",
+                  "FULL_OPENCV fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6", "FOV fx fy cx cy omega",
+                  "SIMPLE_RADIAL_FISHEYE f cx cy k", "RADIAL_FISHEYE f cx cy k1 k2",
+                  "THIN_PRISM_FISHEYE fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1",
+                  "SIMPLE_FISHEYE f cx cy", "FISHEYE fx fy cx cy"));
 }
 
 TEST(CameraDefect, IsNoneForEveryModel) {
@@ -173,9 +223,11 @@ TEST(CameraDefect, IsNoneForEveryModel) {
 }
 
 TEST(CameraDefect, SaysWhatIsWrong) {
-  EXPECT_EQ(camera_defect(camera("FOV", {1, 2})),
-            "camera model 'FOV' is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, "
-            "OPENCV_FISHEYE, FULL_OPENCV");
+  EXPECT_EQ(
+      camera_defect(camera("EUCM", {1, 2})),
+      "camera model 'EUCM' is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, "
+      "OPENCV_FISHEYE, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
+      "THIN_PRISM_FISHEYE, SIMPLE_FISHEYE, FISHEYE");
   EXPECT_EQ(camera_defect(camera("pinhole", {500, 500, 320, 240})).substr(0, 22),
             "camera model 'pinhole'");
   EXPECT_EQ(camera_defect(camera("PINHOLE", {500, 500, 320})),

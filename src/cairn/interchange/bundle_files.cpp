@@ -1,0 +1,433 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/bundle_files.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/interchange/observation_list.hpp"
+#include "cairn/interchange/record_reader.hpp"
+
+namespace cairn {
+namespace {
+
+using detail::ReadingProgress;
+using detail::TextRecords;
+
+constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max() - 1;
+
+// One camera of such a file, in Cairn's axes: x right, y down, z forward.
+struct View {
+  Eigen::Quaterniond world_from_camera = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  double focal = 0.0;
+  double k1 = 0.0;
+  double k2 = 0.0;
+  bool has_model = true;  ///< false: the distortion is none that Cairn has
+  std::string name;
+};
+
+// The words of a file, whatever its lines are.
+class Words {
+ public:
+  explicit Words(TextRecords& in) : in_(in) {}
+
+  double number(std::string_view field) {
+    ensure(field);
+    return in_.number(field);
+  }
+  std::uint64_t count(std::string_view field) {
+    ensure(field);
+    return in_.unsigned_number(field, kMost);
+  }
+  std::uint8_t channel(std::string_view field) {
+    const double value = number(field);
+    return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 255.0)));
+  }
+  Eigen::Vector3d vector3(std::string_view field) {
+    Eigen::Vector3d result;
+    for (int i = 0; i < 3; ++i) result[i] = number(field);
+    return result;
+  }
+
+ private:
+  void ensure(std::string_view field) {
+    while (!in_.has_word()) {
+      if (!in_.next_record()) in_.refuse(field, "the file ends before it", "one number more");
+    }
+  }
+
+  TextRecords& in_;
+};
+
+class Builder {
+ public:
+  Builder(ByteSource& source, const MapReadOptions& options) : source_(source), options_(options) {}
+
+  /// A camera that was never registered has no frame.
+  void add_unregistered() {
+    frame_of_view_.push_back(kNoFrame);
+    views_.emplace_back();
+  }
+
+  void add_view(const TextRecords& in, View view) {
+    if (!view.centre.allFinite()) in.refuse("pose", "the position is not finite", "numbers");
+    FrameTable& frames = tables_.frames;
+    frame_of_view_.push_back(static_cast<std::uint32_t>(frames.ids.size()));
+    const Eigen::Quaterniond q = view.world_from_camera.normalized();
+    frames.ids.push_back(FrameId{views_.size()});
+    frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+    frames.translations.push_back(view.centre);
+    frames.image_names.push_back(view.name);
+    views_.push_back(std::move(view));
+  }
+
+  std::size_t view_count() const { return views_.size(); }
+
+  std::uint32_t add_point(const Eigen::Vector3d& position, std::optional<Color> color) {
+    LandmarkTable& landmarks = tables_.landmarks;
+    landmarks.ids.push_back(LandmarkId{landmarks.ids.size()});
+    landmarks.positions.push_back(position);
+    landmarks.colors.push_back(color);
+    return static_cast<std::uint32_t>(landmarks.ids.size() - 1);
+  }
+
+  /// @param right, down of the centre of the image, in pixels
+  void add_observation(const TextRecords& in, std::uint32_t landmark, std::uint64_t view,
+                       double right, double down, std::optional<std::uint32_t> keypoint) {
+    if (view >= views_.size()) {
+      in.refuse("camera of an observation", fmt::format("{} of {}", view, views_.size()),
+                "a camera of the file");
+    }
+    if (frame_of_view_[view] == kNoFrame) {
+      in.refuse("camera of an observation", fmt::format("camera {} has no pose", view),
+                "a registered camera");
+    }
+    // Beyond this no image is that large.
+    constexpr double kFarthest = 1e9;
+    if (std::abs(right) > kFarthest || std::abs(down) > kFarthest) {
+      in.refuse("observation", fmt::format("({}, {}) is in no image", right, down), "pixels");
+    }
+    observations_.add(landmark, FrameIndex{frame_of_view_[view]}, {right, down}, keypoint);
+  }
+
+  void remark(const std::string& text) const {
+    if (options_.log) options_.log(fmt::format("{}: {}", source_.name(), text));
+  }
+
+  LandmarkMap finish() && {
+    observations_.fill(tables_.observations, tables_.landmarks.ids.size());
+    place_centres();
+    tables_.info.length_unit = LengthUnit::kFree;
+    const auto place = [&](MapColumn, std::size_t) { return source_.name(); };
+    return LandmarkMap(std::move(tables_), place);
+  }
+
+ private:
+  static constexpr std::uint32_t kNoFrame = std::numeric_limits<std::uint32_t>::max();
+
+  // Makes pixels of offsets from the centre, and the cameras.
+  void place_centres() {
+    ObservationTable& observations = tables_.observations;
+    FrameTable& frames = tables_.frames;
+    std::vector<std::array<double, 2>> reach(frames.ids.size(), {0.0, 0.0});
+    for (std::size_t i = 0; i < observations.frames.size(); ++i) {
+      auto& farthest = reach[observations.frames[i].value];
+      farthest[0] = std::max(farthest[0], std::abs(observations.pixels[i].u));
+      farthest[1] = std::max(farthest[1], std::abs(observations.pixels[i].v));
+    }
+    std::size_t unknown = 0;
+    for (std::size_t view = 0; view < views_.size(); ++view) {
+      const std::uint32_t frame = frame_of_view_[view];
+      if (frame == kNoFrame) continue;
+      // Sizes 2n + 1 have their centre on the pixel (n, n).
+      const double cx = std::ceil(reach[frame][0]);
+      const double cy = std::ceil(reach[frame][1]);
+      const View& v = views_[view];
+      const Camera camera{CameraId{view},
+                          "RADIAL",
+                          static_cast<std::uint32_t>(2.0 * cx + 1.0),
+                          static_cast<std::uint32_t>(2.0 * cy + 1.0),
+                          {v.focal, cx, cy, v.k1, v.k2}};
+      reach[frame] = {cx, cy};
+      if (!v.has_model || !camera_defect(camera).empty()) {
+        ++unknown;
+        frames.cameras.emplace_back();
+        continue;
+      }
+      frames.cameras.emplace_back(CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())});
+      tables_.cameras.push_back(camera);
+    }
+    for (std::size_t i = 0; i < observations.frames.size(); ++i) {
+      observations.pixels[i].u += reach[observations.frames[i].value][0];
+      observations.pixels[i].v += reach[observations.frames[i].value][1];
+    }
+    if (!frames.ids.empty()) {
+      remark("states no image sizes: each camera has the smallest that holds its observations");
+    }
+    if (unknown > 0)
+      remark(fmt::format("{} cameras are unknown to the map: their model is none of Cairn's",
+                         unknown));
+  }
+
+  ByteSource& source_;
+  const MapReadOptions& options_;
+  MapTables tables_;
+  std::vector<View> views_;
+  std::vector<std::uint32_t> frame_of_view_;
+  detail::ObservationList observations_;
+};
+
+// The pose of a camera that looks along -z with y up: rotation and translation camera_from_world.
+void set_upright_pose(View& view, const Eigen::Matrix3d& rotation,
+                      const Eigen::Vector3d& translation) {
+  const Eigen::Vector3d axes(1.0, -1.0, -1.0);
+  const Eigen::Matrix3d camera_from_world = axes.asDiagonal() * rotation;
+  const Eigen::Vector3d t = axes.asDiagonal() * translation;
+  view.world_from_camera = Eigen::Quaterniond(camera_from_world).conjugate().normalized();
+  view.centre = -(view.world_from_camera * t);
+}
+
+bool is_rotation(const Eigen::Matrix3d& matrix) {
+  constexpr double kTolerance = 1e-3;
+  return ((matrix * matrix.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
+          kTolerance) &&
+         matrix.determinant() > 0.0;
+}
+
+// Nothing but blanks and comments may follow.
+void expect_end(TextRecords& in) {
+  if (in.has_word() || in.next_record()) {
+    in.refuse("end", "there is more behind the last record", "the end of the file");
+  }
+}
+
+std::vector<std::string_view> words_of(std::string_view line) {
+  std::vector<std::string_view> words;
+  for (line = trimmed(line); !line.empty(); line = trimmed(line)) {
+    const std::size_t end = std::min(line.find_first_of(kBlanks), line.size());
+    words.push_back(line.substr(0, end));
+    line.remove_prefix(end);
+  }
+  return words;
+}
+
+// A problem starts with three counts, then two indices and two numbers.
+bool looks_like_bal(std::string_view bytes) {
+  std::vector<std::vector<std::string_view>> lines;
+  while (lines.size() < 2 && !bytes.empty()) {
+    const std::size_t end = bytes.find('\n');
+    if (end == std::string_view::npos) return false;
+    auto words = words_of(bytes.substr(0, end));
+    if (!words.empty()) lines.push_back(std::move(words));
+    bytes.remove_prefix(end + 1);
+  }
+  const auto are_counts = [](const std::vector<std::string_view>& words, std::size_t count) {
+    return std::all_of(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(count),
+                       [](std::string_view word) { return parse_unsigned(word).has_value(); });
+  };
+  return lines.size() == 2 && lines[0].size() == 3 && lines[1].size() == 4 &&
+         are_counts(lines[0], 3) && are_counts(lines[1], 2) && parse_number(lines[1][2]) &&
+         parse_number(lines[1][3]);
+}
+
+MapFormat text_format(std::string name, std::string title,
+                      std::function<bool(std::string_view first_bytes)> recognises,
+                      LandmarkMap (*read)(ByteSource&, const MapReadOptions&)) {
+  return {.name = std::move(name),
+          .title = std::move(title),
+          .recognises =
+              [recognises](const MapInput& input) {
+                return input.source != nullptr && recognises(input.first_bytes);
+              },
+          .read = [read](const MapInput& input,
+                         const MapReadOptions& options) { return read(*input.source, options); }};
+}
+
+}  // namespace
+
+LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
+  ReadingProgress progress(options, source.size().value_or(0));
+  TextRecords in(source, progress);
+  Words words(in);
+  Builder out(source, options);
+  const std::uint64_t cameras = words.count("number of cameras");
+  const std::uint64_t points = words.count("number of points");
+  for (std::uint64_t i = 0; i < cameras; ++i) {
+    View view;
+    view.focal = words.number("focal length");
+    view.k1 = words.number("k1");
+    view.k2 = words.number("k2");
+    Eigen::Matrix3d rotation;
+    for (int j = 0; j < 9; ++j) rotation(j / 3, j % 3) = words.number("rotation");
+    const Eigen::Vector3d translation = words.vector3("translation");
+    if (view.focal == 0.0 || rotation.isZero()) {
+      out.add_unregistered();
+      continue;
+    }
+    if (!is_rotation(rotation))
+      in.refuse(fmt::format("rotation of camera {}", i), "is none", "a rotation matrix");
+    set_upright_pose(view, rotation, translation);
+    out.add_view(in, std::move(view));
+  }
+  for (std::uint64_t i = 0; i < points; ++i) {
+    const Eigen::Vector3d position = words.vector3("position");
+    Color color;
+    color.red = words.channel("red");
+    color.green = words.channel("green");
+    color.blue = words.channel("blue");
+    const std::uint32_t landmark = out.add_point(position, color);
+    const std::uint64_t views = words.count("number of views");
+    for (std::uint64_t j = 0; j < views; ++j) {
+      const std::uint64_t camera = words.count("camera of an observation");
+      const auto key = static_cast<std::uint32_t>(words.count("key of an observation"));
+      const double x = words.number("x of an observation");
+      const double y = words.number("y of an observation");
+      out.add_observation(in, landmark, camera, x, -y, key);
+    }
+  }
+  expect_end(in);
+  return std::move(out).finish();
+}
+
+LandmarkMap read_bal(ByteSource& source, const MapReadOptions& options) {
+  ReadingProgress progress(options, source.size().value_or(0));
+  TextRecords in(source, progress);
+  Words words(in);
+  Builder out(source, options);
+  const std::uint64_t cameras = words.count("number of cameras");
+  const std::uint64_t points = words.count("number of points");
+  const std::uint64_t count = words.count("number of observations");
+  struct Observation {
+    std::uint32_t camera;
+    std::uint32_t point;
+    double x;
+    double y;
+  };
+  std::vector<Observation> observations;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    Observation o{};
+    o.camera = static_cast<std::uint32_t>(words.count("camera of an observation"));
+    o.point = static_cast<std::uint32_t>(words.count("point of an observation"));
+    o.x = words.number("x of an observation");
+    o.y = words.number("y of an observation");
+    if (o.camera >= cameras || o.point >= points) {
+      in.refuse("observation", fmt::format("of point {} by camera {}", o.point, o.camera),
+                fmt::format("{} points and {} cameras, counted from 0", points, cameras));
+    }
+    observations.push_back(o);
+  }
+  for (std::uint64_t i = 0; i < cameras; ++i) {
+    const Eigen::Vector3d rotation = words.vector3("rotation");
+    const Eigen::Vector3d translation = words.vector3("translation");
+    View view;
+    view.focal = words.number("focal length");
+    view.k1 = words.number("k1");
+    view.k2 = words.number("k2");
+    const double angle = rotation.norm();
+    if (!std::isfinite(angle)) in.refuse("rotation", "is out of range", "radians");
+    const Eigen::AngleAxisd turn(
+        angle, angle > 0.0 ? Eigen::Vector3d(rotation / angle) : Eigen::Vector3d::UnitX());
+    set_upright_pose(view, turn.toRotationMatrix(), translation);
+    out.add_view(in, std::move(view));
+  }
+  for (std::uint64_t i = 0; i < points; ++i) out.add_point(words.vector3("position"), {});
+  expect_end(in);
+  for (const Observation& o : observations) {
+    out.add_observation(in, o.point, o.camera, o.x, -o.y, {});
+  }
+  return std::move(out).finish();
+}
+
+LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
+  ReadingProgress progress(options, source.size().value_or(0));
+  TextRecords in(source, progress);
+  Builder out(source, options);
+  if (!in.next_record() || !in.word("first word").starts_with("NVM_V3")) {
+    in.refuse("first word", "is not NVM_V3", "NVM_V3");
+  }
+  in.rest();  // a calibration that all cameras share: each states its focal length too
+  const auto count = [&](std::string_view field) {
+    if (!in.next_record()) in.refuse(field, "the file ends before it", "a count");
+    const std::uint64_t value = in.unsigned_number(field, kMost);
+    in.expect_line_end();
+    return value;
+  };
+  const std::uint64_t cameras = count("number of cameras");
+  for (std::uint64_t i = 0; i < cameras; ++i) {
+    if (!in.next_record()) in.refuse("camera", "the file ends before it", "one line a camera");
+    const std::string_view line = in.rest();
+    const std::vector<std::string_view> words = words_of(line);
+    constexpr std::size_t kNumbers = 10;  // behind a name, which may have blanks
+    if (words.size() <= kNumbers) {
+      in.refuse("camera", fmt::format("{} words", words.size()), "a file name and 10 numbers");
+    }
+    std::array<double, kNumbers> numbers{};
+    for (std::size_t j = 0; j < kNumbers; ++j) {
+      const std::string_view word = words[words.size() - kNumbers + j];
+      const auto value = parse_number(word);
+      if (!value) in.refuse("camera", printable(word) + " is not a number", "a decimal number");
+      numbers[j] = *value;
+    }
+    View view;
+    const std::string_view last = words[words.size() - kNumbers - 1];
+    view.name = std::string(
+        line.substr(0, static_cast<std::size_t>(last.data() + last.size() - line.data())));
+    view.focal = numbers[0];
+    const Eigen::Quaterniond camera_from_world(numbers[1], numbers[2], numbers[3], numbers[4]);
+    const double norm = camera_from_world.norm();
+    if (!(norm > 1e-6) || !(norm < 1e6)) in.refuse("quaternion", "has no direction", "norm 1");
+    view.world_from_camera = camera_from_world.conjugate().normalized();
+    view.centre = {numbers[5], numbers[6], numbers[7]};
+    // VisualSFM distorts the measurement, not the projection.
+    view.has_model = numbers[8] == 0.0;
+    out.add_view(in, std::move(view));
+  }
+  const std::uint64_t points = count("number of points");
+  for (std::uint64_t i = 0; i < points; ++i) {
+    if (!in.next_record()) in.refuse("point", "the file ends before it", "one line a point");
+    Eigen::Vector3d position;
+    for (int j = 0; j < 3; ++j) position[j] = in.number("position");
+    Color color;
+    color.red = static_cast<std::uint8_t>(in.unsigned_number("red", 255));
+    color.green = static_cast<std::uint8_t>(in.unsigned_number("green", 255));
+    color.blue = static_cast<std::uint8_t>(in.unsigned_number("blue", 255));
+    const std::uint32_t landmark = out.add_point(position, color);
+    const std::uint64_t views = in.unsigned_number("number of views", kMost);
+    for (std::uint64_t j = 0; j < views; ++j) {
+      const std::uint64_t camera = in.unsigned_number("camera of an observation", kMost);
+      const auto key =
+          static_cast<std::uint32_t>(in.unsigned_number("key of an observation", kMost));
+      const double x = in.number("x of an observation");
+      const double y = in.number("y of an observation");
+      out.add_observation(in, landmark, camera, x, y, key);
+    }
+    in.expect_line_end();
+  }
+  // Further models follow, each with the number of its cameras first; the last has none.
+  if (in.next_record() && in.has_word() && in.unsigned_number("number of cameras") > 0) {
+    out.remark("holds further models; the first is read");
+  }
+  return std::move(out).finish();
+}
+
+std::vector<MapFormat> bundle_file_formats() {
+  const auto starts_with = [](std::string_view text) {
+    return [text](std::string_view bytes) { return bytes.starts_with(text); };
+  };
+  return {text_format("bundler", "Bundler", starts_with("# Bundle file v0.3"), &read_bundler),
+          text_format("bal", "BAL", &looks_like_bal, &read_bal),
+          text_format("nvm", "NVM", starts_with("NVM_V3"), &read_nvm)};
+}
+
+}  // namespace cairn

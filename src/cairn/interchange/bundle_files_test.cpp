@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/bundle_files.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/interchange/formats.hpp"
+
+#include "support/real_data.hpp"
+#include "support/refusal.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using testing::refusal;
+using testing::TemporaryFolder;
+
+struct Reprojection {
+  double median = 0.0;
+  double worst = 0.0;
+  std::size_t count = 0;
+};
+
+Reprojection reprojection(const LandmarkMap& map) {
+  std::vector<double> errors;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto frames = map.observing_frames(LandmarkIndex{i});
+    for (std::size_t j = 0; j < frames.size(); ++j) {
+      const auto camera = map.frames().cameras.at(frames[j].value);
+      if (!camera) continue;
+      const auto pixel =
+          project(map.cameras()[camera->value],
+                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
+      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
+      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
+    }
+  }
+  if (errors.empty()) return {};
+  std::sort(errors.begin(), errors.end());
+  return {errors[errors.size() / 2], errors.back(), errors.size()};
+}
+
+// A scene written in all three formats by their own rules: two cameras with f = 500 and k1, k2; points in
+// front of both.
+struct Scene {
+  double k1 = 0.1;
+  double k2 = -0.05;
+  std::vector<Eigen::Vector3d> points = {{0, 0, 5}, {1, -0.5, 6}, {-1, 0.7, 4}, {0.5, 1, 7}};
+  // camera_from_world in Cairn's axes.
+  std::vector<Eigen::AngleAxisd> turns = {{0.1, Eigen::Vector3d(1, 2, 3).normalized()},
+                                          {-0.2, Eigen::Vector3d(3, -1, 1).normalized()}};
+  std::vector<Eigen::Vector3d> shifts = {{0.1, 0.2, 0.3}, {-0.4, 0.1, -0.2}};
+
+  Eigen::Vector2d offset(std::size_t camera, std::size_t point) const {
+    const Eigen::Vector3d x = turns[camera] * points[point] + shifts[camera];
+    const Eigen::Vector2d p = x.head<2>() / x.z();
+    const double r2 = p.squaredNorm();
+    return 500.0 * (1.0 + k1 * r2 + k2 * r2 * r2) * p;
+  }
+  // x to the right, y up, looking along -z.
+  Eigen::Matrix3d upright_rotation(std::size_t camera) const {
+    return Eigen::Vector3d(1, -1, -1).asDiagonal() * turns[camera].toRotationMatrix();
+  }
+  Eigen::Vector3d upright_shift(std::size_t camera) const {
+    return Eigen::Vector3d(1, -1, -1).asDiagonal() * shifts[camera];
+  }
+
+  std::string bundler() const {
+    // An unregistered camera stands between the two.
+    std::string text = fmt::format("# Bundle file v0.3\n3 {}\n", points.size());
+    for (std::size_t c = 0; c < 2; ++c) {
+      const Eigen::Matrix3d r = upright_rotation(c);
+      const Eigen::Vector3d t = upright_shift(c);
+      text += fmt::format("500 {} {}\n", k1, k2);
+      for (int i = 0; i < 3; ++i) text += fmt::format("{} {} {}\n", r(i, 0), r(i, 1), r(i, 2));
+      text += fmt::format("{} {} {}\n", t[0], t[1], t[2]);
+      if (c == 0) text += "0 0 0\n0 0 0\n0 0 0\n0 0 0\n0 0 0\n";
+    }
+    for (std::size_t p = 0; p < points.size(); ++p) {
+      text += fmt::format("{} {} {}\n10 20 30\n2", points[p][0], points[p][1], points[p][2]);
+      for (std::size_t c = 0; c < 2; ++c) {
+        text += fmt::format(" {} {} {} {}", 2 * c, p + 7, offset(c, p)[0], -offset(c, p)[1]);
+      }
+      text += "\n";
+    }
+    return text;
+  }
+
+  std::string bal() const {
+    std::string text = fmt::format("2 {} {}\n", points.size(), 2 * points.size());
+    for (std::size_t p = 0; p < points.size(); ++p) {
+      for (std::size_t c = 0; c < 2; ++c) {
+        text += fmt::format("{} {} {} {}\n", c, p, offset(c, p)[0], -offset(c, p)[1]);
+      }
+    }
+    for (std::size_t c = 0; c < 2; ++c) {
+      const Eigen::AngleAxisd turn(upright_rotation(c));
+      const Eigen::Vector3d t = upright_shift(c);
+      for (int i = 0; i < 3; ++i) text += fmt::format("{}\n", turn.angle() * turn.axis()[i]);
+      text += fmt::format("{}\n{}\n{}\n500\n{}\n{}\n", t[0], t[1], t[2], k1, k2);
+    }
+    for (const Eigen::Vector3d& p : points) text += fmt::format("{}\n{}\n{}\n", p[0], p[1], p[2]);
+    return text;
+  }
+
+  std::string nvm() const {
+    std::string text = "NVM_V3 \n\n2\n";
+    for (std::size_t c = 0; c < 2; ++c) {
+      const Eigen::Quaterniond q(turns[c]);
+      const Eigen::Vector3d centre = -(q.conjugate() * shifts[c]);
+      text += fmt::format("a photo {}.jpg\t500 {} {} {} {} {} {} {} 0 0\n", c, q.w(), q.x(), q.y(),
+                          q.z(), centre[0], centre[1], centre[2]);
+    }
+    text += fmt::format("\n{}\n", points.size());
+    for (std::size_t p = 0; p < points.size(); ++p) {
+      text += fmt::format("{} {} {} 10 20 30 2", points[p][0], points[p][1], points[p][2]);
+      for (std::size_t c = 0; c < 2; ++c) {
+        text += fmt::format(" {} {} {} {}", c, p + 7, offset(c, p)[0], offset(c, p)[1]);
+      }
+      text += "\n";
+    }
+    return text + "\n\n0\n\n#the last part\n0\n";
+  }
+};
+
+class BundleFilesTest : public ::testing::Test {
+ protected:
+  LandmarkMap read(std::string_view text) {
+    remarks_.clear();
+    return all_formats().read(folder_.write("scene", text), {.log = [&](std::string_view remark) {
+                                remarks_.emplace_back(remark);
+                              }});
+  }
+  std::string refused(std::string_view text) {
+    return refusal(ErrorKind::kInput, [&] { read(text); });
+  }
+  void expect_scene(const LandmarkMap& map, const Scene& scene) {
+    ASSERT_EQ(map.frame_count(), 2U);
+    ASSERT_EQ(map.landmark_count(), scene.points.size());
+    ASSERT_EQ(map.observation_count(), 2 * scene.points.size());
+    EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
+    for (std::uint32_t c = 0; c < 2; ++c) {
+      const Eigen::Vector3d centre = scene.turns[c].inverse() * -scene.shifts[c];
+      EXPECT_LT((map.frames().translations[c] - centre).norm(), 1e-9);
+    }
+    EXPECT_LT(reprojection(map).worst, 1e-6);
+    EXPECT_EQ(reprojection(map).count, 2 * scene.points.size());
+    EXPECT_THAT(remarks_, Contains(HasSubstr("states no image sizes")));
+    for (const Pixel& pixel : map.observations().pixels) {
+      EXPECT_GE(pixel.u, 0.0);
+      EXPECT_GE(pixel.v, 0.0);
+    }
+  }
+
+  TemporaryFolder folder_;
+  std::vector<std::string> remarks_;
+};
+
+TEST_F(BundleFilesTest, BundlerIsReadInCairnsAxes) {
+  const Scene scene;
+  const LandmarkMap map = read(scene.bundler());
+  expect_scene(map, scene);
+  EXPECT_EQ(map.frames().ids[1], FrameId{2})
+      << "an unregistered camera has no frame but its number";
+  EXPECT_EQ(map.landmarks().colors[0], (Color{10, 20, 30}));
+  EXPECT_EQ(map.observations().keypoints[0], 7U);
+}
+
+TEST_F(BundleFilesTest, BalIsReadInCairnsAxes) {
+  const Scene scene;
+  const LandmarkMap map = read(scene.bal());
+  expect_scene(map, scene);
+  EXPECT_TRUE(map.landmarks().colors.empty());
+  EXPECT_TRUE(map.observations().keypoints.empty());
+}
+
+TEST_F(BundleFilesTest, NvmIsReadInCairnsAxes) {
+  const Scene scene{.k1 = 0.0, .k2 = 0.0};
+  const LandmarkMap map = read(scene.nvm());
+  expect_scene(map, scene);
+  EXPECT_EQ(map.frames().image_names[1], "a photo 1.jpg");
+}
+
+TEST_F(BundleFilesTest, NvmCameraWithDistortionIsUnknown) {
+  const Scene scene{.k1 = 0.0, .k2 = 0.0};
+  std::string text = scene.nvm();
+  text.replace(text.find(" 0 0\n"), 5, " 0.1 0\n");
+  const LandmarkMap map = read(text);
+  EXPECT_EQ(map.frames().cameras[0], std::nullopt);
+  EXPECT_TRUE(map.frames().cameras[1].has_value());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("1 cameras are unknown to the map")));
+}
+
+TEST_F(BundleFilesTest, CutFilesAreRefused) {
+  const Scene scene;
+  const Scene plain{.k1 = 0.0, .k2 = 0.0};
+  std::string nvm = plain.nvm();
+  nvm.resize(nvm.find("\n\n0\n"));
+  for (const std::string& whole : {scene.bundler(), scene.bal(), nvm}) {
+    // The last number may be cut without a trace.
+    for (std::size_t lines = std::count(whole.begin(), whole.end(), '\n') - 1; lines > 2; --lines) {
+      std::size_t end = 0;
+      for (std::size_t i = 0; i < lines; ++i) end = whole.find('\n', end) + 1;
+      EXPECT_THAT(refused(whole.substr(0, end)), HasSubstr("scene:")) << lines;
+    }
+  }
+}
+
+TEST_F(BundleFilesTest, ErrorsNameLineAndField) {
+  EXPECT_THAT(refused("# Bundle file v0.3\n1 0\n500 0 0\n1 0 0\n0 1 0\n0 0 2\n0 0 0\n"),
+              HasSubstr("scene:6: rotation of camera 0: is none; expected a rotation matrix"));
+  EXPECT_THAT(refused("# Bundle file v0.3\n0 1\n1 2 3\n0 0 0\n1 0 0 1 1\n"),
+              HasSubstr("scene:5: camera of an observation: 0 of 0"));
+  EXPECT_THAT(refused("# Bundle file v0.3\n4294967296 1\n"),
+              HasSubstr("scene:2: number of cameras: '4294967296' is not a whole number"));
+  EXPECT_THAT(
+      refused("1 1 1\n0 1 2.5 3.5\n"),
+      HasSubstr("scene:2: observation: of point 1 by camera 0; expected 1 points and 1 cameras"));
+  EXPECT_THAT(refused("NVM_V3\n1\na.jpg 500 0 0 0 0 0 0 0 0 0\n0\n"),
+              HasSubstr("scene:3: quaternion: has no direction"));
+  EXPECT_THAT(refused("NVM_V3\n1\n500 0 0 0 0 0 0 0 0 0\n0\n"),
+              HasSubstr("scene:3: camera: 10 words; expected a file name and 10 numbers"));
+  EXPECT_THAT(refused("NVM_V3\n0\n1\n1 2 3 4 5 6 0 7\n"),
+              HasSubstr("scene:4: end of the line: '7' stands there"));
+}
+
+TEST(RealBundleFiles, ReprojectOntoTheirObservations) {
+  const auto data = testing::real_data();
+  if (!data) GTEST_SKIP() << testing::kNoRealData;
+  const LandmarkMap bundler = all_formats().read(*data / "foreign/bundler/Balbianello.out");
+  EXPECT_EQ(bundler.frame_count(), 5U);
+  EXPECT_EQ(bundler.landmark_count(), 544U);
+  EXPECT_LT(reprojection(bundler).median, 1.0);
+  const LandmarkMap bal = all_formats().read(*data / "foreign/bal/dubrovnik-3-7-pre.txt");
+  EXPECT_EQ(bal.frame_count(), 3U);
+  EXPECT_EQ(bal.landmark_count(), 7U);
+  EXPECT_EQ(bal.observation_count(), 19U);
+  EXPECT_LT(reprojection(bal).median, 5.0) << "before bundle adjustment";
+  const LandmarkMap nvm = all_formats().read(*data / "foreign/nvm/model.nvm");
+  EXPECT_EQ(nvm.frame_count(), 22U);
+  EXPECT_EQ(nvm.landmark_count(), 853U);
+}
+
+}  // namespace
+}  // namespace cairn

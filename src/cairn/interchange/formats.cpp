@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/formats.hpp"
+
+#include <iterator>
+#include <utility>
+#include <vector>
+
+#include "cairn/interchange/bundle_files.hpp"
+#include "cairn/interchange/colmap.hpp"
+#include "cairn/interchange/openmvg.hpp"
+#include "cairn/interchange/opensfm.hpp"
+#include "cairn/interchange/plain_points.hpp"
+
+namespace cairn {
+
+const FormatRegistry& all_formats() {
+  static const FormatRegistry formats = [] {
+    std::vector<MapFormat> more;
+    // What is recognised by little stands first: it is asked last.
+    for (std::vector<MapFormat> some : {plain_points_formats(), colmap_formats(), opensfm_formats(),
+                                        openmvg_formats(), bundle_file_formats()}) {
+      std::move(some.begin(), some.end(), std::back_inserter(more));
+    }
+    return native_formats().extended_by(std::move(more));
+  }();
+  return formats;
+}
+
+}  // namespace cairn

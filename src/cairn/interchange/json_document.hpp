@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include "cairn/core/file.hpp"
+
+// JSON of other systems, with errors that say where. Private to cairn/interchange.
+namespace cairn::detail {
+
+/// All of a source as JSON.
+/// @throws Error (input) naming the byte of what is no JSON, or is nested more than 64 deep
+nlohmann::json read_json(ByteSource& source);
+
+/// A value with its place, e.g. "reconstruction.json: 0/shots/a.jpg".
+class JsonValue {
+ public:
+  JsonValue(const nlohmann::json& json, std::string place)
+      : json_(&json), place_(std::move(place)) {}
+
+  const nlohmann::json& json() const { return *json_; }
+  const std::string& place() const { return place_; }
+  bool has(const char* key) const { return json_->is_object() && json_->contains(key); }
+
+  /// @throws Error (input) if it is no object or lacks the key
+  JsonValue at(const std::string& key) const;
+  /// @throws Error (input) if it is no array or has no such place
+  JsonValue at(std::size_t index) const;
+  /// @throws Error (input) unless it is an object, an array
+  const JsonValue& object() const;
+  const JsonValue& array() const;
+
+  /// @throws Error (input) unless it is a finite number
+  double number() const;
+  /// The number under `key`; `absent` where there is none.
+  double number_or(const char* key, double absent) const;
+  std::uint64_t unsigned_number(std::uint64_t most) const;
+  const std::string& text() const;
+  /// Three numbers.
+  Eigen::Vector3d vector3() const;
+
+  [[noreturn]] void refuse(std::string_view what, std::string_view expected) const;
+
+ private:
+  const nlohmann::json* json_;
+  std::string place_;
+};
+
+}  // namespace cairn::detail

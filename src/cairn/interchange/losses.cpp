@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/losses.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn::detail {
+
+std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings) {
+  std::vector<std::string> lost;
+  const auto add = [&](bool is_lost, std::string what) {
+    if (is_lost) lost.push_back(std::move(what));
+  };
+  const FrameTable& frames = map.frames();
+  const LandmarkTable& landmarks = map.landmarks();
+  const ObservationTable& observations = map.observations();
+  add(map.info().length_unit == LengthUnit::kMetres, "unit of length (metres)");
+  add(map.info().world_frame.has_value(), "name of the world frame");
+  add(map.info().gravity.has_value(), "direction of gravity");
+  add(map.info().uuid.has_value(), "UUID");
+  add(!map.info().provenance.empty(), "provenance");
+  add(!holdings.frames && map.frame_count() > 0, fmt::format("{} frames", map.frame_count()));
+  add(!holdings.cameras && !map.cameras().empty(), fmt::format("{} cameras", map.cameras().size()));
+  add(!frames.timestamps_s.empty() && !holdings.timestamps, "timestamps");
+  add(!frames.image_names.empty() && !holdings.image_names, "names of images");
+  add(!landmarks.covariances.empty(), "covariances");
+  add(!landmarks.colors.empty() && !holdings.colors, "colours");
+  if (landmarks.descriptors)
+    lost.push_back("descriptors " + printable(landmarks.descriptors->kind));
+  for (const NamedColumn& column : landmarks.columns) {
+    const bool held = std::find(holdings.columns.begin(), holdings.columns.end(), column.name) !=
+                      holdings.columns.end();
+    add(!held, "column " + printable(column.name));
+  }
+  add(!holdings.observations && map.observation_count() > 0,
+      fmt::format("{} observations", map.observation_count()));
+  if (holdings.observations) {
+    add(!observations.keypoints.empty() && !holdings.keypoints, "indices of keypoints");
+    add(!observations.depths.empty(), "depths of observations");
+    add(!observations.octaves.empty(), "octaves of observations");
+  }
+  return lost;
+}
+
+std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
+                        std::string_view format) {
+  const std::vector<std::string> lost = losses(map, holdings);
+  if (lost.empty()) return {};
+  return fmt::format("{}: {} has no place for: {}; left out", path, format, fmt::join(lost, ", "));
+}
+
+}  // namespace cairn::detail

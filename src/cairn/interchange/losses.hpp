@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn::detail {
+
+/// What a format of another system holds of a map, beside positions of landmarks.
+struct Holdings {
+  bool frames = true;
+  bool observations = true;
+  bool cameras = true;
+  bool image_names = true;
+  bool timestamps = false;
+  bool keypoints = false;
+  bool colors = true;
+  std::span<const std::string_view> columns = {};  ///< names of columns that have a place
+};
+
+/// What `map` has and the format does not hold, in words.
+std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
+
+/// "x: COLMAP has no place for the covariances, depths; they are left out"; empty if nothing is lost.
+std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
+                        std::string_view format);
+
+}  // namespace cairn::detail

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/opensfm.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/interchange/formats.hpp"
+
+#include "support/real_data.hpp"
+#include "support/refusal.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::refusal;
+using testing::TemporaryFolder;
+
+// A camera of 200 x 100 pixels with f = 160; shot b at the origin, shot a turned by 90 degrees about z.
+constexpr std::string_view kReconstruction = R"([{
+  "cameras": {"cam": {"projection_type": "perspective", "width": 200, "height": 100, "focal": 0.8,
+                      "k1": 0.01, "k2": 0.0}},
+  "shots": {
+    "b.jpg": {"rotation": [0, 0, 0], "translation": [0, 0, 0], "camera": "cam", "capture_time": 5.5,
+              "gps_position": [1, 2, 3]},
+    "a.jpg": {"rotation": [0, 0, 1.5707963267948966], "translation": [1, 2, 3], "camera": "cam",
+              "capture_time": 0.0}},
+  "points": {"10": {"coordinates": [1, 2, 10], "color": [255, 127.6, 0]},
+             "9": {"coordinates": [-1, 0, 10], "color": [0, 0, 0]}},
+  "reference_lla": {"latitude": 47.0, "longitude": 8.0, "altitude": 400}
+}, {"cameras": {}, "shots": {}, "points": {"left": {"coordinates": [7, 8, 9]}}}])";
+constexpr std::string_view kTracks =
+    "OPENSFM_TRACKS_VERSION_v1\n"
+    "b.jpg\t10\t3\t0.08\t0.16\t0.001\t1\t2\t3\n"
+    "c.jpg\t10\t3\t0.08\t0.16\t0.001\t1\t2\t3\n"
+    "b.jpg\t11\t4\t0.08\t0.16\t0.001\t1\t2\t3\n"
+    "a.jpg\t10\t5\t-0.5\t-0.25\t0.001\t1\t2\t3\n";
+
+class OpenSfmTest : public ::testing::Test {
+ protected:
+  LandmarkMap read(std::string_view reconstruction = kReconstruction,
+                   std::string_view tracks = kTracks, const std::string& part = "") {
+    remarks_.clear();
+    folder_.write("reconstruction.json", reconstruction);
+    std::filesystem::remove(folder_ / "tracks.csv");
+    if (!tracks.empty()) folder_.write("tracks.csv", tracks);
+    return all_formats().read(
+        folder_ / ("reconstruction.json" + part),
+        {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
+  }
+  template <class... Arguments>
+  std::string refused(Arguments... arguments) {
+    return refusal(ErrorKind::kInput, [&] { read(arguments...); });
+  }
+
+  TemporaryFolder folder_;
+  std::vector<std::string> remarks_;
+};
+
+TEST_F(OpenSfmTest, ShotsBecomeFramesAndPointsLandmarks) {
+  const LandmarkMap map = read();
+  EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
+  EXPECT_THAT(map.frames().image_names, ElementsAre("a.jpg", "b.jpg"));
+  EXPECT_THAT(map.frames().timestamps_s, ElementsAre(std::nullopt, 5.5));
+  EXPECT_LT((map.world_from_camera(FrameIndex{0}) * Eigen::Vector3d(1, 2, 3)).norm(), 1e-12);
+  EXPECT_LT((map.frames().translations[0] - Eigen::Vector3d(-2, 1, -3)).norm(), 1e-12);
+  ASSERT_EQ(map.cameras().size(), 1U);
+  EXPECT_EQ(map.cameras()[0].model, "RADIAL");
+  EXPECT_THAT(map.cameras()[0].parameters, ElementsAre(160, 99.5, 49.5, 0.01, 0));
+  EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{9}, LandmarkId{10}));
+  EXPECT_EQ(map.landmarks().colors[1], (Color{255, 128, 0}));
+  EXPECT_EQ(map.observation_count(LandmarkIndex{0}), 0U);
+  EXPECT_THAT(map.observing_frames(LandmarkIndex{1}), ElementsAre(FrameIndex{1}, FrameIndex{0}));
+  EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[0], (Pixel{115.5, 81.5}));
+  EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[1], (Pixel{-0.5, -0.5})) << "the image's corner";
+  EXPECT_EQ(map.observations().keypoints[0], 3U);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("left out: 'reference_lla', 'gps_position'")));
+  EXPECT_THAT(remarks_, Contains(HasSubstr("holds 2 reconstructions, of which the first is read")));
+}
+
+TEST_F(OpenSfmTest, PartNamesAReconstruction) {
+  const LandmarkMap second = read(kReconstruction, kTracks, "#1");
+  EXPECT_EQ(second.landmarks().positions.at(0), Eigen::Vector3d(7, 8, 9));
+  EXPECT_EQ(second.frame_count(), 0U);
+  EXPECT_EQ(read(kReconstruction, kTracks, "#0").frame_count(), 2U);
+  EXPECT_THAT(refused(kReconstruction, kTracks, "#2"),
+              HasSubstr("has no reconstruction '2'; expected #0 to #1"));
+  EXPECT_THAT(refused(kReconstruction, kTracks, "#x"), HasSubstr("has no reconstruction 'x'"));
+}
+
+TEST_F(OpenSfmTest, TracksMayBeMissing) {
+  const LandmarkMap map = read(kReconstruction, "");
+  EXPECT_FALSE(map.has_observations());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no tracks.csv beside it")));
+}
+
+TEST_F(OpenSfmTest, TracksMayHaveNoHeader) {
+  EXPECT_EQ(read(kReconstruction, "b.jpg\t10\t3\t0.08\t0.16\t1\t2\t3\n").observation_count(), 1U);
+}
+
+TEST_F(OpenSfmTest, EachProjectionHasItsModel) {
+  struct Case {
+    std::string camera, model;
+    std::vector<double> parameters;
+  };
+  for (
+      const Case& c : std::vector<Case>{
+          {R"("projection_type":"fisheye","focal":0.5,"k1":0.1,"k2":0.2)",
+           "RADIAL_FISHEYE",
+           {100, 99.5, 49.5, 0.1, 0.2}},
+          {R"("projection_type":"brown","focal_x":0.5,"focal_y":0.6,"c_x":0.01,"c_y":-0.02,"k1":1,)"
+           R"("k2":2,"k3":3,"p1":4,"p2":5)",
+           "FULL_OPENCV",
+           {100, 120, 101.5, 45.5, 1, 2, 4, 5, 3, 0, 0, 0}},
+          {R"("projection_type":"radial","focal_x":0.5,"focal_y":0.5,"k1":1,"k2":2)",
+           "OPENCV",
+           {100, 100, 99.5, 49.5, 1, 2, 0, 0}},
+          {R"("projection_type":"fisheye_opencv","focal_x":0.5,"focal_y":0.5,"k1":1,"k2":2,"k3":3,"k4":4)",
+           "OPENCV_FISHEYE",
+           {100, 100, 99.5, 49.5, 1, 2, 3, 4}}}) {
+    const LandmarkMap map = read(
+        R"([{"cameras":{"c":{"width":200,"height":100,)" + c.camera + R"(}},"shots":{}}])", "");
+    ASSERT_EQ(map.cameras().size(), 1U) << c.camera;
+    EXPECT_EQ(map.cameras()[0].model, c.model);
+    ASSERT_EQ(map.cameras()[0].parameters.size(), c.parameters.size());
+    for (std::size_t i = 0; i < c.parameters.size(); ++i) {
+      EXPECT_NEAR(map.cameras()[0].parameters[i], c.parameters[i], 1e-12) << c.model << ' ' << i;
+    }
+  }
+}
+
+TEST_F(OpenSfmTest, CamerasWithoutAModelAreUnknown) {
+  const LandmarkMap map = read(
+      R"([{"cameras":{"c":{"projection_type":"spherical","width":200,"height":100}},
+           "shots":{"a":{"rotation":[0,0,0],"translation":[0,0,0],"camera":"c"}}}])",
+      "");
+  EXPECT_EQ(map.frame_count(), 1U);
+  EXPECT_TRUE(map.frames().cameras.empty());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("projection 'spherical' has no model in Cairn")));
+}
+
+TEST_F(OpenSfmTest, ErrorsSayWhere) {
+  const std::string shot = R"([{"cameras":{"c":{"width":2,"height":1,"focal":1}},"shots":{"a":)";
+  EXPECT_THAT(refused(R"([{"cameras": )", ""),
+              HasSubstr("reconstruction.json: byte 14: is not JSON"));
+  EXPECT_THAT(refused(R"([{"shots": {}}])", ""),
+              HasSubstr("reconstruction.json: /0: has no 'cameras'"));
+  EXPECT_THAT(refused(shot + R"({"rotation":[0,0],"translation":[0,0,0],"camera":"c"}}}])", ""),
+              HasSubstr("/0/shots/a/rotation: has 2 entries; expected 3 numbers"));
+  EXPECT_THAT(refused(shot + R"({"rotation":[0,0,"x"],"translation":[0,0,0],"camera":"c"}}}])", ""),
+              HasSubstr("/0/shots/a/rotation/2: is of type string; expected a number"));
+  EXPECT_THAT(refused(shot + R"({"rotation":[0,0,0],"translation":[0,0,0],"camera":"d"}}}])", ""),
+              HasSubstr("/0/shots/a/camera: 'd' is not among the cameras"));
+  EXPECT_THAT(refused(std::string(R"([{"cameras":{"c":{"width":-2,"height":1}},"shots":{}}])"), ""),
+              HasSubstr("/0/cameras/c/width: is no whole number"));
+  EXPECT_THAT(refused(std::string(R"([{"cameras":)") + std::string(100000, '['), ""),
+              HasSubstr("values are nested more than 64 deep"));
+  EXPECT_THAT(refused(R"([{"cameras":1e999}])", ""), HasSubstr("out of range"));
+  EXPECT_THAT(refused(kReconstruction, "b.jpg\t10\t3\t0.08\n"),
+              HasSubstr("tracks.csv:1: y: the line ends before it"));
+  EXPECT_THAT(refused(kReconstruction, "b.jpg\t10\tx\t0.08\t1\n"),
+              HasSubstr("tracks.csv:1: feature: 'x' is not a whole number"));
+  EXPECT_THAT(refused(kReconstruction, "b.jpg\t10\t3\tnan\t1\n"),
+              HasSubstr("tracks.csv:1: x: 'nan' is not a number"));
+}
+
+TEST_F(OpenSfmTest, EveryCutOfTheFileIsRefused) {
+  for (std::size_t size = 100; size + 1 < kReconstruction.size(); ++size) {
+    EXPECT_THAT(refused(kReconstruction.substr(0, size), ""), HasSubstr("reconstruction.json"))
+        << size;
+  }
+}
+
+TEST(RealOpenSfm, ReprojectsOntoItsObservations) {
+  const auto data = testing::real_data();
+  if (!data) GTEST_SKIP() << testing::kNoRealData;
+  const LandmarkMap map = all_formats().read(*data / "foreign/opensfm/reconstruction.json");
+  EXPECT_EQ(map.frame_count(), 19U);
+  EXPECT_EQ(map.landmark_count(), 1191U);
+  std::vector<double> errors;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto frames = map.observing_frames(LandmarkIndex{i});
+    for (std::size_t j = 0; j < frames.size(); ++j) {
+      const auto pixel = project(map.cameras()[0], map.world_from_camera(frames[j]).inverse() *
+                                                       map.landmarks().positions[i]);
+      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
+      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
+    }
+  }
+  std::sort(errors.begin(), errors.end());
+  ASSERT_GT(errors.size(), 2900U);
+  EXPECT_LT(errors[errors.size() / 2], 2.0);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/core/file.hpp"
+#include "cairn/map/io/options.hpp"
+
+// What the importers share to read files record by record. Private to cairn/interchange.
+namespace cairn::detail {
+
+/// Progress over several files that are read one behind the other.
+class ReadingProgress {
+ public:
+  ReadingProgress(const MapReadOptions& options, std::uint64_t total_bytes)
+      : options_(options), total_(total_bytes) {}
+
+  /// Told how many bytes were read since the last call.
+  /// @throws Error (cancelled) naming the source, if the caller asked to stop
+  void advance(std::uint64_t bytes, const std::string& source);
+
+ private:
+  const MapReadOptions& options_;
+  std::uint64_t total_;
+  std::uint64_t read_ = 0;
+};
+
+/// Little-endian binary records, in a buffer of bounded size.
+class BinaryRecords {
+ public:
+  BinaryRecords(ByteSource& source, ReadingProgress& progress);
+
+  std::uint8_t u8(std::string_view field) { return number<std::uint8_t>(field); }
+  std::uint32_t u32(std::string_view field) { return number<std::uint32_t>(field); }
+  std::int32_t i32(std::string_view field) { return number<std::int32_t>(field); }
+  std::uint64_t u64(std::string_view field) { return number<std::uint64_t>(field); }
+  float f32(std::string_view field) { return number<float>(field); }
+  double f64(std::string_view field) { return number<double>(field); }
+  /// Bytes up to a zero, which is passed over.
+  std::string text(std::string_view field);
+
+  /// A number of records that follow, each of at least `least_bytes`.
+  /// @throws Error (input) if the rest of the source is too small for them
+  std::uint64_t count(std::string_view field, std::uint64_t least_bytes);
+  /// How many of `count` records to make room for: all, if the source has a size and so was checked.
+  std::size_t room_for(std::uint64_t count) const;
+
+  /// @throws Error (input) if there are bytes left
+  void expect_end();
+  /// "file: byte N" of the field read last.
+  std::string place() const;
+  /// @throws Error (input) at place()
+  [[noreturn]] void refuse(std::string_view field, std::string_view what,
+                           std::string_view expected) const;
+
+ private:
+  template <class Number>
+  Number number(std::string_view field);
+  /// At least `least` bytes in the buffer, unless the source ends.
+  bool fill(std::size_t least);
+
+  ByteSource& source_;
+  ReadingProgress& progress_;
+  std::vector<char> buffer_;
+  std::size_t begin_ = 0;
+  std::size_t end_ = 0;
+  std::uint64_t offset_ = 0;  // of begin_ in the source
+  std::uint64_t field_offset_ = 0;
+};
+
+/// Lines of words, in text.
+class TextRecords {
+ public:
+  TextRecords(ByteSource& source, ReadingProgress& progress);
+
+  /// The next line, whatever it holds. @return false at the end
+  bool next_line();
+  /// The next line that is neither blank nor a comment that starts with '#'.
+  bool next_record();
+
+  /// The next word of the line.
+  /// @throws Error (input) if there is none
+  std::string_view word(std::string_view field);
+  bool has_word();
+  /// The rest of the line without blanks at either end, which is passed over.
+  std::string_view rest();
+  double number(std::string_view field);
+  /// As number; NaN for what is written nan or inf.
+  double number_or_nan(std::string_view field);
+  std::uint64_t unsigned_number(std::string_view field, std::uint64_t most = ~std::uint64_t{0});
+  std::int64_t signed_number(std::string_view field);
+  /// @throws Error (input) if the line has more words
+  void expect_line_end();
+
+  /// "file:line".
+  std::string place() const;
+  [[noreturn]] void refuse(std::string_view field, std::string_view what,
+                           std::string_view expected) const;
+
+ private:
+  ByteSource& source_;
+  ReadingProgress& progress_;
+  LineReader lines_;
+  std::string_view line_;  // what is left of it
+  std::uint64_t reported_ = 0;
+};
+
+}  // namespace cairn::detail

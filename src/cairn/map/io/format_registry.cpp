@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/io/format_registry.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/map/io/binary.hpp"
+#include "cairn/map/io/native.hpp"
+#include "cairn/map/io/pcd.hpp"
+#include "cairn/map/io/ply.hpp"
+
+namespace cairn {
+namespace {
+
+// Enough of a JSON file to see its first keys, which tell the systems apart.
+constexpr std::size_t kProbedBytes = 4096;
+
+// A source whose first bytes were taken already and are handed out again: pipes cannot go back. A byte
+// order mark among them is left out.
+class PrefixedSource final : public ByteSource {
+ public:
+  PrefixedSource(std::string prefix, ByteSource& rest)
+      : prefix_(without_byte_order_mark(prefix)),
+        mark_size_(prefix.size() - prefix_.size()),
+        rest_(rest) {}
+
+  const std::string& name() const override { return rest_.name(); }
+  std::optional<std::uint64_t> size() const override {
+    const auto size = rest_.size();
+    return size ? std::optional(*size - std::min<std::uint64_t>(*size, mark_size_)) : size;
+  }
+  std::size_t read(char* buffer, std::size_t capacity) override {
+    if (position_ == prefix_.size()) return rest_.read(buffer, capacity);
+    const std::size_t count = prefix_.copy(buffer, capacity, position_);
+    position_ += count;
+    return count;
+  }
+  void rewind() override {
+    // Back to the first byte, and past all that are handed out from here.
+    rest_.rewind();
+    std::string again(mark_size_ + prefix_.size(), '\0');
+    for (std::size_t count = 0; count < again.size();) {
+      const std::size_t more = rest_.read(again.data() + count, again.size() - count);
+      if (more == 0) break;
+      count += more;
+    }
+    position_ = 0;
+  }
+
+  std::string_view prefix() const { return prefix_; }
+
+ private:
+  std::string prefix_;
+  std::size_t mark_size_;
+  ByteSource& rest_;
+  std::size_t position_ = 0;
+};
+
+std::string first_bytes_of(ByteSource& source) {
+  std::string bytes(kProbedBytes, '\0');
+  std::size_t count = 0;
+  while (count < bytes.size()) {
+    const std::size_t more = source.read(bytes.data() + count, bytes.size() - count);
+    if (more == 0) break;
+    count += more;
+  }
+  bytes.resize(count);
+  return bytes;
+}
+
+// "a, b or c".
+std::string alternatives(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
+    text += words[i];
+  }
+  return text;
+}
+
+bool has_ending(const std::filesystem::path& path, const std::string& ending) {
+  if (ending == "/") return path.has_parent_path() && !path.has_filename();
+  if (ending.starts_with('.')) return path.extension() == ending;
+  return path.filename() == ending;
+}
+
+// "path#N" taken apart, unless a file of that very name exists.
+MapInput input_at(const std::filesystem::path& path) {
+  MapInput input;
+  input.path = path;
+  std::error_code ignored;
+  const std::string text = path.string();
+  const std::size_t hash = text.rfind('#');
+  if (hash == std::string::npos || hash == 0 || std::filesystem::exists(path, ignored)) {
+    return input;
+  }
+  input.path = text.substr(0, hash);
+  input.part = text.substr(hash + 1);
+  return input;
+}
+
+}  // namespace
+
+FormatRegistry::FormatRegistry(std::vector<MapFormat> formats) : formats_(std::move(formats)) {
+  for (auto format = formats_.begin(); format != formats_.end(); ++format) {
+    const auto same = [&](const MapFormat& other) { return other.name == format->name; };
+    if (std::any_of(formats_.begin(), format, same)) {
+      throw Error(ErrorKind::kMisuse, "map format " + printable(format->name), "is there twice",
+                  "distinct names");
+    }
+  }
+}
+
+FormatRegistry FormatRegistry::extended_by(std::vector<MapFormat> more) const {
+  std::vector<MapFormat> all = formats_;
+  std::move(more.begin(), more.end(), std::back_inserter(all));
+  return FormatRegistry(std::move(all));
+}
+
+const MapFormat* FormatRegistry::find(std::string_view name) const {
+  const auto found = std::find_if(formats_.begin(), formats_.end(),
+                                  [&](const MapFormat& format) { return format.name == name; });
+  return found == formats_.end() ? nullptr : &*found;
+}
+
+const MapFormat* FormatRegistry::format_of_ending(const std::filesystem::path& path) const {
+  for (const MapFormat& format : formats_) {
+    for (const std::string& ending : format.endings) {
+      if (has_ending(path, ending)) return &format;
+    }
+  }
+  return nullptr;
+}
+
+std::string FormatRegistry::endings_text() const {
+  std::vector<std::string> words;
+  for (const MapFormat& format : formats_) {
+    for (const std::string& ending : format.endings) {
+      words.push_back(ending == "/" ? fmt::format("/ ({})", format.title) : ending);
+    }
+  }
+  return alternatives(words);
+}
+
+std::string FormatRegistry::titles_text() const {
+  std::vector<std::string> titles;
+  for (const MapFormat& format : formats_) titles.push_back(format.title);
+  return alternatives(titles);
+}
+
+std::string FormatRegistry::written_names_text() const {
+  std::vector<std::string> names;
+  for (const MapFormat& format : formats_) {
+    if (format.is_written()) names.push_back(format.name);
+  }
+  return alternatives(names);
+}
+
+LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
+                                 const MapReadOptions& options) const {
+  MapInput input = input_at(path);
+  const auto read_recognised = [&]() -> std::optional<LandmarkMap> {
+    const auto format = std::find_if(formats_.rbegin(), formats_.rend(), [&](const MapFormat& f) {
+      return f.recognises && f.recognises(input);
+    });
+    if (format == formats_.rend()) return std::nullopt;
+    if (input.part && !format->holds_several) {
+      throw Error(ErrorKind::kInput, path.string(),
+                  fmt::format("a map in format {} is one map, not several", format->title),
+                  "a path without " + printable("#" + *input.part));
+    }
+    return format->read(input, options);
+  };
+  std::error_code ignored;
+  if (std::filesystem::is_directory(input.path, ignored)) {
+    if (auto map = read_recognised()) return *std::move(map);
+  }
+  FileReader file(input.path);  // says why, if it is a folder or cannot be opened
+  PrefixedSource source(first_bytes_of(file), file);
+  input.first_bytes = source.prefix();
+  input.source = &source;
+  if (auto map = read_recognised()) return *std::move(map);
+  throw Error(ErrorKind::kInput, path.string(), "is in no known map format", "");
+}
+
+const MapFormat& FormatRegistry::format_to_write(const std::filesystem::path& path,
+                                                 const MapWriteOptions& options) const {
+  if (!options.format.empty()) {
+    const MapFormat* const named = find(options.format);
+    if (named != nullptr && named->is_written()) return *named;
+    throw Error(ErrorKind::kMisuse, path.string(),
+                printable(options.format) + " names no map format that can be written",
+                written_names_text());
+  }
+  const MapFormat* const format = format_of_ending(path);
+  if (format == nullptr || !format->is_written()) {
+    throw Error(ErrorKind::kMisuse, path.string(),
+                "the extension " + printable(path.extension().string()) + " names no map format",
+                endings_text());
+  }
+  return *format;
+}
+
+void FormatRegistry::write(const LandmarkMap& map, const std::filesystem::path& path,
+                           const MapWriteOptions& options) const {
+  const MapFormat& format = format_to_write(path, options);
+  if (format.write) {
+    format.write(map, path, options);
+  } else {
+    write_file(path, [&](const ByteSink& sink) { format.write_to(map, sink, options); });
+  }
+}
+
+const FormatRegistry& native_formats() {
+  static const FormatRegistry formats({
+      {.name = "text",
+       .title = "Cairn text",
+       .endings = {".map", ".txt"},
+       // Whatever else is a file: the reader says what is wrong with it.
+       .recognises = [](const MapInput& input) { return input.source != nullptr; },
+       .read = [](const MapInput& input,
+                  const MapReadOptions& options) { return read_native(*input.source, options); },
+       .write_to =
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+             write_native(map, sink, options.native_version, options.progress);
+           }},
+      {.name = "binary",
+       .title = "Cairn binary",
+       .endings = {".cairn"},
+       // Up to the line end: that of a damaged file may be another.
+       .recognises =
+           [](const MapInput& input) {
+             return input.first_bytes.starts_with(kBinaryMagic.substr(0, 6));
+           },
+       .read = [](const MapInput& input,
+                  const MapReadOptions& options) { return read_binary(*input.source, options); },
+       .write_to =
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+             write_binary(map, sink, options.progress);
+           }},
+      {.name = "ply",
+       .title = "PLY",
+       .endings = {".ply"},
+       .holds_frames = false,
+       .recognises =
+           [](const MapInput& input) {
+             return input.first_bytes.starts_with("ply\n") ||
+                    input.first_bytes.starts_with("ply\r");
+           },
+       .read = [](const MapInput& input,
+                  const MapReadOptions& options) { return read_ply(*input.source, options); },
+       .write_to =
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+             write_ply(map, sink, {.ascii = options.ascii});
+           }},
+      {.name = "pcd",
+       .title = "PCD",
+       .endings = {".pcd"},
+       .holds_frames = false,
+       .recognises =
+           [](const MapInput& input) {
+             return input.first_bytes.starts_with("# .PCD") ||
+                    input.first_bytes.starts_with("VERSION");
+           },
+       .read = [](const MapInput& input,
+                  const MapReadOptions& options) { return read_pcd(*input.source, options); },
+       .write_to =
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+             write_pcd(map, sink,
+                       {.ascii = options.ascii, .double_precision = options.double_precision});
+           }},
+  });
+  return formats;
+}
+
+}  // namespace cairn
