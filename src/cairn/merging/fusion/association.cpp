@@ -126,15 +126,17 @@ class Associator {
   }
 
   Model estimate() const;
-  // @param best of each second landmark; probability 0: none
+  // Of each landmark of the second set; probability 0: none.
   std::vector<Association> likeliest(const Model& model) const;
 
  private:
   void look_around();
   Hypothesis hypothesis(std::uint32_t candidate, std::uint32_t second, double variance) const;
+  // Median distance of the second set's landmarks from their nearest.
+  double spacing() const;
   // Likelihood that a landmark of the first set is where a candidate is by chance.
   double by_chance(std::uint32_t second, double trace) const;
-  double median_nearest(double quantile) const;
+  double nearest_distance(double quantile) const;
 
   const LandmarkSet& first_;
   const LandmarkSet& second_;
@@ -198,7 +200,7 @@ double Associator::by_chance(std::uint32_t second, double trace) const {
   return compared ? kAlikeByChance * density : density;
 }
 
-double Associator::median_nearest(double quantile) const {
+double Associator::nearest_distance(double quantile) const {
   std::vector<double> distances;
   for (std::uint32_t i = 0; i < around_.size(); ++i) {
     const std::uint32_t nearest = around_[i].candidates[0];
@@ -212,9 +214,25 @@ double Associator::median_nearest(double quantile) const {
   return *place;
 }
 
+double Associator::spacing() const {
+  const KdTree tree(second_.positions);
+  const std::size_t stride = std::max<std::size_t>(1, around_.size() / kSample);
+  std::vector<double> distances;
+  std::array<Neighbor, 2> nearest;
+  for (std::size_t i = 0; i < around_.size(); i += stride) {
+    if (tree.nearest(second_.positions[i], nearest) < 2) return 0.0;
+    distances.push_back(std::sqrt(nearest[1].squared_distance));
+  }
+  const auto place = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), place, distances.end());
+  return *place;
+}
+
 Model Associator::estimate() const {
-  // Landmarks that are one are among the quarter that is nearest; where they are exact, rounding remains.
-  const double near = median_nearest(0.25);
+  // Landmarks that are one are among the quarter that is nearest, where so many are; and if they lay
+  // farther apart than others, nothing would tell them. Where they are exact, rounding remains.
+  const double most = spacing();
+  const double near = std::min(nearest_distance(0.25), most);
   double scale = 0.0;
   for (const Surroundings& around : around_) scale = std::max(scale, double{around.farthest});
   const double least = 1e-16 * scale * scale + std::numeric_limits<double>::min();
@@ -265,7 +283,8 @@ Model Associator::estimate() const {
     }
     model.share =
         std::clamp(sum.same / static_cast<double>(std::max<std::size_t>(count, 1)), 1e-3, 0.999);
-    if (sum.weight > 0.0) model.variance = std::max(least, sum.excess / (3.0 * sum.weight));
+    if (sum.weight > 0.0) model.variance = sum.excess / (3.0 * sum.weight);
+    model.variance = std::max(least, std::min(most * most, model.variance));
   }
   return model;
 }

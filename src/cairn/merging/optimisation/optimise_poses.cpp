@@ -43,7 +43,10 @@ double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent
   return std::sqrt(shift * shift + turn * turn + growth * growth);
 }
 
-std::vector<Edge> edges_of(const PoseGraph& graph) {
+// No link is more exact than a millionth of what it moves, or the problem's numbers would be lost.
+constexpr double kExact = 1e-6;
+
+std::vector<Edge> edges_of(const PoseGraph& graph, std::span<const NodeExtent> extents) {
   std::vector<std::pair<NodeId, std::size_t>> by_id;
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) by_id.emplace_back(graph.nodes[i].id, i);
   std::sort(by_id.begin(), by_id.end());
@@ -63,6 +66,8 @@ std::vector<Edge> edges_of(const PoseGraph& graph) {
     } else {
       continue;
     }
+    const double length = kExact * extents[edge.source].radius * edge.target_from_source.scale();
+    for (int k = 0; k < 7; ++k) edge.covariance(k, k) += k < 3 ? length * length : kExact * kExact;
     if (Eigen::LLT<Matrix7>(edge.covariance).info() == Eigen::Success) edges.push_back(edge);
   }
   return edges;
@@ -107,11 +112,44 @@ double uncertainty_of(const Edge& edge, const NodeExtent& extent) {
   return std::sqrt(shift + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6));
 }
 
+// Of each edge: how many other nodes there are, by way of which two edges give the pose that it gives.
+std::vector<std::size_t> supports(const std::vector<Edge>& edges,
+                                  std::span<const NodeExtent> extents, double agreement) {
+  struct Step {
+    std::size_t to = 0;
+    Similarity3 from_to;
+  };
+  std::vector<std::vector<Step>> steps(extents.size());
+  for (const Edge& edge : edges) {
+    steps[edge.target].push_back({edge.source, edge.target_from_source});
+    steps[edge.source].push_back({edge.target, edge.target_from_source.inverse()});
+  }
+  const auto before = [](const Step& a, const Step& b) { return a.to < b.to; };
+  for (std::vector<Step>& from : steps) std::stable_sort(from.begin(), from.end(), before);
+  std::vector<std::size_t> result;
+  result.reserve(edges.size());
+  for (const Edge& edge : edges) {
+    std::size_t support = 0;
+    for (const Step& first : steps[edge.target]) {
+      const std::vector<Step>& onward = steps[first.to];
+      const auto [begin, end] =
+          std::equal_range(onward.begin(), onward.end(), Step{edge.source, {}}, before);
+      support += std::any_of(begin, end, [&](const Step& second) {
+        return disagreement(first.from_to * second.from_to, edge.target_from_source,
+                            extents[edge.source]) <= agreement;
+      });
+    }
+    result.push_back(support);
+  }
+  return result;
+}
+
 // Places the component's nodes from its first one by vote.
 void place_by_vote(const std::vector<Edge>& edges, std::span<const NodeExtent> extents,
                    std::span<const std::size_t> component, double agreement,
                    OptimisedPoses& poses) {
   std::vector<std::vector<Proposal>> proposals(extents.size());
+  const std::vector<std::size_t> support = supports(edges, extents, agreement);
   const auto place = [&](std::size_t node, const Similarity3& pose) {
     poses.world_from_node[node] = pose;
     for (std::size_t i = 0; i < edges.size(); ++i) {
@@ -133,11 +171,12 @@ void place_by_vote(const std::vector<Edge>& edges, std::span<const NodeExtent> e
     for (const std::size_t node : component) {
       if (poses.world_from_node[node]) continue;
       for (const Proposal& proposal : proposals[node]) {
-        const auto votes = static_cast<std::size_t>(std::count_if(
+        const auto agreeing = static_cast<std::size_t>(std::count_if(
             proposals[node].begin(), proposals[node].end(), [&](const Proposal& other) {
               return disagreement(proposal.world_from_node, other.world_from_node, extents[node]) <=
                      agreement;
             }));
+        const std::size_t votes = agreeing + support[proposal.edge];
         const bool better = best == nullptr || votes > most_votes ||
                             (votes == most_votes && proposal.uncertainty < best->uncertainty);
         if (!better) continue;
@@ -305,7 +344,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
                   "a positive finite number");
     }
   }
-  std::vector<Edge> edges = edges_of(graph);
+  std::vector<Edge> edges = edges_of(graph, extents);
   OptimisedPoses poses;
   if (graph.nodes.empty()) return poses;
   // What disagrees goes, and with it what it alone connects: each round has fewer links.

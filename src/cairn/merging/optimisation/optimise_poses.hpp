@@ -44,9 +44,10 @@ struct OptimisedPoses {
 /// Poses in one frame.
 ///
 /// Start: from the first node, again and again the node is placed on whose pose the most links from placed
-/// nodes agree; so a wrong link decides only where no other speaks. Then a robust pose graph (Ceres, Cauchy
-/// loss), whose errors are weighed by the links' covariances. Links that disagree with its poses are left
-/// out, and so are nodes that nothing else connects; then it is solved again.
+/// nodes agree; a link also counts once for every other node by way of which two links give the same pose.
+/// So a wrong link decides only where no other speaks. Then a robust pose graph (Ceres, Cauchy loss), whose
+/// errors are weighed by the links' covariances. Links that disagree with its poses are left out, and so are
+/// nodes that nothing else connects; then it is solved again.
 ///
 /// @param graph   its poses are not looked at; a link without covariance is not used
 /// @param extents one a node
