@@ -149,8 +149,12 @@ std::vector<std::string> names_of(const std::vector<std::string>& files) {
 
 // 61204 as "61,204".
 std::string with_commas(std::size_t number) {
-  std::string text = fmt::format("{}", number);
-  for (std::size_t end = text.size(); end > 3; end -= 3) text.insert(end - 3, ",");
+  const std::string digits = fmt::format("{}", number);
+  std::string text;
+  for (std::size_t i = 0; i < digits.size(); ++i) {
+    if (i > 0 && (digits.size() - i) % 3 == 0) text += ',';
+    text += digits[i];
+  }
   return text;
 }
 
@@ -166,7 +170,7 @@ Json MergeArguments::options_json() const {
           {"min_observations", options.links.points.min_observations}};
 }
 
-Json to_json(const MapLink& link, bool used) {
+Json link_json(const MapLink& link, bool used) {
   Json json = {{"target", link.target},
                {"source", link.source},
                {"status", to_string(link.verdict)},
@@ -187,7 +191,7 @@ Json to_json(const MapLink& link, bool used) {
   return json;
 }
 
-Json to_json(const MergedMap& map, const std::string& name) {
+Json map_json(const MergedMap& map, const std::string& name) {
   Json json = {{"name", name},
                {"placed", map.placed},
                {"reason", text_or_null(map.reason)},
@@ -260,11 +264,11 @@ int MergeArguments::run() {
   json["placed"] = result.placed();
   json["maps"] = Json::array();
   for (std::size_t i = 0; i < names.size(); ++i) {
-    json["maps"].push_back(to_json(result.maps[i], names[i]));
+    json["maps"].push_back(map_json(result.maps[i], names[i]));
   }
   json["links"] = Json::array();
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    json["links"].push_back(to_json(result.links[i], result.used[i]));
+    json["links"].push_back(link_json(result.links[i], result.used[i]));
   }
   json["output"] = nullptr;
   if (result.map) {
