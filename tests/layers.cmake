@@ -11,6 +11,7 @@ cmake_minimum_required(VERSION 3.25)
 set(LAYER_core 0)
 set(LAYER_geometry 1)
 set(LAYER_map 2)
+set(LAYER_pose_graph 2)
 set(LAYER_sequence 2)
 set(LAYER_trajectory 2)
 set(LAYER_confidence 3)
@@ -20,9 +21,10 @@ set(LAYER_placement 5)
 set(LAYER_evaluation 5)
 set(LAYER_alignment 6)
 set(LAYER_odometry 6)
-set(LAYER_atlas 6)
 set(LAYER_simulation 6)
+set(LAYER_merging 7)
 set(LAYER_experiments 7)
+set(LAYER_atlas 8)
 set(LAYER_report 8)
 
 # Highest layer that the folders beside the library may include. Tests in tests/ may include all.
@@ -39,7 +41,7 @@ set(BLIND_SUBFOLDERS registration)
 set(HEAVY
   "opencv2/" "sequence odometry"
   "boost/" "experiments"
-  "ceres/" "odometry atlas"
+  "ceres/" "merging odometry"
   "embree" "simulation"
   "sqlite3" "atlas"
   "zlib.h" "report"

@@ -17,6 +17,7 @@ Run add_demo(CLI::App& program);
 Run add_evaluate(CLI::App& program);
 Run add_experiment(CLI::App& program);
 Run add_map(CLI::App& program);
+Run add_merge(CLI::App& program);
 Run add_info(CLI::App& program);
 Run add_report(CLI::App& program);
 Run add_simulate(CLI::App& program);

@@ -107,6 +107,9 @@ int run(int argc, char** argv) {
 #ifdef CAIRN_HAS_ODOMETRY
   verbs.emplace_back("map", cairn::cli::add_map(program));
 #endif
+#ifdef CAIRN_HAS_MERGING
+  verbs.emplace_back("merge", cairn::cli::add_merge(program));
+#endif
   for (CLI::App* const verb : program.get_subcommands(nullptr)) verb->group("Verbs");
   if (argc < 2) {
     print_error(program.help());

@@ -19,6 +19,9 @@ constexpr const char* kVerbs[] = {
 #ifdef CAIRN_HAS_ODOMETRY
     "map",
 #endif
+#ifdef CAIRN_HAS_MERGING
+    "merge",
+#endif
 };
 
 class UsageTest : public CliTest {};

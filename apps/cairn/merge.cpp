@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/merge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/map/io/map_file.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+#include "support/interrupt.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct MergeArguments {
+  CommonArguments common;
+  std::vector<std::string> paths;
+  std::string output;
+  MergeOptions options;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  void check_options() const;
+  std::vector<std::string> map_files() const;
+  Json options_json() const;
+};
+
+void MergeArguments::add_to(CLI::App& command) {
+  command
+      .add_option("maps", paths,
+                  "Maps of one place: .map, .txt, .cairn, .ply or .pcd; or folders, whose maps are "
+                  "taken by name")
+      ->required()
+      ->take_all()
+      ->type_name("MAP...");
+  add_text(command, "-o,--output", output, "Map to write: .map, .txt, .cairn, .ply or .pcd", "FILE")
+      ->required();
+  add_number(command, "--min-probability", options.links.min_probability,
+             "Probability from which two maps are aligned, 0.5 to below 1");
+  add_number(command, "--prior-odds", options.links.prior_odds,
+             "Odds, before anything is looked at, that two of the maps show one place");
+  add_number(command, "--effort", options.links.effort,
+             "Of the search: work in units of the default's, 1/16 to 64");
+  add_number(command, "--min-observations", options.links.points.min_observations,
+             "Align by landmarks observed at least so often; all landmarks are merged");
+  common.add_to(command);
+  command.footer(
+      "Every map is aligned with every other, from no initial pose. Only pairs that are judged\n"
+      "aligned count. The result is in the frame of the first map that is placed. Maps that "
+      "nothing\n"
+      "connects with the largest group are named and left out; the exit code is then 4.\n"
+      "Example: two sessions, and a folder of mini-maps, become one map\n"
+      "  cairn merge monday.map tuesday.map robot2/ -o building.map");
+}
+
+void MergeArguments::check_options() const {
+  with_option_names({{"AlignOptions.min_probability", "--min-probability"},
+                     {"PlaceOptions.prior_odds", "--prior-odds"},
+                     {"PlaceOptions.effort", "--effort"}},
+                    [&] { options.validate(); });
+}
+
+bool is_folder(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_directory(path, ignored);
+}
+
+// The maps in a folder, by name.
+std::vector<std::string> maps_in(const std::string& folder) {
+  std::vector<std::string> files;
+  try {
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      if (entry.is_regular_file() && format_of_extension(entry.path())) {
+        files.push_back(entry.path().string());
+      }
+    }
+  } catch (const fs::filesystem_error& error) {
+    throw Error(ErrorKind::kInput, folder, error.code().message(), "a folder that can be read");
+  }
+  if (files.empty()) {
+    throw Error(ErrorKind::kInput, folder, "holds no map",
+                "a folder of .map, .txt, .cairn, .ply or .pcd files");
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+bool is_same_file(const std::string& a, const std::string& b) {
+  std::error_code ignored;
+  return fs::equivalent(a, b, ignored);
+}
+
+std::vector<std::string> MergeArguments::map_files() const {
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    if (!is_folder(path)) {
+      files.push_back(path);
+      continue;
+    }
+    for (std::string& file : maps_in(path)) files.push_back(std::move(file));
+  }
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (is_same_file(files[i], output)) {
+      throw Error(ErrorKind::kMisuse, "--output", output + " is one of the maps", "another file");
+    }
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!is_same_file(files[i], files[j])) continue;
+      throw Error(ErrorKind::kMisuse, "maps",
+                  files[j] + (files[i] == files[j] ? " is given twice"
+                                                   : " and " + files[i] + " are one file"),
+                  "each map once: merged twice, it would count as two independent ones");
+    }
+  }
+  if (files.size() < 2) {
+    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} given", files.size()),
+                "at least two maps");
+  }
+  return files;
+}
+
+// What maps are called: file names without extension, with their folder where several are alike.
+std::vector<std::string> names_of(const std::vector<std::string>& files) {
+  const auto stem = [](const std::string& file) { return fs::path(file).stem().string(); };
+  std::vector<std::string> names;
+  for (const std::string& file : files) {
+    const auto alike = std::count_if(files.begin(), files.end(), [&](const std::string& other) {
+      return stem(other) == stem(file);
+    });
+    names.push_back(alike > 1 ? fs::path(file).replace_extension().string() : stem(file));
+  }
+  return names;
+}
+
+// 61204 as "61,204".
+std::string with_commas(std::size_t number) {
+  const std::string digits = fmt::format("{}", number);
+  std::string text;
+  for (std::size_t i = 0; i < digits.size(); ++i) {
+    if (i > 0 && (digits.size() - i) % 3 == 0) text += ',';
+    text += digits[i];
+  }
+  return text;
+}
+
+// A probability is never said to be one.
+std::string percent(double probability) {
+  return fmt::format("{:.2f} %", std::min(99.99, std::floor(1e4 * probability) / 100.0));
+}
+
+Json MergeArguments::options_json() const {
+  return {{"min_probability", options.links.min_probability},
+          {"prior_odds", options.links.prior_odds},
+          {"effort", options.links.effort},
+          {"min_observations", options.links.points.min_observations}};
+}
+
+Json link_json(const MapLink& link, bool used) {
+  Json json = {{"target", link.target},
+               {"source", link.source},
+               {"status", to_string(link.verdict)},
+               {"probability", link.probability},
+               {"used", used},
+               {"reason", link.reason},
+               {"target_from_source", nullptr},
+               {"scale", nullptr},
+               {"covariance", nullptr}};
+  if (!link.target_from_source) return json;
+  json["target_from_source"] = to_json(link.target_from_source->matrix());
+  json["scale"] = link.target_from_source->scale();
+  if (link.covariance_with_scale) {
+    json["covariance"] = to_json(*link.covariance_with_scale);
+  } else if (link.covariance) {
+    json["covariance"] = to_json(*link.covariance);
+  }
+  return json;
+}
+
+Json map_json(const MergedMap& map, const std::string& name) {
+  Json json = {{"name", name},
+               {"placed", map.placed},
+               {"reason", text_or_null(map.reason)},
+               {"world_from_map", nullptr},
+               {"scale", nullptr},
+               {"covariance", nullptr},
+               {"landmarks", nullptr},
+               {"fused_with_earlier", nullptr},
+               {"unexplained_deviation", nullptr}};
+  if (!map.placed) return json;
+  json["world_from_map"] = to_json(map.world_from_map->matrix());
+  json["scale"] = map.world_from_map->scale();
+  json["covariance"] = to_json(map.covariance);
+  json["landmarks"] = map.fusion->landmarks;
+  json["fused_with_earlier"] = map.fusion->fused;
+  json["unexplained_deviation"] = map.fusion->deviation;
+  return json;
+}
+
+// "placed 3 of 3: monday <- tuesday 99.99 %, tuesday <- robot2 99.98 %"
+std::string placement_text(const MergeResult& result, const std::vector<std::string>& names) {
+  std::string text = fmt::format("placed {} of {}", result.placed(), result.maps.size());
+  std::vector<bool> is_placed(names.size(), false);
+  std::vector<std::string> links;
+  for (const std::size_t index : result.tree) {
+    const MapLink& link = result.links[index];
+    if (links.empty()) is_placed[std::min(link.target, link.source)] = true;
+    const bool forward = is_placed[link.target];
+    const std::size_t from = forward ? link.target : link.source;
+    const std::size_t added = forward ? link.source : link.target;
+    is_placed[added] = true;
+    links.push_back(
+        fmt::format("{} <- {} {}", names[from], names[added], percent(link.probability)));
+  }
+  if (!links.empty()) text += fmt::format(": {}", fmt::join(links, ", "));
+  return text + "\n";
+}
+
+int MergeArguments::run() {
+  // What the command line says is checked before any file is read.
+  require_map_path(output, "--output");
+  require_outputs(common);
+  check_options();
+  const std::vector<std::string> files = map_files();
+  const std::vector<std::string> names = names_of(files);
+  const Console console = common.console();
+
+  std::vector<LoadedMap> loaded;
+  std::vector<MergeInput> inputs;
+  loaded.reserve(files.size());
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    loaded.push_back(load_map(files[i], common));
+    inputs.push_back({names[i], &loaded.back().map});
+  }
+  options.seed = common.seed;
+  options.log = console.log();
+  options.execution.executor = common.executor();
+  options.execution.stop = interrupt_requests();
+  options.execution.progress = console.progress("merging");
+  const MergeResult result = merge(inputs, options);
+
+  std::size_t before = 0;
+  for (const MergedMap& map : result.maps) {
+    if (map.fusion) before += map.fusion->landmarks;
+  }
+  if (result.map) save_map(*result.map, output, common);
+  Json descriptions = Json::array();
+  for (const LoadedMap& map : loaded) descriptions.push_back(map.description);
+  Json json = document("merge", common, {{"maps", std::move(descriptions)}}, options_json());
+  json["placed"] = result.placed();
+  json["maps"] = Json::array();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    json["maps"].push_back(map_json(result.maps[i], names[i]));
+  }
+  json["links"] = Json::array();
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    json["links"].push_back(link_json(result.links[i], result.used[i]));
+  }
+  json["output"] = nullptr;
+  if (result.map) {
+    json["output"] = {{"path", output},
+                      {"length_unit", to_string(result.map->info().length_unit)},
+                      {"frames", result.map->frame_count()},
+                      {"landmarks_before", before},
+                      {"landmarks", result.map->landmark_count()},
+                      {"observations", result.map->observation_count()}};
+  }
+  write_document(json, common);
+
+  console.print(placement_text(result, names));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (result.maps[i].placed) continue;
+    console.print(fmt::format("left out {}: {}\n", names[i], result.maps[i].reason));
+  }
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    const MapLink& link = result.links[i];
+    const bool contradicted = link.verdict == Verdict::kAligned && !result.used[i] &&
+                              result.maps[link.target].placed && result.maps[link.source].placed;
+    if (!contradicted) continue;
+    console.print(fmt::format("not used: {} <- {} {}: other links contradict it\n",
+                              names[link.target], names[link.source], percent(link.probability)));
+  }
+  if (result.map) {
+    console.print(fmt::format("{} landmarks became {}\nwrote {}\n", with_commas(before),
+                              with_commas(result.map->landmark_count()), output));
+  } else {
+    console.print(fmt::format("{} is not written: no two maps belong together\n", output));
+  }
+  return result.placed() == names.size() ? kDone : kNoTrustworthyAlignment;
+}
+
+}  // namespace
+
+Run add_merge(CLI::App& program) {
+  auto* const command = program.add_subcommand("merge", "Merge maps of one place into one");
+  auto arguments = std::make_shared<MergeArguments>();
+  arguments->add_to(*command);
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,419 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/fusion/fuse_maps.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include <Eigen/LU>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
+#include "cairn/merging/fusion/association.hpp"
+
+namespace cairn {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr std::size_t kBlock = 4096;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+bool is_known(const Matrix3d& covariance) {
+  return !std::isnan(covariance(0, 0));
+}
+
+// A map's landmarks in the world. Covariances have the pose's part, and are zero where unknown.
+struct WorldLandmarks {
+  std::vector<Vector3d> positions;
+  std::vector<Matrix3d> covariances;
+};
+
+WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
+  const LandmarkMap& map = *placed.map;
+  const LandmarkTable& landmarks = map.landmarks();
+  const Matrix3d linear = placed.world_from_map.linear();
+  WorldLandmarks world;
+  world.positions.resize(map.landmark_count());
+  world.covariances.assign(map.landmark_count(), Matrix3d::Zero());
+  executor.for_blocks(map.landmark_count(), kBlock, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      world.positions[i] = placed.world_from_map * landmarks.positions[i];
+      if (landmarks.covariances.empty() || !is_known(landmarks.covariances[i])) continue;
+      // x = s·R·x' + t moves by δt, δφ × (x - t) and δ log s · (x - t).
+      const Vector3d arm = world.positions[i] - placed.world_from_map.translation();
+      Eigen::Matrix<double, 3, 7> by_pose;
+      by_pose << Matrix3d::Identity(), -skew(arm), arm;
+      const Matrix3d sum = linear * landmarks.covariances[i] * linear.transpose() +
+                           by_pose * placed.covariance * by_pose.transpose();
+      world.covariances[i] = 0.5 * (sum + sum.transpose());
+    }
+  });
+  return world;
+}
+
+// The map that grows. What is said of a landmark here is of the landmarks so far.
+class Fusion {
+ public:
+  Fusion(std::span<const PlacedMap> maps, const FusionOptions& options);
+
+  FusionResult run();
+
+ private:
+  void add(std::size_t m);
+  void add_frames(std::size_t m);
+  void fuse(std::uint32_t landmark, const Vector3d& position, const Matrix3d& covariance,
+            bool known, double probability, double variance);
+  void append(std::size_t m, std::uint32_t i, const WorldLandmarks& world);
+  void take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark);
+  void set_columns();
+  void set_observations();
+  void set_info();
+
+  bool has_covariance(std::size_t m, std::uint32_t i) const {
+    const auto& covariances = maps_[m].map->landmarks().covariances;
+    return !covariances.empty() && is_known(covariances[i]);
+  }
+
+  std::span<const PlacedMap> maps_;
+  const FusionOptions& options_;
+  FusionResult result_;
+  MapTables tables_;
+  std::vector<std::uint8_t> known_;           // whether all parts have a covariance
+  std::vector<std::uint32_t> best_observed_;  // observations of the part that gave the descriptor
+  std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
+  std::vector<std::uint32_t> first_frame_;               // by map
+  std::vector<std::uint32_t> from_map_;
+  std::vector<std::uint32_t> from_landmark_;  // index
+  std::vector<std::uint32_t> parts_;
+};
+
+Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
+    : maps_(maps), options_(options), landmark_of_(maps.size()) {
+  std::size_t landmarks = 0;
+  std::size_t frames = 0;
+  bool colors = false;
+  for (const PlacedMap& placed : maps) {
+    landmarks += placed.map->landmark_count();
+    frames += placed.map->frame_count();
+    colors = colors || !placed.map->landmarks().colors.empty();
+    const auto& descriptors = placed.map->landmarks().descriptors;
+    if (!descriptors) continue;
+    auto& kept = tables_.landmarks.descriptors;
+    if (!kept) kept = DescriptorColumn{descriptors->kind, descriptors->bytes_each, {}, {}};
+    if ((kept->kind != descriptors->kind || kept->bytes_each != descriptors->bytes_each) &&
+        options_.log) {
+      options_.log(
+          fmt::format("{}: its descriptors ({}, {} bytes) are left out: a map has one kind",
+                      placed.name, printable(descriptors->kind), descriptors->bytes_each));
+    }
+  }
+  constexpr std::size_t kMost = std::numeric_limits<std::uint32_t>::max();
+  if (landmarks > kMost || frames > kMost) {
+    throw Error(ErrorKind::kInput, "maps",
+                fmt::format("{} landmarks, {} frames", landmarks, frames),
+                fmt::format("at most {} of each", kMost));
+  }
+  if (!colors) return;
+  tables_.landmarks.colors.reserve(landmarks);
+}
+
+FusionResult Fusion::run() {
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    if (options_.execution.stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, "merge", "fusion was cancelled", "");
+    }
+    add_frames(m);
+    add(m);
+    if (options_.execution.progress) {
+      options_.execution.progress(static_cast<double>(m + 1) / static_cast<double>(maps_.size()));
+    }
+  }
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    if (known_[i] == 0) tables_.landmarks.covariances[i].setConstant(kNan);
+  }
+  if (std::find(known_.begin(), known_.end(), std::uint8_t{1}) == known_.end()) {
+    tables_.landmarks.covariances.clear();
+  }
+  set_columns();
+  set_observations();
+  set_info();
+  tables_.landmarks.ids.resize(known_.size());
+  for (std::size_t i = 0; i < known_.size(); ++i) tables_.landmarks.ids[i] = LandmarkId{i};
+  result_.map = LandmarkMap(std::move(tables_));
+  return std::move(result_);
+}
+
+void Fusion::add(std::size_t m) {
+  const LandmarkMap& map = *maps_[m].map;
+  const WorldLandmarks world = in_world(maps_[m], options_.execution.executor);
+  LandmarkTable& landmarks = tables_.landmarks;
+  AssociationResult association;
+  if (m > 0) {
+    AssociationOptions how;
+    how.min_probability = options_.min_probability;
+    how.seed = options_.seed;
+    how.execution = options_.execution.without_progress();
+    const auto looks = [](const std::optional<DescriptorColumn>& column) {
+      return column ? &*column : nullptr;
+    };
+    association =
+        associate({landmarks.positions, landmarks.covariances, looks(landmarks.descriptors)},
+                  {world.positions, world.covariances, looks(map.landmarks().descriptors)}, how);
+  }
+  MapFusion& fusion = result_.maps.emplace_back();
+  fusion.landmarks = map.landmark_count();
+  fusion.fused = association.pairs.size();
+  fusion.deviation = association.deviation;
+  const double variance = association.deviation * association.deviation;
+  landmark_of_[m].resize(map.landmark_count());
+  auto next = association.pairs.begin();
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    if (next != association.pairs.end() && next->second == i) {
+      landmark_of_[m][i] = next->first;
+      fuse(next->first, world.positions[i], world.covariances[i], has_covariance(m, i),
+           next->probability, variance);
+      take_looks(m, i, next->first);
+      ++parts_[next->first];
+      ++next;
+    } else {
+      landmark_of_[m][i] = static_cast<std::uint32_t>(known_.size());
+      append(m, i, world);
+    }
+  }
+}
+
+// The information-weighted mean, and the covariance of a mixture: the pair is one landmark, or, with the
+// probability that is left, two, of which the fused one is to stand for either.
+void Fusion::fuse(std::uint32_t landmark, const Vector3d& position, const Matrix3d& covariance,
+                  bool known, double probability, double variance) {
+  Vector3d& mean = tables_.landmarks.positions[landmark];
+  Matrix3d& spread = tables_.landmarks.covariances[landmark];
+  // Of a part without covariance all that is known is how far the maps agree.
+  const Matrix3d half = 0.5 * variance * Matrix3d::Identity();
+  const Matrix3d a = spread + (known_[landmark] != 0 ? 1.0 : 2.0) * half;
+  const Matrix3d b = covariance + (known ? 1.0 : 2.0) * half;
+  const Matrix3d gain = a * (a + b).inverse();
+  if (!gain.allFinite()) return;  // both are exact
+  const Vector3d apart = position - mean;
+  const Vector3d moved = gain * apart;
+  const Vector3d back = moved - apart;
+  const Matrix3d one = a - gain * a;
+  const Matrix3d two = 0.5 * (a + moved * moved.transpose() + b + back * back.transpose());
+  const Matrix3d mixture = probability * one + (1.0 - probability) * two;
+  mean += moved;
+  spread = 0.5 * (mixture + mixture.transpose());
+  if (!known) known_[landmark] = 0;
+}
+
+void Fusion::append(std::size_t m, std::uint32_t i, const WorldLandmarks& world) {
+  const auto landmark = static_cast<std::uint32_t>(known_.size());
+  LandmarkTable& landmarks = tables_.landmarks;
+  landmarks.positions.push_back(world.positions[i]);
+  landmarks.covariances.push_back(world.covariances[i]);
+  known_.push_back(has_covariance(m, i) ? 1 : 0);
+  from_map_.push_back(static_cast<std::uint32_t>(m));
+  from_landmark_.push_back(i);
+  parts_.push_back(1);
+  if (landmarks.colors.capacity() > 0) landmarks.colors.emplace_back();
+  if (landmarks.descriptors) {
+    landmarks.descriptors->known.push_back(0);
+    landmarks.descriptors->bytes.resize(landmarks.descriptors->bytes.size() +
+                                        landmarks.descriptors->bytes_each);
+    best_observed_.push_back(0);
+  }
+  take_looks(m, i, landmark);
+}
+
+// Colour: the first that is known. Descriptor: of the part that was observed most often.
+void Fusion::take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark) {
+  const LandmarkMap& map = *maps_[m].map;
+  LandmarkTable& landmarks = tables_.landmarks;
+  if (!map.landmarks().colors.empty() && !landmarks.colors[landmark]) {
+    landmarks.colors[landmark] = map.landmarks().colors[i];
+  }
+  const auto& theirs = map.landmarks().descriptors;
+  if (!theirs || theirs->known[i] == 0) return;
+  DescriptorColumn& ours = *landmarks.descriptors;
+  if (theirs->kind != ours.kind || theirs->bytes_each != ours.bytes_each) return;
+  const auto observed = static_cast<std::uint32_t>(map.observation_count(LandmarkIndex{i}));
+  if (ours.known[landmark] != 0 && observed <= best_observed_[landmark]) return;
+  ours.known[landmark] = 1;
+  best_observed_[landmark] = observed;
+  const auto size = static_cast<std::ptrdiff_t>(ours.bytes_each);
+  const auto from = theirs->bytes.begin() + static_cast<std::ptrdiff_t>(i) * size;
+  std::copy(from, from + size, ours.bytes.begin() + static_cast<std::ptrdiff_t>(landmark) * size);
+}
+
+void Fusion::add_frames(std::size_t m) {
+  const LandmarkMap& map = *maps_[m].map;
+  const Similarity3& world_from_map = maps_[m].world_from_map;
+  const FrameTable& theirs = map.frames();
+  FrameTable& frames = tables_.frames;
+  const std::size_t first = frames.ids.size();
+  first_frame_.push_back(static_cast<std::uint32_t>(first));
+  std::vector<CameraIndex> camera_of;
+  for (Camera camera : map.cameras()) {
+    auto found = std::find_if(tables_.cameras.begin(), tables_.cameras.end(), [&](Camera other) {
+      other.id = camera.id;
+      return other == camera;
+    });
+    if (found == tables_.cameras.end()) {
+      camera.id = CameraId{tables_.cameras.size()};
+      tables_.cameras.push_back(std::move(camera));
+      found = tables_.cameras.end() - 1;
+    }
+    camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
+  }
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    frames.ids.push_back(FrameId{first + i});
+    if (m == 0) {
+      frames.translations.push_back(theirs.translations[i]);
+      frames.quaternions.push_back(theirs.quaternions[i]);
+    } else {
+      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+      const Eigen::Quaterniond q = (world_from_map.rigid() * pose).quaternion();
+      frames.translations.push_back(world_from_map * pose.translation());
+      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+    }
+    std::optional<CameraIndex> camera;
+    if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
+    frames.cameras.push_back(camera);
+    frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
+                                                              : theirs.timestamps_s[i]);
+    frames.image_names.push_back(theirs.image_names.empty() ? std::string()
+                                                            : theirs.image_names[i]);
+  }
+}
+
+void Fusion::set_columns() {
+  const std::size_t count = known_.size();
+  std::vector<NamedColumn>& columns = tables_.landmarks.columns;
+  std::vector<double> from_map(count);
+  std::vector<double> from_landmark(count);
+  std::vector<double> parts(count);
+  constexpr std::uint64_t kExact = std::uint64_t{1} << 53;
+  for (std::size_t i = 0; i < count; ++i) {
+    from_map[i] = from_map_[i];
+    const std::uint64_t id = maps_[from_map_[i]].map->landmarks().ids[from_landmark_[i]].value;
+    from_landmark[i] = id <= kExact ? static_cast<double>(id) : kNan;
+    parts[i] = parts_[i];
+  }
+  columns.push_back({kFromMapColumn, std::move(from_map)});
+  columns.push_back({kFromLandmarkColumn, std::move(from_landmark)});
+  columns.push_back({kFusedColumn, std::move(parts)});
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    for (const NamedColumn& theirs : maps_[m].map->landmarks().columns) {
+      const std::string& name = theirs.name;
+      if (name == kFromMapColumn || name == kFromLandmarkColumn || name == kFusedColumn) continue;
+      auto found = std::find_if(columns.begin(), columns.end(),
+                                [&](const NamedColumn& column) { return column.name == name; });
+      if (found == columns.end()) {
+        columns.push_back({name, std::vector<double>(count, kNan)});
+        found = columns.end() - 1;
+      }
+      for (std::uint32_t i = 0; i < theirs.values.size(); ++i) {
+        double& value = found->values[landmark_of_[m][i]];
+        if (std::isnan(value)) value = theirs.values[i];
+      }
+    }
+  }
+}
+
+void Fusion::set_observations() {
+  ObservationTable& observations = tables_.observations;
+  bool any = false;
+  bool keypoints = false;
+  bool depths = false;
+  bool octaves = false;
+  for (const PlacedMap& placed : maps_) {
+    const ObservationTable& theirs = placed.map->observations();
+    any = any || !theirs.offsets.empty();
+    keypoints = keypoints || !theirs.keypoints.empty();
+    depths = depths || !theirs.depths.empty();
+    octaves = octaves || !theirs.octaves.empty();
+    if (!placed.map->has_observations() && options_.log) {
+      options_.log(placed.name +
+                   ": does not know who observed its landmarks, which count as not observed");
+    }
+  }
+  if (!any) return;
+  observations.offsets.assign(known_.size() + 1, 0);
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const std::vector<std::uint32_t>& landmark_of = landmark_of_[m];
+    for (std::uint32_t i = 0; i < landmark_of.size(); ++i) {
+      observations.offsets[landmark_of[i] + 1] += maps_[m].map->observation_count(LandmarkIndex{i});
+    }
+  }
+  for (std::size_t i = 1; i < observations.offsets.size(); ++i) {
+    observations.offsets[i] += observations.offsets[i - 1];
+  }
+  const std::size_t count = observations.offsets.back();
+  observations.frames.resize(count);
+  observations.pixels.resize(count);
+  if (keypoints) observations.keypoints.resize(count);
+  if (depths) observations.depths.resize(count);
+  if (octaves) observations.octaves.resize(count);
+  std::vector<std::uint64_t> next(observations.offsets.begin(), observations.offsets.end() - 1);
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const ObservationTable& theirs = maps_[m].map->observations();
+    if (theirs.offsets.empty()) continue;
+    const double scale = maps_[m].world_from_map.scale();
+    for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
+      for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        const std::uint64_t to = next[landmark_of_[m][i]]++;
+        observations.frames[to] = FrameIndex{first_frame_[m] + theirs.frames[k].value};
+        observations.pixels[to] = theirs.pixels[k];
+        if (!theirs.keypoints.empty()) observations.keypoints[to] = theirs.keypoints[k];
+        if (!theirs.depths.empty() && theirs.depths[k]) {
+          observations.depths[to] = scale * *theirs.depths[k];
+        }
+        if (!theirs.octaves.empty()) observations.octaves[to] = theirs.octaves[k];
+      }
+    }
+  }
+}
+
+void Fusion::set_info() {
+  const MapInfo& first = maps_.front().map->info();
+  MapInfo& info = tables_.info;
+  info.length_unit = first.length_unit;
+  info.world_frame = first.world_frame;
+  info.gravity = first.gravity;
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const MapInfo& theirs = maps_[m].map->info();
+    for (const std::string& line : theirs.provenance) {
+      info.provenance.push_back(fmt::format("{}: {}", maps_[m].name, line));
+    }
+    const std::size_t frames = maps_[m].map->frame_count();
+    std::string line = fmt::format("map {} of a merge: {}", m, maps_[m].name);
+    if (theirs.uuid) line += fmt::format(", uuid {}", *theirs.uuid);
+    line += fmt::format(", {} landmarks, of which {} were fused with earlier ones",
+                        result_.maps[m].landmarks, result_.maps[m].fused);
+    if (frames > 0) {
+      line += fmt::format("; frames {} to {} are its {} in their order", first_frame_[m],
+                          first_frame_[m] + frames - 1, frames);
+    }
+    info.provenance.push_back(std::move(line));
+  }
+}
+
+}  // namespace
+
+void FusionOptions::validate() const {
+  if (min_probability >= 0.5 && min_probability <= 1.0) return;
+  throw Error(ErrorKind::kMisuse, "FusionOptions.min_probability",
+              fmt::format("{}", min_probability), "0.5 to 1");
+}
+
+FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options) {
+  options.validate();
+  if (maps.empty()) throw Error(ErrorKind::kMisuse, "maps", "none", "at least one map");
+  return Fusion(maps, options).run();
+}
+
+}  // namespace cairn

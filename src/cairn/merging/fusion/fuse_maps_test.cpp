@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/fusion/fuse_maps.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/LU>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/maps.hpp"
+#include "support/refusal.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::EqualsMap;
+using ::testing::HasSubstr;
+
+// Two sessions, and the same without noise: what is where in truth.
+struct Sessions {
+  SyntheticPair maps;
+  SyntheticPair truth;
+};
+
+Sessions sessions(std::uint64_t seed, std::size_t landmarks = 2000, double outliers = 0.0) {
+  SyntheticOptions options = {.seed = seed, .landmarks = landmarks, .frames = 30};
+  options.outlier_fraction = outliers;
+  Sessions result{synthetic_pair(options), {}};
+  options.pixel_noise_px = 0.0;
+  options.depth_noise_m = 0.0;
+  options.outlier_fraction = 0.0;
+  result.truth = synthetic_pair(options);
+  return result;
+}
+
+// The target first, as it is; then the source.
+std::vector<PlacedMap> placed(const SyntheticPair& pair) {
+  return {{&pair.target, "target", {}}, {&pair.source, "source", pair.target_from_source}};
+}
+
+const std::vector<double>& values(const LandmarkMap& map, const char* name) {
+  return map.column(name)->values;
+}
+
+// What the fused map says of pairs, held against the truth.
+struct Quality {
+  std::size_t right = 0;
+  std::size_t wrong = 0;
+  double nees = 0.0;           // mean over fused landmarks
+  double median_before = 0.0;  // error of the target's landmark, of those fused
+  double median_after = 0.0;
+};
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values[values.size() / 2];
+}
+
+Quality quality(const Sessions& sessions, const LandmarkMap& fused) {
+  const SyntheticPair& maps = sessions.maps;
+  const std::set<std::pair<LandmarkIndex, LandmarkIndex>> shared(maps.shared.begin(),
+                                                                 maps.shared.end());
+  const auto& from_map = values(fused, kFromMapColumn);
+  const auto& from_landmark = values(fused, kFromLandmarkColumn);
+  Quality result;
+  std::vector<double> before;
+  std::vector<double> after;
+  std::vector<std::uint32_t> partner(maps.target.landmark_count(), 0);
+  for (const auto& [source, target] : maps.shared) partner[target.value] = source.value + 1;
+  const std::size_t target_frames = maps.target.frame_count();
+  for (std::uint32_t i = 0; i < fused.landmark_count(); ++i) {
+    if (values(fused, kFusedColumn)[i] < 2.0) continue;
+    EXPECT_EQ(from_map[i], 0.0);
+    const auto target = static_cast<std::uint32_t>(from_landmark[i]);
+    // The second part is known by its observations, which follow the first's.
+    const auto pixels = fused.observed_pixels(LandmarkIndex{i});
+    const auto frames = fused.observing_frames(LandmarkIndex{i});
+    const std::size_t first = maps.target.observation_count(LandmarkIndex{target});
+    EXPECT_LT(frames[first - 1].value, target_frames);
+    EXPECT_GE(frames[first].value, target_frames);
+    const std::uint32_t source = partner[target];
+    const bool right =
+        source > 0 && maps.source.observed_pixels(LandmarkIndex{source - 1})[0] == pixels[first];
+    ++(right ? result.right : result.wrong);
+    const Eigen::Vector3d truth = sessions.truth.target.landmarks().positions[target];
+    const Eigen::Vector3d error = fused.landmarks().positions[i] - truth;
+    result.nees += error.dot(fused.landmarks().covariances[i].inverse() * error);
+    after.push_back(error.norm());
+    before.push_back((maps.target.landmarks().positions[target] - truth).norm());
+  }
+  result.nees /= static_cast<double>(after.size());
+  result.median_before = median(before);
+  result.median_after = median(after);
+  return result;
+}
+
+TEST(FuseMaps, FusesWhatIsOneAndComesCloserToTheTruth) {
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) {
+    const Sessions two = sessions(seed);
+    const FusionResult result = fuse_maps(placed(two.maps));
+    const Quality found = quality(two, result.map);
+    const auto shared = static_cast<double>(two.maps.shared.size());
+    // Thousands of points on textured spots of a desk: some are nearer to another than their noise.
+    EXPECT_GT(static_cast<double>(found.right), 0.7 * shared) << seed;
+    EXPECT_LT(static_cast<double>(found.wrong), 0.18 * static_cast<double>(found.right)) << seed;
+    EXPECT_LT(found.median_after, 0.85 * found.median_before) << seed;
+    EXPECT_GT(found.nees, 2.0) << seed;
+    EXPECT_LT(found.nees, 4.0) << seed;
+    EXPECT_EQ(result.maps[1].fused, found.right + found.wrong);
+    EXPECT_EQ(result.map.landmark_count(), 4000 - result.maps[1].fused);
+  }
+}
+
+TEST(FuseMaps, IsNotMisledByOutliers) {
+  const Sessions two = sessions(5, 2000, 0.1);
+  const FusionResult result = fuse_maps(placed(two.maps));
+  const Quality found = quality(two, result.map);
+  const auto shared = static_cast<double>(two.maps.shared.size());
+  EXPECT_GT(static_cast<double>(found.right), 0.7 * shared);
+  EXPECT_LT(static_cast<double>(found.wrong), 0.18 * static_cast<double>(found.right));
+}
+
+TEST(FuseMaps, PutsAMapOntoItselfThatWasMoved) {
+  const LandmarkMap map = synthetic_map({.seed = 2, .landmarks = 800, .frames = 20});
+  const Similarity3 moved(2.5, Rigid3::from_roll_pitch_yaw({1.0, -2.0, 0.5}, 0.3, -0.2, 2.0));
+  const LandmarkMap other = transformed(map, moved);
+  const std::vector<PlacedMap> maps = {{&map, "a", {}}, {&other, "b", moved.inverse()}};
+  const FusionResult result = fuse_maps(maps);
+  // By their covariances, a few have three others as near as themselves.
+  EXPECT_GE(result.maps[1].fused, 780U);
+  EXPECT_EQ(result.map.landmark_count(), 1600 - result.maps[1].fused);
+  EXPECT_EQ(result.map.frame_count(), 40U);
+  EXPECT_EQ(result.map.observation_count(), 2 * map.observation_count());
+  for (std::uint32_t i = 0; i < 800; ++i) {
+    EXPECT_LT((result.map.landmarks().positions[i] - map.landmarks().positions[i]).norm(), 1e-9);
+    if (values(result.map, kFusedColumn)[i] < 2.0) continue;
+    // Depths came back to metres.
+    const auto offset = result.map.observations().offsets[i];
+    const auto half = map.observation_count(LandmarkIndex{i});
+    EXPECT_NEAR(*result.map.observations().depths[offset],
+                *result.map.observations().depths[offset + half], 1e-9);
+  }
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const Rigid3 a = result.map.world_from_camera(FrameIndex{i});
+    const Rigid3 b = result.map.world_from_camera(FrameIndex{i + 20});
+    EXPECT_LT(a.difference_to(b).norm(), 1e-9);
+  }
+}
+
+TEST(FuseMaps, KeepsAllThatTheMapsHold) {
+  const LandmarkMap first = testing::full_map();
+  MapTables tables = testing::full_tables();
+  tables.info.provenance = {"made elsewhere"};
+  tables.cameras[0].width = 100;  // another camera; the second is the same
+  for (Eigen::Vector3d& position : tables.landmarks.positions) position.x() += 500.0;
+  tables.landmarks.positions[2] = {5.0, 600.0, 7.0};
+  const LandmarkMap second(std::move(tables));
+  MapTables near = testing::full_tables();
+  near.landmarks.positions[2] = {1.0, 6.0, 7.0};
+  const LandmarkMap third(std::move(near));
+  const std::vector<PlacedMap> maps = {{&third, "one", {}}, {&second, "two", {}}};
+  const LandmarkMap map = fuse_maps(maps).map;
+  EXPECT_EQ(map.landmark_count(), 8U);
+  ASSERT_EQ(map.frame_count(), 6U);
+  EXPECT_EQ(map.observation_count(), 10U);
+  EXPECT_EQ(map.cameras().size(), 3U);
+  EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
+  EXPECT_EQ(map.info().world_frame, "desk");
+  EXPECT_FALSE(map.info().uuid);
+  EXPECT_THAT(map.info().provenance,
+              ::testing::ElementsAre("one: made by hand", "one:  100 % of it\n",
+                                     HasSubstr("map 0 of a merge: one, uuid 123e4567"),
+                                     "two: made elsewhere",
+                                     HasSubstr("frames 3 to 5 are its 3 in their order")));
+  EXPECT_EQ(map.frames().timestamps_s[4], 1305031453.374112);
+  EXPECT_EQ(map.frames().image_names[3], "rgb/1.png");
+  EXPECT_EQ(map.frames().cameras[3]->value, 1U);  // the fisheye of both
+  EXPECT_EQ(map.frames().cameras[5]->value, 2U);
+  EXPECT_EQ(map.landmarks().colors[4], first.landmarks().colors[0]);
+  EXPECT_EQ(map.landmarks().descriptors->known[6], 1);
+  EXPECT_EQ(map.landmarks().descriptors->bytes[12], 0x1a);
+  EXPECT_EQ(values(map, "confidence")[4], 0.25);
+  EXPECT_EQ(values(map, kFromLandmarkColumn)[5], 10.0);
+  EXPECT_EQ(values(map, kFromMapColumn)[5], 1.0);
+  EXPECT_TRUE(std::isnan(values(map, kFromLandmarkColumn)[6]));
+  EXPECT_EQ(map.observations().keypoints[5], 12U);
+  EXPECT_EQ(map.observations().depths[5], 2.01);
+  EXPECT_EQ(map.observations().octaves[6], 1);
+  EXPECT_FALSE(map.covariance(LandmarkIndex{1}));
+  EXPECT_TRUE(map.covariance(LandmarkIndex{0}));
+}
+
+TEST(FuseMaps, IsTheSameForAnyNumberOfThreads) {
+  const Sessions two = sessions(7);
+  FusionOptions options;
+  const LandmarkMap one = fuse_maps(placed(two.maps), options).map;
+  options.execution.executor = Executor(2);
+  EXPECT_THAT(fuse_maps(placed(two.maps), options).map, EqualsMap(one));
+}
+
+LandmarkMap without_covariances(LandmarkMap map) {
+  MapTables tables = std::move(map).tables();
+  tables.landmarks.covariances.clear();
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(FuseMaps, GetsAlongWithoutCovariances) {
+  Sessions two = sessions(8);
+  const LandmarkMap source = without_covariances(two.maps.source);
+  const LandmarkMap target = without_covariances(two.maps.target);
+  const std::vector<PlacedMap> maps = {{&target, "t", {}},
+                                       {&source, "s", two.maps.target_from_source}};
+  const FusionResult result = fuse_maps(maps);
+  EXPECT_FALSE(result.map.has_covariances());
+  EXPECT_GT(result.maps[1].deviation, 0.0005);
+  EXPECT_LT(result.maps[1].deviation, 0.02);
+  const auto shared = static_cast<double>(two.maps.shared.size());
+  EXPECT_GT(static_cast<double>(result.maps[1].fused), 0.45 * shared);
+  EXPECT_LT(static_cast<double>(result.maps[1].fused), 1.1 * shared);
+}
+
+TEST(FuseMaps, StatesThePosesUncertaintyOfLandmarksThatComeFromElsewhere) {
+  const Sessions two = sessions(9, 500);
+  std::vector<PlacedMap> maps = placed(two.maps);
+  maps[1].covariance.topLeftCorner<3, 3>() = 0.01 * Eigen::Matrix3d::Identity();
+  const LandmarkMap map = fuse_maps(maps).map;
+  bool seen = false;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    if (values(map, kFromMapColumn)[i] != 1.0) continue;
+    seen = true;
+    EXPECT_GT(map.covariance(LandmarkIndex{i})->trace(), 0.03);
+  }
+  EXPECT_TRUE(seen);
+}
+
+// The sessions' maps with descriptors: those of one point differ in a few bits, others as random ones do.
+LandmarkMap with_descriptors(const LandmarkMap& map, const std::vector<std::uint64_t>& seeds) {
+  LandmarkMap copy = map;
+  MapTables tables = std::move(copy).tables();
+  DescriptorColumn column{"ORB", 32, {}, {}};
+  for (const std::uint64_t seed : seeds) {
+    Random random(seed);
+    column.known.push_back(1);
+    for (int i = 0; i < 32; ++i)
+      column.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  tables.landmarks.descriptors = std::move(column);
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(FuseMaps, FusesNothingThatLooksDifferent) {
+  const Sessions two = sessions(10);
+  std::vector<std::uint64_t> source(two.maps.source.landmark_count());
+  std::vector<std::uint64_t> target(two.maps.target.landmark_count());
+  for (std::size_t i = 0; i < source.size(); ++i) source[i] = 1'000'000 + i;
+  for (std::size_t i = 0; i < target.size(); ++i) target[i] = 2'000'000 + i;
+  // Every second shared landmark looks the same in both.
+  std::size_t alike = 0;
+  for (std::size_t i = 0; i < two.maps.shared.size(); i += 2) {
+    source[two.maps.shared[i].first.value] = target[two.maps.shared[i].second.value];
+    ++alike;
+  }
+  const LandmarkMap s = with_descriptors(two.maps.source, source);
+  const LandmarkMap t = with_descriptors(two.maps.target, target);
+  const std::vector<PlacedMap> maps = {{&t, "t", {}}, {&s, "s", two.maps.target_from_source}};
+  const std::size_t fused = fuse_maps(maps).maps[1].fused;
+  EXPECT_GT(fused, alike * 9 / 10);
+  EXPECT_LT(fused, alike * 12 / 10);
+}
+
+TEST(FuseMaps, RefusesNoMapsAndOptionsOutOfRange) {
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [] { fuse_maps({}); }),
+              HasSubstr("at least one map"));
+  FusionOptions options;
+  options.min_probability = 0.2;
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
+              HasSubstr("FusionOptions.min_probability: 0.2; expected 0.5 to 1"));
+}
+
+}  // namespace
+}  // namespace cairn

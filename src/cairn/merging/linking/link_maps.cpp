@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/linking/link_maps.hpp"
+
+#include <mutex>
+#include <utility>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+AlignOptions align_options(const LinkOptions& options) {
+  AlignOptions align;
+  align.min_probability = options.min_probability;
+  align.prior_odds = options.prior_odds;
+  align.effort = options.effort;
+  align.points = options.points;
+  align.seed = options.seed;
+  align.execution = options.execution;
+  return align;
+}
+
+bool is_free(const LandmarkMap& map) {
+  return map.info().length_unit == LengthUnit::kFree;
+}
+
+MapLink linked(const LandmarkMap& target, const LandmarkMap& source, AlignOptions options) {
+  if (is_free(target) || is_free(source)) options.scale = ScaleRange();
+  Alignment alignment = align(source, target, options);
+  if (alignment.registration.status == RegistrationStatus::kCancelled) {
+    throw Error(ErrorKind::kCancelled, "merge", "linking was cancelled", "");
+  }
+  MapLink link;
+  link.verdict = alignment.verdict.value_or(Verdict::kRejected);
+  link.probability = alignment.probability.value_or(0.0);
+  link.reason = std::move(alignment.reason);
+  if (!alignment.target_from_source) return link;
+  link.target_from_source = alignment.target_from_source;
+  link.covariance = alignment.registration.covariance;
+  link.covariance_with_scale = alignment.registration.covariance_with_scale;
+  return link;
+}
+
+}  // namespace
+
+void LinkOptions::validate() const {
+  align_options(*this).validate();
+}
+
+std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
+                               const LinkOptions& options) {
+  options.validate();
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t source = 1; source < maps.size(); ++source) {
+    for (std::size_t target = 0; target < source; ++target) pairs.emplace_back(target, source);
+  }
+  std::vector<MapLink> links(pairs.size());
+  const Executor& executor = options.execution.executor;
+  // Many pairs are the better work to share out.
+  const bool by_pairs = pairs.size() >= executor.threads();
+  AlignOptions align = align_options(options);
+  align.execution = options.execution.without_progress();
+  if (by_pairs) align.execution.executor = Executor(1);
+  std::mutex mutex;
+  std::size_t done = 0;
+  const auto link_pairs = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto [target, source] = pairs[i];
+      links[i] = linked(*maps[target], *maps[source], align);
+      links[i].target = target;
+      links[i].source = source;
+      const std::lock_guard lock(mutex);
+      ++done;
+      if (options.execution.progress) {
+        options.execution.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
+      }
+    }
+  };
+  if (by_pairs) {
+    executor.for_blocks(pairs.size(), 1, link_pairs);
+  } else {
+    link_pairs(0, pairs.size());
+  }
+  return links;
+}
+
+}  // namespace cairn

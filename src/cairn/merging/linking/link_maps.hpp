@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/alignment/align.hpp"
+
+namespace cairn {
+
+/// What align() came to for two of several maps.
+struct MapLink {
+  std::size_t target = 0;  ///< index of a map
+  std::size_t source = 0;
+  Verdict verdict = Verdict::kRejected;
+  double probability = 0.0;
+  std::string reason;  ///< one sentence for people
+  /// Only if the verdict is aligned; with the covariances that Alignment states.
+  std::optional<Similarity3> target_from_source;
+  std::optional<Matrix6d> covariance;
+  std::optional<Matrix7d> covariance_with_scale;
+};
+
+struct LinkOptions {
+  double min_probability = 0.99;  ///< from which a pair is aligned; see AlignOptions
+  double prior_odds = 1.0;        ///< see PlaceOptions
+  double effort = 1.0;            ///< see PlaceOptions
+  PointSetOptions points = {};
+  std::uint64_t seed = 0;
+  Execution execution = {};
+
+  /// @throws Error (misuse) naming the field, its value and what it may be
+  void validate() const;
+};
+
+/// Aligns every map with every map before it, which is the target. Where one of the two is of free scale,
+/// the scale is searched for. Same input and seed, same links, whatever the number of threads.
+/// @return one link a pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...
+/// @throws Error (cancelled) if the caller asked to stop
+std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
+                               const LinkOptions& options = {});
+
+}  // namespace cairn

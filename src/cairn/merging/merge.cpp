@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/merge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/merging/optimisation/optimise_poses.hpp"
+
+namespace cairn {
+namespace {
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// By medians, so that a few landmarks far off do not count.
+NodeExtent extent_of(const LandmarkMap& map) {
+  NodeExtent extent;
+  const auto& positions = map.landmarks().positions;
+  if (positions.empty()) return extent;
+  std::vector<double> values(positions.size());
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < positions.size(); ++i) values[i] = positions[i][axis];
+    extent.centre[axis] = median(values);
+  }
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    values[i] = (positions[i] - extent.centre).norm();
+  }
+  const double radius = median(values);
+  if (radius > 0.0 && std::isfinite(radius)) extent.radius = radius;
+  return extent;
+}
+
+Progress part_of(const Progress& progress, double begin, double end) {
+  if (!progress) return {};
+  return [=](double share) { progress(begin + (end - begin) * share); };
+}
+
+std::string percent(double probability) {
+  return fmt::format("{:.2f} %", std::floor(1e4 * probability) / 100.0);
+}
+
+// Why a map is not in the result.
+std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
+                      const MergeResult& result) {
+  const MapLink* best = nullptr;
+  std::size_t aligned = 0;
+  for (const MapLink& link : result.links) {
+    if (link.target != map && link.source != map) continue;
+    if (link.verdict == Verdict::kAligned) {
+      ++aligned;
+    } else if (best == nullptr || link.probability > best->probability) {
+      best = &link;
+    }
+  }
+  const auto other = [&](const MapLink& link) -> const std::string& {
+    return maps[link.target == map ? link.source : link.target].name;
+  };
+  if (aligned == 0 && best == nullptr) return "there is nothing to align it with";
+  if (aligned == 0) {
+    return fmt::format("aligned with none; likeliest with {} ({}): {}: {}", other(*best),
+                       percent(best->probability), to_string(best->verdict), best->reason);
+  }
+  return fmt::format("aligned with {} map{}, but with none of the largest group", aligned,
+                     aligned == 1 ? "" : "s");
+}
+
+}  // namespace
+
+void MergeOptions::validate() const {
+  links.validate();
+  FusionOptions fusion;
+  fusion.min_probability = fusion_probability;
+  fusion.validate();
+}
+
+std::size_t MergeResult::placed() const {
+  return static_cast<std::size_t>(
+      std::count_if(maps.begin(), maps.end(), [](const MergedMap& one) { return one.placed; }));
+}
+
+PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result) {
+  PoseGraph graph;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    graph.nodes.push_back(
+        {NodeId{i}, maps[i].name, {}, result.maps[i].world_from_map.value_or(Similarity3())});
+  }
+  for (const MapLink& link : result.links) {
+    if (link.verdict != Verdict::kAligned || !link.target_from_source) continue;
+    graph.links.push_back({NodeId{link.target}, NodeId{link.source}, *link.target_from_source,
+                           link.covariance, link.covariance_with_scale, LinkKind::kPlacement,
+                           link.probability});
+  }
+  return graph;
+}
+
+MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
+  options.validate();
+  if (maps.size() < 2) {
+    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} of them", maps.size()),
+                "at least two maps");
+  }
+  MergeResult result;
+  result.maps.resize(maps.size());
+  std::vector<const LandmarkMap*> pointers;
+  std::vector<NodeExtent> extents;
+  for (const MergeInput& input : maps) {
+    pointers.push_back(input.map);
+    extents.push_back(extent_of(*input.map));
+  }
+  LinkOptions how = options.links;
+  how.seed = options.seed;
+  how.execution = options.execution;
+  how.execution.progress = part_of(options.execution.progress, 0.0, 0.9);
+  result.links = link_maps(pointers, how);
+  result.used.assign(result.links.size(), false);
+
+  std::vector<std::size_t> link_of;  // by link of the graph
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    if (result.links[i].verdict == Verdict::kAligned && result.links[i].target_from_source) {
+      link_of.push_back(i);
+    }
+  }
+  const OptimisedPoses poses = optimise_poses(pose_graph(maps, result), extents);
+  for (std::size_t i = 0; i < link_of.size(); ++i) result.used[link_of[i]] = poses.agrees[i];
+  for (const std::size_t link : poses.tree) result.tree.push_back(link_of[link]);
+  const bool any = !poses.tree.empty();
+  std::vector<PlacedMap> placed;
+  std::vector<std::size_t> index_of;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    MergedMap& merged = result.maps[i];
+    merged.placed = any && poses.world_from_node[i].has_value();
+    if (!merged.placed) {
+      merged.reason = reason_of(i, maps, result);
+      continue;
+    }
+    merged.world_from_map = poses.world_from_node[i];
+    merged.covariance = poses.covariances[i];
+    placed.push_back({maps[i].map, maps[i].name, *merged.world_from_map, merged.covariance});
+    index_of.push_back(i);
+  }
+  if (!any) return result;
+  FusionOptions fusion;
+  fusion.min_probability = options.fusion_probability;
+  fusion.seed = options.seed;
+  fusion.execution = options.execution;
+  fusion.execution.progress = part_of(options.execution.progress, 0.9, 1.0);
+  fusion.log = options.log;
+  FusionResult fused = fuse_maps(placed, fusion);
+  for (std::size_t i = 0; i < index_of.size(); ++i) result.maps[index_of[i]].fusion = fused.maps[i];
+  result.map = std::move(fused.map);
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/merging/fusion/fuse_maps.hpp"
+#include "cairn/merging/linking/link_maps.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
+
+namespace cairn {
+
+/// A map to merge.
+struct MergeInput {
+  std::string name;
+  const LandmarkMap* map = nullptr;  ///< not null
+};
+
+struct MergeOptions {
+  LinkOptions links = {};           ///< its execution and seed are taken from below
+  double fusion_probability = 0.5;  ///< from which two landmarks are one; in [0.5, 1]
+  std::uint64_t seed = 0;
+  Execution execution = {};
+  LogSink log = {};
+
+  /// @throws Error (misuse) naming the field, its value and what it may be
+  void validate() const;
+};
+
+/// What became of one map.
+struct MergedMap {
+  bool placed = false;
+  std::string reason;  ///< of a map that is not placed: one sentence for people
+  std::optional<Similarity3> world_from_map;
+  Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
+  std::optional<MapFusion> fusion;
+};
+
+struct MergeResult {
+  std::vector<MergedMap> maps;    ///< one an input
+  std::vector<MapLink> links;     ///< of all pairs, aligned or not
+  std::vector<bool> used;         ///< by link: aligned, and in agreement with the poses
+  std::vector<std::size_t> tree;  ///< links that first placed a map, in that order
+  /// In the frame of the first map that is placed. std::nullopt where no two maps were placed.
+  std::optional<LandmarkMap> map;
+
+  std::size_t placed() const;
+};
+
+/// The aligned links as a graph, whose nodes are the maps by index.
+PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result);
+
+/// Merges maps of one place into one: link_maps(), optimise_poses(), fuse_maps(). Only links that were
+/// judged aligned place a map; maps that nothing connects to the largest group stay out.
+/// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
+MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
+
+}  // namespace cairn

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/merge.hpp"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/maps.hpp"
+#include "support/refusal.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::EqualsMap;
+using ::testing::HasSubstr;
+
+SyntheticPair pair(std::uint64_t seed) {
+  return synthetic_pair({.seed = seed, .landmarks = 1200, .frames = 30});
+}
+
+TEST(Merge, PutsTwoSessionsIntoTheFirstOnesFrame) {
+  const SyntheticPair maps = pair(1);
+  const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &maps.source}};
+  const MergeResult result = merge(inputs);
+  EXPECT_EQ(result.placed(), 2U);
+  ASSERT_TRUE(result.map);
+  ASSERT_TRUE(result.maps[1].world_from_map);
+  const Rigid3 pose = result.maps[1].world_from_map->rigid();
+  const Rigid3 error = pose.inverse() * maps.target_from_source;
+  EXPECT_LT(error.angle(), 0.002);
+  EXPECT_LT(
+      (pose * Eigen::Vector3d::Zero() - maps.target_from_source * Eigen::Vector3d::Zero()).norm(),
+      0.01);
+  EXPECT_EQ(result.map->frame_count(), 60U);
+  EXPECT_EQ(result.map->observation_count(),
+            maps.source.observation_count() + maps.target.observation_count());
+  EXPECT_EQ(result.map->info().world_frame, "synthetic_desk");
+  EXPECT_LT(result.map->landmark_count(), 2400 - maps.shared.size() * 9 / 10);
+  EXPECT_GT(result.map->landmark_count(), 2400 - maps.shared.size() * 11 / 10);
+  const PoseGraph graph = pose_graph(inputs, result);
+  graph.validate();
+  EXPECT_EQ(graph.links.size(), 1U);
+  EXPECT_EQ(graph.links[0].kind, LinkKind::kPlacement);
+}
+
+TEST(Merge, LeavesStrangersOutAndSaysWhy) {
+  const SyntheticPair maps = pair(1);
+  const LandmarkMap stranger = synthetic_map({.seed = 77, .landmarks = 1200, .frames = 30});
+  const std::vector<MergeInput> inputs = {
+      {"stranger", &stranger}, {"target", &maps.target}, {"source", &maps.source}};
+  const MergeResult result = merge(inputs);
+  EXPECT_EQ(result.placed(), 2U);
+  EXPECT_FALSE(result.maps[0].placed);
+  EXPECT_FALSE(result.maps[0].world_from_map);
+  EXPECT_THAT(result.maps[0].reason, HasSubstr("aligned with none; likeliest with "));
+  EXPECT_EQ(result.links.size(), 3U);
+  EXPECT_EQ(result.used, (std::vector<bool>{false, false, true}));
+  EXPECT_EQ(result.map->frame_count(), 60U);
+  const MergeResult none = merge(std::span(inputs).first(2));
+  EXPECT_EQ(none.placed(), 0U);
+  EXPECT_FALSE(none.map);
+}
+
+TEST(Merge, FindsTheScaleOfAMapThatIsOfAnother) {
+  const SyntheticPair maps = pair(2);
+  const LandmarkMap source =
+      with_length_unit(transformed(maps.source, Similarity3(3.0, Rigid3())), LengthUnit::kFree);
+  const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &source}};
+  const MergeResult result = merge(inputs);
+  ASSERT_EQ(result.placed(), 2U) << result.maps[1].reason;
+  EXPECT_NEAR(result.maps[1].world_from_map->scale(), 1.0 / 3.0, 0.001);
+  EXPECT_EQ(result.map->info().length_unit, LengthUnit::kMetres);
+  EXPECT_LT(result.map->landmark_count(), 2400 - maps.shared.size() * 8 / 10);
+}
+
+TEST(Merge, IsTheSameForAnyNumberOfThreads) {
+  const SyntheticPair maps = pair(3);
+  const LandmarkMap third =
+      transformed(maps.target, Rigid3::from_roll_pitch_yaw({1.0, 2.0, 3.0}, 1.0, 0.5, -2.0));
+  const std::vector<MergeInput> inputs = {
+      {"target", &maps.target}, {"source", &maps.source}, {"third", &third}};
+  MergeOptions options;
+  const MergeResult one = merge(inputs, options);
+  ASSERT_EQ(one.placed(), 3U);
+  options.execution.executor = Executor(2);
+  const MergeResult two = merge(inputs, options);
+  EXPECT_THAT(*two.map, EqualsMap(*one.map));
+}
+
+TEST(Merge, StopsWhenAsked) {
+  const SyntheticPair maps = pair(4);
+  std::stop_source stop;
+  stop.request_stop();
+  MergeOptions options;
+  options.execution.stop = stop.get_token();
+  const std::vector<MergeInput> inputs = {{"a", &maps.target}, {"b", &maps.source}};
+  EXPECT_THAT(testing::refusal(ErrorKind::kCancelled, [&] { merge(inputs, options); }),
+              HasSubstr("cancelled"));
+}
+
+TEST(Merge, RefusesASingleMap) {
+  const SyntheticPair maps = pair(5);
+  const std::vector<MergeInput> inputs = {{"a", &maps.target}};
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { merge(inputs); }),
+              HasSubstr("at least two maps"));
+}
+
+}  // namespace
+}  // namespace cairn

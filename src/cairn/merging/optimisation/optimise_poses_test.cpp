@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/optimisation/optimise_poses.hpp"
+
+#include <cmath>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
+#include "cairn/geometry/covariance.hpp"
+
+#include "support/refusal.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kShift = 0.002;  // deviations of a link's error
+constexpr double kTurn = 0.001;
+
+Rigid3 random_pose(Random& random, double length) {
+  const Eigen::Vector3d turn(random.normal(), random.normal(), random.normal());
+  return {rotation_exp(turn),
+          length * Eigen::Vector3d(random.normal(), random.normal(), random.normal())};
+}
+
+// Nodes in one world, and links between them with errors as their covariances say.
+struct World {
+  explicit World(std::size_t nodes, std::uint64_t seed, bool scales = false) : random(seed) {
+    for (std::size_t i = 0; i < nodes; ++i) {
+      const double scale = scales && i > 0 ? std::exp(0.5 * random.normal()) : 1.0;
+      truth.emplace_back(scale, i == 0 ? Rigid3() : random_pose(random, 1.0));
+      graph.nodes.push_back({NodeId{10 * i}, {}, {}, {}});
+    }
+    extents.resize(nodes);
+  }
+  void link(std::size_t target, std::size_t source, bool with_scale = false) {
+    const Similarity3 right = truth[target].inverse() * truth[source];
+    Vector6d error;
+    for (int i = 0; i < 6; ++i) error[i] = (i < 3 ? kShift : kTurn) * random.normal();
+    PoseLink link;
+    link.target = NodeId{10 * target};
+    link.source = NodeId{10 * source};
+    const double scale = right.scale() * (with_scale ? std::exp(kTurn * random.normal()) : 1.0);
+    link.target_from_source = Similarity3(scale, right.rigid().perturbed(error));
+    Vector7d variances;
+    variances << kShift * kShift, kShift * kShift, kShift * kShift, kTurn * kTurn, kTurn * kTurn,
+        kTurn * kTurn, kTurn * kTurn;
+    const Matrix7d covariance = variances.asDiagonal();
+    if (with_scale) link.covariance_with_scale = covariance;
+    link.covariance = Matrix6d(covariance.topLeftCorner<6, 6>());
+    graph.links.push_back(link);
+  }
+  void wrong_link(std::size_t target, std::size_t source) {
+    link(target, source);
+    graph.links.back().target_from_source = random_pose(random, 1.0);
+  }
+  double error(const OptimisedPoses& poses, std::size_t node) const {
+    const Rigid3& pose = poses.world_from_node[node].value().rigid();
+    return pose.difference_to(truth[node].rigid()).norm();
+  }
+
+  Random random;
+  std::vector<Similarity3> truth;
+  PoseGraph graph;
+  std::vector<NodeExtent> extents;
+};
+
+TEST(OptimisePoses, GivesALinkedNodeTheLinksPoseAndCovariance) {
+  World world(2, 1);
+  world.link(0, 1);
+  const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+  const Rigid3 expected = world.graph.links[0].target_from_source.rigid();
+  EXPECT_LT(poses.world_from_node[1]->rigid().difference_to(expected).norm(), 1e-9);
+  EXPECT_EQ(poses.world_from_node[0]->scale(), 1.0);
+  EXPECT_LT(
+      (Matrix6d(poses.covariances[1].topLeftCorner<6, 6>()) - *world.graph.links[0].covariance)
+          .norm(),
+      1e-10);
+  EXPECT_EQ(poses.tree, std::vector<std::size_t>{0});
+  EXPECT_EQ(poses.agrees, std::vector<bool>{true});
+}
+
+TEST(OptimisePoses, TakesALinkThatRunsTheOtherWay) {
+  World world(2, 2, true);
+  world.link(1, 0, true);
+  const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+  const Similarity3 expected = world.graph.links[0].target_from_source.inverse();
+  EXPECT_LT((poses.world_from_node[1]->matrix() - expected.matrix()).norm(), 1e-8);
+  const Matrix7d covariance = inverse_covariance(world.graph.links[0].target_from_source,
+                                                 *world.graph.links[0].covariance_with_scale);
+  EXPECT_LT((poses.covariances[1] - covariance).norm(), 1e-3 * covariance.norm());
+}
+
+TEST(OptimisePoses, StatesHowExactPosesAreThatManyLinksDetermine) {
+  double sum = 0.0;
+  int count = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    World world(6, seed);
+    for (std::size_t i = 0; i < 6; ++i) {
+      for (std::size_t j = i + 1; j < 6; ++j) world.link(i, j);
+    }
+    const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+    for (std::size_t i = 1; i < 6; ++i) {
+      sum += normalised_squared_error(poses.world_from_node[i]->rigid(),
+                                      Matrix6d(poses.covariances[i].topLeftCorner<6, 6>()),
+                                      world.truth[i].rigid());
+      ++count;
+    }
+  }
+  EXPECT_NEAR(sum / count, 6.0, 1.2);
+}
+
+TEST(OptimisePoses, KeepsNoWrongLinkWhereOthersSpeak) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    World world(10, seed);
+    Random random(100 + seed);
+    std::vector<bool> right;
+    for (std::size_t i = 0; i < 10; ++i) {
+      for (std::size_t j = i + 1; j < 10; ++j) {
+        right.push_back(!random.chance(0.4));
+        if (right.back()) {
+          world.link(i, j);
+        } else {
+          world.wrong_link(i, j);
+        }
+      }
+    }
+    const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+    for (std::size_t i = 0; i < 10; ++i) EXPECT_LT(world.error(poses, i), 0.01) << seed;
+    EXPECT_EQ(poses.agrees, right) << seed;
+  }
+}
+
+TEST(OptimisePoses, LeavesOutWhatNothingConnects) {
+  World world(5, 3);
+  world.link(1, 2);
+  world.link(2, 4);
+  world.link(0, 3);
+  const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+  EXPECT_FALSE(poses.world_from_node[0]);
+  EXPECT_FALSE(poses.world_from_node[3]);
+  EXPECT_LT(poses.world_from_node[1]->matrix().isIdentity(1e-12) ? 0.0 : 1.0, 0.5);
+  EXPECT_TRUE(poses.world_from_node[4]);
+  EXPECT_EQ(poses.agrees, (std::vector<bool>{true, true, false}));
+}
+
+TEST(OptimisePoses, FindsScalesWhereLinksMeasureThem) {
+  World world(4, 4, true);
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = i + 1; j < 4; ++j) world.link(i, j, true);
+  }
+  const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NEAR(poses.world_from_node[i]->scale() / world.truth[i].scale(), 1.0, 0.01);
+    EXPECT_LT(world.error(poses, i), 0.05);
+  }
+}
+
+TEST(OptimisePoses, RefusesExtentsThatAreNone) {
+  World world(2, 5);
+  world.extents[1].radius = 0.0;
+  EXPECT_THAT(
+      testing::refusal(ErrorKind::kMisuse, [&] { optimise_poses(world.graph, world.extents); }),
+      HasSubstr("NodeExtent.radius: 0"));
+  world.extents.pop_back();
+  EXPECT_THAT(
+      testing::refusal(ErrorKind::kMisuse, [&] { optimise_poses(world.graph, world.extents); }),
+      HasSubstr("2, one a node"));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "cairn/core/file.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
+
+namespace cairn {
+
+/// A graph as JSON: schema cairn.pose_graph, version 1 (docs/formats.md).
+std::string pose_graph_text(const PoseGraph& graph);
+
+/// Reads that. Quaternions are normalised, which may change their last digit; all else is as written.
+/// @throws Error (input) naming source, the place in the document, what was found and what was expected
+PoseGraph read_pose_graph(ByteSource& source);
+
+}  // namespace cairn

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/pose_graph/pose_graph.hpp"
+
+#include <algorithm>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+bool is_finite(const Similarity3& pose) {
+  return pose.translation().allFinite() && pose.rigid().quaternion().coeffs().allFinite();
+}
+
+// Decimals round: a relative error of 1e-6 of the largest entry is allowed, as of landmarks.
+template <class Matrix>
+std::string defect_of(const Matrix& covariance) {
+  if (!covariance.allFinite()) return "an entry is not finite";
+  const double tolerance = 1e-6 * covariance.cwiseAbs().maxCoeff();
+  if ((covariance - covariance.transpose()).cwiseAbs().maxCoeff() > tolerance) {
+    return "not symmetric";
+  }
+  using Plain = Eigen::Matrix<double, Matrix::RowsAtCompileTime, Matrix::ColsAtCompileTime>;
+  const Eigen::SelfAdjointEigenSolver<Plain> solver(covariance, Eigen::EigenvaluesOnly);
+  return solver.eigenvalues().minCoeff() < -tolerance ? "indefinite" : "";
+}
+
+}  // namespace
+
+std::string_view to_string(LinkKind kind) {
+  switch (kind) {
+    case LinkKind::kOdometry:
+      return "odometry";
+    case LinkKind::kPlacement:
+      return "placement";
+    case LinkKind::kManual:
+      return "manual";
+  }
+  return "unknown";
+}
+
+void PoseGraph::validate(std::string_view where) const {
+  const auto refuse = [&](const std::string& place, std::string_view what,
+                          std::string_view expected) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", where, place), what, expected);
+  };
+  std::vector<NodeId> ids;
+  ids.reserve(nodes.size());
+  for (const PoseNode& node : nodes) {
+    ids.push_back(node.id);
+    if (!is_finite(node.world_from_node)) {
+      refuse(fmt::format("node {}", node.id.value), "a number of its pose is not finite",
+             "finite numbers");
+    }
+  }
+  std::sort(ids.begin(), ids.end());
+  if (const auto twice = std::adjacent_find(ids.begin(), ids.end()); twice != ids.end()) {
+    refuse(fmt::format("node {}", twice->value), "its id occurs twice", "each id once");
+  }
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const PoseLink& link = links[i];
+    const std::string place =
+        fmt::format("link {} ({} to {})", i, link.target.value, link.source.value);
+    for (const NodeId end : {link.target, link.source}) {
+      if (!std::binary_search(ids.begin(), ids.end(), end)) {
+        refuse(place, fmt::format("there is no node {}", end.value), "the id of a node");
+      }
+    }
+    if (link.target == link.source) {
+      refuse(place, "it links a node with itself", "two nodes");
+    }
+    if (!is_finite(link.target_from_source)) {
+      refuse(place, "a number of its transform is not finite", "finite numbers");
+    }
+    std::string defect = link.covariance ? defect_of(*link.covariance) : "";
+    if (defect.empty() && link.covariance_with_scale) {
+      defect = defect_of(*link.covariance_with_scale);
+    }
+    if (!defect.empty()) refuse(place, "its covariance is none: " + defect, "a covariance");
+    if (link.probability && !(*link.probability >= 0.0 && *link.probability <= 1.0)) {
+      refuse(place, fmt::format("its probability is {}", *link.probability), "0 to 1");
+    }
+  }
+}
+
+}  // namespace cairn

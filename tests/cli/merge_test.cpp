@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
+#include <string>
+
+#include "cairn/map/operations.hpp"
+
+#include "cli.hpp"
+#include "support/real_data.hpp"
+
+namespace cairn::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+using ::testing::AllOf;
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+class MergeTest : public CliTest {
+ protected:
+  void write_stranger() const {
+    write_map(synthetic_map({.seed = 77, .landmarks = 900, .frames = 20}), path("stranger.map"));
+  }
+};
+
+TEST_F(MergeTest, MakesOneMapOfTwo) {
+  const SyntheticPair pair = write_pair(900);
+  const CommandResult result = cairn({"merge", "target.map", "source.map", "-o", "both.map"});
+  EXPECT_EQ(result.exit_code, kDone);
+  EXPECT_THAT(result.errors, IsEmpty());
+  EXPECT_THAT(result.output,
+              ContainsRegex("^placed 2 of 2: target <- source 99\\.[0-9][0-9] %\n"
+                            "1,800 landmarks became 1,[0-9][0-9][0-9]\nwrote both.map\n$"));
+  const LandmarkMap map = read_map(path("both.map"));
+  EXPECT_EQ(map.frame_count(), 40U);
+  EXPECT_EQ(map.observation_count(),
+            pair.source.observation_count() + pair.target.observation_count());
+  EXPECT_LT(map.landmark_count(), 1400U);
+  EXPECT_EQ(map.frames().translations[0], pair.target.frames().translations[0]);
+}
+
+TEST_F(MergeTest, JsonHasEveryMapAndEveryPair) {
+  const SyntheticPair pair = write_pair(900);
+  write_stranger();
+  const Json json = document(
+      {"merge", "source.map", "stranger.map", "target.map", "-o", "all.cairn"}, kNoAlignment);
+  EXPECT_EQ(json.at("schema"), Json({{"name", "cairn.merge"}, {"version", 1}}));
+  EXPECT_EQ(json.at("inputs").at("maps").size(), 3U);
+  EXPECT_EQ(json.at("inputs").at("maps").at(1).at("path"), "stranger.map");
+  EXPECT_EQ(json.at("placed"), 2);
+  EXPECT_EQ(json.at("maps").at(0).at("name"), "source");
+  EXPECT_TRUE(json.at("maps").at(1).at("world_from_map").is_null());
+  EXPECT_THAT(json.at("maps").at(1).at("reason").get<std::string>(),
+              HasSubstr("aligned with none"));
+  const Rigid3 source_from_target = pose_of(json.at("maps").at(2).at("world_from_map"));
+  const Rigid3 error = source_from_target * pair.target_from_source;
+  EXPECT_LT(error.angle(), 0.003);
+  ASSERT_EQ(json.at("links").size(), 3U);
+  EXPECT_EQ(json.at("links").at(0).at("status"), "rejected");
+  EXPECT_EQ(json.at("links").at(0).at("used"), false);
+  EXPECT_TRUE(json.at("links").at(0).at("target_from_source").is_null());
+  EXPECT_EQ(json.at("links").at(1).at("status"), "aligned");
+  EXPECT_EQ(json.at("links").at(1).at("used"), true);
+  EXPECT_EQ(json.at("links").at(1).at("covariance").size(), 6U);
+  EXPECT_EQ(json.at("output").at("landmarks_before"), 1800);
+  EXPECT_EQ(json.at("output").at("landmarks"), read_map(path("all.cairn")).landmark_count());
+}
+
+TEST_F(MergeTest, NamesWhatIsLeftOut) {
+  write_pair(900);
+  write_stranger();
+  const CommandResult result =
+      cairn({"merge", "stranger.map", "target.map", "source.map", "-o", "all.map"});
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  EXPECT_THAT(result.output,
+              AllOf(HasSubstr("placed 2 of 3: target <- source 99."),
+                    HasSubstr("left out stranger: aligned with none; likeliest with "),
+                    HasSubstr("1,800 landmarks became ")));
+  EXPECT_EQ(read_map(path("all.map")).frame_count(), 40U);
+}
+
+TEST_F(MergeTest, WritesNothingWhereNothingBelongsTogether) {
+  write_pair(900);
+  write_stranger();
+  write("both.map", "what was there");
+  const CommandResult result = cairn({"merge", "stranger.map", "target.map", "-o", "both.map"});
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  EXPECT_THAT(result.output,
+              AllOf(HasSubstr("placed 0 of 2\n"), HasSubstr("left out stranger: "),
+                    HasSubstr("left out target: "), HasSubstr("both.map is not written")));
+  EXPECT_EQ(content("both.map"), "what was there");
+}
+
+TEST_F(MergeTest, TakesAFolderOfMapsAndCallsThemByTheirPlaceWhereNamesAreAlike) {
+  const SyntheticPair pair = write_pair(900);
+  fs::create_directory(path("robot"));
+  fs::rename(path("source.map"), path("robot") / "target.map");
+  fs::rename(path("truth.txt"), path("robot") / "notes.md");
+  const CommandResult result = cairn({"merge", "target.map", "robot", "-o", "both.map"});
+  EXPECT_EQ(result.exit_code, kDone) << result.errors;
+  EXPECT_THAT(result.output, HasSubstr("placed 2 of 2: target <- robot/target 99."));
+}
+
+TEST_F(MergeTest, WritesTheSameBytesForAnyNumberOfThreads) {
+  write_pair(900);
+  answer({"merge", "target.map", "source.map", "-o", "one.cairn", "--threads", "1", "--json",
+          "one.json"});
+  answer({"merge", "target.map", "source.map", "-o", "two.cairn", "--threads", "2", "--json",
+          "two.json"});
+  EXPECT_EQ(content("one.cairn"), content("two.cairn"));
+  Json one = Json::parse(content("one.json"));
+  Json two = Json::parse(content("two.json"));
+  one.at("output").erase("path");
+  two.at("output").erase("path");
+  EXPECT_EQ(one, two);
+}
+
+TEST_F(MergeTest, RefusesWhatCannotBeMerged) {
+  write_pair(100);
+  expect_refusal({"merge", "target.map", "source.map"}, kWrongUsage, {"--output"});
+  expect_refusal({"merge", "target.map", "-o", "a.map"}, kWrongUsage, {"at least two maps"});
+  expect_refusal({"merge", "target.map", "./target.map", "-o", "a.map"}, kWrongUsage,
+                 {"are one file"});
+  expect_refusal({"merge", "target.map", "source.map", "-o", "source.map"}, kWrongUsage,
+                 {"source.map is one of the maps"});
+  expect_refusal({"merge", "target.map", "source.map", "-o", "a.xyz"}, kWrongUsage,
+                 {"--output", "a.xyz names no map format"});
+  expect_refusal({"merge", "target.map", "gone.map", "-o", "a.map"}, kBadInput, {"gone.map"});
+  expect_refusal({"merge", "target.map", "source.map", "-o", "a.map", "--min-probability", "0.3"},
+                 kWrongUsage, {"--min-probability: 0.3"});
+  fs::create_directory(path("empty"));
+  expect_refusal({"merge", "target.map", "empty", "-o", "a.map"}, kBadInput,
+                 {"empty", "holds no map"});
+  EXPECT_FALSE(fs::exists(path("a.map")));
+}
+
+// The commands of docs/guide.md, "Merge maps".
+TEST_F(MergeTest, RunsWhatTheGuideShows) {
+  answer({"demo", "--synthetic", "--save", "desk"});  // the same files, sooner
+  EXPECT_THAT(answer({"merge", "desk/target.map", "desk/source.map", "-o", "merged.map"}),
+              HasSubstr("placed 2 of 2: target <- source 99."));
+  answer({"merge", "desk/target.map", "desk/source.map", "-o", "merged.cairn", "--json",
+          "merge.json"});
+  EXPECT_EQ(Json::parse(content("merge.json")).at("placed"), 2);
+  answer({"info", "merged.map"});
+}
+
+}  // namespace
+}  // namespace cairn::testing
