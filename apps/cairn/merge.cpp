@@ -14,6 +14,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 
 #include "commands.hpp"
@@ -76,9 +77,15 @@ void MergeArguments::check_options() const {
                     [&] { options.validate(); });
 }
 
-bool is_folder(const std::string& path) {
+// A folder that is no map itself, as a COLMAP model is.
+bool is_folder_of_maps(const std::string& path) {
   std::error_code ignored;
-  return fs::is_directory(path, ignored);
+  if (!fs::is_directory(path, ignored)) return false;
+  const MapInput input{.path = path};
+  const auto formats = all_formats().formats();
+  return std::none_of(formats.begin(), formats.end(), [&](const MapFormat& format) {
+    return format.recognises && format.recognises(input);
+  });
 }
 
 // The maps in a folder, by name.
@@ -86,7 +93,7 @@ std::vector<std::string> maps_in(const std::string& folder) {
   std::vector<std::string> files;
   try {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      if (entry.is_regular_file() && format_of_extension(entry.path())) {
+      if (entry.is_regular_file() && all_formats().format_of_ending(entry.path()) != nullptr) {
         files.push_back(entry.path().string());
       }
     }
@@ -95,7 +102,7 @@ std::vector<std::string> maps_in(const std::string& folder) {
   }
   if (files.empty()) {
     throw Error(ErrorKind::kInput, folder, "holds no map",
-                "a folder of .map, .txt, .cairn, .ply or .pcd files");
+                "a folder of maps: " + all_formats().endings_text());
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -109,7 +116,7 @@ bool is_same_file(const std::string& a, const std::string& b) {
 std::vector<std::string> MergeArguments::map_files() const {
   std::vector<std::string> files;
   for (const std::string& path : paths) {
-    if (!is_folder(path)) {
+    if (!is_folder_of_maps(path)) {
       files.push_back(path);
       continue;
     }
