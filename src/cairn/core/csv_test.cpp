@@ -62,7 +62,7 @@ TEST(ParseCsv, LeavesOutAByteOrderMark) {
   const auto rows = parse_csv("\xEF\xBB\xBF\"a\",b\n1,2\n", "t.csv");
   ASSERT_EQ(rows.size(), 2U);
   EXPECT_EQ(rows[0].cells, (std::vector<std::string>{"a", "b"}));
-  EXPECT_EQ(rows[0].end, 10U);
+  EXPECT_EQ(rows[0].end, 9U);
 }
 
 }  // namespace
