@@ -50,8 +50,8 @@ void MergeArguments::add_to(CLI::App& command) {
       ->required()
       ->take_all()
       ->type_name("MAP...");
-  add_text(command, "-o,--output", output, "Map to write: .map, .txt, .cairn, .ply or .pcd", "FILE")
-      ->required();
+  add_text(command, "-o,--output", output,
+           "Map to write: .map, .txt, .cairn, .ply or .pcd. Required", "FILE");
   add_number(command, "--min-probability", options.links.min_probability,
              "Probability from which two maps are aligned, 0.5 to below 1");
   add_number(command, "--prior-odds", options.links.prior_odds,
@@ -239,6 +239,10 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
 
 int MergeArguments::run() {
   // What the command line says is checked before any file is read.
+  // Not CLI11's own check, which would come before that of options it does not know.
+  if (output.empty()) {
+    throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
+  }
   require_map_path(output, "--output");
   require_outputs(common);
   check_options();

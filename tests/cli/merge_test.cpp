@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cstdint>
 #include <filesystem>
 #include <string>
-
-#include "cairn/map/operations.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
@@ -146,6 +145,38 @@ TEST_F(MergeTest, RunsWhatTheGuideShows) {
   EXPECT_EQ(Json::parse(content("merge.json")).at("placed"), 2);
   answer({"info", "merged.map"});
 }
+
+#ifdef CAIRN_HAS_ODOMETRY
+// Two sessions of one office, whose ground truths are in one frame: after one rigid alignment the keyframes of
+// both must be where they were.
+TEST_F(MergeTest, PutsTwoRealSessionsIntoOneFrame) {
+  const auto data = real_data();
+  if (!data) GTEST_SKIP() << kNoRealData;
+  std::string truth;
+  for (const std::string name : {"xyz", "desk"}) {
+    const fs::path sequence = *data / ("tum_fr1_" + name);
+    answer({"map", sequence.string(), "--camera", "fr1", "-o", name + ".map"});
+    truth += read_text(sequence / "groundtruth.txt");  // xyz was recorded first
+  }
+  EXPECT_THAT(answer({"merge", "xyz.map", "desk.map", "-o", "office.cairn"}),
+              HasSubstr("placed 2 of 2: xyz <- desk 99."));
+  const LandmarkMap map = read_map(path("office.cairn"));
+  EXPECT_EQ(map.frame_count(),
+            read_map(path("xyz.map")).frame_count() + read_map(path("desk.map")).frame_count());
+  std::string keyframes;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+    const Eigen::Vector3d& t = pose.translation();
+    const Eigen::Quaterniond q = pose.quaternion();
+    keyframes += fmt::format("{:.6f} {} {} {} {} {} {} {}\n", *map.frames().timestamps_s[i], t.x(),
+                             t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+  }
+  write("keyframes.tum", keyframes);
+  write("truth.tum", truth);
+  const Json errors = document({"evaluate", "trajectory", "keyframes.tum", "truth.tum"});
+  EXPECT_LT(errors.at("absolute").at("translation_m").at("rmse"), 0.03);
+}
+#endif
 
 }  // namespace
 }  // namespace cairn::testing
