@@ -9,6 +9,7 @@ install(EXPORT cairn-targets NAMESPACE cairn:: DESTINATION ${CMAKE_INSTALL_LIBDI
 foreach(module IN LISTS modules)
   get_target_property(folder ${module} SOURCE_DIR)
   file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}/src" "${folder}")
+  # What is in detail/ is no interface, and may need what who installs Cairn does not have.
   install(DIRECTORY "src/${folder}/" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/${folder}"
           FILES_MATCHING PATTERN "*.hpp" PATTERN "detail" EXCLUDE)
 endforeach()

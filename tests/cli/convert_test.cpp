@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
 #include <numbers>
 #include <string>
 
@@ -110,6 +111,34 @@ TEST_F(ConvertTest, PcdHasPositionsInSinglePrecisionByDefault) {
     EXPECT_EQ(back.landmarks().positions[i],
               map.landmarks().positions[i].cast<float>().cast<double>());
   }
+}
+
+TEST_F(ConvertTest, ColmapModelsAreFoldersAndReadWhereMapsAre) {
+  write_pair();
+  const CommandResult result = cairn({"convert", "source.map", "model/"});
+  EXPECT_EQ(result.exit_code, kDone) << result.errors;
+  EXPECT_THAT(result.output, StartsWith("model/: 20 frames, 600 landmarks"));
+  EXPECT_THAT(result.errors, HasSubstr("model/: COLMAP has no place for: unit of length (metres)"));
+  answer({"convert", "source.map", "text", "--format", "colmap-text"});
+  EXPECT_TRUE(std::filesystem::exists(path("model/points3D.bin")));
+  EXPECT_TRUE(std::filesystem::exists(path("text/points3D.txt")));
+  for (const char* model : {"model", "text", "text/images.txt"}) {
+    const Json info = document({"info", model});
+    EXPECT_EQ(info.at("inputs").at("map").at("landmarks"), 600) << model;
+    EXPECT_EQ(info.at("length_unit"), "free") << model;
+  }
+}
+
+TEST_F(ConvertTest, FolderFormatsTakeNewOrEmptyFoldersOnly) {
+  write_pair();
+  std::filesystem::create_directory(path("full"));
+  write("full/precious", "text");
+  const CommandResult result = cairn({"convert", "source.map", "full/"});
+  EXPECT_NE(result.exit_code, kDone);
+  EXPECT_THAT(result.errors, HasSubstr("full/: cannot be written: the folder is not empty"));
+  EXPECT_EQ(content("full/precious"), "text");
+  expect_refusal({"convert", "source.map", "out", "--format", "colmapp"}, kWrongUsage,
+                 {"--format: 'colmapp'; expected text, binary, ply, pcd"});
 }
 
 TEST_F(ConvertTest, SaysWhatAPointCloudCannotHold) {

@@ -15,8 +15,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/interchange/observation_list.hpp"
-#include "cairn/interchange/record_reader.hpp"
+#include "cairn/interchange/detail/observation_list.hpp"
+#include "cairn/interchange/detail/record_reader.hpp"
 
 namespace cairn {
 namespace {

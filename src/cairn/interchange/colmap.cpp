@@ -18,9 +18,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/interchange/losses.hpp"
-#include "cairn/interchange/output_folder.hpp"
-#include "cairn/interchange/record_reader.hpp"
+#include "cairn/interchange/detail/losses.hpp"
+#include "cairn/interchange/detail/output_folder.hpp"
+#include "cairn/interchange/detail/record_reader.hpp"
 
 namespace cairn {
 namespace {

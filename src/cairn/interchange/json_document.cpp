@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/json_document.hpp"
+#include "cairn/interchange/detail/json_document.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/losses.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 
 #include <algorithm>
 

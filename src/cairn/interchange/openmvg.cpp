@@ -13,8 +13,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/interchange/json_document.hpp"
-#include "cairn/interchange/observation_list.hpp"
+#include "cairn/interchange/detail/json_document.hpp"
+#include "cairn/interchange/detail/observation_list.hpp"
 
 namespace cairn {
 namespace {

@@ -17,9 +17,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/interchange/json_document.hpp"
-#include "cairn/interchange/observation_list.hpp"
-#include "cairn/interchange/record_reader.hpp"
+#include "cairn/interchange/detail/json_document.hpp"
+#include "cairn/interchange/detail/observation_list.hpp"
+#include "cairn/interchange/detail/record_reader.hpp"
 
 namespace cairn {
 namespace {

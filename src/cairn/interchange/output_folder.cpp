@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/output_folder.hpp"
+#include "cairn/interchange/detail/output_folder.hpp"
 
 #include <string>
 #include <system_error>

@@ -98,7 +98,7 @@ TEST_F(PlainPointsTest, NumPyArraysBecomeLandmarks) {
 
 TEST_F(PlainPointsTest, NumPyArraysOfOtherKindsAreRefused) {
   EXPECT_THAT(refused(npy("{'descr': '<i8', 'fortran_order': False, 'shape': (2, 3), }\n", 6)),
-              HasSubstr("descr: '\\x27<i8\\x27' is no type of positions"));
+              HasSubstr("descr: ''<i8'' is no type of positions"));
   EXPECT_THAT(refused(npy("{'descr': '<f8', 'fortran_order': True, 'shape': (2, 3), }\n", 6)),
               HasSubstr("fortran_order"));
   EXPECT_THAT(refused(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (6,), }\n", 6)),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/record_reader.hpp"
+#include "cairn/interchange/detail/record_reader.hpp"
 
 #include <algorithm>
 #include <bit>
