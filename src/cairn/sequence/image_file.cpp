@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/sequence/image_file.hpp"
 
+#include <algorithm>
+#include <cstdint>
 #include <string>
 #include <string_view>
-#include <vector>
 
-#include <opencv2/imgcodecs.hpp>
+#include <fmt/format.h>
+#include <opencv2/core.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/sequence/image_codec.hpp"
 
 namespace cairn {
 namespace {
@@ -25,9 +28,8 @@ constexpr std::string_view kJpegEnd = "\xff\xd9"sv;
   throw Error(ErrorKind::kInput, path.string(), what, expected);
 }
 
-// The decoders fill what is missing of a cut file with grey and say so on stderr only: look for the
-// end mark first. Some cameras pad after it, so it may stand anywhere near the end.
-void check_complete(const std::filesystem::path& path, std::string_view bytes) {
+// libjpeg fills what is missing of a cut file with grey: look for the end mark first. Some cameras pad after it, so it may stand anywhere near the end.
+codec::Format check_complete(const std::filesystem::path& path, std::string_view bytes) {
   constexpr std::size_t kPadding = 4096;
   if (bytes.empty()) refuse(path, "the file is empty", "an image");
   const bool png = bytes.starts_with(kPngStart);
@@ -36,79 +38,111 @@ void check_complete(const std::filesystem::path& path, std::string_view bytes) {
   if (tail.find(png ? kPngEnd : kJpegEnd) == std::string_view::npos) {
     refuse(path, "the image is cut off", "its end mark");
   }
+  return png ? codec::Format::kPng : codec::Format::kJpeg;
 }
 
-// Size of a PNG from its header: refused before anything is allocated for it.
-void check_png_size(const std::filesystem::path& path, std::string_view bytes) {
-  constexpr std::size_t kHeader = 24;
-  constexpr std::uint32_t kLargest = 1U << 16;
-  if (!bytes.starts_with(kPngStart) || bytes.size() < kHeader) return;
-  const auto big_endian = [&](std::size_t offset) {
-    std::uint32_t value = 0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      value = (value << 8) | static_cast<unsigned char>(bytes[offset + i]);
-    }
-    return value;
-  };
-  if (big_endian(16) > kLargest || big_endian(20) > kLargest) {
-    refuse(path, "an image of more than 65536 pixels a side", "a camera image");
-  }
+std::string kind_of(codec::Format format, const codec::Header& header) {
+  const char* color = header.channels > 2 || header.has_palette ? "colour" : "grey";
+  return fmt::format("{}{} pixels of {} bits{}", format == codec::Format::kJpeg ? "JPEG: " : "",
+                     color, header.bits, header.channels % 2 == 0 ? " with alpha" : "");
 }
 
-cv::Mat read_image(const std::filesystem::path& path, int flags) {
+cv::Mat read_image(const std::filesystem::path& path, codec::Pixels pixels) {
   const std::string bytes = read_file(path);
-  check_complete(path, bytes);
-  check_png_size(path, bytes);
-  cv::Mat image;
-  try {
-    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-    image = cv::imdecode(raw, flags);
-  } catch (const cv::Exception& error) {
-    refuse(path, "the image cannot be decoded: " + error.err, "an undamaged image");
+  const codec::Format format = check_complete(path, bytes);
+  codec::Decoder decoder(format, bytes);
+  codec::Header header;
+  const auto check = [&](const codec::Fault& fault) {
+    if (fault.empty()) return;
+    refuse(path, "the image cannot be decoded: " + fault, "an undamaged image");
+  };
+  check(decoder.read_header(header));
+  if (header.width > codec::kLargestSide || header.height > codec::kLargestSide ||
+      std::uint64_t{header.width} * header.height > codec::kMostPixels) {
+    refuse(path, fmt::format("an image of {} x {} pixels", header.width, header.height),
+           fmt::format("at most {} pixels a side and {} in all", codec::kLargestSide,
+                       codec::kMostPixels));
   }
-  if (image.empty()) refuse(path, "the image cannot be decoded", "an undamaged image");
+  if (pixels == codec::Pixels::kGray16 &&
+      (format != codec::Format::kPng || header.channels != 1 || header.bits != 16)) {
+    refuse(path, kind_of(format, header), "one channel of 16 bits");
+  }
+  constexpr auto type = [](codec::Pixels asked) {
+    switch (asked) {
+      case codec::Pixels::kGray8:
+        return CV_8UC1;
+      case codec::Pixels::kBgr8:
+        return CV_8UC3;
+      case codec::Pixels::kGray16:
+        break;
+    }
+    return CV_16UC1;
+  };
+  cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), type(pixels));
+  check(decoder.read_pixels(pixels, image.data, image.step[0]));
   return image;
 }
 
-void write_image(const std::filesystem::path& path, const cv::Mat& image, const char* format,
-                 const std::vector<int>& parameters, Durability durability) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(format, image, bytes, parameters);
+codec::Rows rows_of(const std::filesystem::path& path, const cv::Mat& image) {
+  codec::Rows rows;
+  rows.first = image.data;
+  rows.stride = image.step[0];
+  rows.width = static_cast<std::uint32_t>(image.cols);
+  rows.height = static_cast<std::uint32_t>(image.rows);
+  switch (image.type()) {
+    case CV_8UC1:
+      rows.pixels = codec::Pixels::kGray8;
+      return rows;
+    case CV_8UC3:
+      rows.pixels = codec::Pixels::kBgr8;
+      return rows;
+    case CV_16UC1:
+      rows.pixels = codec::Pixels::kGray16;
+      return rows;
+    default:
+      throw Error(ErrorKind::kMisuse, path.string(), cv::typeToString(image.type()) + " pixels",
+                  "8-bit grey or colour, or 16-bit grey");
+  }
+}
+
+void write_image(const std::filesystem::path& path, const codec::Fault& fault,
+                 const std::string& bytes, Durability durability) {
+  if (!fault.empty()) {
+    throw Error(ErrorKind::kStorage, path.string(), "cannot be encoded: " + fault, "an image");
+  }
   write_file(
-      path,
-      [&](const ByteSink& sink) {
-        sink({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-      },
-      durability);
+      path, [&](const ByteSink& sink) { sink(bytes); }, durability);
 }
 
 }  // namespace
 
 cv::Mat read_gray_image(const std::filesystem::path& path) {
-  return read_image(path, cv::IMREAD_GRAYSCALE);
+  return read_image(path, codec::Pixels::kGray8);
 }
 
 cv::Mat read_color_image(const std::filesystem::path& path) {
-  return read_image(path, cv::IMREAD_COLOR);
+  return read_image(path, codec::Pixels::kBgr8);
 }
 
 cv::Mat read_depth_image(const std::filesystem::path& path) {
-  cv::Mat image = read_image(path, cv::IMREAD_UNCHANGED);
-  if (image.type() != CV_16UC1) {
-    refuse(path, cv::typeToString(image.type()) + " pixels", "one channel of 16 bits");
-  }
-  return image;
+  return read_image(path, codec::Pixels::kGray16);
 }
 
 void write_png(const std::filesystem::path& path, const cv::Mat& image, Durability durability) {
-  // Without parameters OpenCV takes one filter and run lengths: half the time of any level of
-  // compression, at a fifth more bytes. A sequence is written once, at camera speed.
-  write_image(path, image, ".png", {}, durability);
+  std::string bytes;
+  const codec::Fault fault = codec::encode_png(rows_of(path, image), bytes);
+  write_image(path, fault, bytes, durability);
 }
 
 void write_jpeg(const std::filesystem::path& path, const cv::Mat& image, int quality,
                 Durability durability) {
-  write_image(path, image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality}, durability);
+  const codec::Rows rows = rows_of(path, image);
+  if (rows.pixels == codec::Pixels::kGray16) {
+    throw Error(ErrorKind::kMisuse, path.string(), "16-bit pixels", "8-bit grey or colour");
+  }
+  std::string bytes;
+  const codec::Fault fault = codec::encode_jpeg(rows, quality, bytes);
+  write_image(path, fault, bytes, durability);
 }
 
 }  // namespace cairn

@@ -10,7 +10,9 @@
 namespace cairn {
 
 /// Reads a colour image (PNG or JPEG, grey or colour) as 8-bit grey, of its own size.
-/// @throws Error (input) naming the file: missing, neither PNG nor JPEG, cut off, damaged
+/// Pixels are those that are stored: an EXIF orientation is not applied.
+/// @throws Error (input) naming the file: missing, neither PNG nor JPEG, cut off, damaged, more than
+/// 16384 pixels a side or 2^26 in all, a CMYK JPEG
 cv::Mat read_gray_image(const std::filesystem::path& path);
 
 /// Reads a colour image (PNG or JPEG) as 8-bit blue, green, red.

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/sequence/image_file.hpp"
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/core.hpp>
 
 #include "cairn/core/error.hpp"
 
@@ -56,7 +58,7 @@ TEST(ImageFile, ComesBackAsWritten) {
 
 TEST(ImageFile, ReadsJpeg) {
   const TemporaryFolder folder;
-  cv::imwrite((folder / "a.jpg").string(), cv::Mat(24, 32, CV_8UC3, cv::Scalar(90, 90, 90)));
+  write_jpeg(folder / "a.jpg", cv::Mat(24, 32, CV_8UC3, cv::Scalar(90, 90, 90)));
   const cv::Mat gray = read_gray_image(folder / "a.jpg");
   EXPECT_EQ(gray.size(), cv::Size(32, 24));
   EXPECT_NEAR(cv::mean(gray)[0], 90.0, 2.0);
@@ -65,7 +67,7 @@ TEST(ImageFile, ReadsJpeg) {
 TEST(ImageFile, RefusesWhatIsCutOffAtAnyByte) {
   const TemporaryFolder folder;
   write_png(folder / "a.png", pattern(CV_16UC1));
-  cv::imwrite((folder / "a.jpg").string(), pattern(CV_8UC3));
+  write_jpeg(folder / "a.jpg", pattern(CV_8UC3));
   for (const char* name : {"a.png", "a.jpg"}) {
     const std::string whole = read_text(folder / name);
     for (std::size_t size = 0; size < whole.size(); size += 1 + whole.size() / 200) {
@@ -87,12 +89,105 @@ TEST(ImageFile, RefusesWhatIsNoImage) {
               HasSubstr("one channel of 16 bits"));
 }
 
-TEST(ImageFile, RefusesAPngThatClaimsToBeHuge) {
+// FNV-1a over all pixels.
+std::uint64_t hash_of(const cv::Mat& image) {
+  std::uint64_t hash = 14695981039346656037U;
+  for (std::size_t i = 0; i < image.total() * image.elemSize(); ++i) {
+    hash = (hash ^ image.data[i]) * 1099511628211U;
+  }
+  return hash;
+}
+
+// Recorded with the image codecs of OpenCV 4.6, which read and wrote these files before.
+TEST(ImageFile, PixelsAreThoseOfOpenCv) {
+  const TemporaryFolder folder;
+  write_jpeg(folder / "gray.jpg", pattern(CV_8UC1));
+  write_jpeg(folder / "color.jpg", pattern(CV_8UC3));
+  write_png(folder / "gray.png", pattern(CV_8UC1));
+  write_png(folder / "color.png", pattern(CV_8UC3));
+  struct Recorded {
+    const char* name;
+    std::uint64_t gray;
+    std::uint64_t color;
+  };
+  for (const auto& [name, gray, color] :
+       {Recorded{"gray.jpg", 0xcd10aba0bfae4656, 0x72e3c6745654f7f0},
+        Recorded{"color.jpg", 0x80ce06a533b4b8e4, 0x3108fec43ba09499},
+        Recorded{"gray.png", 0x21b0aa78f1d59c25, 0xaed8c2179b874025},
+        Recorded{"color.png", 0xbaecf3f36bdea0c7, 0xcc97eefa23408e25}}) {
+    EXPECT_EQ(hash_of(read_gray_image(folder / name)), gray) << name;
+    EXPECT_EQ(hash_of(read_color_image(folder / name)), color) << name;
+  }
+}
+
+// A PNG with another header: its checksum is that of the header.
+std::string with_png_size(std::string bytes, std::uint32_t width, std::uint32_t height) {
+  const auto put = [&bytes](std::size_t at, std::uint32_t value) {
+    for (std::size_t i = 0; i < 4; ++i) bytes[at + i] = static_cast<char>(value >> (24 - 8 * i));
+  };
+  put(16, width);
+  put(20, height);
+  std::uint32_t crc = 0xffffffff;
+  for (std::size_t i = 12; i < 29; ++i) {
+    crc ^= static_cast<unsigned char>(bytes[i]);
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xedb88320 : 0);
+  }
+  put(29, ~crc);
+  return bytes;
+}
+
+TEST(ImageFile, RefusesBeforeDecodingWhatClaimsToBeHuge) {
   const TemporaryFolder folder;
   write_png(folder / "a.png", pattern(CV_8UC1));
-  std::string bytes = read_text(folder / "a.png");
-  bytes[16] = '\x7f';
-  EXPECT_THAT(message_of(read_gray_image, folder.write("huge.png", bytes)), HasSubstr("65536"));
+  const std::string png = read_text(folder / "a.png");
+  // The same header as the file's own is no reason to refuse: the checksum above is right.
+  EXPECT_EQ(message_of(read_gray_image, folder.write("b.png", with_png_size(png, 32, 24))),
+            "no error");
+  for (const auto& [width, height] : {std::pair{30000U, 30000U}, std::pair{16385U, 1U},
+                                      std::pair{1U, 16385U}, std::pair{16384U, 4097U}}) {
+    const auto path = folder.write("huge.png", with_png_size(png, width, height));
+    EXPECT_THAT(message_of(read_gray_image, path), HasSubstr("16384 pixels a side"));
+  }
+  EXPECT_THAT(message_of(read_gray_image, folder.write("c.png", with_png_size(png, 0, 24))),
+              HasSubstr("cannot be decoded"));
+
+  write_jpeg(folder / "a.jpg", pattern(CV_8UC3));
+  std::string jpeg = read_text(folder / "a.jpg");
+  const std::size_t frame = jpeg.find("\xff\xc0");  // the marker that the image's size follows
+  ASSERT_NE(frame, std::string::npos);
+  for (std::size_t i = 5; i < 9; ++i) jpeg[frame + i] = '\x7f';
+  EXPECT_THAT(message_of(read_gray_image, folder.write("huge.jpg", jpeg)),
+              HasSubstr("32639 x 32639"));
+}
+
+// Damage anywhere gives an image or a refusal, and neither a crash nor another kind of error.
+TEST(ImageFile, SurvivesDamageAtAnyByte) {
+  const TemporaryFolder folder;
+  write_png(folder / "a.png", pattern(CV_8UC3));
+  write_jpeg(folder / "a.jpg", pattern(CV_8UC3));
+  for (const char* name : {"a.png", "a.jpg"}) {
+    const std::string whole = read_text(folder / name);
+    int refused = 0;
+    for (std::size_t i = 0; i < whole.size(); ++i) {
+      for (const char flip : {'\x01', '\x80', '\xff'}) {
+        std::string damaged = whole;
+        damaged[i] = static_cast<char>(damaged[i] ^ flip);
+        const auto path = folder.write("damaged", damaged);
+        if (message_of(read_color_image, path) != "no error") ++refused;
+      }
+    }
+    EXPECT_GT(refused, 20) << name;
+  }
+}
+
+TEST(ImageFile, WritesOnlyWhatTheFormatHolds) {
+  const TemporaryFolder folder;
+  const cv::Mat depths(2, 2, CV_16UC1, cv::Scalar(1));
+  const cv::Mat reals(2, 2, CV_32FC1, cv::Scalar(1));
+  EXPECT_THROW(write_jpeg(folder / "a.jpg", depths), Error);
+  EXPECT_THROW(write_png(folder / "a.png", reals), Error);
+  EXPECT_THROW(write_png(folder / "a.png", cv::Mat(0, 0, CV_8UC1)), Error);
+  EXPECT_THROW(write_jpeg(folder / "a.jpg", cv::Mat(0, 0, CV_8UC1)), Error);
 }
 
 }  // namespace

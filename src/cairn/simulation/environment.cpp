@@ -83,7 +83,7 @@ class Layout {
     return mirrored_ ? wall_length(room, wall(drawn)) - stretched : stretched;
   }
   // A rectangle of the floor; sides along the axes.
-  Support floor(double x, double y, double width, double depth) const {
+  SupportSurface floor(double x, double y, double width, double depth) const {
     return {at(x, y), width * stretch_x_, depth * stretch_y_};
   }
   CameraStage stage(CameraStage drawn) const {
@@ -140,7 +140,7 @@ class Plan {
  public:
   explicit Plan(Random random) : random_(random) {}
 
-  std::size_t add(const Support& support) {
+  std::size_t add(const SupportSurface& support) {
     supports_.push_back(support);
     return supports_.size() - 1;
   }
@@ -214,7 +214,7 @@ class Plan {
   }
 
   bool find_spot(Item& item, Random& random, double tilt_deg, std::size_t self) const {
-    const Support& support = supports_[item.support];
+    const SupportSurface& support = supports_[item.support];
     for (int attempt = 0; attempt < 60; ++attempt) {
       item.yaw = random.uniform(-tilt_deg, tilt_deg) * kPi / 180.0;
       const double c = std::abs(std::cos(item.yaw));
@@ -234,7 +234,7 @@ class Plan {
   }
 
   Random random_;
-  std::vector<Support> supports_;
+  std::vector<SupportSurface> supports_;
   std::vector<Item> items_;
 };
 
@@ -269,7 +269,7 @@ struct Site {
                  height * layout.factor(0.85, 1.1), layout.count(levels), random);
   }
   // Returns its top, but for the edge: not in the plan before something is to stand there.
-  Support cabinet(const Rigid3& pose, double width, double depth, double height) {
+  SupportSurface cabinet(const Rigid3& pose, double width, double depth, double height) {
     const double w = width * layout.factor(0.85, 1.0);
     const double h = height * layout.factor(0.9, 1.1);
     add_cabinet(builder, pose, w, depth, h, random);
@@ -350,7 +350,7 @@ void build_desk(Site& site) {
   site.bookcase(site.at(-2.35, 1.0, 90.0), 1.6, 1.95, 5);
   site.cabinet(site.at(-2.25, -0.9, 90.0), 1.2, 0.45, 0.75);
   site.bookcase(site.at(-0.6, 3.15), 1.2, 1.9, 5);
-  const Support east_cabinet = site.cabinet(site.at(1.4, 3.05), 1.5, 0.45, 1.1);
+  const SupportSurface east_cabinet = site.cabinet(site.at(1.4, 3.05), 1.5, 0.45, 1.1);
   site.bookcase(site.at(0.9, -1.95, 180.0), 1.4, 2.0, 5);
   const Wall walls[4] = {Wall::kNorth, Wall::kEast, Wall::kSouth, Wall::kWest};
   site.decorate(room, walls[0], 0.2, 1.4, 1.2);
@@ -507,7 +507,7 @@ void build_warehouse(Site& site) {
     const double x = -4.35 + 2.9 * column;
     for (const Rigid3& pose :
          {site.at(x, -1.12), site.at(x, 1.12, 180.0), site.at(x, 5.85), site.at(x, -4.85, 180.0)}) {
-      for (const Support& level : add_rack(site.builder, pose, 2.85, 1.1, 4.2, 3, random)) {
+      for (const SupportSurface& level : add_rack(site.builder, pose, 2.85, 1.1, 4.2, 3, random)) {
         const std::size_t support = site.plan.add(level);
         if (random.chance(0.7)) {
           site.plan.place(ItemKind::kPallet, support, -0.65, 0.0, random.uniform(-3.0, 3.0));
@@ -612,7 +612,7 @@ void build_kitchen(Site& site) {
                       {0.55F, 0.42F, 0.3F}};
   add_room(site.builder, room, look, 3, 1, 2.6, random);
   const double middle = (fridge_left ? 0.5 : -0.5) * spare;
-  for (const Support& support :
+  for (const SupportSurface& support :
        add_kitchen_front(site.builder, upright({middle, 0.7, 0.0}, 0.0), units, shade, random)) {
     const std::size_t top = site.plan.add(support);
     site.plan.scatter({ItemKind::kBottle, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kCup,

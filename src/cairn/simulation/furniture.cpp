@@ -110,8 +110,8 @@ void hang(SceneBuilder& builder, const RoomShape& room, Wall wall, const std::st
   builder.box({-0.5 * width, -thickness, 0.0}, {width, thickness, height}, skin);
 }
 
-Support add_table(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
-                  double height, Random& random) {
+SupportSurface add_table(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
+                         double height, Random& random) {
   builder.begin_object("table", pose);
   const Paint paint = wood_paint(random);
   constexpr double kThick = 0.03;
@@ -230,8 +230,8 @@ void add_bench(SceneBuilder& builder, const Rigid3& pose, double width, Random& 
   }
 }
 
-std::vector<Support> add_rack(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
-                              double height, int levels, Random& random) {
+std::vector<SupportSurface> add_rack(SceneBuilder& builder, const Rigid3& pose, double width,
+                                     double depth, double height, int levels, Random& random) {
   builder.begin_object("rack", pose);
   const Skin post = Skin::all(
       builder.paint(height, 0.1, kFar, {0.15F, 0.25F, 0.55F}, paintings::metal, next(random)));
@@ -245,7 +245,7 @@ std::vector<Support> add_rack(SceneBuilder& builder, const Rigid3& pose, double 
       builder.box({x + 0.02, 0.08, z}, {0.03, depth - 0.16, 0.04}, post);
     }
   }
-  std::vector<Support> supports;
+  std::vector<SupportSurface> supports;
   const double step = (height - 0.2) / levels;
   for (int level = 0; level < levels; ++level) {
     const double z = level * step;
@@ -269,8 +269,8 @@ std::vector<Support> add_rack(SceneBuilder& builder, const Rigid3& pose, double 
   return supports;
 }
 
-std::vector<Support> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
-                                       double shade, Random& random) {
+std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
+                                              double shade, Random& random) {
   constexpr double kWorktop = 0.9;
   constexpr double kWallUnits = 1.45;  // their lower edge
   constexpr double kHeight = 0.65;

@@ -43,7 +43,7 @@ void hang(SceneBuilder& builder, const RoomShape& room, Wall wall, const std::st
           Random& random);
 
 /// A place where things stand: a rectangle `width` (x) by `depth` (y) about the frame's origin.
-struct Support {
+struct SupportSurface {
   Rigid3 world_from_support;
   double width = 1.0;
   double depth = 1.0;
@@ -51,8 +51,8 @@ struct Support {
 
 /// @param at where the middle of its front lower edge is; front faces -y of the pose
 /// @return what can bear things
-Support add_table(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
-                  double height, Random& random);
+SupportSurface add_table(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
+                         double height, Random& random);
 /// A case of shelves, filled with books and some things. Its back lies at y = depth.
 void add_bookcase(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
                   double height, int levels, Random& random);
@@ -63,8 +63,8 @@ void add_partition(SceneBuilder& builder, const Rigid3& pose, double width, doub
 void add_sofa(SceneBuilder& builder, const Rigid3& pose, double width, Random& random);
 void add_bench(SceneBuilder& builder, const Rigid3& pose, double width, Random& random);
 /// @return one support per level, the floor's first
-std::vector<Support> add_rack(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
-                              double height, int levels, Random& random);
+std::vector<SupportSurface> add_rack(SceneBuilder& builder, const Rigid3& pose, double width,
+                                     double depth, double height, int levels, Random& random);
 
 /// Width of each unit of a kitchen's front.
 inline constexpr double kKitchenUnit = 0.6;
@@ -72,8 +72,8 @@ inline constexpr double kKitchenUnit = 0.6;
 /// Base units and wall units in a row, all with the same doors but for an oven, and tiles between them.
 /// @param shade brightness of the doors
 /// @return what can bear things: the worktop, and a shelf among the wall units
-std::vector<Support> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
-                                       double shade, Random& random);
+std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
+                                              double shade, Random& random);
 
 /// Things that stand on supports.
 enum class ItemKind {
