@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/icp.hpp"
@@ -70,7 +71,7 @@ struct AlignArguments {
 };
 
 void AlignArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: .map, .txt, .cairn, .ply or .pcd; - for stdin")->required();
+  add_text(command, "source", source, "Map to move: " + all_formats().titles_text() + "; - for stdin")->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "--confidence", confidence,
            "Trust in landmarks: " + confidence_help() +

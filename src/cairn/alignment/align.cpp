@@ -56,9 +56,11 @@ IcpOptions icp_of(const AlignOptions& options) {
 double displacement(const PosePrior& prior, const LandmarkCloud& source) {
   double sum = 0.0;
   for (const Eigen::Vector3d& position : source.positions) {
-    const Eigen::Vector3d p = prior.target_from_source * position;
+    // Of the left perturbation t + δt, Exp(δφ)·R, which turns about the source's origin.
+    const Eigen::Vector3d arm =
+        prior.target_from_source * position - prior.target_from_source.translation();
     Eigen::Matrix<double, 3, 6> jacobian;
-    jacobian << Eigen::Matrix3d::Identity(), -skew(p);
+    jacobian << Eigen::Matrix3d::Identity(), -skew(arm);
     sum += (jacobian * *prior.covariance * jacobian.transpose()).trace();
   }
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(source.size(), 1)));
