@@ -296,7 +296,7 @@ TEST(ReadNative, NamesTheFieldOfACoordinateBeyondTheLimit) {
       {"LANDMARK 3 0 0 1e200 0 0 0 0 0 0 0 0 0 0\n",
        "desk.map:1: field 5 (z): 1e+200 is beyond the limit; expected numbers from -1e9 to 1e9"},
       {std::string(kFrame) + "LANDMARK 3 0 0 1 0 0 0 0 0 0 0 0 0 1 7 1 1e10\n",
-       "desk.map:2: field 17 (v): 10000000000 is beyond the limit; expected numbers from -1e9 to "
+       "desk.map:2: field 18 (v): 10000000000 is beyond the limit; expected numbers from -1e9 to "
        "1e9"},
   });
 }
