@@ -45,13 +45,14 @@ struct MergeArguments {
 void MergeArguments::add_to(CLI::App& command) {
   command
       .add_option("maps", paths,
-                  "Maps of one place: .map, .txt, .cairn, .ply or .pcd; or folders, whose maps are "
-                  "taken by name")
+                  "Maps of one place: " + all_formats().titles_text() +
+                      "; or folders of maps, which are taken by name")
       ->required()
       ->take_all()
       ->type_name("MAP...");
   add_text(command, "-o,--output", output,
-           "Map to write: .map, .txt, .cairn, .ply or .pcd. Required", "FILE");
+           "Map to write; its ending names the format: " + all_formats().endings_text() + ". Required",
+           "FILE");
   add_number(command, "--min-probability", options.links.min_probability,
              "Probability from which two maps are aligned, 0.5 to below 1");
   add_number(command, "--prior-odds", options.links.prior_odds,
