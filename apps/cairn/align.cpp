@@ -71,7 +71,9 @@ struct AlignArguments {
 };
 
 void AlignArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: " + all_formats().titles_text() + "; - for stdin")->required();
+  add_text(command, "source", source,
+           "Map to move: " + all_formats().titles_text() + "; - for stdin")
+      ->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "--confidence", confidence,
            "Trust in landmarks: " + confidence_help() +
@@ -87,7 +89,8 @@ void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "-o,--output", output,
            "Write the source map, aligned to the target; - for stdout, which takes --format",
            "FILE|-");
-  add_text(command, "--format", format, "Format of a map on stdout: text, binary, ply or pcd", "NAME");
+  add_text(command, "--format", format, "Format of a map on stdout: text, binary, ply or pcd",
+           "NAME");
   add_text(command, "--pose", pose,
            "Write target_from_source: 16 numbers, row-major; - for stdout. Not written without a "
            "trusted pose",
@@ -306,8 +309,7 @@ std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_s
   const Similarity3& pose = *alignment.estimate;
   const RegistrationResult& result = alignment.registration;
   const std::string symbol = unit_symbol(unit);
-  std::string text =
-      fmt::format("  target_from_source: {}\n", pose_text(pose.rigid(), unit, 6, 4));
+  std::string text = fmt::format("  target_from_source: {}\n", pose_text(pose.rigid(), unit, 6, 4));
   const Matrix4d matrix = pose.matrix();
   for (int row = 0; row < 4; ++row) {
     text += fmt::format("    {:>13.9f} {:>13.9f} {:>13.9f} {:>14.9f}\n", matrix(row, 0),
@@ -392,9 +394,10 @@ std::string hints(const Alignment& alignment, const LandmarkMap& source, const L
   const auto& candidates = alignment.candidates;
   const double ratio = extent_of(source) / extent_of(target);
   if (std::isfinite(ratio) && ratio > 0.0 && std::max(ratio, 1.0 / ratio) > kOtherUnit) {
-    list.push_back(fmt::format(
-        "the source's landmarks extend {:.3g} times as far as the target's: are both in one unit?{}",
-        ratio, with_scale ? "" : " --scale finds factors of 1/20 to 20"));
+    list.push_back(
+        fmt::format("the source's landmarks extend {:.3g} times as far as the target's: are both "
+                    "in one unit?{}",
+                    ratio, with_scale ? "" : " --scale finds factors of 1/20 to 20"));
   }
   if (!candidates.empty() && alignment.probability &&
       candidates.front().probability > *alignment.probability) {
@@ -435,7 +438,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   console.print("\n" + alignment_table(results, unit));
   for (const StrategyResult& each : results) {
     const Alignment& one = each.alignment;
-    const std::string_view verdict = one.verdict                     ? to_string(*one.verdict)
+    const std::string_view verdict = one.verdict                   ? to_string(*one.verdict)
                                      : one.registration.has_pose() ? "not judged"
                                                                    : "failed";
     const std::string probability =
@@ -555,7 +558,8 @@ int AlignArguments::run() {
     if (!pose.empty()) write_pose_file(*first.estimate);
   } else {
     for (const std::string& path : {output, pose}) {
-      if (!path.empty()) common.console().remark(path + " is not written: there is no trusted pose");
+      if (!path.empty())
+        common.console().remark(path + " is not written: there is no trusted pose");
     }
   }
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
@@ -576,9 +580,8 @@ int AlignArguments::run() {
   if (!common.report_path.empty()) {
     write_report(make_report(source_map, target_map, results, unit, true_pose, json), common);
   }
-  const bool all_answered = std::all_of(results.begin(), results.end(), [](const auto& one) {
-    return has_answer(one.alignment);
-  });
+  const bool all_answered = std::all_of(results.begin(), results.end(),
+                                        [](const auto& one) { return has_answer(one.alignment); });
   return all_answered ? kDone : kNoTrustworthyAlignment;
 }
 

@@ -174,9 +174,8 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
       "Searched for the pose of the second session in the first, from nowhere, and judged it:\n\n"
       "{}{}: {}\n",
       status_of(searched.alignment),
-      searched.alignment.probability
-          ? " (" + percent_text(*searched.alignment.probability) + ")"
-          : "",
+      searched.alignment.probability ? " (" + percent_text(*searched.alignment.probability) + ")"
+                                     : "",
       searched.alignment.reason));
   if (searched.error) {
     console.print(fmt::format("It is {:.2f} mm and {:.3f} degrees off the true pose.\n",

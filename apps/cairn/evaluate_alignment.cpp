@@ -52,7 +52,8 @@ struct EvaluateAlignmentArguments {
   int run();
 
  private:
-  std::string map_path(const std::string& given, const std::string& option, const SavedMap& saved) const;
+  std::string map_path(const std::string& given, const std::string& option,
+                       const SavedMap& saved) const;
   LoadedMap load(const std::string& given, const std::string& option, const SavedMap& saved,
                  const SavedResult& whole) const;
   bool has_trajectories() const;
@@ -134,13 +135,11 @@ std::string EvaluateAlignmentArguments::map_path(const std::string& given,
 }
 
 LoadedMap EvaluateAlignmentArguments::load(const std::string& given, const std::string& option,
-                                           const SavedMap& saved,
-                                           const SavedResult& whole) const {
+                                           const SavedMap& saved, const SavedResult& whole) const {
   LoadedMap loaded = load_map(map_path(given, option, saved), common);
   if (saved.hash && std::filesystem::is_regular_file(loaded.path) &&
       hash_file(loaded.path) != *saved.hash) {
-    common.console().remark(loaded.path +
-                            " is not the file that was aligned: its content differs");
+    common.console().remark(loaded.path + " is not the file that was aligned: its content differs");
   }
   if (!whole.camera.empty()) loaded.map = with_camera(loaded.map, parse_camera(whole.camera));
   return loaded;
@@ -149,9 +148,8 @@ LoadedMap EvaluateAlignmentArguments::load(const std::string& given, const std::
 bool EvaluateAlignmentArguments::has_trajectories() const {
   const std::array<const std::string*, 4> all = {&source_trajectory, &source_truth,
                                                  &target_trajectory, &target_truth};
-  const auto given = std::count_if(all.begin(), all.end(), [](const auto* path) {
-    return !path->empty();
-  });
+  const auto given =
+      std::count_if(all.begin(), all.end(), [](const auto* path) { return !path->empty(); });
   if (given != 0 && given != 4) {
     throw Error(ErrorKind::kMisuse, "--source-trajectory", "given without all of the others",
                 "--source-trajectory, --source-truth, --target-trajectory and --target-truth");
@@ -313,13 +311,13 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
     }
     results.push_back(std::move(judged));
   }
-  Json json = document("evaluate_alignment", common,
-                       {{"result", describe_file(result, common)},
-                        {"source", source_map.description},
-                        {"target", target_map.description},
-                        {"truth", nullptr}},
-                       {{"min_probability", min_probability},
-                        {"min_observations", saved.min_observations}});
+  Json json = document(
+      "evaluate_alignment", common,
+      {{"result", describe_file(result, common)},
+       {"source", source_map.description},
+       {"target", target_map.description},
+       {"truth", nullptr}},
+      {{"min_probability", min_probability}, {"min_observations", saved.min_observations}});
   json["results"] = Json::array();
   Csv rows({"confidence", "status", "probability"});
   const Console console = common.console();
@@ -383,7 +381,8 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
     if (pose) entry.error = pose_error(*pose, true_pose, points.positions);
     // A pose that is not trusted is no success, however right. Metres say nothing of a map of free scale.
     if (one.length_unit == LengthUnit::kMetres) {
-      entry.success = entry.error && has_answer(one.alignment) && degrees(entry.error->rotation_rad) <= max_rotation_deg &&
+      entry.success = entry.error && has_answer(one.alignment) &&
+                      degrees(entry.error->rotation_rad) <= max_rotation_deg &&
                       entry.error->translation <= max_translation_m &&
                       percent_of(*entry.error) <= max_scale_percent;
       successes = successes.value_or(0) + (*entry.success ? 1 : 0);
@@ -438,8 +437,8 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
 
 Run add_evaluate_alignment(CLI::App& evaluate) {
   auto arguments = std::make_shared<EvaluateAlignmentArguments>();
-  arguments->add_to(
-      *evaluate.add_subcommand("alignment", "Pose errors of the results of an alignment, or verdicts on them"));
+  arguments->add_to(*evaluate.add_subcommand(
+      "alignment", "Pose errors of the results of an alignment, or verdicts on them"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -35,7 +35,8 @@ TrajectoryAlignment parse_alignment(const std::string& text) {
   for (const auto& [name, alignment] : kAlignments) {
     if (name == text) return alignment;
   }
-  throw Error(ErrorKind::kMisuse, "--alignment", printable(text), "none, origin, se3, sim3 or poses");
+  throw Error(ErrorKind::kMisuse, "--alignment", printable(text),
+              "none, origin, se3, sim3 or poses");
 }
 
 std::string_view unit_name(const RelativeInterval& interval) {

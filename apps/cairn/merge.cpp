@@ -50,9 +50,10 @@ void MergeArguments::add_to(CLI::App& command) {
       ->required()
       ->take_all()
       ->type_name("MAP...");
-  add_text(command, "-o,--output", output,
-           "Map to write; its ending names the format: " + all_formats().endings_text() + ". Required",
-           "FILE");
+  add_text(
+      command, "-o,--output", output,
+      "Map to write; its ending names the format: " + all_formats().endings_text() + ". Required",
+      "FILE");
   add_number(command, "--min-probability", options.links.min_probability,
              "Probability from which two maps are aligned, 0.5 to below 1");
   add_number(command, "--prior-odds", options.links.prior_odds,

@@ -145,9 +145,8 @@ TEST_F(AlignTest, TruthAddsPoseErrors) {
   EXPECT_THAT(answer(words), ContainsRegex("pose error"));
   const Json json = document(words);
   const Json& result = json.at("results").at(0);
-  const PoseError expected =
-      pose_error(pose_of(result.at("estimate")), maps.target_from_source,
-                 point_set(maps.source, std::nullopt).positions);
+  const PoseError expected = pose_error(pose_of(result.at("estimate")), maps.target_from_source,
+                                        point_set(maps.source, std::nullopt).positions);
   EXPECT_NEAR(result.at("error").at("rotation_deg").get<double>(),
               expected.rotation_rad * 180.0 / std::numbers::pi, 1e-9);
   EXPECT_NEAR(result.at("error").at("translation").get<double>(), expected.translation, 1e-9);
@@ -160,10 +159,9 @@ TEST_F(AlignTest, SavedResultServesAsInitialPoseAndAsTruth) {
   const Json again = document({"align", "source.map", "target.map", "--initial-matrix",
                                "result.json", "--truth", "result.json", "--method", "icp"});
   const Json saved = Json::parse(content("result.json"));
-  EXPECT_TRUE(
-      pose_of(again.at("options").at("initial"))
-          .matrix()
-          .isApprox(pose_of(saved.at("results").at(0).at("estimate")).matrix(), 1e-12));
+  EXPECT_TRUE(pose_of(again.at("options").at("initial"))
+                  .matrix()
+                  .isApprox(pose_of(saved.at("results").at(0).at("estimate")).matrix(), 1e-12));
   EXPECT_LT(again.at("results").at(0).at("error").at("translation"), 1e-6);
 }
 
@@ -582,8 +580,8 @@ TEST_F(AlignTest, PoseIsWrittenForOtherPrograms) {
   EXPECT_LT(again.at("error").at("translation"), 1e-9);
 
   // To stdout: what people read goes to stderr.
-  const CommandResult piped = cairn(
-      {"align", "source.map", "target.map", "--pose", "-", "--pose-format", "tum"});
+  const CommandResult piped =
+      cairn({"align", "source.map", "target.map", "--pose", "-", "--pose-format", "tum"});
   EXPECT_EQ(piped.exit_code, kDone);
   EXPECT_THAT(piped.errors, HasSubstr("target_from_source"));
   std::istringstream line(piped.output);
@@ -615,7 +613,7 @@ TEST_F(AlignTest, OutputsThatDoNotGoTogetherAreRefused) {
     words.insert(words.end(), more.begin(), more.end());
     expect_refusal(words, kWrongUsage, parts);
   };
-  refused({"-o", "-"}, {"--output", "--format"});
+  refused({"-o", "-"}, {"--format", "stdout"});
   refused({"-o", "-", "--format", "zip"}, {"--format", "zip"});
   refused({"-o", "a.map", "--format", "text"}, {"--format", "a.map"});
   refused({"--format", "text"}, {"--format", "--output"});
@@ -630,8 +628,8 @@ TEST_F(AlignTest, OutputsThatDoNotGoTogetherAreRefused) {
 TEST_F(AlignTest, ScreenShowsThePoseWholeAndWhatWouldHelp) {
   write_pair();
   const std::string text = answer({"align", "source.map", "target.map"});
-  for (const char* const part :
-       {"quaternion (qw qx qy qz)", "standard deviation: x y z", "other candidate", "probability"}) {
+  for (const char* const part : {"quaternion (qw qx qy qz)", "standard deviation: x y z",
+                                 "other candidate", "probability"}) {
     EXPECT_THAT(text, HasSubstr(part));
   }
   // Millimetres against metres.

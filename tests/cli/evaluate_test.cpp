@@ -459,8 +459,8 @@ TEST_F(EvaluateAlignmentTest, TrajectoriesGiveTheTruth) {
     std::string text;
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
       const auto& [w, x, y, z] = map.frames().quaternions[i];
-      const Rigid3 pose = world_from_map * Rigid3(Eigen::Quaterniond(w, x, y, z),
-                                                  map.frames().translations[i]);
+      const Rigid3 pose =
+          world_from_map * Rigid3(Eigen::Quaterniond(w, x, y, z), map.frames().translations[i]);
       const Eigen::Quaterniond q = pose.quaternion();
       const Eigen::Vector3d& t = pose.translation();
       text += fmt::format("{} {} {} {} {} {} {} {}\n", i, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(),
@@ -472,9 +472,9 @@ TEST_F(EvaluateAlignmentTest, TrajectoriesGiveTheTruth) {
   write("t.tum", lines(maps.target, Rigid3()));
   write("s_truth.tum", lines(maps.source, world_from_target * maps.target_from_source));
   write("t_truth.tum", lines(maps.target, world_from_target));
-  const Words words = {"evaluate",            "alignment", "result.json",    "--source-trajectory",
-                       "s.tum",               "--source-truth", "s_truth.tum", "--target-trajectory",
-                       "t.tum", "--target-truth", "t_truth.tum"};
+  const Words words = {"evaluate", "alignment",      "result.json", "--source-trajectory",
+                       "s.tum",    "--source-truth", "s_truth.tum", "--target-trajectory",
+                       "t.tum",    "--target-truth", "t_truth.tum"};
   const Json by_paths = document(words);
   const Json by_pose = document(evaluate_);
   for (std::size_t i = 0; i < 2; ++i) {

@@ -27,8 +27,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto read = [&](cairn::ColmapForm form, bool with_images) {
     for (cairn::MemoryReader* file : {&cameras, &images, &points}) file->rewind();
     try {
-      const cairn::LandmarkMap map = cairn::read_colmap(
-          {&cameras, with_images ? &images : nullptr, &points, nullptr}, form);
+      const cairn::LandmarkMap map =
+          cairn::read_colmap({&cameras, with_images ? &images : nullptr, &points, nullptr}, form);
     } catch (const cairn::Error& error) {
       const std::string_view message = error.what();
       if (error.kind() != cairn::ErrorKind::kInput || !message.starts_with("input")) {

@@ -88,9 +88,8 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
   const bool with_error = any([](const StrategyResult& one) { return one.error.has_value(); });
   const bool with_scale =
       any([](const StrategyResult& one) { return one.alignment.registration.scale != 1.0; });
-  const bool with_overlap = any([](const StrategyResult& one) {
-    return one.alignment.registration.overlap.has_value();
-  });
+  const bool with_overlap =
+      any([](const StrategyResult& one) { return one.alignment.registration.overlap.has_value(); });
   const bool with_probability =
       any([](const StrategyResult& one) { return one.alignment.probability.has_value(); });
   const std::string symbol = unit_symbol(unit);
@@ -136,8 +135,8 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
                           return one.overlap_radius.has_value();
                         })->overlap_radius;
     text += fmt::format(
-        "overlap  share of source / target landmarks with a counterpart within {:.3g} {}\n", *radius,
-        symbol);
+        "overlap  share of source / target landmarks with a counterpart within {:.3g} {}\n",
+        *radius, symbol);
   }
   return text;
 }

@@ -16,7 +16,6 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
 
-
 namespace cairn::cli {
 namespace {
 
@@ -70,8 +69,7 @@ Transform read_transform(const std::string& path) {
   const std::string text(without_byte_order_mark(content));
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
-  const Matrix4d matrix =
-      is_json ? pose_of_json(path, text).matrix() : matrix_of_text(path, text);
+  const Matrix4d matrix = is_json ? pose_of_json(path, text).matrix() : matrix_of_text(path, text);
   try {
     return Transform::from_matrix(matrix);
   } catch (const Error& error) {

@@ -110,8 +110,7 @@ struct CommonArguments {
   /// Answers for people go to stdout unless a file goes there.
   Console console() const {
     if (json_path == "-" || csv_path == "-") return {quiet, Console::Answer::kNowhere};
-    return {quiet,
-            stdout_is_taken ? Console::Answer::kToStderr : Console::Answer::kToStdout};
+    return {quiet, stdout_is_taken ? Console::Answer::kToStderr : Console::Answer::kToStdout};
   }
   Executor executor() const { return Executor(threads); }
 };

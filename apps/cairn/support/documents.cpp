@@ -120,8 +120,7 @@ void require_map_output(const std::string& path, const std::string& format,
   }
 }
 
-void require_one_stdout(
-    std::initializer_list<std::pair<const char*, const std::string*>> outputs) {
+void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs) {
   const char* taken = nullptr;
   for (const auto& [option, path] : outputs) {
     if (*path != "-") continue;

@@ -55,8 +55,7 @@ void require_map_output(const std::string& path, const std::string& format,
 
 /// At most one of these paths may be "-".
 /// @throws Error (misuse) naming both options
-void require_one_stdout(
-    std::initializer_list<std::pair<const char*, const std::string*>> outputs);
+void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs);
 
 /// Writes to a file, whole or not at all, or to stdout for "-".
 void write_text(const std::string& text, const std::string& path);

@@ -103,7 +103,7 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
   pair.initial = align.initial;
   pair.truth = shown.pair->truth;
   pair.results = align_by_all(shown.pair->source, shown.pair->target, strategies,
-                                 by_icp_alone(align, shown.points), shown.pair->truth, common);
+                              by_icp_alone(align, shown.points), shown.pair->truth, common);
   pair.story = fmt::format("One of the 45 configurations: initial {}, k = {}.",
                            describe(one->initial), align.k);
   add_pair(report, pair, prefix);

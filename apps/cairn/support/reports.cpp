@@ -182,10 +182,9 @@ std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit u
     if (score && (closest == nullptr || *score < *score_of(*closest))) closest = &result;
   }
   if (closest == nullptr) return "No strategy found a pose.";
-  std::string text =
-      fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
-                  name_of(*closest), *score_of(*closest), symbol,
-                  closest->alignment.registration.iterations);
+  std::string text = fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
+                                 name_of(*closest), *score_of(*closest), symbol,
+                                 closest->alignment.registration.iterations);
   if (nearest != nullptr) {
     text += fmt::format("; {} is nearest to the true pose, {} {} and {} degrees off",
                         nearest == closest ? "it" : name_of(*nearest),

@@ -25,7 +25,7 @@ struct ReportedPair {
   Rigid3 initial = {};
   std::optional<Similarity3> truth = {};
   std::vector<StrategyResult> results = {};  ///< with a trace: also scores and matches
-  std::optional<std::string> story = {};   ///< a paragraph above the scene
+  std::optional<std::string> story = {};     ///< a paragraph above the scene
 };
 
 /// A report that names this run of the tool: command, version, machine, seed.

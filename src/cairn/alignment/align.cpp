@@ -245,8 +245,8 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
     if (by_icp && !options.judge) return LandmarkCloud{};
     return landmark_cloud(map, options.confidence, options.points);
   };
-  return align(cloud(source), cloud(target), points(source), points(target),
-               unit_of(target), options);
+  return align(cloud(source), cloud(target), points(source), points(target), unit_of(target),
+               options);
 }
 
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,

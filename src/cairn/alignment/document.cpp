@@ -182,8 +182,8 @@ Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version)
   const Similarity3 rough = in_file(field, [&] { return Similarity3::from_matrix(matrix); });
   if (parent["quaternion"].is_null()) return rough;
   const auto q = parent["quaternion"].numbers<4>();
-  const Similarity3 exact(
-      scale, Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), rough.translation()));
+  const Similarity3 exact(scale,
+                          Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), rough.translation()));
   constexpr double kSame = 1e-9;
   const double difference = (exact.matrix() - matrix).topLeftCorner<3, 3>().norm();
   if (!(difference <= kSame * scale)) field.refuse("the pose of its quaternion and scale");
@@ -287,8 +287,8 @@ PlacementCandidate candidate_of(const JsonField& field, unsigned version) {
   support.evidence = field["evidence"].optional_number().value_or(0.0);
   support.spread_evidence = field["spread_evidence"].optional_number().value_or(0.0);
   if (const JsonField likeness = field["likeness"]; !likeness.is_null()) {
-    support.likeness = Likeness{likeness["compared"].whole(kMostIndices),
-                                likeness["alike"].whole(kMostIndices)};
+    support.likeness =
+        Likeness{likeness["compared"].whole(kMostIndices), likeness["alike"].whole(kMostIndices)};
     support.spread_likeness = likeness["spread_evidence"].optional_number().value_or(0.0);
   }
   if (const JsonField agreement = field["descriptor_agreement"]; !agreement.is_null()) {

@@ -118,7 +118,8 @@ TEST(AlignmentDocument, PoseOfVersion1IsTheEstimateAndTrustedOnlyIfAligned) {
 
 TEST(AlignmentDocument, MatrixWithoutAQuaternionIsAPose) {
   const Alignment alignment =
-      read_one(R"({"target_from_source": null, "estimate": [[2,0,0,5],[0,2,0,0],[0,0,2,0],[0,0,0,1]]})")
+      read_one(
+          R"({"target_from_source": null, "estimate": [[2,0,0,5],[0,2,0,0],[0,0,2,0],[0,0,0,1]]})")
           .alignment;
   EXPECT_NEAR(alignment.estimate->scale(), 2.0, 1e-12);
 }

@@ -32,8 +32,8 @@ std::optional<Similarity3> align_trajectories(const Trajectory& estimate, const 
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const double sign =
         (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
-    const Eigen::Matrix3d rotation = svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() *
-                                     svd.matrixV().transpose();
+    const Eigen::Matrix3d rotation =
+        svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     for (const auto& [a, b] : pairs) {
       translation += true_pose(b).translation() - rotation * estimated(a).translation();
