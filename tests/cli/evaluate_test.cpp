@@ -256,7 +256,7 @@ TEST_F(EvaluateTrajectoryTest, CsvIsWrittenWholeOrNotAtAll) {
 TEST_F(EvaluateTrajectoryTest, MistakesAreNamed) {
   write_walk();
   expect_refusal(evaluate({"--alignment", "umeyama"}), kWrongUsage,
-                 {"--alignment", "'umeyama'", "none, origin, se3 or sim3"});
+                 {"--alignment", "'umeyama'", "none, origin, se3, sim3 or poses"});
   for (const char* const value : {"0", "-1"}) {
     expect_refusal(evaluate({"--max-time-difference", value}), kWrongUsage,
                    {"cairn: --max-time-difference: ", value, "a positive number"});

@@ -296,7 +296,7 @@ TEST_F(MapCliTest, CovariancesHoldAgainstExactDepth) {
 TEST_F(MapCliTest, TheCameraMustBeKnown) {
   fs::remove(path("s/camera.yaml"));
   expect_refusal({"map", "s", "-o", "out.map"}, kWrongUsage,
-                 {"--camera", "not given", "fr1, fr2, fr3"});
+                 {"--camera", "not given", "fr1, fr2 or fr3"});
   expect_refusal({"map", "s", "-o", "out.map", "--camera", "fr4"}, kBadInput, {"fr4"});
   expect_refusal({"map", "s", "-o", "out.map", "--camera", "FISH 640 480 1"}, kWrongUsage,
                  {"'FISH'", "PINHOLE"});

@@ -240,7 +240,7 @@ CameraFile load_camera(const std::string& text) {
   if (text == "fr1" || text == "fr2" || text == "fr3") return {tum_camera(text), std::nullopt};
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   if (!std::filesystem::exists(text)) {
-    throw Error(ErrorKind::kMisuse, "--camera", printable(text) + " is no camera and no file",
+    throw Error(ErrorKind::kInput, "--camera", printable(text) + " is no camera and no file",
                 kCameraHelp);
   }
   FileReader file(text);

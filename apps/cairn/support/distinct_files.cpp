@@ -21,6 +21,7 @@ namespace fs = std::filesystem;
 struct NamedPath {
   std::string option;
   std::string path;
+  bool one_of_several = false;
 };
 
 // "--output", or the name of a positional argument.
@@ -51,9 +52,9 @@ bool are_one_file(const std::string& a, const std::string& b) {
     return !special && fs::equivalent(a, b, error) && !error;
   }
   if (fs::exists(a, error) || fs::exists(b, error)) return false;
-  const fs::path first = fs::weakly_canonical(a, error);
+  const fs::path first = fs::weakly_canonical(fs::absolute(a, error), error);
   if (error) return a == b;
-  const fs::path second = fs::weakly_canonical(b, error);
+  const fs::path second = fs::weakly_canonical(fs::absolute(b, error), error);
   return error ? a == b : first == second;
 }
 
@@ -68,15 +69,20 @@ void require_distinct_files(const CLI::App& verb) {
     if (!written && !may_name_files(*option)) continue;
     for (const std::string& word : option->results()) {
       if (word.empty() || word == "-") continue;
-      (written ? outputs : inputs).push_back({name, word});
+      (written ? outputs : inputs).push_back({name, word, option->get_expected_max() > 1});
     }
   }
   const auto refuse_one_file = [](const NamedPath& output, const NamedPath& other,
                                   std::string_view role) {
     if (!are_one_file(output.path, other.path)) return;
-    throw Error(ErrorKind::kMisuse, output.option,
-                fmt::format("{} is {} {} too", output.path, role, other.option),
-                "a file of its own");
+    // A positional argument is named by its role: "the input".
+    const bool positional = !other.option.starts_with("--");
+    throw Error(
+        ErrorKind::kMisuse, output.option,
+        fmt::format("{} is {} too", output.path,
+                    positional ? (other.one_of_several ? "one of the " : "the ") + other.option
+                               : fmt::format("{} {}", role, other.option)),
+        "a file of its own");
   };
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     for (const NamedPath& input : inputs) refuse_one_file(outputs[i], input, "the input");

