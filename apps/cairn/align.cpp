@@ -399,10 +399,14 @@ std::string hints(const Alignment& alignment, const LandmarkMap& source, const L
                     "in one unit?{}",
                     ratio, with_scale ? "" : " --scale finds factors of 1/20 to 20"));
   }
-  if (!candidates.empty() && alignment.probability &&
-      candidates.front().probability > *alignment.probability) {
-    list.emplace_back("without --initial and --method icp the likeliest pose is judged");
+  const bool likelier = !candidates.empty() && alignment.probability &&
+                        candidates.front().probability > *alignment.probability;
+  if (likelier) {
+    list.emplace_back("the search found a likelier pose, the first above: align without --initial");
   }
+  const bool free = source.info().length_unit == LengthUnit::kFree ||
+                    target.info().length_unit == LengthUnit::kFree;
+  if (free && !with_scale) list.emplace_back("the maps are of free scale: --scale finds it");
   if (!candidates.empty() && !candidates.front().support.agreement) {
     list.emplace_back("maps with descriptors are told apart better");
   }
@@ -413,15 +417,18 @@ std::string hints(const Alignment& alignment, const LandmarkMap& source, const L
     }
   }
   const auto& overlap = alignment.registration.overlap;
-  if (overlap && std::min(overlap->source, overlap->target) < kLittleOverlap) {
+  if (overlap && !likelier && std::min(overlap->source, overlap->target) < kLittleOverlap) {
     list.push_back(fmt::format(
         "the maps overlap little at the best pose: {:.0f} % of the source, {:.0f} % of the target",
         100.0 * overlap->source, 100.0 * overlap->target));
   }
-  if (!alignment.registration.unobservable.empty()) {
+  if (alignment.verdict == Verdict::kAmbiguous && !alignment.registration.unobservable.empty()) {
     list.emplace_back("maps that overlap in more than a plane or a line determine every direction");
   }
-  list.emplace_back("--min-probability lowers the bar");
+  if (!likelier && alignment.verdict == Verdict::kRejected) {
+    list.emplace_back("or the maps show different places");
+  }
+  list.emplace_back("--min-probability lowers the bar, down to 0.5");
   std::string text;
   for (const std::string& hint : list) text += "  hint: " + hint + "\n";
   return text;

@@ -46,7 +46,7 @@ void MergeArguments::add_to(CLI::App& command) {
   command
       .add_option("maps", paths,
                   "Maps of one place: " + all_formats().titles_text() +
-                      "; or folders of maps, which are taken by name")
+                      "; or folders, whose .map and .cairn files are taken by name")
       ->required()
       ->take_all()
       ->type_name("MAP...");
@@ -95,7 +95,9 @@ std::vector<std::string> maps_in(const std::string& folder) {
   std::vector<std::string> files;
   try {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      if (entry.is_regular_file() && all_formats().format_of_ending(entry.path()) != nullptr) {
+      // Text files and clouds may lie there for other reasons.
+      const std::string extension = entry.path().extension().string();
+      if (entry.is_regular_file() && (extension == ".map" || extension == ".cairn")) {
         files.push_back(entry.path().string());
       }
     }
@@ -103,8 +105,7 @@ std::vector<std::string> maps_in(const std::string& folder) {
     throw Error(ErrorKind::kInput, folder, error.code().message(), "a folder that can be read");
   }
   if (files.empty()) {
-    throw Error(ErrorKind::kInput, folder, "holds no map",
-                "a folder of maps: " + all_formats().endings_text());
+    throw Error(ErrorKind::kInput, folder, "holds no map", "a folder of .map or .cairn files");
   }
   std::sort(files.begin(), files.end());
   return files;

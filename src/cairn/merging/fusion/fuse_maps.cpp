@@ -17,6 +17,8 @@
 namespace cairn {
 namespace {
 
+constexpr std::string_view kStaleColumn = "reprojection_error";
+
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
@@ -308,6 +310,8 @@ void Fusion::set_columns() {
   columns.push_back({kFusedColumn, std::move(parts)});
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     for (const NamedColumn& theirs : maps_[m].map->landmarks().columns) {
+      // Of landmarks that have moved since; who needs it computes it from the observations.
+      if (theirs.name == kStaleColumn) continue;
       const std::string& name = theirs.name;
       if (name == kFromMapColumn || name == kFromLandmarkColumn || name == kFusedColumn) continue;
       auto found = std::find_if(columns.begin(), columns.end(),
