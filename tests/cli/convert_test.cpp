@@ -245,9 +245,9 @@ TEST_F(ConvertTest, AnOutputThatIsAnInputIsRefused) {
   for (const char* const output : {"plain.map", "./plain.map", "link.map", "hard.map",
                                    "folder/../plain.map", "here/plain.map"}) {
     expect_refusal({"convert", "plain.map", output, "--min-observations", "2"}, kWrongUsage,
-                   {"output", output, "the input input"});
+                   {"output", output, "the input too"});
     expect_refusal({"info", "plain.map", "--json", output}, kWrongUsage,
-                   {"--json", output, "the input map"});
+                   {"--json", output, "the map too"});
   }
   write("turn.txt", "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n");
   expect_refusal(
