@@ -178,7 +178,7 @@ TEST_F(UsageTest, CamerasOfTheBenchmarkAndFilesAreKnownToEachVerb) {
     EXPECT_NE(cairn({"align", "plain.map", "plain.map", "--camera", camera}).exit_code,
               kWrongUsage);
   }
-  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kWrongUsage,
+  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kBadInput,
                  {"--camera", "'fr4'", "fr1, fr2 or fr3"});
 }
 
