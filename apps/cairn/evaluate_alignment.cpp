@@ -379,7 +379,7 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
     judge_covariance(true_pose, entry);
     const auto& pose = one.alignment.estimate;
     if (pose) entry.error = pose_error(*pose, true_pose, points.positions);
-    // A pose that is not trusted is no success, however right. Metres say nothing of a map of free scale.
+    // An untrusted pose does not count as a success. Maps of free scale have no lengths in metres.
     if (one.length_unit == LengthUnit::kMetres) {
       entry.success = entry.error && has_answer(one.alignment) &&
                       degrees(entry.error->rotation_rad) <= max_rotation_deg &&

@@ -56,7 +56,7 @@ bool is_number(std::string_view word) {
          lower(word) == "-inf";
 }
 
-// The columns of x, y and z in a line of names; nothing if it does not name all three.
+// The columns of x, y and z in a line of names; std::nullopt unless all three are named.
 std::optional<std::array<std::size_t, 3>> named_columns(
     const std::vector<std::string_view>& words) {
   std::array<std::size_t, 3> columns{};
