@@ -428,7 +428,11 @@ std::string hints(const Alignment& alignment, const LandmarkMap& source, const L
   if (!likelier && alignment.verdict == Verdict::kRejected) {
     list.emplace_back("or the maps show different places");
   }
-  list.emplace_back("--min-probability lowers the bar, down to 0.5");
+  constexpr double kLowestBar = 0.5;  // of --min-probability
+  list.emplace_back(
+      alignment.probability.value_or(0.0) >= kLowestBar
+          ? "--min-probability lowers the bar, down to 0.5"
+          : "the probability is below the lowest bar that --min-probability sets, 0.5");
   std::string text;
   for (const std::string& hint : list) text += "  hint: " + hint + "\n";
   return text;
@@ -523,7 +527,8 @@ int AlignArguments::run() {
   check_options();
   const auto given_camera =
       camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
-  options.initial = initial.pose();
+  const Similarity3 guess = initial.guess(estimate_scale);
+  options.initial = guess.rigid();
   options.stop_at_repetition = !stop_as_pcl;
   std::optional<Similarity3> true_pose;
   if (!truth.empty()) {
@@ -543,7 +548,7 @@ int AlignArguments::run() {
         landmarks_observed(loaded->map, point_options.min_observations).size();
   }
   alignment.method = is_robust() ? AlignMethod::kRobust : AlignMethod::kIcp;
-  if (has_initial()) alignment.prior = PosePrior{.target_from_source = options.initial};
+  if (has_initial()) alignment.prior = PosePrior{.target_from_source = guess};
   alignment.judge = !no_verdict;
   alignment.points = point_options;
   alignment.overlap_radius = options.overlap_radius;

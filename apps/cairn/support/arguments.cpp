@@ -39,10 +39,15 @@ constexpr std::string_view kPoseFile =
   throw Error(ErrorKind::kInput, path, what, kPoseFile);
 }
 
-// Of the first result: aligned, or never judged. A pose that was judged and not trusted is none to go on with.
-Similarity3 pose_of_json(const std::string& path, const std::string& text) {
+enum class PoseUse {
+  kAnswer,  ///< of a pose that was judged, the verdict must be aligned
+  kGuess,   ///< that is to be refined and judged anew: any pose will do
+};
+
+// Of the first result.
+Similarity3 pose_of_json(const std::string& path, const std::string& text, PoseUse use) {
   const Alignment first = std::move(read_alignments(text, path).front().alignment);
-  if (!first.verdict && first.estimate) return *first.estimate;
+  if ((!first.verdict || use == PoseUse::kGuess) && first.estimate) return *first.estimate;
   if (!first.target_from_source) {
     fail_pose_file(path, fmt::format("the first result has no pose: it is {}", status_of(first)));
   }
@@ -64,12 +69,13 @@ Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
 }
 
 template <class Transform>
-Transform read_transform(const std::string& path) {
+Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer) {
   const std::string content = read_file(path);
   const std::string text(without_byte_order_mark(content));
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
-  const Matrix4d matrix = is_json ? pose_of_json(path, text).matrix() : matrix_of_text(path, text);
+  const Matrix4d matrix =
+      is_json ? pose_of_json(path, text, use).matrix() : matrix_of_text(path, text);
   try {
     return Transform::from_matrix(matrix);
   } catch (const Error& error) {
@@ -198,6 +204,12 @@ void PoseArguments::add_to(CLI::App& command, const std::string& name, const std
            "result)",
            "FILE")
       ->excludes(as_text);
+}
+
+Similarity3 PoseArguments::guess(bool with_scale) const {
+  if (file.empty()) return pose();
+  if (with_scale) return read_transform<Similarity3>(file, PoseUse::kGuess);
+  return read_transform<Rigid3>(file, PoseUse::kGuess);
 }
 
 Rigid3 PoseArguments::pose() const {

@@ -133,7 +133,10 @@ struct PoseArguments {
   /// Adds --NAME and --NAME-matrix; `what` says what the pose is.
   void add_to(CLI::App& command, const std::string& name, const std::string& what);
   bool given() const { return !text.empty() || !file.empty(); }
+  /// @throws Error for the JSON of an alignment that was rejected, or whose pose has a scale
   Rigid3 pose() const;
+  /// The same of a pose that is only where to start from: a rejected alignment's will do.
+  Similarity3 guess(bool with_scale) const;
 
  private:
   std::string name_;

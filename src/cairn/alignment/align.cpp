@@ -53,27 +53,27 @@ IcpOptions icp_of(const AlignOptions& options) {
 }
 
 // Root mean square of how far the prior may put landmarks from where they are.
-double displacement(const PosePrior& prior, const LandmarkCloud& source) {
+double displacement(const PosePrior& prior, const CentredCloud& source) {
   double sum = 0.0;
-  for (const Eigen::Vector3d& position : source.positions) {
+  for (const Eigen::Vector3d& position : source.landmarks.positions) {
     // Of the left perturbation t + δt, Exp(δφ)·R, which turns about the source's origin.
-    const Eigen::Vector3d arm =
-        prior.target_from_source * position - prior.target_from_source.translation();
+    const Eigen::Vector3d arm = prior.target_from_source.linear() * (source.centre + position);
     Eigen::Matrix<double, 3, 6> jacobian;
     jacobian << Eigen::Matrix3d::Identity(), -skew(arm);
     sum += (jacobian * *prior.covariance * jacobian.transpose()).trace();
   }
-  return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(source.size(), 1)));
+  const std::size_t count = std::max<std::size_t>(source.landmarks.size(), 1);
+  return std::sqrt(sum / static_cast<double>(count));
 }
 
-RegistrationResult refined(const LandmarkCloud& source, const LandmarkCloud& target,
+RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
                            const AlignOptions& options) {
   const PosePrior& prior = *options.prior;
   RefineOptions refinement;
   refinement.initial = prior.target_from_source.rigid();
   if (options.scale) refinement.scale = prior.target_from_source.scale();
   if (prior.covariance) {
-    const double off = kPriorDeviations * displacement(prior, source);
+    const double off = kPriorDeviations * displacement(prior, *source.centred());
     if (off > 0.0) refinement.coarse = off;
     refinement.by_icp_too = false;
   }
@@ -120,47 +120,46 @@ void take_pose(Alignment& alignment) {
   if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
 }
 
-// @param found by the method, from the prior pose; nothing: by search
-Alignment concluded(const LandmarkCloud& source, const LandmarkCloud& target,
-                    const AlignOptions& options, std::string_view unit,
-                    std::optional<RegistrationResult> found) {
+// What of the result is said of a pose that nothing judged.
+Alignment unjudged(RegistrationResult found) {
   Alignment alignment;
-  alignment.deterministic = !options.time_limit_s;
-  const bool cancelled = found && found->status == RegistrationStatus::kCancelled;
-  if (found && (!options.judge || cancelled || !found->has_pose())) {
-    alignment.registration = std::move(*found);
-    alignment.reason = alignment.registration.reason;
-  } else {
-    PreparedPair pair(source, target, placement_of(options, unit));
-    const bool by_icp = options.method == AlignMethod::kIcp;
-    PlacementResult placed = !found   ? pair.place()
-                             : by_icp ? pair.judge(found->similarity())
-                                      : pair.settle(found->similarity());
-    RegistrationResult end = std::move(placed.alignment);
-    const bool stopped = end.status == RegistrationStatus::kCancelled;
-    alignment.registration = !found   ? std::move(end)
-                             : by_icp ? completed(std::move(*found), std::move(end))
-                                      : joined(std::move(*found), std::move(end));
-    if (options.judge && !stopped) {
-      take_verdict(std::move(placed), alignment);
-    } else {
-      alignment.reason = alignment.registration.reason;
-    }
-  }
+  alignment.registration = std::move(found);
+  alignment.reason = alignment.registration.reason;
   take_pose(alignment);
   return alignment;
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+// Whether there is a pose to judge, and it is to be judged.
+bool is_final(const RegistrationResult& found, const AlignOptions& options) {
+  return !options.judge || found.status == RegistrationStatus::kCancelled || !found.has_pose();
 }
 
-Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
-                     const Similarity3& pose, std::string_view unit, const AlignOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
+// @param found by the method, from the prior pose; nothing: by search
+Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
+                    const AlignOptions& options, std::string_view unit,
+                    std::optional<RegistrationResult> found) {
+  PreparedPair pair(source, target, placement_of(options, unit));
+  const bool by_icp = options.method == AlignMethod::kIcp;
+  PlacementResult placed = !found   ? pair.place()
+                           : by_icp ? pair.judge(found->similarity())
+                                    : pair.settle(found->similarity());
+  RegistrationResult end = std::move(placed.alignment);
+  const bool stopped = end.status == RegistrationStatus::kCancelled;
+  RegistrationResult whole = !found   ? std::move(end)
+                             : by_icp ? completed(std::move(*found), std::move(end))
+                                      : joined(std::move(*found), std::move(end));
+  if (!options.judge || stopped) return unjudged(std::move(whole));
   Alignment alignment;
-  alignment.deterministic = !options.time_limit_s;
+  alignment.registration = std::move(whole);
+  take_verdict(std::move(placed), alignment);
+  take_pose(alignment);
+  return alignment;
+}
+
+Alignment judged(const PreparedCloud& source, const PreparedCloud& target, const Similarity3& pose,
+                 std::string_view unit, const AlignOptions& options) {
   PlacementResult placed = PreparedPair(source, target, placement_of(options, unit)).judge(pose);
+  Alignment alignment;
   alignment.registration = std::move(placed.alignment);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
     alignment.reason = alignment.registration.reason;
@@ -170,27 +169,53 @@ Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
   take_pose(alignment);
   alignment.estimate = pose;
   if (alignment.target_from_source) alignment.target_from_source = pose;
-  alignment.duration_s = seconds_since(start);
   return alignment;
 }
 
-std::string_view unit_of(const LandmarkMap& target) {
-  return target.info().length_unit == LengthUnit::kMetres ? "m" : "";
+Alignment aligned(const PreparedCloud& source, const PreparedCloud& target, std::string_view unit,
+                  const AlignOptions& options) {
+  if (!options.prior) return concluded(source, target, options, unit, std::nullopt);
+  RegistrationResult found = refined(source, target, options);
+  if (is_final(found, options)) return unjudged(std::move(found));
+  return concluded(source, target, options, unit, std::move(found));
 }
 
-Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
-                const PointSet& source_points, const PointSet& target_points, std::string_view unit,
-                const AlignOptions& options) {
+// @param prepared gives both clouds, which ICP itself does not look at
+template <class Prepared>
+Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const Prepared& prepared,
+                         std::string_view unit, const AlignOptions& options) {
+  RegistrationResult found = icp(source, target, icp_of(options));
+  if (is_final(found, options)) return unjudged(std::move(found));
+  const auto [from, to] = prepared();
+  return concluded(from, to, options, unit, std::move(found));
+}
+
+// What work() gives, with how long that took.
+template <class Work>
+Alignment timed(const AlignOptions& options, const Work& work) {
   const auto start = std::chrono::steady_clock::now();
-  std::optional<RegistrationResult> found;
-  if (options.method == AlignMethod::kIcp) {
-    found = icp(source_points, target_points, icp_of(options));
-  } else if (options.prior) {
-    found = refined(source, target, options);
-  }
-  Alignment alignment = concluded(source, target, options, unit, std::move(found));
-  alignment.duration_s = seconds_since(start);
+  Alignment alignment = work();
+  alignment.deterministic = !options.time_limit_s;
+  alignment.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return alignment;
+}
+
+std::string_view unit_of(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "m" : "";
+}
+
+PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
+                       const AlignOptions& options) {
+  cloud.validate(name);
+  return PreparedCloud(cloud, options.seed, options.execution.executor);
+}
+
+PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {
+  return PreparedMap(map, {.confidence = options.confidence,
+                           .points = options.points,
+                           .seed = options.seed,
+                           .executor = options.execution.executor});
 }
 
 }  // namespace
@@ -228,48 +253,91 @@ std::string_view status_of(const Alignment& alignment) {
 Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
                 const AlignOptions& options) {
   options.validate();
-  source.validate("source");
-  target.validate("target");
-  return align(source, target, {source.positions, source.weights},
-               {target.positions, target.weights}, {}, options);
+  return timed(options, [&] {
+    const auto clouds = [&] {
+      return std::pair(prepared(source, "source", options), prepared(target, "target", options));
+    };
+    if (options.method == AlignMethod::kIcp) {
+      source.validate("source");
+      target.validate("target");
+      return aligned_by_icp({source.positions, source.weights}, {target.positions, target.weights},
+                            clouds, {}, options);
+    }
+    const auto [from, to] = clouds();
+    return aligned(from, to, {}, options);
+  });
 }
 
 Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options) {
   options.validate();
-  const bool by_icp = options.method == AlignMethod::kIcp;
-  const auto points = [&](const LandmarkMap& map) {
-    return by_icp ? point_set(map, options.confidence, options.points) : PointSet{};
-  };
-  // What ICP alone does not look at.
-  const auto cloud = [&](const LandmarkMap& map) {
-    if (by_icp && !options.judge) return LandmarkCloud{};
-    return landmark_cloud(map, options.confidence, options.points);
-  };
-  return align(cloud(source), cloud(target), points(source), points(target), unit_of(target),
-               options);
+  return timed(options, [&] {
+    const std::string_view unit = unit_of(target.info().length_unit);
+    const auto clouds = [&] {
+      return std::pair(prepared(source, options).cloud(), prepared(target, options).cloud());
+    };
+    if (options.method == AlignMethod::kIcp) {
+      return aligned_by_icp(point_set(source, options.confidence, options.points),
+                            point_set(target, options.confidence, options.points), clouds, unit,
+                            options);
+    }
+    const auto [from, to] = clouds();
+    return aligned(from, to, unit, options);
+  });
+}
+
+Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options) {
+  options.validate();
+  require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
+  return timed(options, [&] {
+    return aligned(source.cloud(), target.cloud(), unit_of(target.length_unit()), options);
+  });
 }
 
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
-  source.validate("source");
-  target.validate("target");
-  return judge_pose(source, target, target_from_source, std::string_view(), options);
+  return timed(options, [&] {
+    return judged(prepared(source, "source", options), prepared(target, "target", options),
+                  target_from_source, {}, options);
+  });
 }
 
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
-  return judge_pose(landmark_cloud(source, options.confidence, options.points),
-                    landmark_cloud(target, options.confidence, options.points), target_from_source,
-                    unit_of(target), options);
+  return timed(options, [&] {
+    return judged(prepared(source, options).cloud(), prepared(target, options).cloud(),
+                  target_from_source, unit_of(target.info().length_unit), options);
+  });
 }
 
-GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {
+Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
+                     const Similarity3& target_from_source, const AlignOptions& options) {
+  options.validate();
+  return timed(options, [&] {
+    return judged(source.cloud(), target.cloud(), target_from_source, unit_of(target.length_unit()),
+                  options);
+  });
+}
+
+namespace {
+
+GravityPrior gravity_prior(const std::optional<Eigen::Vector3d>& source,
+                           const std::optional<Eigen::Vector3d>& target) {
   GravityPrior gravity;
-  gravity.source = source.info().gravity.value_or(gravity.source);
-  gravity.target = target.info().gravity.value_or(gravity.target);
+  gravity.source = source.value_or(gravity.source);
+  gravity.target = target.value_or(gravity.target);
   return gravity;
+}
+
+}  // namespace
+
+GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {
+  return gravity_prior(source.info().gravity, target.info().gravity);
+}
+
+GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target) {
+  return gravity_prior(source.gravity(), target.gravity());
 }
 
 }  // namespace cairn

@@ -10,6 +10,7 @@
 #include "cairn/confidence/metric.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/placement/place.hpp"
+#include "cairn/placement/prepared_map.hpp"
 #include "cairn/registration/icp.hpp"
 
 namespace cairn {
@@ -102,6 +103,12 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
 Alignment align(const LandmarkMap& source, const LandmarkMap& target,
                 const AlignOptions& options = {});
 
+/// Aligns two maps of which either is aligned with many. AlignOptions::confidence and points stand in the
+/// PrepareOptions of each; here they have no effect.
+/// @throws Error (misuse) for AlignMethod::kIcp, which takes maps
+Alignment align(const PreparedMap& source, const PreparedMap& target,
+                const AlignOptions& options = {});
+
 /// Judges a pose as it is, whatever found it, as align() judges its own. Of the options, `method`,
 /// `prior` and `judge` have no effect.
 /// @throws Error (misuse) for invalid options, or a scale other than 1 without AlignOptions::scale
@@ -109,8 +116,11 @@ Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
+Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
+                     const Similarity3& target_from_source, const AlignOptions& options = {});
 
 /// That both maps know where down is: each as it says, or else its negative z axis.
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);
+GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target);
 
 }  // namespace cairn

@@ -48,6 +48,25 @@ TEST(Align, SearchesAndJudgesByDefault) {
   EXPECT_FALSE(alignment.candidates.empty());
 }
 
+TEST(Align, GivesTheSameOfPreparedMapsHoweverOftenTheyAreUsed) {
+  const SyntheticPair pair = synthetic_pair({.seed = 50, .landmarks = 800});
+  const PreparedMap source(pair.source);
+  const PreparedMap target(pair.target);
+  const Alignment plain = align(pair.source, pair.target);
+  for (int again = 0; again < 2; ++again) {
+    const Alignment prepared = align(source, target);
+    EXPECT_EQ(prepared.verdict, plain.verdict);
+    EXPECT_EQ(prepared.reason, plain.reason);
+    EXPECT_EQ(prepared.estimate->matrix(), plain.estimate->matrix());
+    EXPECT_EQ(prepared.registration.covariance, plain.registration.covariance);
+  }
+  const Alignment judged = judge_pose(source, target, *plain.estimate);
+  EXPECT_EQ(judged.verdict, Verdict::kAligned) << judged.reason;
+  const AlignOptions by_icp{.method = AlignMethod::kIcp};
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { align(source, target, by_icp); }),
+              HasSubstr("method"));
+}
+
 TEST(Align, AcceptsNothingBetweenStrangersHoweverItIsAsked) {
   const auto [source, target] = strangers();
   AlignOptions options;

@@ -21,31 +21,36 @@ Rigid3 translation(const Eigen::Vector3d& by) {
 
 }  // namespace
 
+CentredCloud::CentredCloud(LandmarkCloud cloud)
+    : centre(central_part(cloud.positions).centre), landmarks(moved(std::move(cloud), -centre)) {}
+
 CentredPair::CentredPair(LandmarkCloud source, LandmarkCloud target)
-    : source_centre_(central_part(source.positions).centre),
-      target_centre_(central_part(target.positions).centre),
-      source_(moved(std::move(source), -source_centre_)),
-      target_(moved(std::move(target), -target_centre_)) {}
+    : CentredPair(std::make_shared<const CentredCloud>(std::move(source)),
+                  std::make_shared<const CentredCloud>(std::move(target))) {}
+
+CentredPair::CentredPair(std::shared_ptr<const CentredCloud> source,
+                         std::shared_ptr<const CentredCloud> target)
+    : source_(std::move(source)), target_(std::move(target)) {}
 
 Similarity3 CentredPair::centred(const Similarity3& target_from_source) const {
-  return Similarity3(translation(-target_centre_)) * target_from_source *
-         Similarity3(translation(source_centre_));
+  return Similarity3(translation(-target_->centre)) * target_from_source *
+         Similarity3(translation(source_->centre));
 }
 
 Similarity3 CentredPair::uncentred(const Similarity3& pose) const {
-  return Similarity3(translation(target_centre_)) * pose *
-         Similarity3(translation(-source_centre_));
+  return Similarity3(translation(target_->centre)) * pose *
+         Similarity3(translation(-source_->centre));
 }
 
 Matrix6d CentredPair::uncentred(const Matrix6d& covariance, const Rigid3& pose) const {
   // The translations differ by R·source_centre and a constant: a rotation error acts on that arm too.
   Matrix6d jacobian = Matrix6d::Identity();
-  jacobian.topRightCorner<3, 3>() = skew(pose.quaternion() * source_centre_);
+  jacobian.topRightCorner<3, 3>() = skew(pose.quaternion() * source_->centre);
   return propagated_covariance(jacobian, covariance);
 }
 
 Matrix7d CentredPair::uncentred(const Matrix7d& covariance, const Similarity3& pose) const {
-  const Eigen::Vector3d arm = pose.linear() * source_centre_;
+  const Eigen::Vector3d arm = pose.linear() * source_->centre;
   Matrix7d jacobian = Matrix7d::Identity();
   jacobian.block<3, 3>(0, 3) = skew(arm);
   jacobian.block<3, 1>(0, 6) = -arm;

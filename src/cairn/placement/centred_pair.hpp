@@ -1,19 +1,30 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
+
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
 
 namespace cairn {
 
-/// Two clouds, each moved to its centroid, so that coordinates far from an origin cost no precision.
-/// Poses between the moved clouds are called centred.
+/// A cloud that was moved to its centroid, so that coordinates far from an origin cost no precision.
+struct CentredCloud {
+  explicit CentredCloud(LandmarkCloud cloud);
+
+  Eigen::Vector3d centre;  ///< where the centroid was; of all landmarks but far outliers
+  LandmarkCloud landmarks;
+};
+
+/// Two centred clouds. Poses between them are called centred.
 class CentredPair {
  public:
   CentredPair(LandmarkCloud source, LandmarkCloud target);
+  CentredPair(std::shared_ptr<const CentredCloud> source,
+              std::shared_ptr<const CentredCloud> target);
 
-  const LandmarkCloud& source() const { return source_; }
-  const LandmarkCloud& target() const { return target_; }
+  const LandmarkCloud& source() const { return source_->landmarks; }
+  const LandmarkCloud& target() const { return target_->landmarks; }
 
   Similarity3 centred(const Similarity3& target_from_source) const;
   Similarity3 uncentred(const Similarity3& pose) const;
@@ -23,10 +34,8 @@ class CentredPair {
   Matrix7d uncentred(const Matrix7d& covariance, const Similarity3& pose) const;
 
  private:
-  Eigen::Vector3d source_centre_;
-  Eigen::Vector3d target_centre_;
-  LandmarkCloud source_;
-  LandmarkCloud target_;
+  std::shared_ptr<const CentredCloud> source_;
+  std::shared_ptr<const CentredCloud> target_;
 };
 
 }  // namespace cairn

@@ -15,8 +15,8 @@
 #include "cairn/core/alarm.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/moved_points.hpp"
 #include "cairn/geometry/pose_distance.hpp"
-#include "cairn/map/operations.hpp"
 #include "cairn/placement/constellation_poses.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/placement/descriptor_poses.hpp"
@@ -27,16 +27,15 @@
 #include "cairn/placement/rotations.hpp"
 #include "cairn/placement/scales.hpp"
 #include "cairn/placement/search.hpp"
-#include "cairn/placement/sight.hpp"
 #include "cairn/placement/support_counter.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::size_t kFewestLandmarks = 20;  // fewer cannot tell a pose from chance
-constexpr std::size_t kSample = 4096;         // landmarks of a map that are looked for in the other
-constexpr double kRotations = 4608;           // at effort 1: about 15 degrees apart
-constexpr double kFewRotations = 2304;        // the same where constellations propose poses as well
+constexpr std::size_t kSample = PreparedCloud::kSample;
+constexpr double kRotations = 4608;     // at effort 1: about 15 degrees apart
+constexpr double kFewRotations = 2304;  // the same where constellations propose poses as well
 constexpr double kConstellations = 192;
 constexpr double kTurns = 72;               // and about a known vertical: 5 degrees apart
 constexpr std::size_t kShortPoints = 1000;  // of the source, in the first look at each candidate
@@ -82,47 +81,8 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-// The landmarks in random order, the likelier early the more they weigh (Efraimidis and Spirakis 2006):
-// the first n are a sample of all.
-LandmarkCloud shuffled(const LandmarkCloud& cloud, Random random) {
-  std::vector<std::pair<double, std::size_t>> keys(cloud.size());
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    keys[i] = {std::log1p(-random.uniform()) / std::max(cloud.weight(i), 1e-9), i};
-  }
-  std::sort(keys.begin(), keys.end(), std::greater<>());
-  LandmarkCloud result;
-  std::vector<std::uint32_t> order;
-  std::vector<std::uint32_t> place(cloud.size());
-  for (const auto& [key, i] : keys) {
-    place[i] = static_cast<std::uint32_t>(order.size());
-    order.push_back(static_cast<std::uint32_t>(i));
-    result.positions.push_back(cloud.positions[i]);
-    if (!cloud.covariances.empty()) result.covariances.push_back(cloud.covariances[i]);
-    if (!cloud.weights.empty()) result.weights.push_back(cloud.weights[i]);
-  }
-  if (cloud.descriptors) result.descriptors = descriptor_rows(*cloud.descriptors, order);
-  result.views = cloud.views;
-  for (LandmarkView& view : result.views) {
-    for (std::uint32_t& landmark : view.landmarks) landmark = place[landmark];
-  }
-  return result;
-}
-
-template <class Value>
-std::span<const Value> sample_of(const std::vector<Value>& column) {
-  return std::span(column).first(std::min(column.size(), kSample));
-}
-
-// Of the sample alone, whose landmarks are farther apart; `all` if it is the whole cloud.
-CloudScales sample_scales(const LandmarkCloud& cloud, const CloudScales& all,
-                          const Executor& executor) {
-  if (cloud.size() <= kSample) return all;
-  LandmarkCloud part;
-  const auto positions = sample_of(cloud.positions);
-  part.positions.assign(positions.begin(), positions.end());
-  CloudScales scales = cloud_scales(part, BatchTree(part.positions), executor);
-  scales.noise = all.noise;
-  return scales;
+std::span<const Eigen::Vector3d> sample_of(const LandmarkCloud& cloud) {
+  return std::span(cloud.positions).first(std::min(cloud.size(), kSample));
 }
 
 // In random order: the first of them are spread over all.
@@ -214,24 +174,18 @@ struct Candidates {
 class Placement {
  public:
   /// @param scales of the source at which poses are searched for
-  Placement(const LandmarkCloud& source, const LandmarkCloud& target, std::vector<double> scales,
+  Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
             const PlaceOptions& options)
       : options_(options),
         scales_(std::move(scales)),
-        pair_(shuffled(source, Random(options.seed).fork(1)),
-              shuffled(target, Random(options.seed).fork(2))),
-        source_tree_(pair_.source().positions),
-        target_tree_(pair_.target().positions),
-        support_(pair_, source_tree_, target_tree_, kSample, Random(options.seed).fork(5),
-                 options.execution.executor),
+        source_(source),
+        target_(target),
+        pair_(source.centred(), target.centred()),
+        support_(source, target, kSample, Random(options.seed).fork(5)),
         matches_(pair_),
-        sight_(pair_, kSightPoints) {
-    all_ = {cloud_scales(pair_.source(), source_tree_, options.execution.executor),
-            cloud_scales(pair_.target(), target_tree_, options.execution.executor)};
-    sample_ = {sample_scales(pair_.source(), all_.source, options.execution.executor),
-               sample_scales(pair_.target(), all_.target, options.execution.executor)};
-    distance_ = PoseDistance::of(pair_.source().positions);
-  }
+        all_{source.scales(), target.scales()},
+        sample_{source.sample_scales(), target.sample_scales()},
+        distance_(PoseDistance::of(pair_.source().positions)) {}
 
   /// Of the kernel, for a source of the scale.
   double fine(double scale) const { return all_.at(scale).fine; }
@@ -264,7 +218,7 @@ class Placement {
         if (&other != &pose) others.push_back(&other.proximity);
       }
       pose.support.proximity = proximity_evidence(pose.proximity, others);
-      const SightCounts sight = sight_(pose.similarity());
+      const SightCounts sight = sights(pose.similarity());
       pose.contradicted.reset();
       if (sight.total() >= kFewestSights) {
         pose.contradicted =
@@ -372,6 +326,16 @@ class Placement {
   }
 
  private:
+  // Lines of sight, both ways; nothing but zeros if the clouds have no views.
+  SightCounts sights(const Similarity3& pose) const {
+    const auto some = [](const LandmarkCloud& cloud) {
+      return std::span(cloud.positions).first(std::min(kSightPoints, cloud.size()));
+    };
+    SightCounts counts = target_.views().count(moved_points(some(pair_.source()), pose));
+    counts += source_.views().count(moved_points(some(pair_.target()), pose.inverse()));
+    return counts;
+  }
+
   // Poses on which descriptors agree.
   std::vector<DescriptorPose> proposals() const {
     DescriptorPoseOptions options;
@@ -392,9 +356,8 @@ class Placement {
         .fine = sample_.at(1.0).fine,
         .draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort)),
         .execution = {.executor = options_.execution.executor, .stop = stop}};
-    return constellation_poses(sample_of(pair_.source().positions),
-                               sample_of(pair_.target().positions), Random(options_.seed).fork(6),
-                               options);
+    return constellation_poses(sample_of(pair_.source()), sample_of(pair_.target()),
+                               Random(options_.seed).fork(6), options);
   }
 
   // Those that may be right if the first is not; none if too few matches agree with any.
@@ -456,7 +419,7 @@ class Placement {
     // Of many poses roughly, of the few that are left exactly.
     const std::size_t partners = points == kSample ? DescriptorMatches::kPartners : 32;
     // The candidates run beside each other, each on one thread.
-    const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances, false,
+    const RobustAlignment alignment(pair_, target_.tree(), options_.use_covariances, false,
                                     Executor());
     options_.execution.executor.for_blocks(
         poses.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -498,12 +461,11 @@ class Placement {
 
   const PlaceOptions& options_;
   std::vector<double> scales_;
+  PreparedCloud source_;
+  PreparedCloud target_;
   CentredPair pair_;
-  BatchTree source_tree_;
-  BatchTree target_tree_;
   SupportCounter support_;
   DescriptorMatches matches_;
-  SightChecker sight_;
   PairScales all_;     // of all landmarks
   PairScales sample_;  // of those that the search sees
   PoseDistance distance_;
@@ -525,10 +487,7 @@ std::vector<double> scales_about_one(const ScaleRange& range) {
 }
 
 // By which the source is to be scaled for both clouds to have extents and spacings as alike as can be.
-double likely_scale(const LandmarkCloud& source, const LandmarkCloud& target,
-                    const Executor& executor) {
-  const CloudScales from = cloud_scales(source, BatchTree(source.positions), executor);
-  const CloudScales to = cloud_scales(target, BatchTree(target.positions), executor);
+double likely_scale(const CloudScales& from, const CloudScales& to) {
   const double square = to.extent * to.spacing / (from.extent * from.spacing);
   return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
 }
@@ -538,18 +497,18 @@ double likely_scale(const LandmarkCloud& source, const LandmarkCloud& target,
 // A placement of the caller's clouds, of which one may have to be scaled and the two exchanged first.
 class PreparedPair::Parts {
  public:
-  Parts(const LandmarkCloud& source, const LandmarkCloud& target, const PlaceOptions& options)
+  Parts(const PreparedCloud& source, const PreparedCloud& target, const PlaceOptions& options)
       : source_(source),
         target_(target),
         callers_(options),
         options_(options),
-        unit_(options.scale ? std::clamp(likely_scale(source, target, options.execution.executor),
+        unit_(options.scale ? std::clamp(likely_scale(source.scales(), target.scales()),
                                          options.scale->least, options.scale->most)
                             : 1.0),
         // Which is the larger cannot be seen where the scale is open; the one with fewer landmarks is
         // likely to be part of the other.
         inverted_(options.scale ? source.size() > target.size()
-                                : cloud_extent(source) > cloud_extent(target)) {
+                                : source.scales().extent > target.scales().extent) {
     if (std::min(source.size(), target.size()) < kFewestLandmarks) return;
     if (inverted_ && options_.gravity) {
       std::swap(options_.gravity->source, options_.gravity->target);
@@ -561,7 +520,7 @@ class PreparedPair::Parts {
       options_.scale = inverted_ ? ScaleRange{1.0 / most, 1.0 / least} : ScaleRange{least, most};
       scales = scales_about_one(*options_.scale);
     }
-    LandmarkCloud moving = scaled(source, unit_);
+    const PreparedCloud moving = source.scaled(unit_, options.execution.executor);
     if (inverted_) {
       placement_.emplace(target, moving, std::move(scales), options_);
     } else {
@@ -609,8 +568,8 @@ class PreparedPair::Parts {
   void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
   void require_scale(const Similarity3& pose) const;
 
-  const LandmarkCloud& source_;
-  const LandmarkCloud& target_;
+  const PreparedCloud source_;
+  const PreparedCloud target_;
   const PlaceOptions callers_;
   PlaceOptions options_;  // as the placement has them
   double unit_;           // by which the source is scaled
@@ -854,12 +813,19 @@ void PlaceOptions::validate() const {
           "gravity.max_tilt_rad", gravity->max_tilt_rad, "above 0 and at most pi");
 }
 
+PreparedPair::PreparedPair(const PreparedCloud& source, const PreparedCloud& target,
+                           const PlaceOptions& options) {
+  options.validate();
+  parts_ = std::make_unique<Parts>(source, target, options);
+}
 PreparedPair::PreparedPair(const LandmarkCloud& source, const LandmarkCloud& target,
                            const PlaceOptions& options) {
   options.validate();
-  source.validate("source");
-  target.validate("target");
-  parts_ = std::make_unique<Parts>(source, target, options);
+  const auto prepared = [&](const LandmarkCloud& cloud, std::string_view name) {
+    cloud.validate(name);
+    return PreparedCloud(cloud, options.seed, options.execution.executor);
+  };
+  parts_ = std::make_unique<Parts>(prepared(source, "source"), prepared(target, "target"), options);
 }
 PreparedPair::~PreparedPair() = default;
 PreparedPair::PreparedPair(PreparedPair&&) noexcept = default;

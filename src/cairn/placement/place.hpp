@@ -10,6 +10,7 @@
 
 #include "cairn/core/execution.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
+#include "cairn/placement/prepared_cloud.hpp"
 #include "cairn/placement/verdict.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -113,8 +114,10 @@ PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
 /// once, when it is first needed. What a pose is held against are the poses that place() chooses among.
 class PreparedPair {
  public:
-  /// @param source, target must outlive the pair
-  /// @throws Error (misuse) for invalid options or clouds
+  /// @throws Error (misuse) for invalid options
+  PreparedPair(const PreparedCloud& source, const PreparedCloud& target,
+               const PlaceOptions& options = {});
+  /// @throws Error (misuse) for invalid clouds too
   PreparedPair(const LandmarkCloud& source, const LandmarkCloud& target,
                const PlaceOptions& options = {});
   ~PreparedPair();

@@ -5,6 +5,8 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <memory>
+#include <span>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -86,17 +88,51 @@ void turn_round(const Similarity3& pose, RegistrationResult& result) {
   }
 }
 
+// Of the two clouds as the refinement has them.
+struct Side {
+  explicit Side(LandmarkCloud landmarks)
+      : cloud(std::make_shared<const CentredCloud>(std::move(landmarks))),
+        tree(std::make_shared<const BatchTree>(cloud->landmarks.positions)),
+        extent(cloud_extent(cloud->landmarks)) {}
+  explicit Side(const PreparedCloud& prepared)
+      : cloud(prepared.centred()),
+        tree(prepared.shared_tree()),
+        extent(prepared.scales().extent),
+        order(prepared.order()) {}
+
+  Side scaled(double scale) const {
+    if (scale == 1.0) return *this;
+    Side result = *this;
+    auto copy = std::make_shared<CentredCloud>(*cloud);
+    copy->centre *= scale;
+    copy->landmarks = cairn::scaled(std::move(copy->landmarks), scale);
+    result.cloud = std::move(copy);
+    result.tree = std::make_shared<const BatchTree>(result.cloud->landmarks.positions);
+    result.extent *= scale;
+    return result;
+  }
+  // Index in the caller's cloud.
+  std::uint32_t as_given(std::uint32_t landmark) const {
+    return order.empty() ? landmark : order[landmark];
+  }
+
+  std::shared_ptr<const CentredCloud> cloud;
+  std::shared_ptr<const BatchTree> tree;
+  double extent;
+  std::span<const std::uint32_t> order = {};  // empty: as the caller has them
+};
+
 // The refinement of a pair, of which one is moved and the other stands. Scores and overlap are as the
 // caller has them, in the unit of the caller's target.
 class Refinement {
  public:
   /// @param inverted what is moved is the caller's target
-  Refinement(CentredPair pair, bool inverted, const RefineOptions& options)
-      : pair_(std::move(pair)),
+  Refinement(Side source, Side target, bool inverted, const RefineOptions& options)
+      : source_(std::move(source)),
+        target_(std::move(target)),
+        pair_(source_.cloud, target_.cloud),
         inverted_(inverted),
-        options_(options),
-        source_tree_(pair_.source().positions),
-        target_tree_(pair_.target().positions) {}
+        options_(options) {}
 
   void run(RegistrationResult& result) const;
 
@@ -118,11 +154,11 @@ class Refinement {
                 RegistrationResult& result) const;
   std::optional<Path> drawn_in(const Similarity3& initial) const;
   std::vector<double> from_source(const Similarity3& pose) const {
-    return nearest_squared_distances(pair_.source().positions, pose, target_tree_,
+    return nearest_squared_distances(pair_.source().positions, pose, *target_.tree,
                                      options_.execution.executor);
   }
   std::vector<double> from_target(const Similarity3& pose) const {
-    return nearest_squared_distances(pair_.target().positions, pose.inverse(), source_tree_,
+    return nearest_squared_distances(pair_.target().positions, pose.inverse(), *source_.tree,
                                      options_.execution.executor);
   }
   // Of the caller's landmarks; either way the tree is that of the caller's target.
@@ -138,20 +174,33 @@ class Refinement {
   }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
 
+  // With the indices that the caller's landmarks have.
+  std::vector<Match> as_given(std::vector<Match> matches) const;
+
+  Side source_;
+  Side target_;
   CentredPair pair_;
   bool inverted_;
   const RefineOptions& options_;
-  BatchTree source_tree_;
-  BatchTree target_tree_;
 };
+
+std::vector<Match> Refinement::as_given(std::vector<Match> matches) const {
+  for (Match& match : matches) {
+    match.source = source_.as_given(match.source);
+    match.target = target_.as_given(match.target);
+  }
+  std::sort(matches.begin(), matches.end(),
+            [](const Match& a, const Match& b) { return a.source < b.source; });
+  return matches;
+}
 
 KernelScales Refinement::kernel() const {
   // Asked of the clouds only where the caller has not said.
   const KernelScales own =
       options_.fine && options_.coarse
           ? KernelScales{}
-          : kernel_scales(cloud_scales(pair_.source(), source_tree_, options_.execution.executor),
-                          cloud_scales(pair_.target(), target_tree_, options_.execution.executor));
+          : kernel_scales(cloud_scales(pair_.source(), *source_.tree, options_.execution.executor),
+                          cloud_scales(pair_.target(), *target_.tree, options_.execution.executor));
   const double fine =
       options_.fine.value_or(std::min(own.fine, options_.coarse.value_or(own.fine)));
   return {.coarse = options_.coarse.value_or(std::max(own.coarse, fine)), .fine = fine};
@@ -169,8 +218,8 @@ IterationRecord Refinement::record(RobustAlignment::Iteration iteration,
   record.match_count = match_count;
   if (options_.trace) {
     record.score = fitness_score(distances(iteration.target_from_source));
-    record.matches =
-        inverted_ ? turned_round(iteration.matches, unit) : std::move(iteration.matches);
+    record.matches = as_given(std::move(iteration.matches));
+    if (inverted_) record.matches = turned_round(record.matches, unit);
   }
   return record;
 }
@@ -223,7 +272,7 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
 
 void Refinement::run(RegistrationResult& result) const {
   const KernelScales scales = kernel();
-  const RobustAlignment alignment(pair_, target_tree_, options_.use_covariances,
+  const RobustAlignment alignment(pair_, *target_.tree, options_.use_covariances,
                                   options_.one_to_one, options_.execution.executor);
   const bool free_scale = options_.scale.has_value();
   const Similarity3 initial =
@@ -281,6 +330,7 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
       result.covariance = pair_.uncentred(*uncertainty.covariance, centred.rigid());
     }
   }
+  result.matches = as_given(std::move(result.matches));
   result.reason = sentence(result, finest_of(kernel), path.icp_iterations);
   if (inverted_) turn_round(pose, result);
 }
@@ -305,27 +355,25 @@ void RefineOptions::validate() const {
   require_length(overlap_radius, "overlap_radius");
 }
 
-RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
-                          const RefineOptions& options) {
+namespace {
+
+RegistrationResult refine(const Side& source, const Side& target, const RefineOptions& options) {
   const auto start = std::chrono::steady_clock::now();
-  options.validate();
-  source.validate("source");
-  target.validate("target");
   RegistrationResult result;
   result.target_from_source = options.initial;
   result.scale = options.scale.value_or(1.0);
-  if (source.size() < kFewestMatches || target.size() < kFewestMatches) {
+  const std::size_t source_size = source.cloud->landmarks.size();
+  const std::size_t target_size = target.cloud->landmarks.size();
+  if (source_size < kFewestMatches || target_size < kFewestMatches) {
     result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
-                                source.size(), target.size(), kFewestMatches);
+                                source_size, target_size, kFewestMatches);
   } else {
     // In one unit, or nearly so, the scale to be estimated is about 1.
     const double scale = options.scale.value_or(1.0);
-    LandmarkCloud moving = scaled(source, scale);
+    const Side moving = source.scaled(scale);
     // Landmarks of the larger map beside the smaller one would pull it their way.
-    const bool inverted = cloud_extent(moving) > cloud_extent(target);
-    Refinement(
-        inverted ? CentredPair(target, std::move(moving)) : CentredPair(std::move(moving), target),
-        inverted, options)
+    const bool inverted = moving.extent > target.extent;
+    Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options)
         .run(result);
     result.scale *= scale;  // run() has that of what was scaled already
     for (IterationRecord& record : result.history) record.scale *= scale;
@@ -334,6 +382,22 @@ RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& targ
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
+}
+
+}  // namespace
+
+RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                          const RefineOptions& options) {
+  options.validate();
+  source.validate("source");
+  target.validate("target");
+  return refine(Side(source), Side(target), options);
+}
+
+RegistrationResult refine(const PreparedCloud& source, const PreparedCloud& target,
+                          const RefineOptions& options) {
+  options.validate();
+  return refine(Side(source), Side(target), options);
 }
 
 }  // namespace cairn

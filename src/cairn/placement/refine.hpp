@@ -6,6 +6,7 @@
 
 #include "cairn/core/execution.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
+#include "cairn/placement/prepared_cloud.hpp"
 #include "cairn/registration/icp.hpp"
 
 namespace cairn {
@@ -68,6 +69,8 @@ struct RefineOptions {
 ///
 /// @throws Error (misuse) for invalid options or clouds
 RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                          const RefineOptions& options = {});
+RegistrationResult refine(const PreparedCloud& source, const PreparedCloud& target,
                           const RefineOptions& options = {});
 
 }  // namespace cairn

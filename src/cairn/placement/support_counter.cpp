@@ -8,8 +8,6 @@
 #include <vector>
 
 #include "cairn/geometry/moved_points.hpp"
-#include "cairn/placement/scales.hpp"
-#include "cairn/placement/spatial_groups.hpp"
 
 namespace cairn {
 namespace {
@@ -61,18 +59,12 @@ void add_likeness(std::span<const Likeness> by_group, Support& support) {
 
 }  // namespace
 
-SupportCounter::SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
-                               const BatchTree& target_tree, std::size_t sample,
-                               const Random& random, const Executor& executor)
-    : pair_(pair),
-      source_tree_(source_tree),
-      target_tree_(target_tree),
-      sample_(std::min(sample, pair.source().size())),
-      source_spacings_(landmark_spacings(std::span(pair.source().positions).first(sample_),
-                                         source_tree, executor)),
-      source_groups_(spatial_groups(std::span(pair.source().positions).first(sample_), kGroups)),
-      target_spacings_(landmark_spacings(pair.target().positions, target_tree, executor)),
-      looks_(pair, sample_, random) {}
+SupportCounter::SupportCounter(const PreparedCloud& source, const PreparedCloud& target,
+                               std::size_t sample, const Random& random)
+    : source_(source),
+      target_(target),
+      sample_(std::min({sample, source.size(), PreparedCloud::kSample})),
+      looks_({source.centred(), target.centred()}, sample_, random) {}
 
 Support SupportCounter::operator()(const Similarity3& pose, double radius,
                                    Proximity* proximity) const {
@@ -80,16 +72,16 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
   // a landmark must not decide alone.
   constexpr double kFarthest = 3.0;
   constexpr double kLeastChance = 1e-6;
-  const LandmarkCloud& source = pair_.source();
-  const LandmarkCloud& target = pair_.target();
+  const LandmarkCloud& source = source_.landmarks();
+  const LandmarkCloud& target = target_.landmarks();
   const std::vector<Eigen::Vector3d> moved =
       moved_points(std::span(source.positions).first(sample_), pose);
-  const std::vector<Neighbor> there = nearest_of_each(moved, target_tree_);
+  const std::vector<Neighbor> there = nearest_of_each(moved, target_.tree());
   std::vector<Eigen::Vector3d> met;
   met.reserve(sample_);
   for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
   const std::vector<Neighbor> back =
-      nearest_of_each(moved_points(met, pose.inverse()), source_tree_);
+      nearest_of_each(moved_points(met, pose.inverse()), source_.tree());
   Support support;
   std::vector<Pair> pairs;
   std::vector<std::uint32_t> matched;
@@ -101,13 +93,14 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
       if (std::ldexp(squared, 2 * static_cast<int>(k)) > radius * radius) break;
       ++support.within[k];
     }
-    const double spacing = pose.scale() * source_spacings_[i] * target_spacings_[there[i].index];
+    const double spacing =
+        pose.scale() * source_.spacings()[i] * target_.spacings()[there[i].index];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
     const double chance = chance_on_surface(ratio);
-    pairs.push_back({std::max(chance, kLeastChance), source_groups_[i]});
+    pairs.push_back({std::max(chance, kLeastChance), source_.groups()[i]});
     if (proximity != nullptr && spacing > 0.0) {
-      proximity->add(std::sqrt(squared / spacing), source_groups_[i]);
+      proximity->add(std::sqrt(squared / spacing), source_.groups()[i]);
     }
   }
   // The sample stands for the source; a share is that of the smaller cloud.
@@ -127,14 +120,15 @@ SupportCounter::Likenesses SupportCounter::likeness_by_group(std::span<const std
   for (const std::uint32_t i : matched) places.push_back(moved[i]);
   Likenesses result;
   std::vector<std::uint32_t> partners;
-  target_tree_.batch(LookComparison::kPartners)
+  target_.tree()
+      .batch(LookComparison::kPartners)
       .for_each(places, Executor(), [&](std::size_t m, const NearestList auto& nearest) {
         partners.clear();
         for (std::size_t j = 0; j < nearest.size(); ++j) {
           if (nearest.squared_distance(j) <= radius * radius) partners.push_back(nearest.index(j));
         }
         if (const auto alike = looks_.alike(matched[m], partners)) {
-          result[source_groups_[matched[m]]] += {1, *alike ? 1U : 0U};
+          result[source_.groups()[matched[m]]] += {1, *alike ? 1U : 0U};
         }
       });
   return result;

@@ -7,13 +7,11 @@
 #include <span>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/placement/centred_pair.hpp"
 #include "cairn/placement/look_comparison.hpp"
+#include "cairn/placement/prepared_cloud.hpp"
 #include "cairn/placement/support.hpp"
-#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 
@@ -28,14 +26,12 @@ namespace cairn {
 class SupportCounter {
  public:
   /// Parts of the source, none of which is to decide alone.
-  static constexpr std::size_t kGroups = Proximity::kGroups;
+  static constexpr std::size_t kGroups = PreparedCloud::kGroups;
 
-  /// @param pair, trees of its positions; must outlive this
-  /// @param sample the first of the source that are looked at; in random order, they stand for all
+  /// @param sample the first of the source that are looked at, at most PreparedCloud::kSample
   /// @param random draws what looks are compared with
-  SupportCounter(const CentredPair& pair, const BatchTree& source_tree,
-                 const BatchTree& target_tree, std::size_t sample, const Random& random,
-                 const Executor& executor);
+  SupportCounter(const PreparedCloud& source, const PreparedCloud& target, std::size_t sample,
+                 const Random& random);
 
   /// @param proximity takes the distances of mutual nearest neighbours; may be null
   Support operator()(const Similarity3& pose, double radius, Proximity* proximity = nullptr) const;
@@ -50,13 +46,9 @@ class SupportCounter {
   Likenesses likeness_by_group(std::span<const std::uint32_t> matched,
                                std::span<const Eigen::Vector3d> moved, double radius) const;
 
-  const CentredPair& pair_;
-  const BatchTree& source_tree_;
-  const BatchTree& target_tree_;
+  PreparedCloud source_;
+  PreparedCloud target_;
   std::size_t sample_;
-  std::vector<double> source_spacings_;  // of the sample
-  std::vector<std::size_t> source_groups_;
-  std::vector<double> target_spacings_;
   LookComparison looks_;
 };
 

@@ -39,11 +39,10 @@ LandmarkCloud with_shared(LandmarkCloud cloud, const LandmarkCloud& other, std::
 
 Support support(const LandmarkCloud& source, const LandmarkCloud& target,
                 const Similarity3& pose = {}, std::size_t sample = 10'000) {
-  const CentredPair pair(source, target);
-  const BatchTree source_tree(pair.source().positions);
-  const BatchTree target_tree(pair.target().positions);
-  return SupportCounter(pair, source_tree, target_tree, sample, Random(1), Executor())(
-      pair.centred(pose), kRadius);
+  const PreparedCloud from(source);
+  const PreparedCloud to(target);
+  return SupportCounter(from, to, sample, Random(1))(
+      CentredPair(from.centred(), to.centred()).centred(pose), kRadius);
 }
 
 TEST(SupportCounter, OfACloudAndItselfIsWhole) {

@@ -29,7 +29,7 @@ struct PlacementCandidate {
   double scale = 1.0;  ///< of the source, which is scaled before it is moved
   Support support = {};
   /// Share of the lines of sight of either map's keyframes on which the other map has a landmark in front
-  /// of what they saw; nothing where too few lines were compared to say. See SightChecker.
+  /// of what they saw; nothing where too few lines were compared to say. See SeenViews.
   std::optional<double> contradicted = {};
   /// That it is the right pose; what is missing to 1 over all candidates is that none is.
   double probability = 0.0;

@@ -20,12 +20,10 @@ AlignOptions align_options(const LinkOptions& options) {
   return align;
 }
 
-bool is_free(const LandmarkMap& map) {
-  return map.info().length_unit == LengthUnit::kFree;
-}
-
-MapLink linked(const LandmarkMap& target, const LandmarkMap& source, AlignOptions options) {
-  if (is_free(target) || is_free(source)) options.scale = ScaleRange();
+MapLink linked(const PreparedMap& target, const PreparedMap& source, AlignOptions options) {
+  const bool free_scale =
+      target.length_unit() == LengthUnit::kFree || source.length_unit() == LengthUnit::kFree;
+  if (free_scale) options.scale = ScaleRange();
   Alignment alignment = align(source, target, options);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "merge", "linking was cancelled", "");
@@ -56,6 +54,14 @@ std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
   }
   std::vector<MapLink> links(pairs.size());
   const Executor& executor = options.execution.executor;
+  std::vector<PreparedMap> prepared;
+  prepared.reserve(maps.size());
+  for (const LandmarkMap* map : maps) {
+    prepared.emplace_back(*map, PrepareOptions{.confidence = {},
+                                               .points = options.points,
+                                               .seed = options.seed,
+                                               .executor = executor});
+  }
   // Many pairs are the better work to share out.
   const bool by_pairs = pairs.size() >= executor.threads();
   AlignOptions align = align_options(options);
@@ -66,7 +72,7 @@ std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
   const auto link_pairs = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto [target, source] = pairs[i];
-      links[i] = linked(*maps[target], *maps[source], align);
+      links[i] = linked(prepared[target], prepared[source], align);
       links[i].target = target;
       links[i].source = source;
       const std::lock_guard lock(mutex);

@@ -1,24 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/placement/sight.hpp"
+#include "cairn/placement/seen_views.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
-
-#include "cairn/geometry/moved_points.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::ptrdiff_t kCells = 180;  // along an edge of the map of directions: 1.1 degrees each
+// Along an edge of the map of directions: 1.1 degrees each. Their number fits 16 bits.
+constexpr std::ptrdiff_t kCells = 180;
 // Relative to a distance. Between the two nothing is said: surfaces slant, and cells have a width.
 constexpr float kAgrees = 0.04F;
 constexpr float kContradicts = 0.10F;
 
 // Cell of a direction under the octahedral map, which unfolds the sphere to a square with cells of
 // about equal size (Cigolle et al. 2014).
-std::array<std::ptrdiff_t, 2> cell_of(const Eigen::Vector3d& direction) {
+std::size_t cell_of(const Eigen::Vector3d& direction) {
   const double norm = direction.lpNorm<1>();
   double u = direction.x() / norm;
   double v = direction.y() / norm;
@@ -31,7 +29,7 @@ std::array<std::ptrdiff_t, 2> cell_of(const Eigen::Vector3d& direction) {
     return std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(0.5 * (x + 1.0) * kCells), 0,
                                       kCells - 1);
   };
-  return {index(u), index(v)};
+  return static_cast<std::size_t>(index(v) * kCells + index(u));
 }
 
 }  // namespace
@@ -43,44 +41,36 @@ SightCounts& SightCounts::operator+=(const SightCounts& other) {
   return *this;
 }
 
-SightChecker::SightChecker(const CentredPair& pair, std::size_t sample)
-    : pair_(pair),
-      sample_(sample),
-      source_views_(seen_by(pair.source())),
-      target_views_(seen_by(pair.target())) {}
-
-std::vector<SightChecker::Seen> SightChecker::seen_by(const LandmarkCloud& cloud) {
-  std::vector<Seen> views;
+SeenViews::SeenViews(const LandmarkCloud& cloud) {
   for (const LandmarkView& view : cloud.views) {
-    Seen& seen = views.emplace_back(Seen{view.centre, std::vector<float>(kCells * kCells, 0.0F),
-                                         std::vector<float>(kCells * kCells, 0.0F)});
+    View& seen = views_.emplace_back(View{
+        .centre = view.centre, .slots = std::vector<std::uint16_t>(kCells * kCells), .ranges = {}});
     for (const std::uint32_t landmark : view.landmarks) {
       const Eigen::Vector3d ray = cloud.positions[landmark] - view.centre;
       const auto distance = static_cast<float>(ray.norm());
       if (!(distance > 0.0F)) continue;
-      const auto [u, v] = cell_of(ray);
-      const auto cell = static_cast<std::size_t>(v * kCells + u);
-      float& least = seen.least[cell];
-      least = least > 0.0F ? std::min(least, distance) : distance;
-      seen.greatest[cell] = std::max(seen.greatest[cell], distance);
+      std::uint16_t& slot = seen.slots[cell_of(ray)];
+      if (slot == 0) {
+        seen.ranges.push_back({distance, distance});
+        slot = static_cast<std::uint16_t>(seen.ranges.size());
+      }
+      Range& range = seen.ranges[slot - 1U];
+      range.least = std::min(range.least, distance);
+      range.greatest = std::max(range.greatest, distance);
     }
   }
-  return views;
 }
 
-SightCounts SightChecker::count(const std::vector<Seen>& views,
-                                std::span<const Eigen::Vector3d> landmarks) {
+SightCounts SeenViews::count(std::span<const Eigen::Vector3d> landmarks) const {
   SightCounts counts;
-  for (const Seen& view : views) {
+  for (const View& view : views_) {
     for (const Eigen::Vector3d& landmark : landmarks) {
       const Eigen::Vector3d ray = landmark - view.centre;
       const auto distance = static_cast<float>(ray.norm());
       if (!(distance > 0.0F)) continue;
-      const auto [u, v] = cell_of(ray);
-      const auto cell = static_cast<std::size_t>(v * kCells + u);
-      const float least = view.least[cell];
-      if (!(least > 0.0F)) continue;
-      const float greatest = view.greatest[cell];
+      const std::uint16_t slot = view.slots[cell_of(ray)];
+      if (slot == 0) continue;
+      const auto [least, greatest] = view.ranges[slot - 1U];
       if (distance < least * (1.0F - kContradicts)) {
         ++counts.in_front;
       } else if (distance > greatest * (1.0F + kContradicts)) {
@@ -90,15 +80,6 @@ SightCounts SightChecker::count(const std::vector<Seen>& views,
       }
     }
   }
-  return counts;
-}
-
-SightCounts SightChecker::operator()(const Similarity3& pose) const {
-  const auto sample = [this](const LandmarkCloud& cloud) {
-    return std::span(cloud.positions).first(std::min(sample_, cloud.size()));
-  };
-  SightCounts counts = count(target_views_, moved_points(sample(pair_.source()), pose));
-  counts += count(source_views_, moved_points(sample(pair_.target()), pose.inverse()));
   return counts;
 }
 

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/prepared_cloud.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <string_view>
+#include <utility>
+
+#include "cairn/core/hash.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/placement/spatial_groups.hpp"
+
+namespace cairn {
+namespace {
+
+// Of maps of one place that hold their landmarks in one order, the samples are independent all the same.
+Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
+  Hasher hasher;
+  hasher.update({reinterpret_cast<const char*>(cloud.positions.data()),
+                 cloud.size() * sizeof(Eigen::Vector3d)});
+  return Random(seed).fork(hasher.digest().low);
+}
+
+// Random order, the likelier early the more a landmark weighs (Efraimidis and Spirakis 2006).
+std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random random) {
+  std::vector<std::pair<double, std::uint32_t>> keys(cloud.size());
+  for (std::uint32_t i = 0; i < keys.size(); ++i) {
+    keys[i] = {std::log1p(-random.uniform()) / std::max(cloud.weight(i), 1e-9), i};
+  }
+  std::sort(keys.begin(), keys.end(), std::greater<>());
+  std::vector<std::uint32_t> order;
+  order.reserve(keys.size());
+  for (const auto& [key, i] : keys) order.push_back(i);
+  return order;
+}
+
+template <class Value>
+std::vector<Value> picked(const std::vector<Value>& column, std::span<const std::uint32_t> order) {
+  std::vector<Value> result;
+  if (column.empty()) return result;
+  result.reserve(order.size());
+  for (const std::uint32_t i : order) result.push_back(column[i]);
+  return result;
+}
+
+LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order) {
+  cloud.positions = picked(cloud.positions, order);
+  cloud.covariances = picked(cloud.covariances, order);
+  cloud.weights = picked(cloud.weights, order);
+  if (cloud.descriptors) cloud.descriptors = descriptor_rows(*cloud.descriptors, order);
+  std::vector<std::uint32_t> place(order.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
+  for (LandmarkView& view : cloud.views) {
+    for (std::uint32_t& landmark : view.landmarks) landmark = place[landmark];
+  }
+  return cloud;
+}
+
+std::span<const Eigen::Vector3d> sample_of(const LandmarkCloud& cloud) {
+  return std::span(cloud.positions).first(std::min(cloud.size(), PreparedCloud::kSample));
+}
+
+CloudScales scales_of_sample(const LandmarkCloud& cloud, const CloudScales& all,
+                             const Executor& executor) {
+  if (cloud.size() <= PreparedCloud::kSample) return all;
+  LandmarkCloud part;
+  part.positions.assign(sample_of(cloud).begin(), sample_of(cloud).end());
+  CloudScales scales = cloud_scales(part, BatchTree(part.positions), executor);
+  scales.noise = all.noise;
+  return scales;
+}
+
+}  // namespace
+
+PreparedCloud::Parts::Parts(const LandmarkCloud& landmarks, const Executor& executor)
+    : tree(landmarks.positions),
+      spacings(landmark_spacings(landmarks.positions, tree, executor)),
+      scales(cloud_scales(landmarks, tree, executor)),
+      sample_scales(scales_of_sample(landmarks, scales, executor)),
+      groups(spatial_groups(sample_of(landmarks), kGroups)),
+      views(landmarks) {}
+
+PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Executor& executor) {
+  cloud.validate("cloud");
+  auto order = random_order(cloud, random_of(cloud, seed));
+  centred_ = std::make_shared<const CentredCloud>(ordered(std::move(cloud), order));
+  order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
+  parts_ = std::make_shared<const Parts>(centred_->landmarks, executor);
+}
+
+PreparedCloud PreparedCloud::scaled(double scale, const Executor& executor) const {
+  if (scale == 1.0) return *this;
+  PreparedCloud result;
+  auto cloud = std::make_shared<CentredCloud>(*centred_);
+  cloud->centre *= scale;
+  cloud->landmarks = cairn::scaled(std::move(cloud->landmarks), scale);
+  result.centred_ = std::move(cloud);
+  result.order_ = order_;
+  result.parts_ = std::make_shared<const Parts>(result.centred_->landmarks, executor);
+  return result;
+}
+
+}  // namespace cairn
