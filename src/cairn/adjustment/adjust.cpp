@@ -259,10 +259,12 @@ MapTables Adjustment::tables() const {
   return tables;
 }
 
-double rms_px(const LandmarkMap& map, const Measurements& measurements) {
+double rms_px(const LandmarkMap& map, const Measurements& measurements,
+              std::size_t min_observations) {
   double sum = 0.0;
   std::size_t count = 0;
   for (std::size_t l = 0; l < measurements.size(); ++l) {
+    if (measurements[l].size() < min_observations) continue;
     for (const Measurement& one : measurements[l]) {
       const auto squared = squared_residuals(map, one, map.landmarks().positions[l]);
       if (!squared) continue;
@@ -302,13 +304,13 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
         if (landmark.size() >= options.min_observations) result.observations += landmark.size();
       }
       result.unusable = map.observation_count() - result.observations;
-      result.initial_rms_px = rms_px(map, measurements);
+      result.initial_rms_px = rms_px(map, measurements, options.min_observations);
     }
     Solved solved = Adjustment(result.map, measurements, options).run();
     result.map = LandmarkMap(std::move(solved.tables));
     result.converged = solved.converged;
     result.iterations += solved.iterations;
-    result.final_rms_px = rms_px(result.map, measurements);
+    result.final_rms_px = rms_px(result.map, measurements, options.min_observations);
   }
   if (options.covariances) {
     CovarianceOptions how;

@@ -40,7 +40,7 @@ struct AdjustResult {
   int iterations = 0;            ///< of the solver, all told
   std::size_t observations = 0;  ///< that took part
   std::size_t unusable = 0;      ///< the others: e.g. of landmarks behind the camera
-  double initial_rms_px = 0.0;   ///< root mean square distance from the pixels observed
+  double initial_rms_px = 0.0;   ///< of those: root mean square distance from the pixels
   double final_rms_px = 0.0;     ///< the same of the result
   MeasurementNoise noise;        ///< that was assumed last
 };

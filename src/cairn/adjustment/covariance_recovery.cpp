@@ -97,7 +97,7 @@ class DensePoses {
       auto own = reduced.block<6, 6>(row_of(*problem.scale_frame), row_of(*problem.scale_frame));
       own += scale_information(problem, own);
     }
-    reduced.diagonal().array() += problem.least_information;
+    reduced.diagonal() += problem.least_information.replicate(size / 6, 1);
     covariance_ = reduced.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
   }
 
@@ -139,7 +139,9 @@ class SparsePoses {
           }
         }
       }
-      for (Eigen::Index i = 0; i < size; ++i) entries.emplace_back(i, i, problem.least_information);
+      for (Eigen::Index i = 0; i < size; ++i) {
+        entries.emplace_back(i, i, problem.least_information[i % 6]);
+      }
       reduced.setFromTriplets(entries.begin(), entries.end());
     }
     const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(reduced);

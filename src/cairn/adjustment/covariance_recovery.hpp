@@ -41,7 +41,7 @@ struct LinearProblem {
   std::optional<std::uint32_t> scale_frame;
   /// Information added to each number of each pose, so that a frame that nothing ties to the others is as
   /// good as unknown, not a reason to fail.
-  double least_information = 1e-6;
+  Vector6d least_information = Vector6d::Constant(1e-6);
 };
 
 /// What landmark covariances are relative to.

@@ -43,7 +43,7 @@ LinearProblem make_problem(std::size_t frames, std::size_t landmarks, bool with_
     }
     problem.landmarks.push_back(landmark);
   }
-  problem.least_information = 1e-9;
+  problem.least_information.setConstant(1e-9);
   return problem;
 }
 
@@ -62,7 +62,7 @@ Eigen::MatrixXd full_covariance(const LinearProblem& problem) {
       information += at.share * jacobian.transpose() * jacobian;
     }
   }
-  information.diagonal().head(poses).array() += problem.least_information;
+  information.diagonal().head(poses).array() += 1e-9;
   return information.inverse();
 }
 

@@ -93,7 +93,8 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
       problem.camera_centres.push_back(map.frames().translations[frame]);
     }
     if (group.scale_frame) problem.scale_frame = index_in_group[*group.scale_frame];
-    double information = 0.0;
+    double by_length = 0.0;
+    double by_angle = 0.0;
     std::vector<std::uint32_t> landmarks;
     for (const std::uint32_t l : group.landmarks) {
       LinearLandmark linear;
@@ -101,15 +102,22 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
       for (const Measurement& one : measurements[l]) {
         linear.observations.push_back(linearise(map, one, positions[l]));
         linear.observations.back().frame = index_in_group[one.frame.value];
-        information += linear.observations.back().by_pose.squaredNorm();
+        const auto& by_pose = linear.observations.back().by_pose;
+        by_length += by_pose.leftCols<3>().squaredNorm();
+        by_angle += by_pose.rightCols<3>().squaredNorm();
       }
       if (!is_determined(linear)) continue;
       problem.landmarks.push_back(std::move(linear));
       landmarks.push_back(l);
     }
     // In the problem's own units, as the map's may be any.
-    problem.least_information = 1e-10 * information / static_cast<double>(6 * group.frames.size()) +
-                                std::numeric_limits<double>::min();
+    const double poses = 3.0 * static_cast<double>(group.frames.size());
+    constexpr double kLeast = 1e-10;
+    const auto least = [&](double information) {
+      return kLeast * information / poses + std::numeric_limits<double>::min();
+    };
+    problem.least_information.head<3>().setConstant(least(by_length));
+    problem.least_information.tail<3>().setConstant(least(by_angle));
     const RecoveredCovariances recovered =
         recover_covariances(problem, options.gauge, options.execution);
     for (std::size_t i = 0; i < landmarks.size(); ++i) {

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/io/content_uuid.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 
 namespace cairn {
@@ -154,7 +155,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   fusion.log = options.log;
   FusionResult fused = fuse_maps(placed, fusion);
   for (std::size_t i = 0; i < index_of.size(); ++i) result.maps[index_of[i]].fusion = fused.maps[i];
-  result.map = std::move(fused.map);
+  result.map = with_content_uuid(std::move(fused.map));
   return result;
 }
 
