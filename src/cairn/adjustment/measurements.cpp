@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <string_view>
 
 #include <fmt/format.h>
@@ -50,11 +51,23 @@ double MeasurementNoise::sigma_px(std::int32_t octave) const {
   return pixel_px * std::pow(octave_scale, std::clamp(octave, -kMostOctaves, kMostOctaves));
 }
 
+std::string measurement_defect(const LandmarkMap& map) {
+  if (!map.has_observations()) return "does not know its observations";
+  const FrameTable& frames = map.frames();
+  for (const FrameIndex frame : map.observations().frames) {
+    if (frames.cameras.empty() || !frames.cameras[frame.value]) {
+      return fmt::format("frame {} has no camera", frames.ids[frame.value].value);
+    }
+  }
+  return {};
+}
+
 std::vector<std::vector<Measurement>> measurements_of(const LandmarkMap& map,
                                                       const MeasurementNoise& noise) {
-  if (!map.has_observations()) {
-    throw Error(ErrorKind::kInput, "map", "does not know its observations",
-                "a map with observations");
+  const std::string defect = measurement_defect(map);
+  if (!defect.empty()) {
+    throw Error(ErrorKind::kInput, "map", defect,
+                "a map with observations, and a camera for every frame that makes them");
   }
   const FrameTable& frames = map.frames();
   const ObservationTable& table = map.observations();
@@ -66,10 +79,6 @@ std::vector<std::vector<Measurement>> measurements_of(const LandmarkMap& map,
   for (std::size_t l = 0; l < result.size(); ++l) {
     for (std::uint64_t k = table.offsets[l]; k < table.offsets[l + 1]; ++k) {
       const FrameIndex frame = table.frames[k];
-      if (frames.cameras.empty() || !frames.cameras[frame.value]) {
-        throw Error(ErrorKind::kInput, fmt::format("frame {}", frames.ids[frame.value].value),
-                    "has no camera", "a camera for every frame that observes landmarks");
-      }
       const bool seen_before =
           std::any_of(result[l].begin(), result[l].end(),
                       [&](const Measurement& other) { return other.frame == frame; });

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -38,9 +39,13 @@ struct Measurement {
   double sigma_depth = 1.0;
 };
 
+/// Why the observations of a map cannot be adjusted: it does not know them, or a frame that observes has no
+/// camera; empty if they can.
+std::string measurement_defect(const LandmarkMap& map);
+
 /// Observations that can be adjusted: by landmark, in the map's order; without those whose landmark is not
 /// in front of the camera, and of several by one frame the first only.
-/// @throws Error (input) for a map without observations, or a frame that observes but has no camera
+/// @throws Error (input) for a map with a measurement_defect()
 std::vector<std::vector<Measurement>> measurements_of(const LandmarkMap& map,
                                                       const MeasurementNoise& noise);
 
