@@ -14,6 +14,7 @@ set(LAYER_map 2)
 set(LAYER_pose_graph 2)
 set(LAYER_sequence 2)
 set(LAYER_trajectory 2)
+set(LAYER_adjustment 3)
 set(LAYER_confidence 3)
 set(LAYER_interchange 3)
 set(LAYER_registration 4)
@@ -41,7 +42,7 @@ set(BLIND_SUBFOLDERS registration)
 set(HEAVY
   "opencv2/" "sequence odometry"
   "boost/" "experiments"
-  "ceres/" "merging odometry"
+  "ceres/" "adjustment merging odometry"
   "embree" "simulation"
   "sqlite3" "atlas"
   "zlib.h" "report"

@@ -2,6 +2,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -9,12 +10,18 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/map/io/content_uuid.hpp"
 #include "cairn/map/io/format_registry.hpp"
 #include "cairn/map/operations.hpp"
+
+#ifdef CAIRN_HAS_ADJUSTMENT
+#include "cairn/adjustment/estimate_covariances.hpp"
+#endif
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -32,12 +39,15 @@ struct ConvertArguments {
   std::optional<int> format_version;
   bool ascii = false;
   bool double_precision = false;
+  bool estimate_covariances = false;
+  std::optional<double> pixel_noise;
 
   void add_to(CLI::App& command);
   int run();
 
  private:
   const MapFormat& output_format() const;
+  LandmarkMap with_estimated_covariances(const LandmarkMap& map, Json& json) const;
 };
 
 struct FrameRange {
@@ -80,6 +90,16 @@ void ConvertArguments::add_to(CLI::App& command) {
            "METRIC,...");
   add_text(command, "--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
            "CAMERA");
+#ifdef CAIRN_HAS_ADJUSTMENT
+  auto* const estimate = command.add_flag(
+      "--estimate-covariances", estimate_covariances,
+      "Covariances of landmarks from their observations, with the first frame held where it is "
+      "(and, where no depths give the scale, the distance of the farthest frame); in place of "
+      "those that the map has");
+  add_number(command, "--pixel-noise", pixel_noise,
+             "For that: standard deviation of an observed pixel (default: as the residuals tell)")
+      ->needs(estimate);
+#endif
   add_number(command, "--format-version", format_version,
              "Version of the text format, 1 or 2 (default: 1 where nothing is lost)");
   command.add_flag("--ascii", ascii, "PLY and PCD as text instead of binary");
@@ -121,6 +141,35 @@ const MapFormat& ConvertArguments::output_format() const {
   return *written;
 }
 
+#ifdef CAIRN_HAS_ADJUSTMENT
+LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map, Json& json) const {
+  CovarianceOptions how;
+  how.execution = {common.executor(), interrupt_requests(), {}};
+  if (pixel_noise) {
+    how.noise = estimated_noise(map);
+    how.noise->pixel_px = *pixel_noise;
+  }
+  EstimatedCovariances estimated;
+  with_option_names({{"MeasurementNoise.pixel_px", "--pixel-noise"}},
+                    [&] { estimated = cairn::estimate_covariances(map, how); });
+  const MeasurementNoise& noise = estimated.noise;
+  const bool has_depths =
+      map.info().length_unit == LengthUnit::kMetres && !map.observations().depths.empty();
+  json = {{"known", estimated.known},
+          {"pixel_noise_px", noise.pixel_px},
+          {"depth_noise", has_depths ? Json({{"floor_m", noise.depth_floor},
+                                             {"quadratic_per_m", noise.depth_quadratic}})
+                                     : Json(nullptr)}};
+  common.console().print(
+      fmt::format("covariances of {} of {} landmarks, by pixel noise of {:.3g} px{}\n",
+                  estimated.known, map.landmark_count(), noise.pixel_px,
+                  has_depths ? fmt::format(" and depth noise of {:.2g} + {:.2g} z^2 m",
+                                           noise.depth_floor, noise.depth_quadratic)
+                             : std::string()));
+  return estimated.map;
+}
+#endif
+
 int ConvertArguments::run() {
   const MapFormat& written = output_format();
   require_one_stdout({{"--json", &common.json_path}, {"output", &output}});
@@ -146,12 +195,18 @@ int ConvertArguments::run() {
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   if (new_from_old) map = transformed(map, *new_from_old);
+  Json covariances = nullptr;
+#ifdef CAIRN_HAS_ADJUSTMENT
+  if (estimate_covariances) map = with_estimated_covariances(map, covariances);
+#endif
   Json metrics = Json::array();
   for (const Strategy& strategy : strategies) {
     if (!strategy.metric) continue;
     map = with_column(map, "confidence_" + strategy.name, strategy.metric->evaluate(map));
     metrics.push_back(strategy.name);
   }
+  // A map made from another has a name of its own, if that one had.
+  if (loaded.map.info().uuid && !map.info().uuid) map = with_content_uuid(std::move(map));
   MapWriteOptions options;
   options.format = written.name;
   options.native_version = format_version;
@@ -169,7 +224,10 @@ int ConvertArguments::run() {
                         {"format", text_or_null(format)},
                         {"format_version", to_json(format_version)},
                         {"ascii", ascii},
-                        {"double_precision", double_precision}});
+                        {"double_precision", double_precision},
+                        {"estimate_covariances", estimate_covariances},
+                        {"pixel_noise", to_json(pixel_noise)}});
+  json["covariances"] = std::move(covariances);
   json["output"] = {
       {"path", output},
       {"frames", has_frames ? Json(map.frame_count()) : Json(nullptr)},

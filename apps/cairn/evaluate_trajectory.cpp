@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -12,6 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/trajectory/hand_eye.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
 #include "cairn/trajectory/tum.hpp"
 
@@ -67,14 +69,19 @@ struct EvaluateTrajectoryArguments {
   std::string truth;
   std::string alignment = "se3";
   TrajectoryEvaluationOptions options;
+  bool hand_eye = false;
+  HandEyeOptions hand_eye_options;
 
   void add_to(CLI::App& command);
   int run();
 
  private:
   Json describe(const LoadedTrajectory& loaded) const;
+  HandEye find_hand_eye(const Trajectory& estimated, const Trajectory& true_one) const;
   void print(const LoadedTrajectory& estimated, const LoadedTrajectory& true_one,
              const TrajectoryEvaluation& evaluation) const;
+  void print_errors(const TrajectoryEvaluation& evaluation) const;
+  void print_hand_eye(const HandEye& found, const TrajectoryEvaluation& after) const;
 };
 
 void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
@@ -90,11 +97,20 @@ void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
       ->capture_default_str();
   add_number(command, "--max-time-difference", options.max_time_difference_s,
              "Longest time between poses that are compared, seconds");
+  auto* const with_hand_eye = command.add_flag(
+      "--hand-eye", hand_eye,
+      "Also estimate how the body whose poses the truth gives is mounted to the camera, and by how "
+      "much the clocks differ, and state the errors without that");
+  add_number(command, "--max-clock-offset", hand_eye_options.max_clock_offset_s,
+             "For that: the clocks differ by at most so many seconds; 0: they are one clock")
+      ->needs(with_hand_eye);
   common.add_csv_to(command, "compared pose");
   common.add_to(command);
   command.footer(
       "Example: the absolute and relative errors that the TUM benchmark defines\n"
-      "  cairn evaluate trajectory estimate.txt groundtruth.txt --csv errors.csv");
+      "  cairn evaluate trajectory estimate.txt groundtruth.txt --csv errors.csv\n"
+      "The same of a camera whose motion capture tracks markers beside it\n"
+      "  cairn evaluate trajectory estimate.txt groundtruth.txt --hand-eye --alignment poses");
 }
 
 Json EvaluateTrajectoryArguments::describe(const LoadedTrajectory& loaded) const {
@@ -153,7 +169,11 @@ void EvaluateTrajectoryArguments::print(const LoadedTrajectory& estimated,
                   alignment, fixed(t.x(), 4), fixed(t.y(), 4), fixed(t.z(), 4),
                   fixed(degrees(angles.x()), 3), fixed(degrees(angles.y()), 3),
                   fixed(degrees(angles.z()), 3), fixed(absolute.truth_from_estimate.scale(), 6)));
+  print_errors(evaluation);
+}
 
+void EvaluateTrajectoryArguments::print_errors(const TrajectoryEvaluation& evaluation) const {
+  const AbsoluteError& absolute = *evaluation.absolute;
   Table table({"error", "unit", "count", "rmse", "mean", "median", "std", "min", "max"});
   const auto add = [&](const std::string& name, const std::optional<ErrorStatistics>& translation,
                        const std::optional<ErrorStatistics>& rotation_rad) {
@@ -180,14 +200,78 @@ void EvaluateTrajectoryArguments::print(const LoadedTrajectory& estimated,
         relative ? std::optional(relative->translation) : std::nullopt,
         relative ? std::optional(relative->rotation_rad) : std::nullopt);
   }
-  console.print(table.text());
+  common.console().print(table.text());
+}
+
+HandEye EvaluateTrajectoryArguments::find_hand_eye(const Trajectory& estimated,
+                                                   const Trajectory& true_one) const {
+  HandEyeOptions how = hand_eye_options;
+  how.with_scale = options.alignment == TrajectoryAlignment::kSim3;
+  HandEyeResult result = estimate_hand_eye(estimated, true_one, how);
+  if (!result.hand_eye) throw Error(ErrorKind::kInput, estimate, result.reason, "");
+  return *result.hand_eye;
+}
+
+// Root of the sum of three variances of the diagonal, from the first on.
+double deviation_of(const Matrix6d& covariance, int first) {
+  return std::sqrt(covariance(first, first) + covariance(first + 1, first + 1) +
+                   covariance(first + 2, first + 2));
+}
+
+Json hand_eye_json(const HandEye& found) {
+  const Rigid3& pose = found.body_from_camera;
+  return {{"body_from_camera", to_json(pose.matrix())},
+          {"covariance", to_json(found.covariance)},
+          {"translation_m", pose.translation().norm()},
+          {"translation_deviation_m", deviation_of(found.covariance, 0)},
+          {"rotation_deg", degrees(pose.angle())},
+          {"rotation_deviation_deg", degrees(deviation_of(found.covariance, 3))},
+          {"clock_offset_s", found.clock_offset_s},
+          {"clock_offset_deviation_s", found.clock_offset_deviation_s},
+          {"poses", found.poses}};
+}
+
+void EvaluateTrajectoryArguments::print_hand_eye(const HandEye& found,
+                                                 const TrajectoryEvaluation& after) const {
+  const Console console = common.console();
+  const Rigid3& pose = found.body_from_camera;
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Vector3d turn = rotation_log(pose.quaternion());
+  console.print(fmt::format(
+      "\nhand-eye  body_from_camera, by {} poses; +- one standard deviation\n"
+      "          turned by {} +- {} deg (about x {} y {} z {}), moved by {} +- {} m (x {} y {} z "
+      "{})\n"
+      "          the truth's clock shows {} +- {} s more\n\n"
+      "Errors against the truth so corrected:\n",
+      found.poses, fixed(degrees(pose.angle()), 3),
+      fixed(degrees(deviation_of(found.covariance, 3)), 3), fixed(degrees(turn.x()), 3),
+      fixed(degrees(turn.y()), 3), fixed(degrees(turn.z()), 3), fixed(t.norm(), 4),
+      fixed(deviation_of(found.covariance, 0), 4), fixed(t.x(), 4), fixed(t.y(), 4),
+      fixed(t.z(), 4), fixed(found.clock_offset_s, 4), fixed(found.clock_offset_deviation_s, 4)));
+  print_errors(after);
+}
+
+Json errors_json(const TrajectoryEvaluation& evaluation,
+                 const TrajectoryEvaluationOptions& options) {
+  Json json;
+  json["absolute"] = json_of(evaluation.absolute->translation, evaluation.absolute->rotation_rad);
+  json["relative"] = Json::object();
+  for (std::size_t i = 0; i < options.intervals.size(); ++i) {
+    const auto& relative = evaluation.relative[i];
+    json["relative"][fmt::format("per_{}", unit_name(options.intervals[i]))] =
+        relative ? json_of(relative->translation, relative->rotation_rad) : Json(nullptr);
+  }
+  return json;
 }
 
 int EvaluateTrajectoryArguments::run() {
   options.alignment = parse_alignment(alignment);
-  with_option_names(
-      {{"TrajectoryEvaluationOptions.max_time_difference_s", "--max-time-difference"}},
-      [&] { options.validate(); });
+  with_option_names({{"TrajectoryEvaluationOptions.max_time_difference_s", "--max-time-difference"},
+                     {"HandEyeOptions.max_clock_offset_s", "--max-clock-offset"}},
+                    [&] {
+                      options.validate();
+                      hand_eye_options.validate();
+                    });
   require_outputs(common);
   const LoadedTrajectory estimated = load_trajectory(estimate);
   const LoadedTrajectory true_one = load_trajectory(truth);
@@ -197,10 +281,13 @@ int EvaluateTrajectoryArguments::run() {
     throw Error(ErrorKind::kInput, estimate, evaluation.reason, "");
   }
 
-  Json json = document(
-      "evaluate_trajectory", common,
-      {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
-      {{"alignment", alignment}, {"max_time_difference_s", options.max_time_difference_s}});
+  Json json = document("evaluate_trajectory", common,
+                       {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
+                       {{"alignment", alignment},
+                        {"max_time_difference_s", options.max_time_difference_s},
+                        {"hand_eye", hand_eye},
+                        {"max_clock_offset_s",
+                         hand_eye ? Json(hand_eye_options.max_clock_offset_s) : Json(nullptr)}});
   const std::size_t pairs = evaluation.pairs.size();
   const AbsoluteError& absolute = *evaluation.absolute;
   json["matched_poses"] = pairs;
@@ -208,16 +295,22 @@ int EvaluateTrajectoryArguments::run() {
                              {"truth", true_one.trajectory.size() - pairs}};
   json["truth_from_estimate"] = to_json(absolute.truth_from_estimate.matrix());
   json["scale"] = absolute.truth_from_estimate.scale();
-  json["absolute"] = json_of(absolute.translation, absolute.rotation_rad);
-  json["relative"] = Json::object();
-  for (std::size_t i = 0; i < options.intervals.size(); ++i) {
-    const auto& relative = evaluation.relative[i];
-    json["relative"][fmt::format("per_{}", unit_name(options.intervals[i]))] =
-        relative ? json_of(relative->translation, relative->rotation_rad) : Json(nullptr);
+  json.update(errors_json(evaluation, options));
+  json["hand_eye"] = nullptr;
+  std::optional<HandEye> found;
+  TrajectoryEvaluation after;
+  if (hand_eye) {
+    found = find_hand_eye(estimated.trajectory, true_one.trajectory);
+    after = evaluate_trajectory(estimated.trajectory, corrected_truth(true_one.trajectory, *found),
+                                options);
+    if (!after.absolute) throw Error(ErrorKind::kInput, estimate, after.reason, "");
+    json["hand_eye"] = hand_eye_json(*found);
+    json["hand_eye"].update(errors_json(after, options));
   }
   write_document(json, common);
   write_rows(rows_of(evaluation, estimated.trajectory, true_one.trajectory), common);
   print(estimated, true_one, evaluation);
+  if (found) print_hand_eye(*found, after);
   return kDone;
 }
 

@@ -17,6 +17,9 @@
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/odometry/map_at_poses.hpp"
 #include "cairn/odometry/map_sequence.hpp"
+#include "cairn/odometry/mini_map_graph.hpp"
+#include "cairn/pose_graph/g2o.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
 #include "cairn/sequence/sequence.hpp"
 #include "cairn/trajectory/tum.hpp"
 
@@ -255,6 +258,8 @@ std::string mini_map_name(std::size_t index) {
   return fmt::format("{:04}.map", index);
 }
 
+constexpr const char* kPoseGraphFile = "pose_graph.json";
+
 // Tells an unfinished folder of ours from anybody else's.
 constexpr const char* kUnfinishedMark = ".cairn-unfinished";
 
@@ -291,13 +296,20 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
     throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
   }
   try {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < mapped.maps.size(); ++i) names.push_back(mini_map_name(i));
+    const PoseGraph graph = pose_graph(mapped, names);
     Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
+    index["session"] = graph.nodes.empty() ? Json(nullptr) : Json(graph.nodes.front().session);
+    index["pose_graph"] = kPoseGraphFile;
     index["mini_maps"] = Json::array();
     for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
       const LandmarkMap& mini_map = mapped.maps[i];
-      write_map(mini_map, unfinished / mini_map_name(i));
+      write_map(mini_map, unfinished / names[i]);
       index["mini_maps"].push_back(
-          {{"file", mini_map_name(i)},
+          {{"file", names[i]},
+           {"uuid", to_json(mini_map.info().uuid)},
+           {"world_from_map", to_json(graph.nodes[i].world_from_node.matrix())},
            {"keyframes", mini_map.frame_count()},
            {"landmarks", mini_map.landmark_count()},
            {"first_timestamp", mini_map.frames().timestamps_s.front().value()},
@@ -310,6 +322,10 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
                                 {"target_from_source", to_json(mapped.links[i].previous_from_next)},
                                 {"covariance", to_json(mapped.links[i].covariance)}});
     }
+    write_file(unfinished / kPoseGraphFile,
+               [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });
+    write_file(unfinished / "pose_graph.g2o",
+               [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
     write_file(unfinished / "mini_maps.json",
                [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
     fs::remove(unfinished / kUnfinishedMark);

@@ -314,5 +314,49 @@ TEST_F(ConvertTest, JsonSaysWhatWasAskedAndWritten) {
   EXPECT_EQ(json.at("output").at("frames"), 1);
 }
 
+#ifdef CAIRN_HAS_ADJUSTMENT
+TEST_F(ConvertTest, EstimatesCovariancesFromObservations) {
+  write_pair();
+  const std::string text = answer({"convert", "source.map", "with.map", "--estimate-covariances"});
+  EXPECT_THAT(text, HasSubstr("covariances of 600 of 600 landmarks, by pixel noise of 0."));
+  const LandmarkMap before = read_map(path("source.map"));
+  const LandmarkMap map = read_map(path("with.map"));
+  ASSERT_TRUE(map.has_covariances());
+  EXPECT_EQ(map.landmarks().positions, before.landmarks().positions);
+  EXPECT_NE(map.landmarks().covariances, before.landmarks().covariances);
+  const Json json = document({"convert", "source.map", "more.map", "--estimate-covariances",
+                              "--pixel-noise", "7", "--threads", "1"});
+  EXPECT_EQ(json.at("covariances").at("known"), 600);
+  EXPECT_EQ(json.at("covariances").at("pixel_noise_px"), 7.0);
+  answer({"convert", "source.map", "again.map", "--estimate-covariances", "--threads", "1"});
+  EXPECT_EQ(content("again.map"), content("with.map"));
+}
+
+TEST_F(ConvertTest, SaysWhyCovariancesCannotBeEstimated) {
+  write_pair();
+  answer({"convert", "source.map", "points.ply"});
+  expect_refusal({"convert", "points.ply", "out.map", "--estimate-covariances"}, kBadInput,
+                 {"does not know its observations"});
+  expect_refusal({"convert", "source.map", "out.map", "--pixel-noise", "1"}, kWrongUsage,
+                 {"--pixel-noise", "--estimate-covariances"});
+  expect_refusal(
+      {"convert", "source.map", "out.map", "--estimate-covariances", "--pixel-noise", "0"},
+      kWrongUsage, {"--pixel-noise", "a positive number"});
+  EXPECT_FALSE(std::filesystem::exists(path("out.map")));
+}
+#endif
+
+TEST_F(ConvertTest, AMapMadeOfAnotherHasAUuidOfItsOwn) {
+  write_pair();
+  answer({"convert", "source.map", "same.cairn"});
+  answer({"convert", "source.map", "part.cairn", "--min-observations", "4"});
+  answer({"convert", "source.map", "again.cairn", "--min-observations", "4"});
+  const auto uuid = [&](const char* file) { return read_map(path(file)).info().uuid; };
+  EXPECT_EQ(uuid("same.cairn"), uuid("source.map"));
+  ASSERT_TRUE(uuid("part.cairn"));
+  EXPECT_NE(uuid("part.cairn"), uuid("source.map"));
+  EXPECT_EQ(uuid("part.cairn"), uuid("again.cairn"));
+}
+
 }  // namespace
 }  // namespace cairn::testing

@@ -267,6 +267,53 @@ TEST_F(EvaluateTrajectoryTest, MistakesAreNamed) {
   expect_refusal(evaluate(), kBadInput, {"estimate.txt", "1 of the poses paired"});
 }
 
+TEST_F(EvaluateTrajectoryTest, HandEyeOffsetIsEstimatedAndTakenOffTheErrors) {
+  const Rigid3 offset = Rigid3::from_roll_pitch_yaw({0.01, 0.02, -0.01}, 0.03, -0.02, 0.01);
+  std::vector<TimedPose> camera;
+  std::vector<TimedPose> body;
+  for (int i = 0; i < 400; ++i) {
+    const double t = 0.02 * i;
+    const Rigid3 pose =
+        Rigid3::from_roll_pitch_yaw({std::sin(t), 0.4 * t, 0.2 * std::cos(2.0 * t)},
+                                    0.4 * std::sin(1.3 * t), 0.3 * std::sin(0.7 * t), 0.3 * t);
+    camera.push_back({t, pose});
+    body.push_back({t + 0.01, pose * offset.inverse()});
+  }
+  write_trajectory("camera.txt", Trajectory(std::move(camera)));
+  write_trajectory("body.txt", Trajectory(std::move(body)));
+  const Json json = document(
+      {"evaluate", "trajectory", "camera.txt", "body.txt", "--hand-eye", "--alignment", "poses"});
+  const Json& found = json.at("hand_eye");
+  EXPECT_NEAR(found.at("rotation_deg").get<double>(), offset.angle() * 180.0 / std::numbers::pi,
+              0.02);
+  EXPECT_NEAR(found.at("translation_m").get<double>(), offset.translation().norm(), 5e-4);
+  EXPECT_NEAR(found.at("clock_offset_s").get<double>(), 0.01, 5e-4);
+  EXPECT_EQ(found.at("covariance").size(), 6U);
+  const auto rmse = [](const Json& errors) {
+    return errors.at("absolute").at("rotation_deg").at("rmse").get<double>();
+  };
+  EXPECT_GT(rmse(json), 0.5);
+  EXPECT_LT(rmse(found), 0.05);
+  EXPECT_TRUE(
+      document({"evaluate", "trajectory", "camera.txt", "body.txt"}).at("hand_eye").is_null());
+  const std::string text =
+      answer({"evaluate", "trajectory", "camera.txt", "body.txt", "--hand-eye"});
+  EXPECT_THAT(text, ContainsRegex("turned by 2.[0-9]+ \\+- [0-9.]+ deg"));
+  EXPECT_THAT(text, HasSubstr("Errors against the truth so corrected:"));
+}
+
+TEST_F(EvaluateTrajectoryTest, HandEyeOffsetThatTheMotionDoesNotTellIsRefused) {
+  std::vector<TimedPose> straight;
+  for (int i = 0; i < 100; ++i)
+    straight.push_back({0.1 * i, Rigid3({1, 0, 0, 0}, {0.1 * i, 0, 0})});
+  write_trajectory("a.txt", Trajectory(std::move(straight)));
+  expect_refusal({"evaluate", "trajectory", "a.txt", "a.txt", "--hand-eye"}, kBadInput,
+                 {"a.txt", "does not determine the hand-eye offset"});
+  expect_refusal(
+      {"evaluate", "trajectory", "a.txt", "a.txt", "--hand-eye", "--max-clock-offset", "-1"},
+      kWrongUsage, {"--max-clock-offset", "0 to 10"});
+}
+
 TEST_F(EvaluateTrajectoryTest, RelativeErrorsOfAShortTrajectoryAreNull) {
   write("truth.txt", "1 0 0 0 0 0 0 1\n1.1 0.1 0 0 0 0 0 1\n1.2 0.2 0.1 0 0 0 0 1\n");
   write("estimate.txt", content("truth.txt"));

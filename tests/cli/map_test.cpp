@@ -13,6 +13,8 @@
 
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/pose_graph/g2o.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
 #include "cairn/trajectory/trajectory_error.hpp"
 #include "cairn/trajectory/tum.hpp"
 
@@ -231,6 +233,25 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
     EXPECT_LT(truly.difference_to(pose_of(link.at("target_from_source"))).norm(), 0.015);
   }
   EXPECT_THAT(files(), ElementsAre("minis", "s"));
+  FileReader graph_file(path("minis/" + index.at("pose_graph").get<std::string>()));
+  const PoseGraph graph = read_pose_graph(graph_file);
+  ASSERT_EQ(graph.nodes.size(), 3U);
+  ASSERT_EQ(graph.links.size(), 2U);
+  Similarity3 world_from_map;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const PoseNode& node = graph.nodes[i];
+    EXPECT_EQ(node.name, index.at("mini_maps").at(i).at("file"));
+    EXPECT_EQ(node.session, index.at("session"));
+    EXPECT_EQ(read_map(path("minis/" + node.name)).info().uuid,
+              index.at("mini_maps").at(i).at("uuid"));
+    EXPECT_TRUE(node.world_from_node.matrix().isApprox(world_from_map.matrix(), 1e-9));
+    if (i == 2) break;
+    EXPECT_EQ(graph.links[i].kind, LinkKind::kOdometry);
+    EXPECT_GT((*graph.links[i].covariance)(0, 0), 1e-4);  // a centimetre, whatever was stated
+    world_from_map = world_from_map * graph.links[i].target_from_source;
+  }
+  FileReader g2o_file(path("minis/pose_graph.g2o"));
+  EXPECT_EQ(pose_graph(read_g2o(g2o_file)).links.size(), 2U);
   expect_refusal({"map", "s", "-o", "minis", "--mini-map-length", "6f"}, kSystemError,
                  {"minis", "exists already"});
 }

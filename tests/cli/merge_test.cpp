@@ -67,6 +67,23 @@ TEST_F(MergeTest, JsonHasEveryMapAndEveryPair) {
   EXPECT_EQ(json.at("output").at("landmarks"), read_map(path("all.cairn")).landmark_count());
 }
 
+TEST_F(MergeTest, AdjustsTheMergedMapIfAsked) {
+  write_pair(900);
+  const Json json = document({"merge", "target.map", "source.map", "-o", "both.map", "--adjust"});
+  const Json& adjustment = json.at("adjustment");
+  EXPECT_TRUE(adjustment.at("converged").get<bool>());
+  EXPECT_LT(adjustment.at("final_rms_px").get<double>(),
+            adjustment.at("initial_rms_px").get<double>());
+  const LandmarkMap map = read_map(path("both.map"));
+  EXPECT_TRUE(map.info().uuid);
+  EXPECT_THAT(map.info().provenance.back(), HasSubstr("adjusted: "));
+  answer({"merge", "target.map", "source.map", "-o", "again.map", "--adjust", "--threads", "1"});
+  EXPECT_EQ(content("again.map"), content("both.map"));
+  EXPECT_TRUE(document({"merge", "target.map", "source.map", "-o", "plain.map", "--no-adjust"})
+                  .at("adjustment")
+                  .is_null());
+}
+
 TEST_F(MergeTest, NamesWhatIsLeftOut) {
   write_pair(900);
   write_stranger();

@@ -2,6 +2,7 @@
 // The map of the fr1/desk sequence that the paper's authors published.
 #include "support/real_data.hpp"
 
+#include <cstdint>
 #include <cstdlib>
 #include <string>
 
@@ -91,6 +92,28 @@ TEST_F(RealDataTest, HalvesAlignFromDisplacementsOfThePaper) {
     }
   }
 }
+
+#ifdef CAIRN_HAS_ADJUSTMENT
+TEST_F(CliTest, AColmapModelGetsCovariancesFromItsObservations) {
+  const auto folder = real_data();
+  if (!folder) GTEST_SKIP() << kNoRealData;
+  const std::string model = (*folder / "foreign" / "colmap_text_and_binary").string();
+  ASSERT_TRUE(std::filesystem::exists(model)) << model;
+  const Json json = document({"convert", model, "model.cairn", "--estimate-covariances"});
+  const LandmarkMap map = read_map(path("model.cairn"));
+  ASSERT_TRUE(map.has_covariances());
+  std::size_t known = 0;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    known += map.covariance(LandmarkIndex{i}) ? 1 : 0;
+  }
+  EXPECT_EQ(json.at("covariances").at("known"), known);
+  EXPECT_GT(10 * known, 9 * map.landmark_count());
+  const double noise = json.at("covariances").at("pixel_noise_px").get<double>();
+  EXPECT_GT(noise, 0.1);
+  EXPECT_LT(noise, 2.0);
+  EXPECT_TRUE(json.at("covariances").at("depth_noise").is_null());
+}
+#endif
 
 }  // namespace
 }  // namespace cairn::testing

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/io/content_uuid.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 
 namespace cairn {
@@ -71,10 +72,31 @@ std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
                      aligned == 1 ? "" : "s");
 }
 
+// The fused map, adjusted if it can be.
+LandmarkMap adjusted(LandmarkMap map, const MergeOptions& options, MergeResult& result) {
+  const std::string defect = measurement_defect(map);
+  if (!defect.empty()) {
+    if (options.log) options.log("not adjusted: the merged map " + defect);
+    return map;
+  }
+  AdjustOptions how = options.adjustment;
+  how.execution = options.execution;
+  how.execution.progress = part_of(options.execution.progress, 0.95, 1.0);
+  AdjustResult adjustment = adjust(map, how);
+  result.adjustment = {adjustment.converged, adjustment.iterations, adjustment.observations,
+                       adjustment.initial_rms_px, adjustment.final_rms_px};
+  MapTables tables = std::move(adjustment.map).tables();
+  tables.info.provenance.push_back(fmt::format(
+      "adjusted: {} observations, root mean square residual {:.3f} px, {:.3f} px before",
+      adjustment.observations, adjustment.final_rms_px, adjustment.initial_rms_px));
+  return LandmarkMap(std::move(tables));
+}
+
 }  // namespace
 
 void MergeOptions::validate() const {
   links.validate();
+  adjustment.validate();
   FusionOptions fusion;
   fusion.min_probability = fusion_probability;
   fusion.validate();
@@ -150,11 +172,12 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   fusion.min_probability = options.fusion_probability;
   fusion.seed = options.seed;
   fusion.execution = options.execution;
-  fusion.execution.progress = part_of(options.execution.progress, 0.9, 1.0);
+  fusion.execution.progress = part_of(options.execution.progress, 0.9, options.adjust ? 0.95 : 1.0);
   fusion.log = options.log;
   FusionResult fused = fuse_maps(placed, fusion);
   for (std::size_t i = 0; i < index_of.size(); ++i) result.maps[index_of[i]].fusion = fused.maps[i];
-  result.map = std::move(fused.map);
+  if (options.adjust) fused.map = adjusted(std::move(fused.map), options, result);
+  result.map = with_content_uuid(std::move(fused.map));
   return result;
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/adjustment/adjust.hpp"
 #include "cairn/merging/fusion/fuse_maps.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
@@ -22,6 +23,9 @@ struct MergeInput {
 struct MergeOptions {
   LinkOptions links = {};           ///< its execution and seed are taken from below
   double fusion_probability = 0.5;  ///< from which two landmarks are one; in [0.5, 1]
+  /// Whether the merged map is adjusted: all its keyframes and landmarks, by all observations.
+  bool adjust = false;
+  AdjustOptions adjustment = {};  ///< its execution is taken from below
   std::uint64_t seed = 0;
   Execution execution = {};
   LogSink log = {};
@@ -39,6 +43,15 @@ struct MergedMap {
   std::optional<MapFusion> fusion;
 };
 
+/// What the adjustment of a merged map did; see AdjustResult.
+struct MergeAdjustment {
+  bool converged = false;
+  int iterations = 0;
+  std::size_t observations = 0;
+  double initial_rms_px = 0.0;
+  double final_rms_px = 0.0;
+};
+
 struct MergeResult {
   std::vector<MergedMap> maps;    ///< one an input
   std::vector<MapLink> links;     ///< of all pairs, aligned or not
@@ -46,6 +59,9 @@ struct MergeResult {
   std::vector<std::size_t> tree;  ///< links that first placed a map, in that order
   /// In the frame of the first map that is placed. std::nullopt where no two maps were placed.
   std::optional<LandmarkMap> map;
+  /// std::nullopt where it was not asked for, or the maps do not tell enough; the log says why. Poses of maps
+  /// above are those before it: their keyframes no longer move as one.
+  std::optional<MergeAdjustment> adjustment;
 
   std::size_t placed() const;
 };

@@ -2,7 +2,6 @@
 #include "cairn/odometry/bundle_adjustment.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -10,103 +9,37 @@
 #include <Eigen/Cholesky>
 #include <ceres/ceres.h>
 
+#include "cairn/adjustment/detail/costs.hpp"
 #include "cairn/odometry/residual_limits.hpp"
 
 namespace cairn {
 namespace {
 
-// A pose as Ceres moves it: quaternion x y z w, then translation.
-using PoseBlock = std::array<double, 7>;
-
-PoseBlock to_block(const Rigid3& pose) {
-  const Eigen::Quaterniond q = pose.quaternion();
-  const Eigen::Vector3d& t = pose.translation();
-  return {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
-}
-
-Rigid3 to_pose(const PoseBlock& block) {
-  return {Eigen::Quaterniond(block[3], block[0], block[1], block[2]),
-          Eigen::Vector3d(block[4], block[5], block[6])};
-}
-
-// Steps are Rigid3's left perturbations (δt, δφ). Cost functions give derivatives by those in the
-// first six columns of what Ceres takes for derivatives by the seven numbers; with this Jacobian the
-// product is right.
-class PoseManifold final : public ceres::Manifold {
- public:
-  int AmbientSize() const override { return 7; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
-    const Eigen::Map<const Eigen::Quaterniond> q(x);
-    const Eigen::Quaterniond moved =
-        (rotation_exp(Eigen::Vector3d(delta[3], delta[4], delta[5])) * q).normalized();
-    Eigen::Map<Eigen::Vector4d>{x_plus_delta} = moved.coeffs();
-    for (int i = 0; i < 3; ++i) x_plus_delta[4 + i] = x[4 + i] + delta[i];
-    return true;
-  }
-  bool PlusJacobian(const double* /*x*/, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, 7, 6, Eigen::RowMajor>>(jacobian).setIdentity();
-    return true;
-  }
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
-    const Eigen::Map<const Eigen::Quaterniond> to(y);
-    const Eigen::Map<const Eigen::Quaterniond> from(x);
-    for (int i = 0; i < 3; ++i) y_minus_x[i] = y[4 + i] - x[4 + i];
-    Eigen::Map<Eigen::Vector3d>{y_minus_x + 3} = rotation_log(to * from.conjugate());
-    return true;
-  }
-  bool MinusJacobian(const double* /*x*/, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>>(jacobian).setIdentity();
-    return true;
-  }
-};
-
-// Ceres eliminates points fast where every residual block has two rows: so pixel and depth are blocks
-// of their own, and the second row of a depth is zero.
-using Rows7 = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
-using Rows3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
-
 enum class MeasuredPart { kPixel, kDepth };
 
-class MeasurementCost final : public ceres::SizedCostFunction<2, 7, 3> {
- public:
-  MeasurementCost(const Pinhole& pinhole, const PointMeasurement& measured, MeasuredPart part)
-      : pinhole_(&pinhole), measured_(measured), part_(part) {}
+// A part of what a keyframe measures of a point.
+struct PartOfMeasurement {
+  const Pinhole* pinhole;
+  PointMeasurement measured;
+  MeasuredPart part;
 
-  bool Evaluate(const double* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const Eigen::Map<const Eigen::Quaterniond> rotation(parameters[0]);
-    const Eigen::Map<const Eigen::Vector3d> centre(parameters[0] + 4);
-    const Eigen::Map<const Eigen::Vector3d> point(parameters[1]);
-    const Eigen::Matrix3d camera_from_world = rotation.toRotationMatrix().transpose();
-    const Eigen::Vector3d arm = point - centre;
-    const Eigen::Vector3d x_in_camera = camera_from_world * arm;
-    if (x_in_camera.z() < kNearestDepth) return false;
-    const PointResidual residual = point_residual(*pinhole_, measured_, x_in_camera);
-    const bool pixel = part_ == MeasuredPart::kPixel;
-    residuals[0] = pixel ? residual.value[0] : residual.value[2];
-    residuals[1] = pixel ? residual.value[1] : 0.0;
-    if (jacobians == nullptr) return true;
-    Rows3 by_point;
-    if (pixel) {
-      by_point = residual.by_x_in_camera.topRows<2>() * camera_from_world;
+  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
+    if (x_in_camera.z() < kNearestDepth) return std::nullopt;
+    const PointResidual residual = point_residual(*pinhole, measured, x_in_camera);
+    SeenPoint seen;
+    if (part == MeasuredPart::kPixel) {
+      seen.value = residual.value.head<2>();
+      seen.by_x_in_camera = residual.by_x_in_camera.topRows<2>();
     } else {
-      by_point << residual.by_x_in_camera.row(2) * camera_from_world, Eigen::RowVector3d::Zero();
+      seen.value.x() = residual.value.z();
+      seen.by_x_in_camera.row(0) = residual.by_x_in_camera.row(2);
     }
-    if (jacobians[0] != nullptr) {
-      Eigen::Map<Rows7> by_pose(jacobians[0]);
-      by_pose.leftCols<6>() = derivative_by_pose(by_point, arm);
-      by_pose.col(6).setZero();
-    }
-    if (jacobians[1] != nullptr) Eigen::Map<Rows3>{jacobians[1]} = by_point;
-    return true;
+    return seen;
   }
-
- private:
-  const Pinhole* pinhole_;
-  PointMeasurement measured_;
-  MeasuredPart part_;
 };
+
+using MeasurementCost = PointCost<PartOfMeasurement>;
+using Rows3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 
 // All that keyframes which stay where they are have measured of a landmark, linearised at its
 // position: |L·(x - x₀) + r|² up to a constant.
@@ -253,10 +186,10 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
       if (!scope.moves[reference.keyframe]) continue;
       const PointMeasurement measured = graph.measurement(reference);
       double* const pose = poses[pose_of[reference.keyframe]].data();
-      problem.AddResidualBlock(new MeasurementCost(pinhole, measured, MeasuredPart::kPixel),
+      problem.AddResidualBlock(new MeasurementCost({&pinhole, measured, MeasuredPart::kPixel}),
                                &pixel_loss, pose, point);
       if (!measured.has_depth()) continue;
-      problem.AddResidualBlock(new MeasurementCost(pinhole, measured, MeasuredPart::kDepth),
+      problem.AddResidualBlock(new MeasurementCost({&pinhole, measured, MeasuredPart::kDepth}),
                                &depth_loss, pose, point);
     }
     if (const auto fixed = fixed_measurements(graph, scope.landmarks[i], scope.moves)) {
@@ -278,7 +211,7 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
   for (const std::uint32_t keyframe : scope.keyframes) {
     Keyframe& moved = graph.keyframes()[keyframe];
     const Rigid3 before = moved.world_from_camera;
-    moved.world_from_camera = to_pose(poses[pose_of[keyframe]]);
+    moved.world_from_camera = to_pose(poses[pose_of[keyframe]].data());
     carry_along(graph, keyframe, before, options.min_observations);
   }
   for (std::size_t i = 0; i < points.size(); ++i) {

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/io/content_uuid.hpp"
 #include "cairn/odometry/bundle_adjustment.hpp"
 #include "cairn/odometry/keyframe_map.hpp"
 #include "cairn/odometry/landmark_covariance.hpp"
@@ -175,7 +176,7 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
   };
   constexpr std::size_t kFramesAhead = 6;
   options.executor.in_order(keyframes.size(), kFramesAhead, prepare, add);
-  result.map = mapping.finish(options.map);
+  result.map = with_content_uuid(mapping.finish(options.map));
   if (result.map.landmark_count() == 0) {
     throw Error(ErrorKind::kInput, "sequence",
                 fmt::format("no landmark in {} keyframes", keyframes.size()),

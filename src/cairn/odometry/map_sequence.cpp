@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/io/content_uuid.hpp"
 
 namespace cairn {
 namespace {
@@ -102,7 +103,7 @@ void Mapping::add(PreparedFrame frame, std::size_t frames) {
     FinishedMap finished = odometry_.begin_new_map(options_->map);
     add_poses(finished.trajectory);
     first_from_map_ = first_from_map_ * finished.to_next.previous_from_next;
-    result_.maps.push_back(std::move(finished.map));
+    result_.maps.push_back(with_content_uuid(std::move(finished.map)));
     result_.links.push_back(finished.to_next);
     frames_in_map_ = 1;
     path_in_map_ = 0.0;
@@ -171,7 +172,7 @@ MappedSequence Mapping::finish() {
   result_.trajectory = Trajectory(std::move(poses_));
   // A mini-map of a single frame, begun at the very end, holds nothing that the one before lacks.
   if (frames_in_map_ > 1 || (frames_in_map_ == 1 && result_.maps.empty())) {
-    result_.maps.push_back(odometry_.map(options_->map));
+    result_.maps.push_back(with_content_uuid(odometry_.map(options_->map)));
   } else if (!result_.links.empty()) {
     result_.links.pop_back();
   }

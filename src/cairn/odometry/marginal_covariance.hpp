@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "cairn/adjustment/covariance_recovery.hpp"
 #include "cairn/odometry/landmark_graph.hpp"
 
 namespace cairn {
@@ -19,7 +20,7 @@ struct MarginalCovariances {
 };
 
 /// More keyframes than this cost too much: the problem is solved densely.
-inline constexpr std::size_t kMostMarginalKeyframes = 800;
+inline constexpr std::size_t kMostMarginalKeyframes = kMostDenseFrames;
 
 /// @throws Error (misuse) with more keyframes than kMostMarginalKeyframes
 MarginalCovariances marginal_covariances(const LandmarkGraph& graph);

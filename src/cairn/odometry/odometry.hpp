@@ -66,7 +66,7 @@ struct MapOptions {
 /// How one mini-map lies in the one before it.
 struct MiniMapLink {
   Rigid3 previous_from_next;
-  Matrix6d covariance = Matrix6d::Zero();  ///< of that pose
+  Matrix6d covariance = Matrix6d::Zero();  ///< of that pose; see link_covariance()
 };
 
 /// A map that is complete because another was begun.

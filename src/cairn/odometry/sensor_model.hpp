@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "cairn/adjustment/pose_derivative.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/odometry/features.hpp"
 
@@ -66,18 +67,6 @@ inline PointResidual point_residual(const Pinhole& pinhole, const PointMeasureme
     residual.by_x_in_camera(2, 2) = 1.0 / measured.sigma_depth_m;
   }
   return residual;
-}
-
-/// Derivative of a residual by the camera's pose (left perturbation δt, δφ of world_from_camera), from
-/// its derivative by the point in the world.
-/// @param arm from the camera's centre to the point, in the world
-template <class Rows>
-Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> derivative_by_pose(
-    const Eigen::MatrixBase<Rows>& by_point, const Eigen::Vector3d& arm) {
-  Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> by_pose;
-  by_pose.template leftCols<3>() = -by_point;
-  by_pose.template rightCols<3>() = by_point * skew(arm);
-  return by_pose;
 }
 
 /// The measurement that a keypoint is.

@@ -7,6 +7,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/odometry/bundle_adjustment.hpp"
 #include "cairn/odometry/landmark_covariance.hpp"
+#include "cairn/odometry/link_covariance.hpp"
 #include "cairn/odometry/marginal_covariance.hpp"
 
 namespace cairn {
@@ -18,6 +19,16 @@ bool can_start_map(const Features& features) {
   const auto keypoints = features.keypoints();
   return std::count_if(keypoints.begin(), keypoints.end(),
                        [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }) >= kFewest;
+}
+
+// How much the camera turned, all told.
+double turn_of(const Trajectory& trajectory) {
+  double turn = 0.0;
+  const auto poses = trajectory.poses();
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    turn += (poses[i - 1].world_from_camera.inverse() * poses[i].world_from_camera).angle();
+  }
+  return turn;
 }
 
 }  // namespace
@@ -318,6 +329,7 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   }
   if (covariances.empty()) covariances = landmark_covariances(options.covariance);
   FinishedMap finished{map_.to_map(options, covariances), trajectory(), link};
+  finished.to_next.covariance = link_covariance(link.covariance, turn_of(finished.trajectory));
 
   TrackedFrame frame = std::move(*previous_);
   map_.clear();

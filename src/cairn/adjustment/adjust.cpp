@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/adjustment/adjust.hpp"
+
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <ceres/ceres.h>
+#include <fmt/format.h>
+
+#include "cairn/adjustment/detail/costs.hpp"
+#include "cairn/adjustment/detail/frame_groups.hpp"
+#include "cairn/adjustment/estimate_covariances.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/limits.hpp"
+
+namespace cairn {
+namespace {
+
+// Below which 95 % of chi-squared numbers lie.
+constexpr double kPixel95 = 5.991;  // two degrees of freedom
+constexpr double kDepth95 = 3.841;
+
+struct PixelMeasure {
+  const Camera* camera;
+  Eigen::Vector2d pixel;
+  double sigma_px;
+
+  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
+    return seen_pixel(*camera, pixel, sigma_px, x_in_camera);
+  }
+};
+
+struct DepthMeasure {
+  double depth;
+  double sigma;
+
+  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
+    return seen_depth(depth, sigma, x_in_camera);
+  }
+};
+
+std::unique_ptr<ceres::LossFunction> loss_of(RobustKernel kernel, double usual) {
+  if (kernel == RobustKernel::kHuber) return std::make_unique<ceres::HuberLoss>(std::sqrt(usual));
+  if (kernel == RobustKernel::kCauchy) {
+    return std::make_unique<ceres::CauchyLoss>(std::sqrt(usual));
+  }
+  return nullptr;
+}
+
+class StopWhenAsked final : public ceres::IterationCallback {
+ public:
+  StopWhenAsked(const Execution& execution, int max_iterations)
+      : execution_(execution), max_iterations_(max_iterations) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    if (execution_.progress) {
+      execution_.progress(static_cast<double>(summary.iteration) / max_iterations_);
+    }
+    return execution_.stop.stop_requested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const Execution& execution_;
+  int max_iterations_;
+};
+
+struct Solved {
+  MapTables tables;
+  bool converged = false;
+  int iterations = 0;
+};
+
+using Measurements = std::vector<std::vector<Measurement>>;
+
+// One solution of the least-squares problem.
+class Adjustment {
+ public:
+  Adjustment(const LandmarkMap& map, const Measurements& measurements, const AdjustOptions& options)
+      : map_(map),
+        measurements_(measurements),
+        options_(options),
+        groups_(frame_groups(map, measurements, options.min_observations)),
+        cameras_(map.cameras().begin(), map.cameras().end()),
+        poses_(map.frame_count()),
+        points_(map.landmarks().positions) {
+    for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+      poses_[i] = to_block(map.world_from_camera(FrameIndex{i}));
+    }
+  }
+
+  Solved run();
+
+ private:
+  void add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering);
+  void add_landmark(ceres::Problem& problem, std::uint32_t landmark, ceres::LossFunction* pixel,
+                    ceres::LossFunction* depth);
+  void hold_scale(const FrameGroup& group);
+  void carry_along(std::uint32_t landmark);
+  MapTables tables() const;
+
+  const LandmarkMap& map_;
+  const Measurements& measurements_;
+  const AdjustOptions& options_;
+  std::vector<FrameGroup> groups_;
+  std::vector<Camera> cameras_;
+  // Ceres orders blocks by address within a group: contiguous arrays keep that the same every time.
+  std::vector<PoseBlock> poses_;
+  std::vector<Eigen::Vector3d> points_;
+};
+
+void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering) {
+  for (const FrameGroup& group : groups_) {
+    for (const std::uint32_t frame : group.frames) {
+      problem.AddParameterBlock(poses_[frame].data(), 7, new PoseManifold());
+      ordering.AddElementToGroup(poses_[frame].data(), 1);
+    }
+    problem.SetParameterBlockConstant(poses_[group.frames.front()].data());
+  }
+  if (!options_.refine_intrinsics) return;
+  std::vector<bool> is_used(cameras_.size(), false);
+  for (const FrameGroup& group : groups_) {
+    for (const std::uint32_t frame : group.frames) {
+      is_used[map_.frames().cameras[frame]->value] = true;
+    }
+  }
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (!is_used[i]) continue;
+    std::vector<double>& parameters = cameras_[i].parameters;
+    problem.AddParameterBlock(parameters.data(), static_cast<int>(parameters.size()));
+    ordering.AddElementToGroup(parameters.data(), 1);
+  }
+}
+
+void Adjustment::add_landmark(ceres::Problem& problem, std::uint32_t landmark,
+                              ceres::LossFunction* pixel, ceres::LossFunction* depth) {
+  for (const Measurement& one : measurements_[landmark]) {
+    double* const pose = poses_[one.frame.value].data();
+    double* const point = points_[landmark].data();
+    const CameraIndex camera = *map_.frames().cameras[one.frame.value];
+    if (options_.refine_intrinsics) {
+      problem.AddResidualBlock(
+          new CalibrationCost(map_.cameras()[camera.value], one.pixel, one.sigma_px), pixel, pose,
+          point, cameras_[camera.value].parameters.data());
+    } else {
+      problem.AddResidualBlock(new PointCost<PixelMeasure>(PixelMeasure{
+                                   &map_.cameras()[camera.value], one.pixel, one.sigma_px}),
+                               pixel, pose, point);
+    }
+    if (!one.depth) continue;
+    problem.AddResidualBlock(new PointCost<DepthMeasure>(DepthMeasure{*one.depth, one.sigma_depth}),
+                             depth, pose, point);
+  }
+}
+
+// Puts the frame whose distance is held back where it was, by the scale of the group.
+void Adjustment::hold_scale(const FrameGroup& group) {
+  if (!group.scale_frame) return;
+  const auto centre = [&](std::uint32_t frame) {
+    return Eigen::Map<Eigen::Vector3d>(poses_[frame].data() + 4);
+  };
+  const auto& before = map_.frames().translations;
+  const std::uint32_t first = group.frames.front();
+  const Eigen::Vector3d origin = centre(first);
+  const double now = (centre(*group.scale_frame) - origin).norm();
+  const double scale = (before[*group.scale_frame] - before[first]).norm() / now;
+  if (!(scale > 0.0) || !std::isfinite(scale)) return;
+  for (const std::uint32_t frame : group.frames) {
+    if (frame != first) centre(frame) = origin + scale * (centre(frame) - origin);
+  }
+  for (const std::uint32_t landmark : group.landmarks) {
+    points_[landmark] = origin + scale * (points_[landmark] - origin);
+  }
+}
+
+void Adjustment::carry_along(std::uint32_t landmark) {
+  const FrameIndex frame = measurements_[landmark].front().frame;
+  const Rigid3 moved =
+      to_pose(poses_[frame.value].data()) * map_.world_from_camera(frame).inverse();
+  points_[landmark] = moved * map_.landmarks().positions[landmark];
+}
+
+Solved Adjustment::run() {
+  Solved solved;
+  const auto pixel_loss = loss_of(options_.kernel, kPixel95);
+  const auto depth_loss = loss_of(options_.kernel, kDepth95);
+  ceres::Problem::Options how;
+  how.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  how.disable_all_safety_checks = true;
+  ceres::Problem problem(how);
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  add_blocks(problem, *ordering);
+  std::size_t moving = 0;
+  for (std::uint32_t l = 0; l < measurements_.size(); ++l) {
+    if (measurements_[l].size() < options_.min_observations) continue;
+    problem.AddParameterBlock(points_[l].data(), 3);
+    ordering->AddElementToGroup(points_[l].data(), 0);
+    add_landmark(problem, l, pixel_loss.get(), depth_loss.get());
+    ++moving;
+  }
+  if (moving == 0) {
+    solved.tables = tables();
+    solved.converged = true;
+    return solved;
+  }
+  constexpr std::size_t kFewFrames = 40;
+  ceres::Solver::Options solve;
+  solve.linear_solver_type =
+      map_.frame_count() > kFewFrames ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
+  solve.linear_solver_ordering = ordering;
+  solve.max_num_iterations = options_.max_iterations;
+  solve.num_threads = 1;  // sums in a fixed order
+  solve.logging_type = ceres::SILENT;
+  StopWhenAsked stop(options_.execution, options_.max_iterations);
+  solve.callbacks.push_back(&stop);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solve, &problem, &summary);
+  if (options_.execution.stop.stop_requested()) {
+    throw Error(ErrorKind::kCancelled, "adjustment", "was cancelled", "");
+  }
+  solved.iterations = summary.num_successful_steps + summary.num_unsuccessful_steps;
+  solved.converged = summary.termination_type == ceres::CONVERGENCE;
+  for (const Camera& camera : cameras_) {
+    if (!camera_defect(camera).empty()) solved.converged = false;
+  }
+  if (!summary.IsSolutionUsable() || (!solved.converged && options_.refine_intrinsics &&
+                                      summary.termination_type == ceres::CONVERGENCE)) {
+    LandmarkMap same = map_;
+    solved.tables = std::move(same).tables();
+    return solved;
+  }
+  for (std::uint32_t l = 0; l < measurements_.size(); ++l) {
+    const bool moved = measurements_[l].size() >= options_.min_observations;
+    // One that the observations do not determine may end anywhere.
+    if (measurements_[l].empty() || (moved && are_coordinates(points_[l]))) continue;
+    carry_along(l);
+  }
+  for (const FrameGroup& group : groups_) hold_scale(group);
+  solved.tables = tables();
+  return solved;
+}
+
+MapTables Adjustment::tables() const {
+  LandmarkMap copy = map_;
+  MapTables tables = std::move(copy).tables();
+  tables.info.uuid.reset();
+  tables.cameras = cameras_;
+  for (const FrameGroup& group : groups_) {
+    for (const std::uint32_t frame : group.frames) {
+      if (frame == group.frames.front()) continue;  // as read, to the last digit
+      const Rigid3 pose = to_pose(poses_[frame].data());
+      const Eigen::Quaterniond q = pose.quaternion();
+      tables.frames.translations[frame] = pose.translation();
+      tables.frames.quaternions[frame] = {q.w(), q.x(), q.y(), q.z()};
+    }
+  }
+  tables.landmarks.positions = points_;
+  tables.landmarks.covariances.clear();
+  return tables;
+}
+
+double rms_px(const LandmarkMap& map, const Measurements& measurements,
+              std::size_t min_observations) {
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t l = 0; l < measurements.size(); ++l) {
+    if (measurements[l].size() < min_observations) continue;
+    for (const Measurement& one : measurements[l]) {
+      const auto squared = squared_residuals(map, one, map.landmarks().positions[l]);
+      if (!squared) continue;
+      sum += squared->pixel * one.sigma_px * one.sigma_px;
+      ++count;
+    }
+  }
+  return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
+}
+
+}  // namespace
+
+void AdjustOptions::validate() const {
+  if (noise) noise->validate();
+  if (max_iterations < 1) {
+    throw Error(ErrorKind::kMisuse, "AdjustOptions.max_iterations",
+                fmt::format("{}", max_iterations), "at least 1");
+  }
+  if (min_observations < 1) {
+    throw Error(ErrorKind::kMisuse, "AdjustOptions.min_observations",
+                fmt::format("{}", min_observations), "at least 1");
+  }
+}
+
+AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
+  options.validate();
+  AdjustResult result;
+  result.map = map;
+  result.noise = options.noise ? *options.noise : estimated_noise(map);
+  // The noise is known after a first adjustment only.
+  const int rounds = options.noise ? 1 : 2;
+  for (int round = 0; round < rounds; ++round) {
+    if (round > 0) result.noise = estimated_noise(result.map, result.noise);
+    const Measurements measurements = measurements_of(result.map, result.noise);
+    if (round == 0) {
+      for (const auto& landmark : measurements) {
+        if (landmark.size() >= options.min_observations) result.observations += landmark.size();
+      }
+      result.unusable = map.observation_count() - result.observations;
+      result.initial_rms_px = rms_px(map, measurements, options.min_observations);
+    }
+    Solved solved = Adjustment(result.map, measurements, options).run();
+    result.map = LandmarkMap(std::move(solved.tables));
+    result.converged = solved.converged;
+    result.iterations += solved.iterations;
+    result.final_rms_px = rms_px(result.map, measurements, options.min_observations);
+  }
+  if (options.covariances) {
+    CovarianceOptions how;
+    how.noise = result.noise;
+    how.execution = options.execution.without_progress();
+    result.map = estimate_covariances(result.map, how).map;
+  }
+  return result;
+}
+
+}  // namespace cairn

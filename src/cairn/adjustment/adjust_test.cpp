@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/adjustment/adjust.hpp"
+
+#include <stop_token>
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/adjusted_maps.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::disturbed;
+using ::testing::HasSubstr;
+using testing::largest_error;
+using testing::monocular;
+using testing::scaled_like;
+using testing::small_scene;
+
+AdjustOptions options_with(double pixel_px, double depth) {
+  AdjustOptions options;
+  MeasurementNoise noise;
+  noise.pixel_px = pixel_px;
+  noise.depth_floor = 1e-6;
+  noise.depth_quadratic = depth;
+  options.noise = noise;
+  options.covariances = false;
+  return options;
+}
+
+TEST(Adjust, RecoversAMapFromExactObservations) {
+  const LandmarkMap truth = synthetic_map(small_scene(1, 0.0, 0.0));
+  const AdjustResult result = adjust(disturbed(truth, 0.02), options_with(1.0, 0.003));
+  EXPECT_TRUE(result.converged);
+  EXPECT_GT(result.initial_rms_px, 1.0);
+  EXPECT_LT(result.final_rms_px, 1e-3);
+  EXPECT_LT(largest_error(result.map, truth), 1e-5);
+}
+
+TEST(Adjust, RecoversAMonocularMapInTheScaleOfItsFarthestFrame) {
+  const LandmarkMap truth = monocular(synthetic_map(small_scene(2, 0.0, 0.0)));
+  const LandmarkMap start = disturbed(truth, 0.02);
+  AdjustOptions options = options_with(1.0, 0.003);
+  options.max_iterations = 200;
+  const AdjustResult result = adjust(start, options);
+  EXPECT_LT(result.final_rms_px, 1e-2);
+  EXPECT_LT(largest_error(result.map, scaled_like(truth, start)), 1e-3);
+}
+
+TEST(Adjust, IsBetterThanItsStartByNoisyObservations) {
+  const LandmarkMap truth = synthetic_map(small_scene(3, 0.7, 0.003));
+  AdjustOptions options;
+  options.covariances = false;
+  const AdjustResult result = adjust(disturbed(truth, 0.02), options);
+  EXPECT_NEAR(result.noise.pixel_px, 0.7, 0.07);
+  EXPECT_LT(largest_error(result.map, synthetic_map(small_scene(3, 0.0, 0.0))), 0.03);
+}
+
+TEST(Adjust, FindsTheFocalLengthIfAsked) {
+  const LandmarkMap truth = synthetic_map(small_scene(4, 0.0, 0.0));
+  LandmarkMap copy = truth;
+  MapTables tables = std::move(copy).tables();
+  const double focal = tables.cameras[0].parameters[0];
+  tables.cameras[0].parameters[0] *= 1.01;
+  const LandmarkMap start(std::move(tables));
+  AdjustOptions options = options_with(1.0, 0.003);
+  options.max_iterations = 200;
+  EXPECT_EQ(adjust(start, options).map.cameras()[0], start.cameras()[0]);
+  options.refine_intrinsics = true;
+  const AdjustResult result = adjust(start, options);
+  EXPECT_NEAR(result.map.cameras()[0].parameters[0], focal, 1e-3 * focal);
+  EXPECT_LT(largest_error(result.map, truth), 1e-3);
+}
+
+TEST(Adjust, WrongObservationsHardlyCount) {
+  const LandmarkMap truth = synthetic_map(small_scene(5, 0.7, 0.003));
+  LandmarkMap copy = truth;
+  MapTables tables = std::move(copy).tables();
+  for (std::size_t i = 0; i < tables.observations.pixels.size(); i += 20) {
+    tables.observations.pixels[i].u += 40.0;
+  }
+  const LandmarkMap start(std::move(tables));
+  AdjustOptions options = options_with(0.7, 0.003);
+  const LandmarkMap exact = synthetic_map(small_scene(5, 0.0, 0.0));
+  const auto error_of = [&](RobustKernel kernel) {
+    options.kernel = kernel;
+    return testing::median_error(adjust(start, options).map, exact);
+  };
+  const double none = error_of(RobustKernel::kNone);
+  EXPECT_LT(error_of(RobustKernel::kHuber), 0.5 * none);
+  EXPECT_LT(error_of(RobustKernel::kCauchy), 0.5 * none);
+}
+
+TEST(Adjust, KeepsTheFirstFrameAndWhatItDoesNotMove) {
+  const LandmarkMap start = disturbed(synthetic_map(small_scene(6, 0.7, 0.003)), 0.01);
+  const LandmarkMap map = adjust(start).map;
+  EXPECT_EQ(map.frames().translations[0], start.frames().translations[0]);
+  EXPECT_EQ(map.frames().quaternions[0], start.frames().quaternions[0]);
+  EXPECT_EQ(map.landmarks().ids, start.landmarks().ids);
+  EXPECT_EQ(map.observations().pixels, start.observations().pixels);
+  EXPECT_FALSE(map.info().uuid);
+  EXPECT_TRUE(map.has_covariances());
+}
+
+TEST(Adjust, DoesNotDependOnTheNumberOfThreads) {
+  const LandmarkMap start = disturbed(synthetic_map(small_scene(7, 0.7, 0.003)), 0.01);
+  AdjustOptions options;
+  const AdjustResult one = adjust(start, options);
+  options.execution.executor = Executor(0);
+  const AdjustResult more = adjust(start, options);
+  EXPECT_EQ(one.map.landmarks().positions, more.map.landmarks().positions);
+  EXPECT_EQ(one.map.landmarks().covariances, more.map.landmarks().covariances);
+  EXPECT_EQ(one.map.frames().translations, more.map.frames().translations);
+}
+
+TEST(Adjust, NamesWhatIsMissing) {
+  const LandmarkMap map = synthetic_map(small_scene(8, 0.7, 0.003));
+  LandmarkMap copy = map;
+  MapTables tables = std::move(copy).tables();
+  tables.frames.cameras.clear();
+  const LandmarkMap without_camera(std::move(tables));
+  try {
+    adjust(without_camera);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_THAT(error.what(), HasSubstr("has no camera"));
+  }
+  copy = map;
+  tables = std::move(copy).tables();
+  tables.observations = {};
+  const LandmarkMap points(std::move(tables));
+  EXPECT_THROW(adjust(points), Error);
+  AdjustOptions options;
+  options.max_iterations = 0;
+  EXPECT_THROW(adjust(map, options), Error);
+}
+
+TEST(Adjust, EndsWhenAsked) {
+  std::stop_source stop;
+  stop.request_stop();
+  AdjustOptions options;
+  options.execution.stop = stop.get_token();
+  EXPECT_THROW(adjust(synthetic_map(small_scene(9, 0.7, 0.003)), options), Error);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include <Eigen/Core>
+#include <ceres/cost_function.h>
+#include <ceres/sized_cost_function.h>
+
+#include "cairn/adjustment/detail/pose_block.hpp"
+#include "cairn/adjustment/detail/seen_point.hpp"
+#include "cairn/adjustment/pose_derivative.hpp"
+#include "cairn/map/camera.hpp"
+
+namespace cairn {
+
+/// What a camera measures of a point. Blocks: PoseBlock of the camera, point in the world.
+/// @tparam Measure a function std::optional<SeenPoint>(const Eigen::Vector3d& x_in_camera); std::nullopt
+///                 where the point cannot be seen
+template <class Measure>
+class PointCost final : public ceres::SizedCostFunction<2, 7, 3> {
+ public:
+  explicit PointCost(Measure measure) : measure_(std::move(measure)) {}
+
+  bool Evaluate(const double* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const Eigen::Map<const Eigen::Quaterniond> rotation(parameters[0]);
+    const Eigen::Map<const Eigen::Vector3d> centre(parameters[0] + 4);
+    const Eigen::Map<const Eigen::Vector3d> point(parameters[1]);
+    const Eigen::Matrix3d camera_from_world = rotation.toRotationMatrix().transpose();
+    const Eigen::Vector3d arm = point - centre;
+    const std::optional<SeenPoint> seen = measure_(camera_from_world * arm);
+    if (!seen) return false;
+    Eigen::Map<Eigen::Vector2d>{residuals} = seen->value;
+    if (jacobians == nullptr) return true;
+    const Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point =
+        seen->by_x_in_camera * camera_from_world;
+    if (jacobians[0] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 2, 7, Eigen::RowMajor>> by_pose(jacobians[0]);
+      by_pose.leftCols<6>() = derivative_by_pose(by_point, arm);
+      by_pose.col(6).setZero();
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[1]} = by_point;
+    }
+    return true;
+  }
+
+ private:
+  Measure measure_;
+};
+
+/// The same for a pixel, by the camera's parameters too: a third block, as many numbers as the model has.
+class CalibrationCost final : public ceres::CostFunction {
+ public:
+  /// @param camera for the model; outlives this
+  CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel, double sigma_px);
+
+  bool Evaluate(const double* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  const Camera* camera_;
+  Eigen::Vector2d pixel_;
+  double sigma_px_;
+};
+
+/// A measured pose of one camera relative to another, a_from_b, whitened. Blocks: PoseBlocks of a and b.
+class RelativePoseCost final : public ceres::SizedCostFunction<6, 7, 7> {
+ public:
+  /// @param covariance left perturbation in a, (δt, δφ); positive definite
+  RelativePoseCost(const Rigid3& a_from_b, const Matrix6d& covariance);
+
+  bool Evaluate(const double* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  Rigid3 measured_;
+  Eigen::Matrix<double, 6, 6> whitening_;
+};
+
+/// What is known of a pose beforehand, whitened. Block: its PoseBlock.
+class PosePriorCost final : public ceres::SizedCostFunction<6, 7> {
+ public:
+  /// @param covariance left perturbation in the world, (δt, δφ); positive definite
+  PosePriorCost(const Rigid3& pose, const Matrix6d& covariance);
+
+  bool Evaluate(const double* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  Rigid3 expected_;
+  Eigen::Matrix<double, 6, 6> whitening_;
+};
+
+}  // namespace cairn

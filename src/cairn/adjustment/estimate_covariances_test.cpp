@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/adjustment/estimate_covariances.hpp"
+
+#include <optional>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include "cairn/adjustment/adjust.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/adjusted_maps.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::monocular;
+using testing::scaled_like;
+using testing::small_scene;
+
+constexpr double kPixel = 0.7;
+constexpr double kDepth = 0.003;
+
+MeasurementNoise true_noise() {
+  MeasurementNoise noise;
+  noise.pixel_px = kPixel;
+  noise.depth_floor = 1e-6;
+  noise.depth_quadratic = kDepth;
+  return noise;
+}
+
+struct Consistency {
+  double nees = 0.0;    ///< mean; 3 of calibrated covariances
+  double inside = 0.0;  ///< share within the 95 % ellipsoid
+};
+
+// Of landmarks with two or more observations, over several simulated maps that were adjusted from the truth.
+Consistency consistency(bool is_monocular, const CovarianceOptions& options) {
+  Consistency result;
+  std::size_t count = 0;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    LandmarkMap map = synthetic_map(small_scene(seed, kPixel, kDepth));
+    LandmarkMap truth = synthetic_map(small_scene(seed, 0.0, 0.0));
+    if (is_monocular) map = monocular(std::move(map));
+    AdjustOptions how;
+    how.noise = true_noise();
+    how.kernel = RobustKernel::kNone;
+    how.covariances = false;
+    map = adjust(map, how).map;
+    if (is_monocular) truth = scaled_like(std::move(truth), map);
+    const LandmarkMap estimated = estimate_covariances(map, options).map;
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      if (map.observation_count(LandmarkIndex{i}) < 2) continue;
+      const auto covariance = estimated.covariance(LandmarkIndex{i});
+      if (!covariance) continue;
+      const Eigen::Vector3d error = map.landmarks().positions[i] - truth.landmarks().positions[i];
+      const double squared = error.dot(covariance->llt().solve(error));
+      result.nees += squared;
+      result.inside += squared < 7.815 ? 1.0 : 0.0;
+      ++count;
+    }
+  }
+  result.nees /= static_cast<double>(count);
+  result.inside /= static_cast<double>(count);
+  return result;
+}
+
+TEST(EstimateCovariances, SayHowFarOffLandmarksOfRgbdMapsAre) {
+  CovarianceOptions options;
+  options.noise = true_noise();
+  options.widen_misfits = false;
+  const Consistency known = consistency(false, options);
+  EXPECT_NEAR(known.nees, 3.0, 0.3);
+  EXPECT_NEAR(known.inside, 0.95, 0.03);
+  const Consistency estimated = consistency(false, {});
+  EXPECT_NEAR(estimated.nees, 3.0, 0.5);
+}
+
+TEST(EstimateCovariances, SayHowFarOffLandmarksOfMonocularMapsAre) {
+  CovarianceOptions options;
+  options.noise = true_noise();
+  options.widen_misfits = false;
+  const Consistency known = consistency(true, options);
+  EXPECT_NEAR(known.nees, 3.0, 0.4);
+  EXPECT_NEAR(known.inside, 0.95, 0.03);
+  const Consistency estimated = consistency(true, {});
+  EXPECT_NEAR(estimated.nees, 3.0, 0.5);
+}
+
+TEST(EstimateCovariances, AreInTheUnitOfTheMap) {
+  const LandmarkMap map = monocular(synthetic_map(small_scene(1, kPixel, kDepth)));
+  const LandmarkMap larger = transformed(map, Similarity3(1000.0, Rigid3()));
+  const LandmarkMap small = estimate_covariances(map).map;
+  const LandmarkMap large = estimate_covariances(larger).map;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto a = small.covariance(LandmarkIndex{i});
+    const auto b = large.covariance(LandmarkIndex{i});
+    ASSERT_EQ(a.has_value(), b.has_value());
+    if (a) {
+      ASSERT_NEAR((*b / 1e6 - *a).norm() / a->norm(), 0.0, 1e-3);
+    }
+  }
+}
+
+TEST(EstimateCovariances, AreUnknownWhereOneFrameSawAPointWithoutDepth) {
+  LandmarkMap copy = monocular(synthetic_map(small_scene(1, kPixel, kDepth)));
+  MapTables tables = std::move(copy).tables();
+  // The last landmark keeps its first observation only.
+  auto& observations = tables.observations;
+  const std::size_t keep = observations.offsets[observations.offsets.size() - 2] + 1;
+  observations.frames.resize(keep);
+  observations.pixels.resize(keep);
+  observations.offsets.back() = keep;
+  const LandmarkMap map(std::move(tables));
+  const EstimatedCovariances estimated = estimate_covariances(map);
+  const auto last = static_cast<std::uint32_t>(map.landmark_count() - 1);
+  EXPECT_FALSE(estimated.map.covariance(LandmarkIndex{last}));
+  std::size_t seen_twice = 0;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    if (map.observation_count(LandmarkIndex{i}) >= 2) ++seen_twice;
+  }
+  EXPECT_EQ(estimated.known, seen_twice);
+}
+
+TEST(EstimateCovariances, RelativeToTheObserverAreSmallerFarFromTheFirstFrame) {
+  const LandmarkMap map = synthetic_map(small_scene(2, kPixel, kDepth));
+  CovarianceOptions options;
+  double first = 0.0;
+  double observer = 0.0;
+  for (const auto gauge : {CovarianceGauge::kFirstFrame, CovarianceGauge::kFirstObserver}) {
+    options.gauge = gauge;
+    const LandmarkMap estimated = estimate_covariances(map, options).map;
+    double& sum = gauge == CovarianceGauge::kFirstFrame ? first : observer;
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      sum += estimated.covariance(LandmarkIndex{i})->trace();
+    }
+  }
+  EXPECT_LT(observer, first);
+}
+
+TEST(EstimateCovariances, GrowWhereResidualsDoNotFit) {
+  LandmarkMap copy = synthetic_map(small_scene(3, kPixel, kDepth));
+  MapTables tables = std::move(copy).tables();
+  const std::size_t end = tables.observations.offsets[1];
+  for (std::size_t i = 0; i < end; ++i) tables.observations.pixels[i].u += i % 2 == 0 ? 5.0 : -5.0;
+  const LandmarkMap map(std::move(tables));
+  CovarianceOptions options;
+  options.noise = true_noise();
+  const Eigen::Matrix3d wide = *estimate_covariances(map, options).map.covariance(LandmarkIndex{0});
+  options.widen_misfits = false;
+  const Eigen::Matrix3d stated =
+      *estimate_covariances(map, options).map.covariance(LandmarkIndex{0});
+  EXPECT_GT(wide.trace(), 5.0 * stated.trace());
+}
+
+TEST(EstimatedNoise, FindsPixelAndDepthNoise) {
+  SyntheticOptions scene = small_scene(4, 1.5, 0.006);
+  scene.landmarks = 1000;
+  const LandmarkMap map = synthetic_map(scene);
+  MeasurementNoise start;
+  start.depth_floor = 1e-6;
+  const MeasurementNoise noise = estimated_noise(map, start);
+  EXPECT_NEAR(noise.pixel_px, 1.5, 0.1);
+  EXPECT_NEAR(noise.depth_quadratic, 0.006, 0.0006);
+}
+
+TEST(MeasurementNoise, NamesTheFieldThatIsWrong) {
+  MeasurementNoise noise;
+  noise.pixel_px = 0.0;
+  EXPECT_THROW(noise.validate(), Error);
+  noise = {};
+  noise.octave_scale = 0.5;
+  EXPECT_THROW(noise.validate(), Error);
+}
+
+}  // namespace
+}  // namespace cairn
