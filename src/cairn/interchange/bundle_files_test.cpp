@@ -14,6 +14,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
 
+#include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -24,32 +25,8 @@ namespace {
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::refusal;
+using testing::reprojection;
 using testing::TemporaryFolder;
-
-struct Reprojection {
-  double median = 0.0;
-  double worst = 0.0;
-  std::size_t count = 0;
-};
-
-Reprojection reprojection(const LandmarkMap& map) {
-  std::vector<double> errors;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    const auto frames = map.observing_frames(LandmarkIndex{i});
-    for (std::size_t j = 0; j < frames.size(); ++j) {
-      const auto camera = map.frames().cameras.at(frames[j].value);
-      if (!camera) continue;
-      const auto pixel =
-          project(map.cameras()[camera->value],
-                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
-      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
-      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
-    }
-  }
-  if (errors.empty()) return {};
-  std::sort(errors.begin(), errors.end());
-  return {errors[errors.size() / 2], errors.back(), errors.size()};
-}
 
 // A scene written in all three formats by their own rules: two cameras with f = 500 and k1, k2; points in
 // front of both.
