@@ -45,7 +45,7 @@ set(HEAVY
   "ceres/" "merging odometry"
   "embree" "simulation"
   "sqlite3" "sqlite"
-  "zlib.h" "report"
+  "zlib.h" "interchange report"
   "pcl/" ""
   "Python.h" ""
   "pybind11/" "")

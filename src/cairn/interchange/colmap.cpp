@@ -18,6 +18,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/interchange/detail/database_formats.hpp"
 #include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/output_folder.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
@@ -871,7 +872,9 @@ MapFormat colmap_format(ColmapForm form) {
       .recognises = [form](const MapInput& input) { return model_folder(input, form).has_value(); },
       .read =
           [form](const MapInput& input, const MapReadOptions& options) {
-            return read_colmap(*model_folder(input, form), form, options);
+            const fs::path folder = *model_folder(input, form);
+            return detail::with_database_beside(read_colmap(folder, form, options), folder,
+                                                options);
           },
       .write = [form](const LandmarkMap& map, const fs::path& path,
                       const MapWriteOptions& options) { write_colmap(map, path, form, options); }};
