@@ -14,6 +14,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
 
+#include "support/imported_maps.hpp"
+#include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -24,32 +26,10 @@ namespace {
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::refusal;
+using testing::reprojection;
 using testing::TemporaryFolder;
 
-struct Reprojection {
-  double median = 0.0;
-  double worst = 0.0;
-  std::size_t count = 0;
-};
-
-Reprojection reprojection(const LandmarkMap& map) {
-  std::vector<double> errors;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    const auto frames = map.observing_frames(LandmarkIndex{i});
-    for (std::size_t j = 0; j < frames.size(); ++j) {
-      const auto camera = map.frames().cameras.at(frames[j].value);
-      if (!camera) continue;
-      const auto pixel =
-          project(map.cameras()[camera->value],
-                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
-      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
-      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
-    }
-  }
-  if (errors.empty()) return {};
-  std::sort(errors.begin(), errors.end());
-  return {errors[errors.size() / 2], errors.back(), errors.size()};
-}
+class BundleWriterTest : public testing::ImportTest {};
 
 // A scene written in all three formats by their own rules: two cameras with f = 500 and k1, k2; points in
 // front of both.
@@ -192,14 +172,22 @@ TEST_F(BundleFilesTest, NvmIsReadInCairnsAxes) {
   EXPECT_EQ(map.frames().image_names[1], "a photo 1.jpg");
 }
 
-TEST_F(BundleFilesTest, NvmCameraWithDistortionIsUnknown) {
+// VisualSFM's distortion is of the measurement: m becomes m (1 + k |m|² / f²).
+TEST_F(BundleFilesTest, NvmMeasurementsAreUndistorted) {
   const Scene scene{.k1 = 0.0, .k2 = 0.0};
   std::string text = scene.nvm();
+  const auto offset = [&](const LandmarkMap& map) {
+    const Intrinsics k = intrinsics(map.cameras()[0]);
+    const Pixel pixel = map.observed_pixels(LandmarkIndex{1})[0];
+    return Eigen::Vector2d(pixel.u - k.cx, pixel.v - k.cy);
+  };
+  const Eigen::Vector2d plain = offset(read(text));
   text.replace(text.find(" 0 0\n"), 5, " 0.1 0\n");
   const LandmarkMap map = read(text);
-  EXPECT_EQ(map.frames().cameras[0], std::nullopt);
-  EXPECT_TRUE(map.frames().cameras[1].has_value());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 cameras are unknown to the map")));
+  EXPECT_TRUE(map.frames().cameras[0].has_value());
+  const double factor = 1.0 + 0.1 * plain.squaredNorm() / (500.0 * 500.0);
+  EXPECT_LT((offset(map) - plain * factor).norm(), 1e-9);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("observations are undistorted")));
 }
 
 TEST_F(BundleFilesTest, CutFilesAreRefused) {
@@ -235,6 +223,52 @@ TEST_F(BundleFilesTest, ErrorsNameLineAndField) {
               HasSubstr("scene:4: end of the line: '7' stands there"));
 }
 
+TEST_F(BundleWriterTest, WhatIsWrittenIsReadBack) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {
+      {CameraId{0}, "RADIAL", 640, 480, {500, 318.6, 255.3, 0.1, -0.02}},
+      {CameraId{1}, "OPENCV", 640, 480, {500, 510, 318.6, 255.3, 0.1, -0.02, 0.01, 0.0}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{1}};
+  tables.frames.image_names = {"a b.png", "c.png"};
+  tables.frames.quaternions[1] = {0.8, 0.0, 0.6, 0.0};
+  const LandmarkMap plain{MapTables(tables)};
+  // Observations where the landmarks appear.
+  for (std::size_t k = 0; k < 3; ++k) {
+    const FrameIndex frame = tables.observations.frames[k];
+    const std::size_t landmark = k < 2 ? 0 : 1;
+    tables.landmarks.positions[landmark] = {0.4, 0.1, 2.0};
+    tables.observations.pixels[k] =
+        *project(tables.cameras[frame.value],
+                 plain.world_from_camera(frame).inverse() * tables.landmarks.positions[landmark]);
+  }
+  const LandmarkMap map{std::move(tables)};
+  ASSERT_LT(reprojection(map).worst, 1e-6);
+  for (const char* name : {"out.out", "out.nvm"}) {
+    SCOPED_TRACE(name);
+    const LandmarkMap back = read(write(map, name));
+    EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
+    EXPECT_EQ(back.observation_count(), map.observation_count());
+    EXPECT_LT(reprojection(back).worst, 2e-3);
+    EXPECT_EQ(reprojection(back).count, 3U);
+    for (std::uint32_t i = 0; i < 2; ++i) {
+      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+      EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
+    }
+  }
+  write(map, "out.out");
+  EXPECT_THAT(remarks_, Contains(HasSubstr("observations are written undistorted")));
+  EXPECT_THAT(remarks_, Contains(HasSubstr("covariances")));
+  EXPECT_THAT(read(folder_ / "out.nvm").frames().image_names,
+              ::testing::ElementsAre("a b.png", "c.png"));
+}
+
+TEST_F(BundleWriterTest, FramesNeedCameras) {
+  for (const char* name : {"out.out", "out.nvm"}) {
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(testing::plain_map(), name); }),
+                HasSubstr("frame 1: has no camera"));
+  }
+}
+
 TEST(RealBundleFiles, ReprojectOntoTheirObservations) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
@@ -251,6 +285,7 @@ TEST(RealBundleFiles, ReprojectOntoTheirObservations) {
   const LandmarkMap nvm = all_formats().read(*data / "foreign/nvm/model.nvm");
   EXPECT_EQ(nvm.frame_count(), 22U);
   EXPECT_EQ(nvm.landmark_count(), 853U);
+  EXPECT_NEAR(reprojection(nvm).median, 0.7616, 1e-3);
 }
 
 }  // namespace

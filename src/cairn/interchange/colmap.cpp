@@ -18,6 +18,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/interchange/detail/database_formats.hpp"
 #include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/output_folder.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
@@ -871,7 +872,9 @@ MapFormat colmap_format(ColmapForm form) {
       .recognises = [form](const MapInput& input) { return model_folder(input, form).has_value(); },
       .read =
           [form](const MapInput& input, const MapReadOptions& options) {
-            return read_colmap(*model_folder(input, form), form, options);
+            const fs::path folder = *model_folder(input, form);
+            return detail::with_database_beside(read_colmap(folder, form, options), folder,
+                                                options);
           },
       .write = [form](const LandmarkMap& map, const fs::path& path,
                       const MapWriteOptions& options) { write_colmap(map, path, form, options); }};
@@ -906,6 +909,7 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
 void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
                   const MapWriteOptions& options) {
   const ModelWriter writer(map, folder, form, options);
+  writer.remark();  // before anything is written: a caller may refuse what it says
   detail::write_folder(folder, [&](const fs::path& unfinished) {
     write_file(unfinished / file_name("cameras", form),
                [&](const ByteSink& sink) { writer.write_cameras(sink); });
@@ -914,7 +918,6 @@ void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm for
     write_file(unfinished / file_name("points3D", form),
                [&](const ByteSink& sink) { writer.write_points(sink); });
   });
-  writer.remark();
 }
 
 std::vector<MapFormat> colmap_formats() {

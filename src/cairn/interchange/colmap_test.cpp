@@ -19,6 +19,7 @@
 #include "cairn/map/synthetic.hpp"
 
 #include "support/command.hpp"
+#include "support/imported_maps.hpp"
 #include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
@@ -32,6 +33,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::refusal;
+using testing::reprojection;
 using testing::TemporaryFolder;
 
 // One camera, two images turned and shifted, two points: (1, 2, 10) is at pixel (100.5, 50.5) + ... of
@@ -289,24 +291,6 @@ TEST_F(ColmapTest, StopsWhenAskedTo) {
 
 // --- Models that COLMAP made, and COLMAP's own opinion of what Cairn writes ------------------------
 
-double median_reprojection(const LandmarkMap& map) {
-  std::vector<double> errors;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    const auto frames = map.observing_frames(LandmarkIndex{i});
-    for (std::size_t j = 0; j < frames.size(); ++j) {
-      const auto camera = map.frames().cameras[frames[j].value];
-      const auto pixel =
-          project(map.cameras()[camera->value],
-                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
-      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
-      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
-    }
-  }
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2),
-                   errors.end());
-  return errors[errors.size() / 2];
-}
-
 // The mean distance of each landmark's projections to its observations, in pixels.
 std::vector<double> point_errors(const LandmarkMap& map) {
   std::vector<double> errors;
@@ -352,7 +336,7 @@ TEST(RealColmapModel, ReprojectsOntoItsObservations) {
        {"foreign/colmap_text_and_binary", "foreign/colmap_binary", "foreign/colmap_rigs_binary",
         "foreign/pairs/sceaux/even", "colmap_office"}) {
     const LandmarkMap map = all_formats().read(*data / name);
-    EXPECT_LT(median_reprojection(map), 1.1) << name;
+    EXPECT_LT(reprojection(map).median, 1.1) << name;
     // COLMAP states each point's mean error: half a pixel of difference in convention would show.
     const NamedColumn* const stated = map.column("reprojection_error");
     ASSERT_NE(stated, nullptr);
@@ -418,7 +402,7 @@ TEST(RealColmapModel, ColmapReadsWhatCairnWrites) {
     const LandmarkMap back = as_text(binary, "_converted");
     EXPECT_EQ(back.landmark_count(), map.landmark_count());
     EXPECT_EQ(back.observation_count(), map.observation_count());
-    EXPECT_NEAR(median_reprojection(back), median_reprojection(map), 1e-6);
+    EXPECT_NEAR(reprojection(back).median, reprojection(map).median, 1e-6);
   }
 }
 

@@ -18,7 +18,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   const FrameTable& frames = map.frames();
   const LandmarkTable& landmarks = map.landmarks();
   const ObservationTable& observations = map.observations();
-  add(map.info().length_unit == LengthUnit::kMetres, "unit of length (metres)");
+  add(map.info().length_unit == LengthUnit::kMetres && !holdings.length_unit,
+      "unit of length (metres)");
   add(map.info().world_frame.has_value(), "name of the world frame");
   add(map.info().gravity.has_value(), "direction of gravity");
   add(map.info().uuid.has_value(), "UUID");
@@ -27,10 +28,12 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   add(!holdings.cameras && !map.cameras().empty(), fmt::format("{} cameras", map.cameras().size()));
   add(!frames.timestamps_s.empty() && !holdings.timestamps, "timestamps");
   add(!frames.image_names.empty() && !holdings.image_names, "names of images");
-  add(!landmarks.covariances.empty(), "covariances");
+  add(!landmarks.covariances.empty() && !holdings.covariances, "covariances");
   add(!landmarks.colors.empty() && !holdings.colors, "colours");
-  if (landmarks.descriptors)
+  if (landmarks.descriptors && holdings.descriptors != "*" &&
+      holdings.descriptors != landmarks.descriptors->kind) {
     lost.push_back("descriptors " + printable(landmarks.descriptors->kind));
+  }
   for (const NamedColumn& column : landmarks.columns) {
     const bool held = std::find(holdings.columns.begin(), holdings.columns.end(), column.name) !=
                       holdings.columns.end();
@@ -40,8 +43,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
       fmt::format("{} observations", map.observation_count()));
   if (holdings.observations) {
     add(!observations.keypoints.empty() && !holdings.keypoints, "indices of keypoints");
-    add(!observations.depths.empty(), "depths of observations");
-    add(!observations.octaves.empty(), "octaves of observations");
+    add(!observations.depths.empty() && !holdings.depths, "depths of observations");
+    add(!observations.octaves.empty() && !holdings.octaves, "octaves of observations");
   }
   return lost;
 }

@@ -12,6 +12,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
 
+#include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -103,19 +104,9 @@ TEST(RealOpenMvg, ReprojectsOntoItsObservations) {
   const LandmarkMap map = all_formats().read(*data / "foreign/openmvg/sfm_data.json");
   EXPECT_EQ(map.frame_count(), 4U);
   EXPECT_EQ(map.landmark_count(), 365U);
-  std::vector<double> errors;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    const auto frames = map.observing_frames(LandmarkIndex{i});
-    for (std::size_t j = 0; j < frames.size(); ++j) {
-      const auto pixel = project(map.cameras()[0], map.world_from_camera(frames[j]).inverse() *
-                                                       map.landmarks().positions[i]);
-      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
-      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
-    }
-  }
-  std::sort(errors.begin(), errors.end());
-  ASSERT_GT(errors.size(), 700U);
-  EXPECT_LT(errors[errors.size() / 2], 1.0);
+  const testing::Reprojection errors = testing::reprojection(map);
+  ASSERT_GT(errors.count, 700U);
+  EXPECT_LT(errors.median, 1.0);
 }
 
 }  // namespace

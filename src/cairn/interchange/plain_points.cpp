@@ -6,21 +6,29 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/interchange/detail/losses.hpp"
+#include "cairn/interchange/detail/npy_array.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/interchange/detail/zip_archive.hpp"
+#include "cairn/map/io/point_columns.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::string_view kNpyMagic = "\x93NUMPY";
+using detail::kNpyMagic;
+
+constexpr std::string_view kZipMagic = "PK\x03\x04";
 constexpr std::size_t kMostColumns = 4096;
 
 bool separates(char c) {
@@ -120,18 +128,298 @@ class Points {
   std::size_t left_out_ = 0;
 };
 
-// What stands behind a key in the header of an array, which is a dictionary in Python's notation.
-std::string_view value_of(std::string_view header, std::string_view key) {
-  const std::size_t place = header.find(key);
-  if (place == std::string_view::npos) return {};
-  header.remove_prefix(place + key.size());
-  const std::size_t colon = header.find(':');
-  if (colon == std::string_view::npos) return {};
-  header = trimmed(header.substr(colon + 1));
-  const bool is_tuple = header.starts_with('(');
-  const std::size_t end = header.find_first_of(is_tuple ? ")" : ",}");
-  if (end == std::string_view::npos) return {};
-  return trimmed(header.substr(0, is_tuple ? end + 1 : end));
+// A table with a header: all of its columns that hold numbers.
+class TableReader {
+ public:
+  TableReader(ByteSource& source, LineReader& lines, const std::vector<std::string_view>& header,
+              const MapReadOptions& options)
+      : source_(source), lines_(lines), options_(options) {
+    for (const std::string_view name : header) names_.push_back(unquoted(name));
+  }
+
+  LandmarkMap read() {
+    std::vector<std::string_view> cells;
+    std::optional<detail::PointTable> table;
+    detail::ReadingProgress progress(options_, source_.size().value_or(0));
+    std::uint64_t reported = 0;
+    std::string row;
+    while (const auto next = lines_.next()) {
+      constexpr std::uint64_t kBlock = std::uint64_t{1} << 20;
+      if (lines_.bytes_read() - reported >= kBlock) {
+        progress.advance(lines_.bytes_read() - reported, source_.name());
+        reported = lines_.bytes_read();
+      }
+      const std::string_view line = trimmed(*next);
+      if (line.empty() || is_comment(line)) continue;
+      split(line, cells);
+      if (cells.size() != names_.size()) {
+        refuse(fmt::format("the line has {} fields", cells.size()),
+               fmt::format("{}, as the first line names", names_.size()));
+      }
+      if (!lines_.line_was_terminated()) {
+        refuse("the last line does not end with a newline: it may have been cut", "a newline");
+      }
+      if (!table) table.emplace(start(cells));
+      row.clear();
+      for (const std::size_t i : kept_) {
+        row += cells[i].empty() ? std::string_view("nan") : cells[i];
+        row += ' ';
+      }
+      table->append_text(row, lines_.line_number());
+    }
+    if (!table) return finish(LandmarkMap());
+    return finish(std::move(*table).finish());
+  }
+
+ private:
+  [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_.name(), lines_.line_number()), what,
+                expected);
+  }
+
+  static std::string unquoted(std::string_view name) {
+    if (name.size() > 1 && name.front() == '"' && name.back() == '"') {
+      name = name.substr(1, name.size() - 2);
+    }
+    const std::string small = lower(name);
+    return small == "x" || small == "y" || small == "z" ? small : std::string(name);
+  }
+
+  // Cells apart by commas or semicolons may be empty; apart by blanks they may not.
+  static void split(std::string_view line, std::vector<std::string_view>& cells) {
+    cells.clear();
+    const std::size_t first = line.find_first_of(",;");
+    if (first == std::string_view::npos) {
+      cells = words_of(line);
+      return;
+    }
+    const char separator = line[first];
+    while (cells.size() <= kMostColumns) {
+      const std::size_t end = line.find(separator);
+      cells.push_back(trimmed(line.substr(0, end)));
+      if (end == std::string_view::npos) return;
+      line.remove_prefix(end + 1);
+    }
+  }
+
+  // The types are those of the first row.
+  detail::PointTable start(const std::vector<std::string_view>& cells) {
+    std::vector<detail::PointField> fields;
+    std::vector<std::string> dropped;
+    const auto is_channel = [&](std::size_t i) {
+      const auto value = parse_unsigned(cells[i]);
+      return value && *value < 256;
+    };
+    const bool has_colors = [&] {
+      std::size_t channels = 0;
+      for (std::size_t i = 0; i < names_.size(); ++i) {
+        const bool is_one = names_[i] == "red" || names_[i] == "green" || names_[i] == "blue";
+        channels += is_one && is_channel(i) ? 1 : 0;
+      }
+      return channels == 3;
+    }();
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      const std::string& name = names_[i];
+      if (!cells[i].empty() && !is_number(cells[i])) {
+        dropped.push_back(printable(name));
+        continue;
+      }
+      const bool is_color = has_colors && (name == "red" || name == "green" || name == "blue");
+      const bool is_id = name == "id" && parse_unsigned(cells[i]);
+      kept_.push_back(i);
+      detail::PointField field;
+      field.name = name;
+      if (is_color) field.type = detail::ScalarType::kUint8;
+      if (is_id) field.type = detail::ScalarType::kUint64;
+      fields.push_back(std::move(field));
+    }
+    if (!dropped.empty() && options_.log) {
+      options_.log(fmt::format("{}: columns that hold no numbers are left out: {}", source_.name(),
+                               fmt::join(dropped, ", ")));
+    }
+    return {detail::PointFormat::kPly, source_.name(), "line 1", std::move(fields), options_};
+  }
+
+  static LandmarkMap finish(LandmarkMap map) {
+    MapTables tables = std::move(map).tables();
+    tables.info.length_unit = LengthUnit::kFree;
+    return LandmarkMap(std::move(tables));
+  }
+
+  ByteSource& source_;
+  LineReader& lines_;
+  const MapReadOptions& options_;
+  std::vector<std::string> names_;
+  std::vector<std::size_t> kept_;
+};
+
+// Names in a header are words.
+std::string word_of(std::string_view name) {
+  std::string word(name);
+  std::replace_if(word.begin(), word.end(), separates, '_');
+  return word;
+}
+
+void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
+                   const detail::Holdings& holdings, std::string_view format) {
+  if (!options.log) return;
+  const std::string lost = detail::loss_remark(map, holdings, "points", format);
+  if (!lost.empty()) options.log(lost);
+}
+
+// Frames and observations have no place in any of these formats, which says so in its row.
+constexpr detail::Holdings kPositionsOnly{
+    .timestamps = true, .keypoints = true, .depths = true, .octaves = true, .colors = false};
+
+// --- Archives of arrays ---------------------------------------------------------------------------
+
+class NpzReader {
+ public:
+  NpzReader(std::map<std::string, std::string> members, const std::string& name,
+            const MapReadOptions& options)
+      : members_(std::move(members)), name_(name), options_(options) {}
+
+  LandmarkMap read() {
+    for (const auto& [member, bytes] : members_) {
+      if (!member.ends_with(".npy")) continue;
+      const std::string key = member.substr(0, member.size() - 4);
+      const std::string where = fmt::format("{}: {}", name_, is_plain(key) ? key : printable(key));
+      arrays_.emplace(key, detail::NpyArray(bytes, where));
+    }
+    const detail::NpyArray& positions = find_positions();
+    const std::uint64_t count = positions.shape()[0];
+    std::vector<std::uint64_t> rows;
+    for (std::uint64_t i = 0; i < count; ++i) {
+      const Eigen::Vector3d x(positions.number(3 * i), positions.number(3 * i + 1),
+                              positions.number(3 * i + 2));
+      if (!x.allFinite()) continue;
+      rows.push_back(i);
+      tables_.landmarks.positions.push_back(x);
+    }
+    if (rows.size() < count) {
+      remark(fmt::format("{} points without a finite position; left out", count - rows.size()));
+    }
+    LandmarkTable& landmarks = tables_.landmarks;
+    std::vector<std::string> left_out;
+    std::string kind = "unknown";
+    for (const auto& [key, array] : arrays_) {
+      if (&array == &positions) continue;
+      const auto& shape = array.shape();
+      const bool is_row = !shape.empty() && shape[0] == count && !array.is_text();
+      const auto is_shape = [&](std::initializer_list<std::uint64_t> more) {
+        return is_row && std::equal(shape.begin() + 1, shape.end(), more.begin(), more.end());
+      };
+      if (key == "descriptor_kind" && array.is_text() && array.size() == 1) {
+        kind = array.text();
+      } else if (key == "ids" && is_shape({})) {
+        for (const std::uint64_t i : rows) landmarks.ids.push_back(LandmarkId{array.whole(i)});
+      } else if (key == "covariances" && is_shape({3, 3})) {
+        for (const std::uint64_t i : rows) landmarks.covariances.push_back(covariance(array, i));
+      } else if (key == "colors" && is_shape({3})) {
+        for (const std::uint64_t i : rows) landmarks.colors.emplace_back(color(array, i));
+      } else if (key == "descriptors" && is_row && shape.size() == 2) {
+        take_descriptors(array, rows);
+      } else if (is_shape({})) {
+        NamedColumn column{key, {}};
+        for (const std::uint64_t i : rows) {
+          const double value = array.number(i);
+          column.values.push_back(std::isfinite(value) ? value
+                                                       : std::numeric_limits<double>::quiet_NaN());
+        }
+        landmarks.columns.push_back(std::move(column));
+      } else {
+        left_out.push_back(printable(key));
+      }
+    }
+    if (landmarks.descriptors) landmarks.descriptors->kind = kind;
+    if (landmarks.ids.empty()) {
+      for (std::size_t i = 0; i < rows.size(); ++i) landmarks.ids.push_back(LandmarkId{i});
+    }
+    if (!left_out.empty()) {
+      remark(fmt::format("arrays that are not one entry a point are left out: {}",
+                         fmt::join(left_out, ", ")));
+    }
+    tables_.info.length_unit = LengthUnit::kFree;
+    return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
+  }
+
+ private:
+  static bool is_plain(std::string_view key) {
+    return std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 127; });
+  }
+  void remark(const std::string& text) const {
+    if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+  }
+
+  const detail::NpyArray& find_positions() const {
+    for (const char* key : {"positions", "points", "xyz", "arr_0"}) {
+      const auto found = arrays_.find(key);
+      if (found == arrays_.end()) continue;
+      const auto& shape = found->second.shape();
+      if (shape.size() == 2 && shape[1] == 3 && !found->second.is_text()) return found->second;
+      throw Error(ErrorKind::kInput, found->second.where() + ": shape",
+                  fmt::format("({})", fmt::join(shape, ", ")), "(N, 3)");
+    }
+    throw Error(ErrorKind::kInput, name_, "has no array of positions",
+                "one named positions, points, xyz or arr_0");
+  }
+
+  static Eigen::Matrix3d covariance(const detail::NpyArray& array, std::uint64_t row) {
+    Eigen::Matrix3d matrix;
+    for (std::uint64_t i = 0; i < 9; ++i) {
+      matrix(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(i % 3)) =
+          array.number(9 * row + i);
+    }
+    if (!matrix.allFinite()) matrix.setConstant(std::numeric_limits<double>::quiet_NaN());
+    return matrix;
+  }
+
+  // Of bytes, or numbers from 0 to 1.
+  static Color color(const detail::NpyArray& array, std::uint64_t row) {
+    const auto channel = [&](std::uint64_t i) {
+      const double value = array.number(3 * row + i) * (array.kind() == 'f' ? 255.0 : 1.0);
+      return static_cast<std::uint8_t>(
+          std::lround(std::clamp(std::isfinite(value) ? value : 0.0, 0.0, 255.0)));
+    };
+    return {channel(0), channel(1), channel(2)};
+  }
+
+  void take_descriptors(const detail::NpyArray& array, const std::vector<std::uint64_t>& rows) {
+    const std::uint64_t each = array.shape()[1];
+    if (array.item_size() != 1 || each == 0 || each > kMostDescriptorBytes) {
+      throw Error(ErrorKind::kInput, array.where(),
+                  fmt::format("{} numbers of {} bytes a point", each, array.item_size()),
+                  fmt::format("1 to {} bytes (uint8) a point", kMostDescriptorBytes));
+    }
+    DescriptorColumn column{{}, static_cast<std::size_t>(each), {}, {}};
+    for (const std::uint64_t i : rows) {
+      const std::string_view bytes = array.data().substr(i * each, each);
+      // Without a mask, a row of zeros says unknown.
+      column.known.push_back(bytes.find_first_not_of('\0') == std::string_view::npos ? 0 : 1);
+      column.bytes.insert(column.bytes.end(), bytes.begin(), bytes.end());
+    }
+    tables_.landmarks.descriptors = std::move(column);
+  }
+
+  std::map<std::string, std::string> members_;
+  std::string name_;
+  const MapReadOptions& options_;
+  std::map<std::string, detail::NpyArray> arrays_;
+  MapTables tables_;
+};
+
+template <class Value>
+void append_bytes(std::string& out, Value value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+std::string position_bytes(const LandmarkMap& map) {
+  std::string bytes;
+  bytes.reserve(24 * map.landmark_count());
+  for (const Eigen::Vector3d& x : map.landmarks().positions) {
+    for (int i = 0; i < 3; ++i) append_bytes(bytes, x[i]);
+  }
+  return bytes;
 }
 
 }  // namespace
@@ -140,7 +428,6 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
   detail::ReadingProgress progress(options, source.size().value_or(0));
   LineReader lines(source);
   Points points(source.name(), options);
-  std::array<std::size_t, 3> columns = {0, 1, 2};
   bool is_first = true;
   bool has_more = false;
   std::uint64_t reported = 0;
@@ -154,11 +441,7 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
     if (line.empty() || is_comment(line)) continue;
     const auto words = words_of(line);
     if (std::exchange(is_first, false)) {
-      if (const auto named = named_columns(words)) {
-        columns = *named;
-        has_more = words.size() > 3;
-        continue;
-      }
+      if (named_columns(words)) return TableReader(source, lines, words, options).read();
     }
     has_more = has_more || words.size() > 3;
     Eigen::Vector3d position;
@@ -166,12 +449,11 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
       const auto refuse = [&](std::string_view what) {
         throw Error(ErrorKind::kInput,
                     fmt::format("{}:{}: field {} ({})", source.name(), lines.line_number(),
-                                columns[axis] + 1, "xyz"[axis]),
+                                axis + 1, "xyz"[axis]),
                     what, "a decimal number, or nan");
       };
-      if (columns[axis] >= words.size())
-        refuse(fmt::format("the line has {} fields", words.size()));
-      const std::string_view word = words[columns[axis]];
+      if (axis >= words.size()) refuse(fmt::format("the line has {} fields", words.size()));
+      const std::string_view word = words[axis];
       if (!is_number(word)) refuse(printable(word) + " is not a number");
       position[static_cast<Eigen::Index>(axis)] =
           parse_number(word).value_or(std::numeric_limits<double>::quiet_NaN());
@@ -206,28 +488,17 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   if (length > kLongest) in.refuse("header size", fmt::format("{}", length), "at most 65536");
   std::string header;
   for (std::size_t i = 0; i < length; ++i) header += static_cast<char>(in.u8("header"));
-  const std::string_view type = value_of(header, "'descr'");
-  const bool is_double = type == "'<f8'";
-  if (!is_double && type != "'<f4'") {
-    in.refuse("descr", printable(type) + " is no type of positions", "'<f8' or '<f4'");
+  const detail::NpyHeader parsed = detail::parse_npy_header(header, source.name());
+  const bool is_double = parsed.type == "<f8";
+  if (!is_double && parsed.type != "<f4") {
+    in.refuse("descr", printable(parsed.type) + " is no type of positions", "'<f8' or '<f4'");
   }
-  if (value_of(header, "'fortran_order'") != "False") {
-    in.refuse("fortran_order", printable(value_of(header, "'fortran_order'")), "False");
+  if (parsed.is_fortran) in.refuse("fortran_order", "True", "False");
+  if (parsed.shape.size() != 2 || parsed.shape[1] != 3) {
+    in.refuse("shape", fmt::format("({})", fmt::join(parsed.shape, ", ")), "(N, 3)");
   }
-  const std::string_view shape = value_of(header, "'shape'");
-  const std::size_t comma = shape.find(',');
-  const std::size_t close = shape.find(')');
-  std::optional<std::uint64_t> rows;
-  std::optional<std::uint64_t> columns;
-  if (comma != std::string_view::npos && close != std::string_view::npos && comma < close) {
-    rows = parse_unsigned(trimmed(shape.substr(1, comma - 1)));
-    std::string_view second = trimmed(shape.substr(comma + 1, close - comma - 1));
-    if (second.ends_with(',')) second.remove_suffix(1);
-    columns = parse_unsigned(second);
-  }
-  if (!rows || columns != 3U) in.refuse("shape", printable(shape), "(N, 3)");
   Points points(source.name(), options);
-  for (std::uint64_t i = 0; i < *rows; ++i) {
+  for (std::uint64_t i = 0; i < parsed.shape[0]; ++i) {
     Eigen::Vector3d position;
     for (int axis = 0; axis < 3; ++axis) {
       position[axis] = is_double ? in.f64("position") : double{in.f32("position")};
@@ -238,10 +509,124 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   return std::move(points).finish();
 }
 
+LandmarkMap read_npz_points(ByteSource& source, const MapReadOptions& options) {
+  return NpzReader(detail::read_zip(read_all(source), source.name()), source.name(), options)
+      .read();
+}
+
+void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
+  std::string text;
+  for (const Eigen::Vector3d& x : map.landmarks().positions) {
+    for (int i = 0; i < 3; ++i) {
+      append_number(text, x[i]);
+      text += i < 2 ? ' ' : '\n';
+    }
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (text.size() < kLarge) continue;
+    sink(text);
+    text.clear();
+  }
+  sink(text);
+  remark_losses(map, options, kPositionsOnly, "XYZ");
+}
+
+void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
+  const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
+  std::string header;
+  for (const detail::PointField& field : rows.fields()) {
+    if (!header.empty()) header += ' ';
+    header += word_of(field.name);
+  }
+  rows.write(header + '\n', true, [&](std::string_view bytes) {
+    std::string text(bytes);
+    std::replace(text.begin(), text.end(), ' ', ',');
+    sink(text);
+  });
+  std::vector<std::string_view> columns;
+  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
+  detail::Holdings holdings = kPositionsOnly;
+  holdings.colors = true;
+  holdings.covariances = true;
+  holdings.columns = columns;
+  remark_losses(map, options, holdings, "CSV");
+}
+
+void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
+  sink(detail::npy_bytes("<f8", {map.landmark_count(), 3}, position_bytes(map)));
+  remark_losses(map, options, kPositionsOnly, ".npy");
+}
+
+void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
+  const LandmarkTable& landmarks = map.landmarks();
+  const std::uint64_t count = map.landmark_count();
+  detail::ZipWriter zip(sink);
+  std::string bytes;
+  const auto add = [&](const std::string& name, std::string_view type,
+                       const std::vector<std::uint64_t>& shape) {
+    zip.add(name + ".npy", detail::npy_bytes(type, shape, bytes));
+    bytes.clear();
+  };
+  bytes = position_bytes(map);
+  add("positions", "<f8", {count, 3});
+  for (const LandmarkId id : landmarks.ids) append_bytes(bytes, id.value);
+  add("ids", "<u8", {count});
+  if (!landmarks.covariances.empty()) {
+    for (const Eigen::Matrix3d& c : landmarks.covariances) {
+      for (int i = 0; i < 9; ++i) append_bytes(bytes, c(i / 3, i % 3));
+    }
+    add("covariances", "<f8", {count, 3, 3});
+  }
+  const bool all_colors =
+      !landmarks.colors.empty() && std::all_of(landmarks.colors.begin(), landmarks.colors.end(),
+                                               [](const auto& color) { return color.has_value(); });
+  if (all_colors) {
+    for (const auto& color : landmarks.colors) {
+      bytes += {static_cast<char>(color->red), static_cast<char>(color->green),
+                static_cast<char>(color->blue)};
+    }
+    add("colors", "|u1", {count, 3});
+  }
+  if (const auto& descriptors = landmarks.descriptors) {
+    bytes.assign(descriptors->bytes.begin(), descriptors->bytes.end());
+    add("descriptors", "|u1", {count, descriptors->bytes_each});
+    bytes = descriptors->kind;
+    add("descriptor_kind", fmt::format("|S{}", descriptors->kind.size()), {});
+  }
+  std::vector<std::string_view> columns;
+  constexpr std::array<std::string_view, 10> kTaken = {
+      "positions",   "points", "xyz",         "arr_0",           "ids",
+      "covariances", "colors", "descriptors", "descriptor_kind", "observations"};
+  for (const NamedColumn& column : landmarks.columns) {
+    const bool is_taken = std::find(kTaken.begin(), kTaken.end(), column.name) != kTaken.end();
+    if (is_taken || column.name.find_first_of("/\\") != std::string::npos) continue;
+    columns.push_back(column.name);
+    for (const double value : column.values) append_bytes(bytes, value);
+    add(column.name, "<f8", {count});
+  }
+  if (map.has_observations() && count > 0) {
+    for (std::uint32_t i = 0; i < count; ++i) {
+      append_bytes(bytes, std::uint64_t{map.observation_count(LandmarkIndex{i})});
+    }
+    add("observations", "<u8", {count});
+  }
+  zip.finish();
+  detail::Holdings holdings = kPositionsOnly;
+  holdings.colors = all_colors;
+  holdings.covariances = true;
+  holdings.descriptors = "*";
+  holdings.columns = columns;
+  remark_losses(map, options, holdings, ".npz");
+}
+
 std::vector<MapFormat> plain_points_formats() {
   return {
       {.name = "xyz",
        .title = "XYZ",
+       .endings = {".xyz"},
        .holds_frames = false,
        .recognises =
            [](const MapInput& input) {
@@ -250,15 +635,33 @@ std::vector<MapFormat> plain_points_formats() {
        .read =
            [](const MapInput& input, const MapReadOptions& options) {
              return read_plain_points(*input.source, options);
-           }},
+           },
+       .write_to = &write_xyz_points},
+      {.name = "csv",
+       .title = "CSV",
+       .endings = {".csv"},
+       .holds_frames = false,
+       .write_to = &write_csv_points},
       {.name = "npy",
-       .title = "NumPy",
+       .title = "NumPy .npy",
+       .endings = {".npy"},
        .holds_frames = false,
        .recognises = [](const MapInput& input) { return input.first_bytes.starts_with(kNpyMagic); },
        .read =
            [](const MapInput& input, const MapReadOptions& options) {
              return read_npy_points(*input.source, options);
-           }}};
+           },
+       .write_to = &write_npy_points},
+      {.name = "npz",
+       .title = "NumPy .npz",
+       .endings = {".npz"},
+       .holds_frames = false,
+       .recognises = [](const MapInput& input) { return input.first_bytes.starts_with(kZipMagic); },
+       .read =
+           [](const MapInput& input, const MapReadOptions& options) {
+             return read_npz_points(*input.source, options);
+           },
+       .write_to = &write_npz_points}};
 }
 
 }  // namespace cairn

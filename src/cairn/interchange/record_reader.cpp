@@ -90,18 +90,20 @@ std::string BinaryRecords::text(std::string_view field) {
 
 std::uint64_t BinaryRecords::count(std::string_view field, std::uint64_t least_bytes) {
   const std::uint64_t count = u64(field);
-  if (const auto size = source_.size()) {
-    const std::uint64_t left = *size - std::min(*size, offset_);
-    if (count > left / least_bytes) {
-      refuse(field, fmt::format("{} records, but {} bytes are left", count, left),
-             fmt::format("at least {} bytes a record", least_bytes));
-    }
+  if (const auto left = bytes_left(); left && count > *left / least_bytes) {
+    refuse(field, fmt::format("{} records, but {} bytes are left", count, *left),
+           fmt::format("at least {} bytes a record", least_bytes));
   }
   return count;
 }
 
 std::size_t BinaryRecords::room_for(std::uint64_t count) const {
   return source_.size() ? static_cast<std::size_t>(count) : 0;
+}
+
+std::optional<std::uint64_t> BinaryRecords::bytes_left() const {
+  const auto size = source_.size();
+  return size ? std::optional(*size - std::min(*size, offset_)) : size;
 }
 
 void BinaryRecords::expect_end() {

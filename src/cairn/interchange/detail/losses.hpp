@@ -18,7 +18,12 @@ struct Holdings {
   bool image_names = true;
   bool timestamps = false;
   bool keypoints = false;
+  bool depths = false;
+  bool octaves = false;
   bool colors = true;
+  bool covariances = false;
+  bool length_unit = false;
+  std::string_view descriptors = {};               ///< the kind that has a place, or "*": any
   std::span<const std::string_view> columns = {};  ///< names of columns that have a place
 };
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -49,6 +50,8 @@ class BinaryRecords {
   /// How many of `count` records to make room for: all, if the source has a size and so was checked.
   std::size_t room_for(std::uint64_t count) const;
 
+  /// Bytes of the source that are not yet read; std::nullopt for what has no size.
+  std::optional<std::uint64_t> bytes_left() const;
   /// @throws Error (input) if there are bytes left
   void expect_end();
   /// "file: byte N" of the field read last.

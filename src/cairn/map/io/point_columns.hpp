@@ -14,7 +14,7 @@
 #include "cairn/map/landmark_map.hpp"
 
 // What the PLY and PCD formats share: a landmark map as a table of points with scalar fields.
-// Private to cairn/map/io.
+// Private to cairn/map/io and cairn/interchange.
 namespace cairn::detail {
 
 enum class PointFormat { kPly, kPcd };

@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/colmap_database.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/interchange/colmap.hpp"
+#include "cairn/interchange/detail/database_file.hpp"
+#include "cairn/interchange/detail/database_formats.hpp"
+#include "cairn/interchange/detail/described_observations.hpp"
+#include "cairn/interchange/rtabmap.hpp"
+#include "cairn/interchange/stella_database.hpp"
+#include "cairn/sqlite/database.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kSiftBytes = 128;
+constexpr std::size_t kMostOfLandmark = 8;  // descriptors that are looked at
+
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored);
+}
+
+// An observation whose descriptor is wanted.
+struct Wanted {
+  std::uint32_t landmark;
+  std::uint32_t place;  // among the landmark's
+  std::uint32_t keypoint;
+  Pixel pixel;
+};
+
+// A table of rows x columns of a database, as it lies there.
+struct Matrix {
+  std::uint64_t rows = 0;
+  std::uint64_t columns = 0;
+  std::span<const std::byte> bytes;
+};
+
+Matrix matrix(const sqlite::Database& database, const sqlite::Statement& row, const char* table,
+              std::size_t bytes_each) {
+  Matrix result{row.unsigned_integer(0), row.unsigned_integer(1),
+                row.optional_blob(2).value_or(std::span<const std::byte>{})};
+  const bool is_whole = result.columns <= 65536 && result.rows <= (std::uint64_t{1} << 40) &&
+                        result.rows * result.columns * bytes_each == result.bytes.size();
+  if (!is_whole) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", database.name(), table),
+                fmt::format("{} x {} numbers in {} bytes", result.rows, result.columns,
+                            result.bytes.size()),
+                fmt::format("{} bytes a number", bytes_each));
+  }
+  return result;
+}
+
+class DescriptorReader {
+ public:
+  DescriptorReader(const LandmarkMap& model, sqlite::Database& database,
+                   const MapReadOptions& options)
+      : model_(model), database_(database), options_(options) {
+    list_wanted();
+    known_.assign(model.landmark_count() * kMostOfLandmark, 0);
+    bytes_.assign(known_.size() * kSiftBytes, 0);
+  }
+
+  std::optional<DescriptorColumn> read() {
+    const auto columns = database_.columns("descriptors");
+    const bool has_type = std::find(columns.begin(), columns.end(), "type") != columns.end();
+    auto image = database_.prepare("SELECT image_id, name FROM images ORDER BY image_id");
+    auto keypoints =
+        database_.prepare("SELECT rows, cols, data FROM keypoints WHERE image_id = ?1");
+    auto descriptors = database_.prepare(
+        fmt::format("SELECT rows, cols, data{} FROM descriptors WHERE image_id = ?1",
+                    has_type ? ", type" : ", 1"));
+    while (image.step()) {
+      const auto frame = frame_of_.find(std::string(image.text(1)));
+      if (frame == frame_of_.end()) continue;
+      ++found_;
+      const std::int64_t id = image.integer(0);
+      keypoints.bind_all(id);
+      descriptors.bind_all(id);
+      const bool has_both = keypoints.step() && descriptors.step();
+      if (has_both) take(frame->second, keypoints, descriptors);
+      keypoints.reset();
+      descriptors.reset();
+    }
+    remark();
+    return choose();
+  }
+
+ private:
+  void list_wanted() {
+    const ObservationTable& observations = model_.observations();
+    wanted_.resize(model_.frame_count());
+    if (observations.keypoints.empty()) return;
+    for (std::uint32_t i = 0; i < model_.landmark_count(); ++i) {
+      const std::uint64_t first = observations.offsets[i];
+      for (std::uint64_t k = first;
+           k < std::min(observations.offsets[i + 1], first + kMostOfLandmark); ++k) {
+        if (!observations.keypoints[k]) continue;
+        wanted_[observations.frames[k].value].push_back({i, static_cast<std::uint32_t>(k - first),
+                                                         *observations.keypoints[k],
+                                                         observations.pixels[k]});
+      }
+    }
+    for (std::uint32_t i = 0; i < model_.frame_count() && !model_.frames().image_names.empty();
+         ++i) {
+      frame_of_.emplace(model_.frames().image_names[i], i);
+    }
+  }
+
+  void take(std::uint32_t frame, const sqlite::Statement& keypoint_row,
+            const sqlite::Statement& descriptor_row) {
+    const Matrix keypoints = matrix(database_, keypoint_row, "keypoints", sizeof(float));
+    constexpr std::int64_t kSift = 1;
+    if (descriptor_row.optional_integer(3).value_or(kSift) > kSift ||
+        descriptor_row.unsigned_integer(1) != kSiftBytes) {
+      ++no_sift_;
+      return;
+    }
+    const Matrix descriptors = matrix(database_, descriptor_row, "descriptors", 1);
+    const std::vector<Wanted>& wanted = wanted_[frame];
+    const bool covers = keypoints.columns >= 2 && keypoints.rows == descriptors.rows &&
+                        std::all_of(wanted.begin(), wanted.end(),
+                                    [&](const Wanted& w) { return w.keypoint < descriptors.rows; });
+    if (!covers || !are_near(frame, keypoints)) {
+      ++other_features_;
+      return;
+    }
+    for (const Wanted& w : wanted) {
+      const std::size_t slot = std::size_t{w.landmark} * kMostOfLandmark + w.place;
+      known_[slot] = 1;
+      std::memcpy(&bytes_[slot * kSiftBytes], descriptors.bytes.data() + w.keypoint * kSiftBytes,
+                  kSiftBytes);
+    }
+  }
+
+  // Whether half of the observations are near the keypoints that they name. Images that were undistorted
+  // have the same keypoints a little elsewhere.
+  bool are_near(std::uint32_t frame, const Matrix& keypoints) const {
+    const auto& camera = model_.frames().cameras[frame];
+    const double most = camera ? 0.05 * model_.cameras()[camera->value].width : 50.0;
+    std::size_t near = 0;
+    for (const Wanted& w : wanted_[frame]) {
+      std::array<float, 2> xy{};
+      std::memcpy(xy.data(),
+                  keypoints.bytes.data() + w.keypoint * keypoints.columns * sizeof(float),
+                  sizeof xy);
+      // The centre of the top-left pixel is (0.5, 0.5) for COLMAP.
+      const double off =
+          std::hypot(double{xy[0]} - 0.5 - w.pixel.u, double{xy[1]} - 0.5 - w.pixel.v);
+      near += off <= most ? 1 : 0;
+    }
+    return 2 * near >= wanted_[frame].size();
+  }
+
+  void remark() const {
+    if (!options_.log) return;
+    const auto say = [&](std::size_t count, std::string_view what) {
+      if (count > 0) options_.log(fmt::format("{}: {} {}", database_.name(), count, what));
+    };
+    say(model_.frame_count() - std::min(found_, model_.frame_count()),
+        "images of the model are not in the database: no descriptors");
+    say(no_sift_, "images have descriptors other than SIFT; left out");
+    say(other_features_, "images have other keypoints than the model; left out");
+  }
+
+  std::optional<DescriptorColumn> choose() const {
+    DescriptorColumn column{"SIFT", kSiftBytes,
+                            std::vector<std::uint8_t>(model_.landmark_count(), 0),
+                            std::vector<std::uint8_t>(model_.landmark_count() * kSiftBytes, 0)};
+    bool any = false;
+    std::vector<std::span<const std::uint8_t>> of_landmark;
+    for (std::size_t i = 0; i < model_.landmark_count(); ++i) {
+      of_landmark.clear();
+      for (std::size_t slot = i * kMostOfLandmark; slot < (i + 1) * kMostOfLandmark; ++slot) {
+        if (known_[slot] == 0) continue;
+        of_landmark.push_back(std::span(bytes_).subspan(slot * kSiftBytes, kSiftBytes));
+      }
+      if (of_landmark.empty()) continue;
+      any = true;
+      const auto& chosen =
+          of_landmark[detail::medoid(of_landmark, detail::DescriptorNorm::kSquared)];
+      column.known[i] = 1;
+      std::copy(chosen.begin(), chosen.end(),
+                column.bytes.begin() + static_cast<std::ptrdiff_t>(i * kSiftBytes));
+    }
+    return any ? std::optional(std::move(column)) : std::nullopt;
+  }
+
+  const LandmarkMap& model_;
+  sqlite::Database& database_;
+  const MapReadOptions& options_;
+  std::unordered_map<std::string, std::uint32_t> frame_of_;
+  std::vector<std::vector<Wanted>> wanted_;  // of each frame
+  std::vector<std::uint8_t> known_;          // kMostOfLandmark a landmark
+  std::vector<std::uint8_t> bytes_;
+  std::size_t found_ = 0;
+  std::size_t no_sift_ = 0;
+  std::size_t other_features_ = 0;
+};
+
+// The folder of a model, in the binary form if there are both.
+std::optional<ColmapForm> form_of(const fs::path& folder) {
+  if (is_there(folder / "points3D.bin")) return ColmapForm::kBinary;
+  if (is_there(folder / "points3D.txt")) return ColmapForm::kText;
+  return std::nullopt;
+}
+
+LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options) {
+  const fs::path folder = input.path.parent_path();
+  const std::string part = input.part.value_or("0");
+  std::vector<fs::path> places = {folder / "sparse" / part, folder / part};
+  if (!input.part) places.insert(places.end(), {folder / "sparse", folder});
+  for (const fs::path& place : places) {
+    if (const auto form = form_of(place)) {
+      return with_colmap_descriptors(read_colmap(place, *form, options), input.path, options);
+    }
+  }
+  throw Error(ErrorKind::kInput, input.path.string(),
+              "is COLMAP's database of features, and no model lies beside it",
+              "a model in " + places.front().string());
+}
+
+std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const fs::path& path,
+                                                 const MapReadOptions& options) {
+  sqlite::Database database = detail::open_foreign_database(path, options);
+  for (const char* table : {"images", "keypoints", "descriptors"}) {
+    if (!database.has_table(table)) {
+      throw Error(ErrorKind::kInput, path.string(), fmt::format("has no table {}", table),
+                  "a database of COLMAP");
+    }
+  }
+  return DescriptorReader(model, database, options).read();
+}
+
+LandmarkMap with_descriptors(LandmarkMap model, std::optional<DescriptorColumn> descriptors) {
+  if (!descriptors) return model;
+  MapTables tables = std::move(model).tables();
+  tables.landmarks.descriptors = std::move(*descriptors);
+  return LandmarkMap(std::move(tables));
+}
+
+}  // namespace
+
+LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& path,
+                                    const MapReadOptions& options) {
+  auto descriptors = read_descriptors(model, path, options);
+  return with_descriptors(std::move(model), std::move(descriptors));
+}
+
+std::vector<MapFormat> colmap_database_formats() {
+  return {{.name = "colmap-database",
+           .title = "COLMAP database",
+           .holds_several = true,
+           .recognises =
+               [](const MapInput& input) {
+                 return detail::is_database_with(input, {"images", "keypoints", "descriptors"});
+               },
+           .read = &read_with_model}};
+}
+
+namespace detail {
+
+std::vector<MapFormat> database_formats() {
+  std::vector<MapFormat> all;
+  for (std::vector<MapFormat> some :
+       {colmap_database_formats(), stella_database_formats(), rtabmap_formats()}) {
+    std::move(some.begin(), some.end(), std::back_inserter(all));
+  }
+  return all;
+}
+
+LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
+                                 const MapReadOptions& options) {
+  std::error_code ignored;
+  fs::path place =
+      fs::absolute(folder.empty() ? fs::path(".") : folder, ignored).lexically_normal();
+  if (!place.has_filename()) place = place.parent_path();
+  for (int up = 0; up < 3; ++up, place = place.parent_path()) {
+    const fs::path database = place / "database.db";
+    if (!is_there(database)) continue;
+    try {
+      auto descriptors = read_descriptors(model, database, options);
+      return with_descriptors(std::move(model), std::move(descriptors));
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kInput) throw;
+      // Nobody named this file: the model is good without it.
+      if (options.log) options.log(fmt::format("{}; its descriptors are left out", error.what()));
+      return model;
+    }
+  }
+  return model;
+}
+
+}  // namespace detail
+}  // namespace cairn

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <initializer_list>
+#include <string_view>
+
+#include "cairn/map/io/format_registry.hpp"
+#include "cairn/map/io/options.hpp"
+#include "cairn/sqlite/database.hpp"
+
+namespace cairn::detail {
+
+/// Whether a file is an SQLite database.
+bool is_database(const MapInput& input);
+
+/// Whether a file is an SQLite database that has all these tables.
+bool is_database_with(const MapInput& input, std::initializer_list<std::string_view> tables);
+
+/// Opens a database of another system to read.
+/// @throws Error (input) naming the file
+sqlite::Database open_foreign_database(const std::filesystem::path& path,
+                                       const MapReadOptions& options);
+
+}  // namespace cairn::detail

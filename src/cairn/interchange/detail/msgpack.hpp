@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "cairn/interchange/detail/record_reader.hpp"
+
+// MessagePack (https://msgpack.org), read value by value, so that memory does not grow with the file.
+// Private to cairn/interchange.
+namespace cairn::detail {
+
+/// Takes the values of a document in their order. Whoever calls knows what comes next.
+/// All throw Error (input) naming the byte, if the next value is another or the source ends.
+class MsgpackReader {
+ public:
+  explicit MsgpackReader(BinaryRecords& in) : in_(in) {}
+
+  /// How many pairs of a key and a value follow.
+  std::uint64_t begin_map(std::string_view field);
+  /// How many values follow.
+  std::uint64_t begin_array(std::string_view field);
+  /// @throws Error (input) also if the array has another size
+  void begin_array(std::string_view field, std::uint64_t size);
+  std::string text(std::string_view field);
+  /// Finite.
+  double number(std::string_view field);
+  std::int64_t whole(std::string_view field);
+  /// Passes over a value with all that is in it.
+  void skip();
+
+  [[noreturn]] void refuse(std::string_view field, std::string_view what,
+                           std::string_view expected) const {
+    in_.refuse(field, what, expected);
+  }
+  std::string place() const { return in_.place(); }
+
+ private:
+  enum class Kind { kNil, kBool, kWhole, kNumber, kText, kBytes, kArray, kMap };
+  struct Head {
+    Kind kind = Kind::kNil;
+    std::uint64_t size = 0;  // of texts, bytes, arrays and maps
+    double number = 0.0;
+    std::int64_t whole = 0;
+  };
+  // The first bytes of a value: all of it but the content of what has a size.
+  Head next(std::string_view field);
+
+  BinaryRecords& in_;
+};
+
+/// Appends values to a text.
+class MsgpackWriter {
+ public:
+  explicit MsgpackWriter(std::string& out) : out_(out) {}
+
+  void begin_map(std::uint64_t pairs);
+  void begin_array(std::uint64_t size);
+  void text(std::string_view text);
+  void number(double value);
+  void whole(std::int64_t value);
+
+ private:
+  void big_endian(std::uint8_t head, std::uint64_t value, int bytes);
+
+  std::string& out_;
+};
+
+}  // namespace cairn::detail

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/interchange/formats.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+#include "support/refusal.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace cairn::testing {
+
+/// Distances in pixels between a map's observations and the projections of their landmarks; 1e9 where a
+/// landmark is behind its camera.
+struct Reprojection {
+  double median = 0.0;
+  double worst = 0.0;
+  std::size_t count = 0;
+};
+
+inline Reprojection reprojection(const LandmarkMap& map) {
+  std::vector<double> errors;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto frames = map.observing_frames(LandmarkIndex{i});
+    for (std::size_t j = 0; j < frames.size(); ++j) {
+      if (map.frames().cameras.empty() || !map.frames().cameras[frames[j].value]) continue;
+      const auto camera = *map.frames().cameras[frames[j].value];
+      const auto pixel =
+          project(map.cameras()[camera.value],
+                  map.world_from_camera(frames[j]).inverse() * map.landmarks().positions[i]);
+      const Pixel seen = map.observed_pixels(LandmarkIndex{i})[j];
+      errors.push_back(pixel ? std::hypot(pixel->u - seen.u, pixel->v - seen.v) : 1e9);
+    }
+  }
+  if (errors.empty()) return {};
+  std::sort(errors.begin(), errors.end());
+  return {errors[errors.size() / 2], errors.back(), errors.size()};
+}
+
+/// Tests of an importer: each has a folder of its own, and keeps what reading and writing remark.
+class ImportTest : public ::testing::Test {
+ protected:
+  LandmarkMap read(const std::filesystem::path& path) {
+    remarks_.clear();
+    return all_formats().read(
+        path, {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
+  }
+  /// Reads a file of that content.
+  LandmarkMap read_bytes(std::string_view bytes, std::string_view name = "input") {
+    return read(folder_.write(name, bytes));
+  }
+  /// The message of the error when a file of that content is read.
+  std::string refused(std::string_view bytes, std::string_view name = "input") {
+    return refusal(ErrorKind::kInput, [&] { read_bytes(bytes, name); });
+  }
+  std::filesystem::path write(const LandmarkMap& map, const std::string& name,
+                              MapWriteOptions options = {}) {
+    remarks_.clear();
+    options.log = [&](std::string_view remark) { remarks_.emplace_back(remark); };
+    all_formats().write(map, folder_ / name, options);
+    return folder_ / name;
+  }
+
+  TemporaryFolder folder_;
+  std::vector<std::string> remarks_;
+};
+
+}  // namespace cairn::testing
