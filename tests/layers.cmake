@@ -10,6 +10,7 @@ cmake_minimum_required(VERSION 3.25)
 # A module includes itself and modules of lower layers; one layer's modules never see each other.
 set(LAYER_core 0)
 set(LAYER_geometry 1)
+set(LAYER_sqlite 1)
 set(LAYER_map 2)
 set(LAYER_pose_graph 2)
 set(LAYER_sequence 2)
@@ -43,7 +44,7 @@ set(HEAVY
   "boost/" "experiments"
   "ceres/" "merging odometry"
   "embree" "simulation"
-  "sqlite3" "atlas"
+  "sqlite3" "sqlite"
   "zlib.h" "report"
   "pcl/" ""
   "Python.h" ""

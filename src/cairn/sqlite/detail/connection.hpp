@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <stop_token>
+#include <string>
+#include <string_view>
+
+#include <sqlite3.h>
+
+namespace cairn::sqlite::detail {
+
+/// What statements share with their database.
+struct Connection {
+  std::string name;
+  sqlite3* handle = nullptr;
+  std::stop_token stop;
+  bool untrusted = true;
+
+  /// @throws cairn::Error for what SQLite reports as `code`
+  /// @param doing what was tried, e.g. the statement
+  [[noreturn]] void fail(int code, std::string_view doing) const;
+};
+
+}  // namespace cairn::sqlite::detail
