@@ -8,6 +8,7 @@
 #include <mutex>
 #include <set>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -17,6 +18,7 @@
 #include "cairn/map/io/binary.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
+#include "cairn/merging/recognition/map_index.hpp"
 
 namespace cairn {
 namespace {
@@ -80,6 +82,43 @@ class MapCache {
   std::mutex mutex_;
   std::list<std::pair<NodeId, std::shared_ptr<const LandmarkMap>>> maps_;  // last used first
 };
+
+// Pairs of maps that may show one place: what recognition finds, neighbours in a session, and everything
+// with maps that it cannot look at.
+std::set<Pair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t candidates,
+                            const Execution& execution) {
+  std::set<Pair> pairs;
+  MapIndex index;
+  std::vector<NodeId> ids;
+  std::map<std::string, NodeId> last_of_session;
+  for (const auto& [id, node] : state.nodes) {
+    if (execution.stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, "link", "recognition was cancelled", "");
+    }
+    index.add(atlas.map(node));
+    ids.push_back(id);
+    if (node.session.empty()) continue;
+    const auto before = last_of_session.find(node.session);
+    if (before != last_of_session.end()) pairs.insert(pair_of(before->second, id));
+    last_of_session[node.session] = id;
+  }
+  std::vector<std::vector<RecognitionCandidate>> found(ids.size());
+  // The first query prepares the index for the others.
+  if (!ids.empty()) found[0] = index.find(std::size_t{0}, candidates);
+  execution.executor.for_blocks(ids.size(), 8, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i) {
+      found[i] = index.find(i, candidates);
+    }
+  });
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    for (const RecognitionCandidate& one : found[i]) pairs.insert(pair_of(ids[i], ids[one.map]));
+    if (index.holds(i)) continue;
+    for (const NodeId other : ids) {
+      if (other != ids[i]) pairs.insert(pair_of(ids[i], other));
+    }
+  }
+  return pairs;
+}
 
 AtlasLink link_of(const MapLink& found, const Pair& pair) {
   AtlasLink link;
@@ -179,6 +218,10 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   }
   const std::set<NodeId> only(options.only.begin(), options.only.end());
   for (const NodeId id : only) require_node(state, id);
+  const std::size_t candidates =
+      options.candidates.value_or(state.nodes.size() > kMapsTriedInFull ? kDefaultCandidates : 0);
+  std::optional<std::set<Pair>> likely;
+  if (candidates > 0) likely = likely_pairs(*this, state, candidates, options.links.execution);
   std::vector<Pair> pairs;
   std::size_t number = 0;
   for (auto source = state.nodes.begin(); source != state.nodes.end(); ++source) {
@@ -189,6 +232,8 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
       if (number++ % options.shards != options.shard) continue;
       if (known.contains(pair)) {
         ++result.tried_before;
+      } else if (likely && !likely->contains(pair)) {
+        ++result.not_likely;
       } else {
         pairs.push_back(pair);
       }
