@@ -125,13 +125,15 @@ struct LogArguments : AtlasArguments {
   int run() {
     Atlas atlas = open_to_read();
     const std::vector<AtlasCommit> log = atlas.store().log();
-    Table table({"commit", "when (UTC)", "who", "did", "what"});
+    const Console console = common.console();
+    if (log.empty()) console.print("no commits yet\n");
     Json json = head("log");
     json["commits"] = Json::array();
     for (auto commit = log.rbegin(); commit != log.rend(); ++commit) {
-      table.add_row({fmt::format("{}", commit->id.value), time_text(commit->time_ms),
-                     commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
-                     commit->verb, commit->text});
+      console.print(
+          fmt::format("{:>6}  {}  {}  {}: {}\n", commit->id.value, time_text(commit->time_ms),
+                      commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
+                      commit->verb, commit->text));
       json["commits"].push_back(
           {{"id", commit->id.value},
            {"run", commit->run.value},
@@ -142,7 +144,6 @@ struct LogArguments : AtlasArguments {
            {"text", commit->text},
            {"undoes", commit->undoes ? Json(commit->undoes->value) : Json(nullptr)}});
     }
-    common.console().print(log.empty() ? std::string("no commits yet\n") : table.text());
     write_document(json, common);
     return kDone;
   }
@@ -383,6 +384,7 @@ Run add_atlas_unlink(CLI::App& atlas) {
 
 Run add_atlas_log(CLI::App& atlas) {
   return add<LogArguments>(atlas, "log", "List its commits, the last first",
+                           "Times are UTC.\n"
                            "Example: cairn atlas log --atlas town.atlas");
 }
 

@@ -63,15 +63,22 @@ struct AddArguments : AtlasArguments {
   int run() {
     std::vector<std::string> files;
     std::vector<std::string> sessions;
+    std::vector<std::string> folders;
     for (const std::string& path : paths) {
-      const bool is_folder = is_folder_of_maps(path);
-      for (std::string& file : is_folder ? maps_in(path) : std::vector<std::string>{path}) {
+      std::string folder;
+      if (is_folder_of_maps(path)) folder = fs::canonical(path).filename().string();
+      for (std::string& file : folder.empty() ? std::vector<std::string>{path} : maps_in(path)) {
         files.push_back(std::move(file));
-        sessions.push_back(session.empty() && is_folder ? fs::canonical(path).filename().string()
-                                                        : session);
+        folders.push_back(folder);
+        sessions.push_back(session.empty() ? folder : session);
       }
     }
     std::vector<std::string> names = map_names(files);
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      // Mini-maps of every run are numbered alike.
+      if (folders[i].empty()) continue;
+      names[i] = folders[i] + "/" + fs::path(files[i]).stem().string();
+    }
     if (!name.empty()) {
       if (files.size() > 1) {
         throw Error(ErrorKind::kMisuse, "--name", fmt::format("given for {} maps", files.size()),

@@ -98,7 +98,7 @@ struct ShowArguments : AtlasArguments {
     }
     const Console console = common.console();
     console.print(fmt::format(
-        "{}: commit {}, {} maps ({} placed), {} pairs tried or stated ({} aligned)\n", location,
+        "{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n", location,
         state.commit.value, state.nodes.size(), state.poses.size(), state.links.size(), aligned));
     if (!state.nodes.empty()) console.print("\n" + maps.text());
     if (aligned > 0 || (all && !state.links.empty())) console.print("\n" + table.text());

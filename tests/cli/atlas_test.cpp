@@ -140,8 +140,9 @@ TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {
               path("robot") / fmt::format("{}.cairn", seed));
   }
   answer(atlas({"init"}));
-  EXPECT_THAT(answer(atlas({"add", "robot"})), HasSubstr("added 2: 40 landmarks, 4 keyframes\n"));
-  EXPECT_THAT(answer(atlas({"add", "robot"})), HasSubstr("is there already, as 2\n"));
+  EXPECT_THAT(answer(atlas({"add", "robot"})),
+              HasSubstr("added robot/2: 40 landmarks, 4 keyframes\n"));
+  EXPECT_THAT(answer(atlas({"add", "robot"})), HasSubstr("is there already, as robot/2\n"));
   EXPECT_EQ(document(atlas({"show"})).at("maps").at(1).at("session"), "robot");
   answer(atlas({"add", "robot/1.cairn", "--name", "one more"}));
   EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);

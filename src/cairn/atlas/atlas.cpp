@@ -295,7 +295,7 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
     const std::lock_guard lock(cache.mutex());
     pending.push_back(std::move(link));
     // Seconds of work are kept at a time: the log stays short, and little is lost if this is killed.
-    if (std::chrono::steady_clock::now() - last_flush > std::chrono::seconds(1)) flush();
+    if (std::chrono::steady_clock::now() - last_flush > std::chrono::seconds(2)) flush();
     if (whole.progress) {
       whole.progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
     }
@@ -396,6 +396,15 @@ PoseGraph pose_graph(const AtlasState& state) {
 
 AtlasOptimised Atlas::optimize(const PoseOptimisationOptions& options) {
   options.validate();
+  // Another process may add links meanwhile.
+  for (int attempt = 0; attempt < 10; ++attempt) {
+    if (const auto result = optimize_once(options)) return *result;
+  }
+  throw Error(ErrorKind::kStorage, store_->name(), "is being changed by another process",
+              "to be tried again later");
+}
+
+std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions& options) {
   const AtlasState state = store_->state();
   // Beside the links of the graph, their ids.
   std::vector<AtlasLinkId> ids;
@@ -453,11 +462,10 @@ AtlasOptimised Atlas::optimize(const PoseOptimisationOptions& options) {
 
   AtlasOptimised result;
   result.placed = poses.size();
+  bool outdated = false;
   const AtlasCommitted committed = commit("optimize", [&](const AtlasState& now) {
-    if (now.commit != state.commit) {
-      throw Error(ErrorKind::kStorage, store_->name(), "was changed by another process meanwhile",
-                  "to be tried again");
-    }
+    outdated = now.commit != state.commit;
+    if (outdated) return AtlasChanges();
     AtlasChanges changes;
     for (const auto& [id, pose] : poses) {
       const auto old = now.poses.find(id);
@@ -480,6 +488,7 @@ AtlasOptimised Atlas::optimize(const PoseOptimisationOptions& options) {
     result.changed = !changes.empty();
     return changes;
   });
+  if (outdated) return std::nullopt;
   result.commit = committed.commit;
   for (const auto& [id, agree] : agrees) result.contradicted += agree ? 0 : 1;
   return result;

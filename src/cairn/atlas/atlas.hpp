@@ -141,6 +141,9 @@ class Atlas {
   AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make,
                         std::optional<CommitId> undoes = std::nullopt);
 
+  // std::nullopt if the atlas was changed meanwhile.
+  std::optional<AtlasOptimised> optimize_once(const PoseOptimisationOptions& options);
+
   std::unique_ptr<AtlasStore> store_;
   CommitId run_;
 };
