@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Verbs of atlas that take back or look back: remove, split, unlink, log, undo, diff, verify, compact, salvage.
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -122,6 +123,16 @@ struct UnlinkArguments : AtlasArguments {
 };
 
 struct LogArguments : AtlasArguments {
+  bool all = false;
+
+  void add_to(CLI::App& command) {
+    command.add_flag("--all", all, "Each commit, where a command made several");
+    AtlasArguments::add_to(command);
+    command.footer(
+        "A command that made several commits is one line. Times are UTC.\n"
+        "Example: cairn atlas log --atlas town.atlas");
+  }
+
   int run() {
     Atlas atlas = open_to_read();
     const std::vector<AtlasCommit> log = atlas.store().log();
@@ -130,10 +141,19 @@ struct LogArguments : AtlasArguments {
     Json json = head("log");
     json["commits"] = Json::array();
     for (auto commit = log.rbegin(); commit != log.rend(); ++commit) {
-      console.print(
-          fmt::format("{:>6}  {}  {}  {}: {}\n", commit->id.value, time_text(commit->time_ms),
-                      commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
-                      commit->verb, commit->text));
+      // Behind the last commit of its command, which was printed for all.
+      const bool follows = commit != log.rbegin() && std::prev(commit)->run == commit->run;
+      if (all || !follows) {
+        std::size_t others = 0;
+        for (auto one = std::next(commit); one != log.rend() && one->run == commit->run; ++one) {
+          ++others;
+        }
+        console.print(
+            fmt::format("{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
+                        commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
+                        commit->verb, commit->text,
+                        all || others == 0 ? "" : fmt::format("; and {} commits before", others)));
+      }
       json["commits"].push_back(
           {{"id", commit->id.value},
            {"run", commit->run.value},
@@ -383,9 +403,7 @@ Run add_atlas_unlink(CLI::App& atlas) {
 }
 
 Run add_atlas_log(CLI::App& atlas) {
-  return add<LogArguments>(atlas, "log", "List its commits, the last first",
-                           "Times are UTC.\n"
-                           "Example: cairn atlas log --atlas town.atlas");
+  return add<LogArguments>(atlas, "log", "List its commits, the last first");
 }
 
 Run add_atlas_undo(CLI::App& atlas) {
