@@ -62,6 +62,7 @@ struct AtlasPose {
   Matrix7d covariance = Matrix7d::Zero();  ///< left perturbation in the frame, (δt, δφ, δ log s)
 };
 
+/// To within rounding.
 bool operator==(const AtlasPose& a, const AtlasPose& b);
 
 /// What an atlas holds after a commit.

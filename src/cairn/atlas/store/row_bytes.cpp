@@ -182,32 +182,50 @@ std::string digest_of(const AtlasNode& node) {
       .digest();
 }
 
-std::string digest_of(const AtlasLink& link) {
-  RowBytes row;
-  row.add(link.id.value).add(link.target.value).add(link.source.value);
-  row.add(static_cast<std::uint64_t>(link.kind)).add(static_cast<std::uint64_t>(link.verdict));
-  row.add(link.probability.value_or(-1.0)).add(link.reason);
-  row.add(link.target_from_source ? pose_bytes(*link.target_from_source) : std::string());
-  row.add(link.covariance ? covariance_bytes(*link.covariance) : std::string());
-  row.add(link.covariance_with_scale ? covariance_bytes(*link.covariance_with_scale)
-                                     : std::string());
-  return row.digest();
+LinkBlobs blobs_of(const AtlasLink& link) {
+  LinkBlobs blobs;
+  if (link.target_from_source) blobs.target_from_source = pose_bytes(*link.target_from_source);
+  if (link.covariance) blobs.covariance = covariance_bytes(*link.covariance);
+  if (link.covariance_with_scale) {
+    blobs.covariance_with_scale = covariance_bytes(*link.covariance_with_scale);
+  }
+  return blobs;
 }
 
-std::string digest_of(const AtlasPose& pose, std::uint64_t row) {
+std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs) {
+  return RowBytes()
+      .add(link.id.value)
+      .add(link.target.value)
+      .add(link.source.value)
+      .add(static_cast<std::uint64_t>(link.kind))
+      .add(static_cast<std::uint64_t>(link.verdict))
+      .add(link.probability.value_or(-1.0))
+      .add(link.reason)
+      .add(blobs.target_from_source)
+      .add(blobs.covariance)
+      .add(blobs.covariance_with_scale)
+      .digest();
+}
+
+PoseBlobs blobs_of(const AtlasPose& pose) {
+  return {pose_bytes(pose.frame_from_node), covariance_bytes(pose.covariance)};
+}
+
+std::string digest_of(const AtlasPose& pose, std::uint64_t row, const PoseBlobs& blobs) {
   return RowBytes()
       .add(row)
       .add(pose.node.value)
       .add(pose.frame.value)
-      .add(pose_bytes(pose.frame_from_node))
-      .add(covariance_bytes(pose.covariance))
+      .add(blobs.frame_from_node)
+      .add(blobs.covariance)
       .digest();
 }
 
 bool operator==(const AtlasPose& a, const AtlasPose& b) {
+  constexpr double kRounding = 1e-12;
   return a.node == b.node && a.frame == b.frame &&
-         pose_bytes(a.frame_from_node) == pose_bytes(b.frame_from_node) &&
-         a.covariance == b.covariance;
+         a.frame_from_node.matrix().isApprox(b.frame_from_node.matrix(), kRounding) &&
+         (a.covariance == b.covariance || a.covariance.isApprox(b.covariance, kRounding));
 }
 
 const AtlasNode* AtlasState::find(const std::string& name) const {

@@ -50,8 +50,23 @@ std::string hexadecimal(std::string_view bytes);
 std::optional<std::string> bytes_of_hexadecimal(std::string_view digits);
 
 std::string digest_of(const AtlasNode& node);
-std::string digest_of(const AtlasLink& link);
+/// A link's numbers as they are stored: what is read back may differ in the last digit, for quaternions are
+/// normalised. Empty where there are none.
+struct LinkBlobs {
+  std::string target_from_source;
+  std::string covariance;
+  std::string covariance_with_scale;
+};
+LinkBlobs blobs_of(const AtlasLink& link);
+std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs);
+
+/// The same of a pose.
+struct PoseBlobs {
+  std::string frame_from_node;
+  std::string covariance;
+};
+PoseBlobs blobs_of(const AtlasPose& pose);
 /// @param row number of the pose's row
-std::string digest_of(const AtlasPose& pose, std::uint64_t row);
+std::string digest_of(const AtlasPose& pose, std::uint64_t row, const PoseBlobs& blobs);
 
 }  // namespace cairn

@@ -144,19 +144,24 @@ AtlasLink link_of(const sqlite::Statement& row, const std::string& name) {
   link.verdict = static_cast<Verdict>(verdict);
   link.probability = row.optional_real(5);
   link.reason = row.text(6);
-  if (const auto bytes = row.optional_blob(7)) {
-    link.target_from_source = pose_of_bytes(as_text(*bytes));
+  const auto blob = [&](int column) {
+    const auto bytes = row.optional_blob(column);
+    return bytes ? std::string(as_text(*bytes)) : std::string();
+  };
+  const LinkBlobs blobs{blob(7), blob(8), blob(9)};
+  if (as_text(row.blob(10)) != digest_of(link, blobs)) damaged(name, what());
+  if (!blobs.target_from_source.empty()) {
+    link.target_from_source = pose_of_bytes(blobs.target_from_source);
     if (!link.target_from_source) damaged(name, what());
   }
-  if (const auto bytes = row.optional_blob(8)) {
-    link.covariance = covariance6_of_bytes(as_text(*bytes));
+  if (!blobs.covariance.empty()) {
+    link.covariance = covariance6_of_bytes(blobs.covariance);
     if (!link.covariance) damaged(name, what());
   }
-  if (const auto bytes = row.optional_blob(9)) {
-    link.covariance_with_scale = covariance7_of_bytes(as_text(*bytes));
+  if (!blobs.covariance_with_scale.empty()) {
+    link.covariance_with_scale = covariance7_of_bytes(blobs.covariance_with_scale);
     if (!link.covariance_with_scale) damaged(name, what());
   }
-  if (as_text(row.blob(10)) != digest_of(link)) damaged(name, what());
   return link;
 }
 
@@ -165,12 +170,15 @@ AtlasPose pose_of(const sqlite::Statement& row, const std::string& name) {
   AtlasPose pose;
   pose.node = NodeId{row.unsigned_integer(1)};
   pose.frame = NodeId{row.unsigned_integer(2)};
-  const auto frame_from_node = pose_of_bytes(as_text(row.blob(3)));
-  const auto covariance = covariance7_of_bytes(as_text(row.blob(4)));
-  if (!frame_from_node || !covariance) damaged(name, what());
+  const PoseBlobs blobs{std::string(as_text(row.blob(3))), std::string(as_text(row.blob(4)))};
+  const auto frame_from_node = pose_of_bytes(blobs.frame_from_node);
+  const auto covariance = covariance7_of_bytes(blobs.covariance);
+  if (!frame_from_node || !covariance ||
+      as_text(row.blob(5)) != digest_of(pose, row.unsigned_integer(0), blobs)) {
+    damaged(name, what());
+  }
   pose.frame_from_node = *frame_from_node;
   pose.covariance = *covariance;
-  if (as_text(row.blob(5)) != digest_of(pose, row.unsigned_integer(0))) damaged(name, what());
   return pose;
 }
 
@@ -528,19 +536,16 @@ class SqliteStore final : public AtlasStore {
   }
 
   void insert(const AtlasLink& link) {
-    std::string pose;
-    std::string covariance;
-    std::string with_scale;
     using Blob = std::optional<std::span<const std::byte>>;
-    if (link.target_from_source) pose = pose_bytes(*link.target_from_source);
-    if (link.covariance) covariance = covariance_bytes(*link.covariance);
-    if (link.covariance_with_scale) with_scale = covariance_bytes(*link.covariance_with_scale);
+    const LinkBlobs blobs = blobs_of(link);
     const auto or_null = [](const std::string& bytes) {
       return bytes.empty() ? Blob() : Blob(as_blob(bytes));
     };
-    if ((!pose.empty() && !pose_of_bytes(pose)) ||
-        (!covariance.empty() && !covariance6_of_bytes(covariance)) ||
-        (!with_scale.empty() && !covariance7_of_bytes(with_scale))) {
+    const bool sound =
+        (!link.target_from_source || pose_of_bytes(blobs.target_from_source)) &&
+        (!link.covariance || covariance6_of_bytes(blobs.covariance)) &&
+        (!link.covariance_with_scale || covariance7_of_bytes(blobs.covariance_with_scale));
+    if (!sound) {
       throw Error(ErrorKind::kMisuse, "AtlasLink", "a transform or covariance that is none",
                   "finite numbers and a positive semidefinite covariance");
     }
@@ -548,15 +553,21 @@ class SqliteStore final : public AtlasStore {
         fmt::format("INSERT INTO links ({}) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
                     kLinkColumns),
         link.id.value, link.target.value, link.source.value, static_cast<std::int64_t>(link.kind),
-        static_cast<std::int64_t>(link.verdict), link.probability, link.reason, or_null(pose),
-        or_null(covariance), or_null(with_scale), as_blob(digest_of(link)));
+        static_cast<std::int64_t>(link.verdict), link.probability, link.reason,
+        or_null(blobs.target_from_source), or_null(blobs.covariance),
+        or_null(blobs.covariance_with_scale), as_blob(digest_of(link, blobs)));
   }
 
   void insert(const AtlasPose& pose, std::uint64_t row) {
+    const PoseBlobs blobs = blobs_of(pose);
+    if (!pose_of_bytes(blobs.frame_from_node) || !covariance7_of_bytes(blobs.covariance)) {
+      throw Error(ErrorKind::kMisuse, "AtlasPose", "a pose or covariance that is none",
+                  "finite numbers and a positive semidefinite covariance");
+    }
     database_.run(
         fmt::format("INSERT INTO poses ({}) VALUES (?1, ?2, ?3, ?4, ?5, ?6)", kPoseColumns), row,
-        pose.node.value, pose.frame.value, as_blob(pose_bytes(pose.frame_from_node)),
-        as_blob(covariance_bytes(pose.covariance)), as_blob(digest_of(pose, row)));
+        pose.node.value, pose.frame.value, as_blob(blobs.frame_from_node),
+        as_blob(blobs.covariance), as_blob(digest_of(pose, row, blobs)));
   }
 
   void write_commit(const AtlasCommit& commit, std::span<const Change> changes) {
@@ -697,7 +708,7 @@ AtlasCompaction SqliteStore::compact(std::uint64_t keep, bool dry) {
   if (dry) return result;
   newest_.reset();
   transaction.commit();
-  database_.execute("VACUUM");
+  database_.execute("PRAGMA incremental_vacuum");
   database_.execute("PRAGMA wal_checkpoint(TRUNCATE)");
   return result;
 }
@@ -793,6 +804,8 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
           temporary,
           {.access = sqlite::Access::kCreate, .busy_timeout = options.wait, .stop = options.stop});
       configure(database);
+      // So that compact() can give space back.
+      database.execute("PRAGMA auto_vacuum = INCREMENTAL");
       database.execute("PRAGMA journal_mode = WAL");
       sqlite::Transaction transaction(database);
       database.execute(fmt::format("PRAGMA application_id = {}", kApplicationId));

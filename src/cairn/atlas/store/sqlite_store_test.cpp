@@ -136,6 +136,26 @@ TEST_F(SqliteStoreTest, GivesBackWhatWasCommitted) {
               HasSubstr("commit 4"));
 }
 
+// Quaternions are normalised when they are read, which may change their last digit.
+TEST_F(SqliteStoreTest, ReadsEveryRotationThatItWrote) {
+  const auto store = open();
+  add(*store, "one", 1);
+  add(*store, "two", 2);
+  store->commit({.verb = "link"}, [](const AtlasState&) {
+    AtlasChanges changes;
+    for (int i = 0; i < 200; ++i) {
+      AtlasLink one = link(NodeId{1}, NodeId{2});
+      one.target_from_source =
+          Rigid3::from_roll_pitch_yaw({0.1 * i, 0, 0}, 0.03 * i, 0.01 * i, 1.7 * i);
+      changes.links.push_back(one);
+    }
+    return changes;
+  });
+  const auto again = open();
+  EXPECT_EQ(again->state().links.size(), 200U);
+  EXPECT_THAT(again->verify().problems, IsEmpty());
+}
+
 TEST_F(SqliteStoreTest, KeepsMapsLongerThanAChunk) {
   const auto store = open();
   std::string bytes(9'000'001, 'x');
@@ -217,7 +237,9 @@ TEST_F(SqliteStoreTest, NeverUsesARowThatWasChanged) {
     EXPECT_FALSE(store->verify().problems.empty()) << sql;
     restore();
   }
-  tamper("UPDATE map_chunks SET bytes = substr(bytes, 1, 500) || x'00' || substr(bytes, 502)");
+  tamper(
+      "UPDATE map_chunks SET bytes = CAST(substr(bytes, 1, 500) || x'00' || substr(bytes, 502) AS "
+      "BLOB)");
   const auto store = open();
   const AtlasState state = store->state();
   EXPECT_THAT(
@@ -234,8 +256,12 @@ TEST_F(SqliteStoreTest, SalvagesWhatIsSound) {
     add_link(*store, link(NodeId{1}, NodeId{3}));
     store->commit({.verb = "optimize"}, [](const AtlasState&) {
       AtlasChanges changes;
-      for (const std::uint64_t id : {1, 2, 3})
-        changes.poses.push_back({NodeId{id}, NodeId{1}, {}, {}});
+      for (const std::uint64_t id : {1, 2, 3}) {
+        AtlasPose pose;
+        pose.node = NodeId{id};
+        pose.frame = NodeId{1};
+        changes.poses.push_back(pose);
+      }
       changes.agrees = {{AtlasLinkId{1}, true}, {AtlasLinkId{2}, false}};
       return changes;
     });
@@ -274,7 +300,9 @@ TEST_F(SqliteStoreTest, CompactsWhatNoKeptCommitNeeds) {
   EXPECT_EQ(store->state(CommitId{2}).nodes.size(), 2U);
   EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { store->state(CommitId{1}); }),
               HasSubstr("compacted"));
+  const auto size = fs::file_size(path());
   EXPECT_EQ(store->compact(1, false).maps, 1U);
+  EXPECT_LT(fs::file_size(path()), size);
   EXPECT_THAT(store->verify().problems, IsEmpty());
   EXPECT_EQ(store->state().nodes.size(), 2U);
   EXPECT_EQ(add(*store, "four", 4).commit, CommitId{5});
