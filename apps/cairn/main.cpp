@@ -18,6 +18,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/version_number.hpp"
 
+#include "atlas_verbs.hpp"
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/command_line.hpp"
@@ -109,6 +110,9 @@ int run(int argc, char** argv) {
 #endif
 #ifdef CAIRN_HAS_MERGING
   verbs.emplace_back("merge", cairn::cli::add_merge(program));
+#endif
+#ifdef CAIRN_HAS_ATLAS
+  verbs.emplace_back("atlas", cairn::cli::add_atlas(program));
 #endif
   for (CLI::App* const verb : program.get_subcommands(nullptr)) verb->group("Verbs");
   if (argc < 2) {

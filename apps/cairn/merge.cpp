@@ -21,6 +21,7 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
+#include "support/map_lists.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -84,38 +85,6 @@ void MergeArguments::check_options() const {
                     [&] { options.validate(); });
 }
 
-// A folder that is no map itself, as a COLMAP model is.
-bool is_folder_of_maps(const std::string& path) {
-  std::error_code ignored;
-  if (!fs::is_directory(path, ignored)) return false;
-  const MapInput input{.path = path};
-  const auto formats = all_formats().formats();
-  return std::none_of(formats.begin(), formats.end(), [&](const MapFormat& format) {
-    return format.recognises && format.recognises(input);
-  });
-}
-
-// The maps in a folder, by name.
-std::vector<std::string> maps_in(const std::string& folder) {
-  std::vector<std::string> files;
-  try {
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      // Text files and clouds may lie there for other reasons.
-      const std::string extension = entry.path().extension().string();
-      if (entry.is_regular_file() && (extension == ".map" || extension == ".cairn")) {
-        files.push_back(entry.path().string());
-      }
-    }
-  } catch (const fs::filesystem_error& error) {
-    throw Error(ErrorKind::kInput, folder, error.code().message(), "a folder that can be read");
-  }
-  if (files.empty()) {
-    throw Error(ErrorKind::kInput, folder, "holds no map", "a folder of .map or .cairn files");
-  }
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
 bool is_same_file(const std::string& a, const std::string& b) {
   std::error_code ignored;
   return fs::equivalent(a, b, ignored);
@@ -147,35 +116,6 @@ std::vector<std::string> MergeArguments::map_files() const {
                 "at least two maps");
   }
   return files;
-}
-
-// What maps are called: file names without extension, with their folder where several are alike.
-std::vector<std::string> names_of(const std::vector<std::string>& files) {
-  const auto stem = [](const std::string& file) { return fs::path(file).stem().string(); };
-  std::vector<std::string> names;
-  for (const std::string& file : files) {
-    const auto alike = std::count_if(files.begin(), files.end(), [&](const std::string& other) {
-      return stem(other) == stem(file);
-    });
-    names.push_back(alike > 1 ? fs::path(file).replace_extension().string() : stem(file));
-  }
-  return names;
-}
-
-// 61204 as "61,204".
-std::string with_commas(std::size_t number) {
-  const std::string digits = fmt::format("{}", number);
-  std::string text;
-  for (std::size_t i = 0; i < digits.size(); ++i) {
-    if (i > 0 && (digits.size() - i) % 3 == 0) text += ',';
-    text += digits[i];
-  }
-  return text;
-}
-
-// A probability is never said to be one.
-std::string percent(double probability) {
-  return fmt::format("{:.2f} %", std::min(99.99, std::floor(1e4 * probability) / 100.0));
 }
 
 Json MergeArguments::options_json() const {
@@ -257,7 +197,7 @@ int MergeArguments::run() {
   require_outputs(common);
   check_options();
   const std::vector<std::string> files = map_files();
-  const std::vector<std::string> names = names_of(files);
+  const std::vector<std::string> names = map_names(files);
   const Console console = common.console();
 
   std::vector<LoadedMap> loaded;

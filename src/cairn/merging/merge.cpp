@@ -9,34 +9,11 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
+#include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 
 namespace cairn {
 namespace {
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// By medians, so that a few landmarks far off do not count.
-NodeExtent extent_of(const LandmarkMap& map) {
-  NodeExtent extent;
-  const auto& positions = map.landmarks().positions;
-  if (positions.empty()) return extent;
-  std::vector<double> values(positions.size());
-  for (int axis = 0; axis < 3; ++axis) {
-    for (std::size_t i = 0; i < positions.size(); ++i) values[i] = positions[i][axis];
-    extent.centre[axis] = median(values);
-  }
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    values[i] = (positions[i] - extent.centre).norm();
-  }
-  const double radius = median(values);
-  if (radius > 0.0 && std::isfinite(radius)) extent.radius = radius;
-  return extent;
-}
 
 Progress part_of(const Progress& progress, double begin, double end) {
   if (!progress) return {};
@@ -134,7 +111,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   std::vector<NodeExtent> extents;
   for (const MergeInput& input : maps) {
     pointers.push_back(input.map);
-    extents.push_back(extent_of(*input.map));
+    extents.push_back(node_extent(*input.map));
   }
   LinkOptions how = options.links;
   how.seed = options.seed;

@@ -41,6 +41,11 @@ MapLink linked(const PreparedMap& target, const PreparedMap& source, AlignOption
 
 }  // namespace
 
+MapLink link_pair(const LandmarkMap& target, const LandmarkMap& source,
+                  const LinkOptions& options) {
+  return linked(target, source, align_options(options));
+}
+
 void LinkOptions::validate() const {
   align_options(*this).validate();
 }

@@ -37,6 +37,11 @@ struct LinkOptions {
   void validate() const;
 };
 
+/// Aligns one map with another; the link's indices are left 0.
+/// @throws Error as link_maps()
+MapLink link_pair(const LandmarkMap& target, const LandmarkMap& source,
+                  const LinkOptions& options = {});
+
 /// Aligns every map with every map before it, which is the target. Where one of the two is of free scale,
 /// the scale is searched for. Same input and seed, same links, whatever the number of threads.
 /// @return one link a pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...

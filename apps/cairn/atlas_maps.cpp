@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Verbs of atlas that make a map of maps: init, add, link, optimize, merge.
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/interchange/formats.hpp"
+
+#include "atlas_verbs.hpp"
+#include "support/arguments.hpp"
+#include "support/atlas_arguments.hpp"
+#include "support/interrupt.hpp"
+#include "support/map_lists.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string counted(std::size_t count, const std::string& noun) {
+  return fmt::format("{} {}{}", with_commas(count), noun, count == 1 ? "" : "s");
+}
+
+struct InitArguments : AtlasArguments {
+  int run() {
+    Atlas::create(location, store_options(false));
+    common.console().print(fmt::format("made {}\n", location));
+    return kDone;
+  }
+};
+
+struct AddArguments : AtlasArguments {
+  std::vector<std::string> paths;
+  std::string name;
+  std::string session;
+
+  void add_to(CLI::App& command) {
+    command
+        .add_option("maps", paths,
+                    "Maps: " + all_formats().titles_text() +
+                        "; or folders, whose .map and .cairn files are taken by name")
+        ->required()
+        ->take_all()
+        ->type_name("MAP...");
+    add_text(command, "--name", name, "What to call a single map; else its file's name", "NAME");
+    add_text(command, "--session", session,
+             "The run that the maps are of; of a folder's maps else the folder's name", "NAME");
+    AtlasArguments::add_to(command);
+    command.footer(
+        "A map that the atlas holds already is not added again. The file can be deleted "
+        "afterwards.\n"
+        "Example: a session, and the mini-maps of a robot\n"
+        "  cairn atlas add monday.map robot2/ --atlas town.atlas");
+  }
+
+  int run() {
+    std::vector<std::string> files;
+    std::vector<std::string> sessions;
+    std::vector<std::string> folders;
+    for (const std::string& path : paths) {
+      std::string folder;
+      if (is_folder_of_maps(path)) folder = fs::canonical(path).filename().string();
+      for (std::string& file : folder.empty() ? std::vector<std::string>{path} : maps_in(path)) {
+        files.push_back(std::move(file));
+        folders.push_back(folder);
+        sessions.push_back(session.empty() ? folder : session);
+      }
+    }
+    std::vector<std::string> names = map_names(files);
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      // Mini-maps of every run are numbered alike.
+      if (folders[i].empty()) continue;
+      names[i] = folders[i] + "/" + fs::path(files[i]).stem().string();
+    }
+    if (!name.empty()) {
+      if (files.size() > 1) {
+        throw Error(ErrorKind::kMisuse, "--name", fmt::format("given for {} maps", files.size()),
+                    "one map");
+      }
+      names.front() = name;
+    }
+    Atlas atlas = open();
+    const Console console = common.console();
+    Json json = head("add");
+    json["maps"] = Json::array();
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      const LoadedMap loaded = load_map(files[i], common);
+      const Atlas::Added added = atlas.add(loaded.map, names[i], sessions[i]);
+      if (added.was_there) {
+        console.print(fmt::format("{} is there already, as {}\n", files[i],
+                                  atlas.state().nodes.at(added.node).name));
+      } else {
+        console.print(fmt::format("added {}: {}, {}\n", names[i],
+                                  counted(loaded.map.landmark_count(), "landmark"),
+                                  counted(loaded.map.frame_count(), "keyframe")));
+      }
+      json["maps"].push_back({{"path", files[i]},
+                              {"id", added.node.value},
+                              {"name", names[i]},
+                              {"was_there", added.was_there}});
+    }
+    json["commit"] = atlas.store().last_commit().value;
+    write_document(json, common);
+    return kDone;
+  }
+};
+
+// "2/8": the second of eight parts.
+void parse_shard(const std::string& text, AtlasLinkOptions& options) {
+  if (text.empty()) return;
+  const std::size_t slash = text.find('/');
+  const auto number = parse_unsigned(std::string_view(text).substr(0, slash));
+  const auto count =
+      slash == text.npos ? std::nullopt : parse_unsigned(std::string_view(text).substr(slash + 1));
+  if (!number || !count || *number < 1 || *number > *count) {
+    throw Error(ErrorKind::kMisuse, "--shard", printable(text), "I/N with I from 1 to N, as 2/8");
+  }
+  options.shard = *number - 1;
+  options.shards = *count;
+}
+
+struct LinkArguments : AtlasArguments {
+  AtlasLinkOptions options;
+  std::vector<std::string> manual;
+  std::vector<std::string> only;
+  std::string pose;
+  std::string reason;
+  std::string shard;
+  double sigma_m = 0.02;
+  double sigma_deg = 0.5;
+  std::optional<std::uint64_t> candidates;
+
+  void add_to(CLI::App& command) {
+    add_number(command, "--min-probability", options.links.min_probability,
+               "Probability from which two maps are aligned, 0.5 to below 1");
+    add_number(command, "--prior-odds", options.links.prior_odds,
+               "Odds, before anything is looked at, that two of the maps show one place");
+    add_number(command, "--effort", options.links.effort,
+               "Of the search: work in units of the default's, 1/16 to 64");
+    add_number(command, "--min-observations", options.links.points.min_observations,
+               "Align by landmarks observed at least so often");
+    command.add_option("--only", only, "Only pairs of which one is among these maps")
+        ->type_name("NAME...")
+        ->take_all();
+    command.add_flag("--retry", options.retry, "Try pairs again that were tried and not aligned");
+    add_number(
+        command, "--candidates", candidates,
+        fmt::format("With how many of the other maps each map is tried, the likeliest; 0: all. "
+                    "By default all up to {} maps, else {}",
+                    kMapsTriedInFull, kDefaultCandidates));
+    add_text(command, "--shard", shard, "Of several processes: part I of N of the pairs", "I/N");
+    command.add_option("--manual", manual, "State a link yourself: target and source")
+        ->type_name("TARGET SOURCE")
+        ->expected(2);
+    add_text(command, "--pose", pose,
+             "With --manual: 16 numbers, row-major, target_from_source; or of cairn align --json",
+             "FILE");
+    add_number(command, "--sigma-m", sigma_m,
+               "With --manual: deviation of its translation, metres");
+    add_number(command, "--sigma-deg", sigma_deg,
+               "With --manual: deviation of its rotation, degrees");
+    add_text(command, "--reason", reason, "With --manual: why, for the log", "TEXT");
+    AtlasArguments::add_to(command);
+    command.footer(
+        "Pairs that were tried are not tried again, whatever came of it: the verb goes on where "
+        "it\n"
+        "was stopped or killed.\n"
+        "Example: link what was added since, and state one link by hand\n"
+        "  cairn atlas link --atlas town.atlas\n"
+        "  cairn atlas link --manual monday robot2 --pose pose.txt --atlas town.atlas");
+  }
+
+  int link_by_hand() {
+    if (pose.empty())
+      throw Error(ErrorKind::kMisuse, "--pose", "not given", "a file with the pose");
+    if (!(sigma_m > 0.0) || !(sigma_deg > 0.0)) {
+      throw Error(ErrorKind::kMisuse, sigma_m > 0.0 ? "--sigma-deg" : "--sigma-m",
+                  fmt::format("{}", sigma_m > 0.0 ? sigma_deg : sigma_m), "more than 0");
+    }
+    const Similarity3 target_from_source = read_similarity_file(pose);
+    Atlas atlas = open();
+    const AtlasState state = atlas.state();
+    const AtlasNode& target = node_named(state, manual[0], *this);
+    const AtlasNode& source = node_named(state, manual[1], *this);
+    const double sigma_rad = radians(sigma_deg);
+    Matrix7d covariance = Matrix7d::Zero();
+    for (int i = 0; i < 3; ++i) covariance(i, i) = sigma_m * sigma_m;
+    for (int i = 3; i < 6; ++i) covariance(i, i) = sigma_rad * sigma_rad;
+    // The scale is known no better than the rotation.
+    if (target_from_source.scale() != 1.0) covariance(6, 6) = sigma_rad * sigma_rad;
+    const AtlasLinkId id =
+        atlas.link_manually(target.id, source.id, target_from_source, covariance, reason);
+    const AtlasState now = atlas.state();
+    Json json = head("link");
+    json["commit"] = now.commit.value;
+    json["links"] = Json::array({to_json(now.links.at(id), now)});
+    write_document(json, common);
+    common.console().print(fmt::format("{} <- {} by hand\n", target.name, source.name));
+    return kDone;
+  }
+
+  int run() {
+    if (!manual.empty()) return link_by_hand();
+    if (!pose.empty() || !reason.empty()) {
+      throw Error(ErrorKind::kMisuse, pose.empty() ? "--reason" : "--pose",
+                  "given without --manual", "--manual TARGET SOURCE");
+    }
+    parse_shard(shard, options);
+    if (candidates) options.candidates = static_cast<std::size_t>(*candidates);
+    with_option_names({{"AlignOptions.min_probability", "--min-probability"},
+                       {"PlaceOptions.prior_odds", "--prior-odds"},
+                       {"PlaceOptions.effort", "--effort"}},
+                      [&] { options.validate(); });
+    Atlas atlas = open();
+    const AtlasState state = atlas.state();
+    for (const std::string& one : only) options.only.push_back(node_named(state, one, *this).id);
+    const Console console = common.console();
+    options.links.seed = common.seed;
+    options.links.execution.executor = common.executor();
+    options.links.execution.stop = interrupt_requests();
+    options.links.execution.progress = console.progress("linking");
+    Json links = Json::array();
+    options.on_link = [&](const AtlasLink& link) {
+      links.push_back(to_json(link, state));
+      links.back().erase("id");
+      links.back().erase("agrees");
+      if (!link.is_aligned()) return;
+      console.print(fmt::format("{} <- {} {}\n", state.nodes.at(link.target).name,
+                                state.nodes.at(link.source).name,
+                                percent(link.probability.value_or(0.0))));
+    };
+    const AtlasLinkResult result = atlas.link(options);
+    Json json = head("link", {{"min_probability", options.links.min_probability},
+                              {"prior_odds", options.links.prior_odds},
+                              {"effort", options.links.effort},
+                              {"min_observations", options.links.points.min_observations},
+                              {"retry", options.retry}});
+    json["commit"] = atlas.store().last_commit().value;
+    json["pairs"] = result.pairs;
+    json["tried"] = result.tried;
+    json["tried_before"] = result.tried_before;
+    json["not_likely"] = result.not_likely;
+    json["aligned"] = result.aligned;
+    json["links"] = std::move(links);
+    write_document(json, common);
+    std::string text =
+        fmt::format("{} tried, {} aligned", counted(result.tried, "pair"), result.aligned);
+    if (result.tried_before > 0) text += fmt::format("; {} tried before", result.tried_before);
+    if (result.not_likely > 0) text += fmt::format("; {} not likely", result.not_likely);
+    console.print(text + "\n");
+    return kDone;
+  }
+};
+
+struct OptimizeArguments : AtlasArguments {
+  int run() {
+    Atlas atlas = open();
+    const AtlasOptimised result = atlas.optimize();
+    const AtlasState state = atlas.state();
+    Json json = head("optimize");
+    json["commit"] = result.commit.value;
+    json["placed"] = result.placed;
+    json["contradicted"] = result.contradicted;
+    json["frames"] = Json::array();
+    const Console console = common.console();
+    for (const AtlasComponent& component : components_of(state)) {
+      console.print(fmt::format("{} in the frame of {}\n", counted(component.nodes.size(), "map"),
+                                state.nodes.at(component.frame).name));
+      json["frames"].push_back(
+          {{"frame", state.nodes.at(component.frame).name}, {"maps", component.nodes.size()}});
+    }
+    if (result.placed < state.nodes.size()) {
+      console.print(fmt::format("{} not placed: no link connects them\n",
+                                counted(state.nodes.size() - result.placed, "map")));
+    }
+    for (const auto& [id, agrees] : state.agrees) {
+      if (agrees) continue;
+      const AtlasLink& link = state.links.at(id);
+      console.print(fmt::format("not used: {} <- {}: other links contradict it\n",
+                                state.nodes.at(link.target).name,
+                                state.nodes.at(link.source).name));
+    }
+    write_document(json, common);
+    return kDone;
+  }
+};
+
+struct MergeAtlasArguments : AtlasArguments {
+  std::string output;
+  std::string frame;
+  AtlasMergeOptions options;
+
+  void add_to(CLI::App& command) {
+    add_text(
+        command, "-o,--output", output,
+        "Map to write; its ending names the format: " + all_formats().endings_text() + ". Required",
+        "FILE");
+    add_text(command, "--with", frame,
+             "Merge the maps that are in one frame with this one; "
+             "else the largest group",
+             "NAME");
+    AtlasArguments::add_to(command);
+    add_at_to(command);
+    command.footer(
+        "Landmarks that are one are fused, as by cairn merge. Maps without a pose, or in another "
+        "frame,\n"
+        "are named and left out; the exit code is then 4.\n"
+        "Example: cairn atlas merge --atlas town.atlas -o town.map");
+  }
+
+  int run() {
+    if (output.empty()) {
+      throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
+    }
+    require_map_path(output, "--output");
+    Atlas atlas = open_to_read();
+    const AtlasState state = atlas.state(commit());
+    const Console console = common.console();
+    if (!frame.empty()) options.frame = node_named(state, frame, *this).id;
+    options.seed = common.seed;
+    options.log = console.log();
+    options.execution.executor = common.executor();
+    options.execution.stop = interrupt_requests();
+    options.execution.progress = console.progress("merging");
+    const AtlasMerged merged = atlas.merge(options, state.commit);
+    save_map(merged.map, output, common);
+    std::size_t before = 0;
+    Json json = head("merge");
+    json["commit"] = state.commit.value;
+    json["maps"] = Json::array();
+    for (std::size_t i = 0; i < merged.nodes.size(); ++i) {
+      const AtlasPose& pose = state.poses.at(merged.nodes[i]);
+      before += merged.maps[i].landmarks;
+      json["maps"].push_back({{"name", state.nodes.at(merged.nodes[i]).name},
+                              {"world_from_map", to_json(pose.frame_from_node.matrix())},
+                              {"scale", pose.frame_from_node.scale()},
+                              {"covariance", to_json(pose.covariance)},
+                              {"landmarks", merged.maps[i].landmarks},
+                              {"fused_with_earlier", merged.maps[i].fused},
+                              {"unexplained_deviation", merged.maps[i].deviation}});
+    }
+    json["left_out"] = Json::array();
+    console.print(fmt::format("merged {} of {}, in the frame of {}\n", merged.nodes.size(),
+                              counted(state.nodes.size(), "map"),
+                              state.nodes.at(merged.nodes.front()).name));
+    for (const auto& [id, node] : state.nodes) {
+      if (std::binary_search(merged.nodes.begin(), merged.nodes.end(), id)) continue;
+      const bool elsewhere = state.poses.contains(id);
+      console.print(fmt::format("left out {}: {}\n", node.name,
+                                elsewhere ? "in another frame" : "no link places it"));
+      json["left_out"].push_back(node.name);
+    }
+    json["output"] = {{"path", output},
+                      {"landmarks_before", before},
+                      {"landmarks", merged.map.landmark_count()},
+                      {"frames", merged.map.frame_count()},
+                      {"observations", merged.map.observation_count()}};
+    write_document(json, common);
+    console.print(fmt::format("{} landmarks became {}\nwrote {}\n", with_commas(before),
+                              with_commas(merged.map.landmark_count()), output));
+    return merged.nodes.size() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
+  }
+};
+
+template <class Arguments>
+Run add(CLI::App& atlas, const char* name, const char* what, const char* footer = nullptr) {
+  auto* const command = atlas.add_subcommand(name, what);
+  auto arguments = std::make_shared<Arguments>();
+  arguments->add_to(*command);
+  if (footer != nullptr) command->footer(footer);
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace
+
+Run add_atlas_init(CLI::App& atlas) {
+  return add<InitArguments>(atlas, "init", "Make an atlas without maps",
+                            "Example: cairn atlas init --atlas town.atlas");
+}
+
+Run add_atlas_add(CLI::App& atlas) {
+  return add<AddArguments>(atlas, "add", "Put maps into it");
+}
+
+Run add_atlas_link(CLI::App& atlas) {
+  return add<LinkArguments>(atlas, "link", "Align pairs of maps that were not tried yet");
+}
+
+Run add_atlas_optimize(CLI::App& atlas) {
+  return add<OptimizeArguments>(atlas, "optimize", "Give maps poses that agree with the links",
+                                "Each group of linked maps is in the frame of the first that was "
+                                "added. Links that the others\n"
+                                "contradict are named and not used.\n"
+                                "Example: cairn atlas optimize --atlas town.atlas");
+}
+
+Run add_atlas_merge(CLI::App& atlas) {
+  return add<MergeAtlasArguments>(atlas, "merge", "Write the placed maps as one map");
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,326 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Verbs of atlas that read it: show, path, export.
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/atlas/export.hpp"
+#include "cairn/atlas/route.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/map/io/map_file.hpp"
+#include "cairn/pose_graph/g2o.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "atlas_verbs.hpp"
+#include "support/arguments.hpp"
+#include "support/atlas_arguments.hpp"
+#include "support/map_lists.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string name_of(const AtlasState& state, NodeId id) {
+  return state.nodes.at(id).name;
+}
+
+// "aligned", or why not; contradicted links say so.
+std::string status_of(const AtlasLink& link, const AtlasState& state) {
+  const auto agrees = state.agrees.find(link.id);
+  if (agrees != state.agrees.end() && !agrees->second) return "contradicted";
+  return std::string(cairn::to_string(link.verdict));
+}
+
+struct ShowArguments : AtlasArguments {
+  bool all = false;
+
+  void add_to(CLI::App& command) {
+    command.add_flag("--all", all, "Also pairs that were tried and not aligned");
+    AtlasArguments::add_to(command);
+    add_at_to(command);
+    command.footer("Example: cairn atlas show --atlas town.atlas");
+  }
+
+  Json nodes_json(const AtlasState& state) const {
+    Json nodes = Json::array();
+    for (const auto& [id, node] : state.nodes) {
+      const auto pose = state.poses.find(id);
+      const bool placed = pose != state.poses.end();
+      nodes.push_back(
+          {{"id", id.value},
+           {"name", node.name},
+           {"session", text_or_null(node.session)},
+           {"map", node.map},
+           {"length_unit", to_string(node.length_unit)},
+           {"frames", node.frames},
+           {"landmarks", node.landmarks},
+           {"observations", node.observations},
+           {"frame", placed ? Json(name_of(state, pose->second.frame)) : Json(nullptr)},
+           {"frame_from_map",
+            placed ? to_json(pose->second.frame_from_node.matrix()) : Json(nullptr)},
+           {"scale", placed ? Json(pose->second.frame_from_node.scale()) : Json(nullptr)},
+           {"covariance", placed ? to_json(pose->second.covariance) : Json(nullptr)}});
+    }
+    return nodes;
+  }
+
+  int run() {
+    Atlas atlas = open_to_read();
+    const AtlasState state = atlas.state(commit());
+    Table maps({"map", "id", "session", "landmarks", "keyframes", "in the frame of"});
+    for (const auto& [id, node] : state.nodes) {
+      const auto pose = state.poses.find(id);
+      maps.add_row({node.name, fmt::format("#{}", id.value),
+                    node.session.empty() ? "-" : node.session, with_commas(node.landmarks),
+                    with_commas(node.frames),
+                    pose == state.poses.end() ? "-" : name_of(state, pose->second.frame)});
+    }
+    Table table({"link", "probability", "status", "kind"});
+    std::size_t aligned = 0;
+    Json links = Json::array();
+    for (const auto& [id, link] : state.links) {
+      aligned += link.is_aligned() ? 1 : 0;
+      links.push_back(to_json(link, state));
+      if (!all && !link.is_aligned()) continue;
+      table.add_row(
+          {fmt::format("{} <- {}", name_of(state, link.target), name_of(state, link.source)),
+           link.probability ? percent(*link.probability) : "-", status_of(link, state),
+           std::string(cairn::to_string(link.kind))});
+    }
+    const Console console = common.console();
+    console.print(fmt::format(
+        "{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n", location,
+        state.commit.value, state.nodes.size(), state.poses.size(), state.links.size(), aligned));
+    if (!state.nodes.empty()) console.print("\n" + maps.text());
+    if (aligned > 0 || (all && !state.links.empty())) console.print("\n" + table.text());
+    Json json = head("show");
+    json["commit"] = state.commit.value;
+    json["maps"] = nodes_json(state);
+    json["links"] = std::move(links);
+    write_document(json, common);
+    return kDone;
+  }
+};
+
+// "0.123 -0.456 7.890 m, roll 1.00 pitch 2.00 yaw 3.00 deg"
+std::string pose_text(const Similarity3& pose, const std::string& unit) {
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Vector3d angles = pose.rigid().roll_pitch_yaw();
+  std::string text =
+      fmt::format("{} {} {} {}, roll {} pitch {} yaw {} deg", fixed(t.x(), 4), fixed(t.y(), 4),
+                  fixed(t.z(), 4), unit, fixed(degrees(angles[0]), 3), fixed(degrees(angles[1]), 3),
+                  fixed(degrees(angles[2]), 3));
+  if (pose.scale() != 1.0) text += fmt::format(", scale {}", fixed(pose.scale(), 5));
+  return text;
+}
+
+struct PathArguments : AtlasArguments {
+  std::string target;
+  std::string source;
+
+  void add_to(CLI::App& command) {
+    command.add_option("target", target, "A map: its name, or # and its id")
+        ->required()
+        ->type_name("A");
+    command.add_option("source", source, "Another map")->required()->type_name("B");
+    AtlasArguments::add_to(command);
+    add_at_to(command);
+    command.footer(
+        "Prints the chain of links between two maps whose transform is the most certain, the "
+        "transform\n"
+        "along it, which takes points of B to A, and its standard deviation; and the transform "
+        "between\n"
+        "their optimised poses. Exit code 4: no chain of links connects them.\n"
+        "Example: cairn atlas path monday robot2 --atlas town.atlas");
+  }
+
+  int run() {
+    Atlas atlas = open_to_read();
+    const AtlasState state = atlas.state(commit());
+    const AtlasNode& a = node_named(state, target, *this);
+    const AtlasNode& b = node_named(state, source, *this);
+    const auto route = find_route(state, a.id, b.id);
+    Json json = head("path");
+    json["commit"] = state.commit.value;
+    json["route"] = nullptr;
+    const Console console = common.console();
+    if (!route) {
+      write_document(json, common);
+      console.print(fmt::format("no chain of links connects {} and {}\n", a.name, b.name));
+      return kNoTrustworthyAlignment;
+    }
+    std::vector<std::string> names;
+    for (const NodeId id : route->nodes) names.push_back(name_of(state, id));
+    Json links = Json::array();
+    for (const AtlasLinkId id : route->links) links.push_back(to_json(state.links.at(id), state));
+    json["route"] = names;
+    json["links"] = std::move(links);
+    json["target_from_source"] = to_json(route->target_from_source.matrix());
+    json["scale"] = route->target_from_source.scale();
+    json["covariance"] = route->covariance ? to_json(*route->covariance) : Json(nullptr);
+    json["optimised_target_from_source"] =
+        route->optimised ? to_json(route->optimised->matrix()) : Json(nullptr);
+    write_document(json, common);
+    const std::string unit = unit_symbol(a.length_unit);
+    console.print(fmt::format("{}\n", fmt::join(names, " <- ")));
+    console.print(fmt::format("along the links: {}\n", pose_text(route->target_from_source, unit)));
+    if (route->covariance) {
+      const Matrix7d& c = *route->covariance;
+      console.print(fmt::format("standard deviation: {} {}, {} deg\n",
+                                fixed(std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), 4), unit,
+                                fixed(degrees(std::sqrt(c(3, 3) + c(4, 4) + c(5, 5))), 3)));
+    }
+    if (route->optimised) {
+      console.print(fmt::format("optimised:       {}\n", pose_text(*route->optimised, unit)));
+    }
+    return kDone;
+  }
+};
+
+// A name of a map as that of a file.
+std::string file_name_of(const std::string& name) {
+  std::string text;
+  for (const char c : name) text += c == '/' || c == '\0' ? '_' : c;
+  return text == "." || text == ".." || text.empty() ? "_" + text : text;
+}
+
+struct ExportArguments : AtlasArguments {
+  std::string output;
+  std::string map;
+  std::string with;
+
+  void add_to(CLI::App& command) {
+    add_text(
+        command, "-o,--output", output,
+        ".g2o or .json: the graph of links and poses; .tum: the keyframes of the placed maps; "
+        ".ply: "
+        "their landmarks, side by side; a folder: every map as .cairn, and the graph. Required",
+        "FILE");
+    add_text(command, "--map", map, "This map alone, in its own frame, in any map format", "NAME");
+    add_text(command, "--with", with,
+             "Of .tum and .ply: the maps in one frame with this one; else the largest group",
+             "NAME");
+    AtlasArguments::add_to(command);
+    add_at_to(command);
+    command.footer(
+        "Example: the graph for another optimiser, the keyframes to evaluate\n"
+        "  cairn atlas export --atlas town.atlas -o town.g2o\n"
+        "  cairn atlas export --atlas town.atlas -o town.tum");
+  }
+
+  AtlasComponent component(const AtlasState& state) const {
+    const std::vector<AtlasComponent> components = components_of(state);
+    if (!with.empty()) {
+      const AtlasNode& node = node_named(state, with, *this);
+      const auto pose = state.poses.find(node.id);
+      for (const AtlasComponent& one : components) {
+        if (pose != state.poses.end() && pose->second.frame == one.frame) return one;
+      }
+      throw Error(ErrorKind::kMisuse, "--with", fmt::format("{} has no pose", node.name),
+                  "a map that 'cairn atlas optimize' placed");
+    }
+    if (components.empty()) {
+      throw Error(ErrorKind::kMisuse, location, "no two maps are in one frame",
+                  "maps that 'cairn atlas link' linked and 'cairn atlas optimize' placed");
+    }
+    return components.front();
+  }
+
+  void write_graph(const AtlasState& state, const std::string& path, bool as_g2o) const {
+    PoseGraph graph = pose_graph(state);
+    if (!as_g2o) {
+      write_text(pose_graph_text(graph), path);
+      return;
+    }
+    const std::size_t before = graph.links.size();
+    std::erase_if(graph.links, [](const PoseLink& link) { return !link.covariance; });
+    if (graph.links.size() < before) {
+      common.console().remark(
+          fmt::format("{}: {} links without a covariance of six numbers are left out", path,
+                      before - graph.links.size()));
+    }
+    const G2oGraph g2o = g2o_graph(graph);
+    write_file(path, [&](const ByteSink& sink) { write_g2o(g2o, sink); });
+  }
+
+  void write_folder(Atlas& atlas, const AtlasState& state) const {
+    std::error_code failure;
+    fs::create_directories(output, failure);
+    if (failure) throw Error(ErrorKind::kStorage, output, failure.message(), "a folder");
+    for (const auto& [id, node] : state.nodes) {
+      write_map(atlas.map(node), fs::path(output) / (file_name_of(node.name) + ".cairn"));
+    }
+    write_graph(state, (fs::path(output) / "graph.json").string(), false);
+  }
+
+  int run() {
+    if (output.empty()) {
+      throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of a file or folder");
+    }
+    const std::string ending = fs::path(output).extension().string();
+    const bool is_folder = output.ends_with('/') || fs::is_directory(output) || ending.empty();
+    if (!map.empty()) {
+      require_map_path(output, "--output");
+    } else if (!is_folder && ending != ".g2o" && ending != ".json" && ending != ".tum" &&
+               ending != ".ply") {
+      throw Error(ErrorKind::kMisuse, "--output", output, ".g2o, .json, .tum, .ply, or a folder");
+    }
+    if (!is_folder) require_folder_of(output);
+    Atlas atlas = open_to_read();
+    const AtlasState state = atlas.state(commit());
+    if (!map.empty()) {
+      save_map(atlas.map(node_named(state, map, *this)), output, common);
+    } else if (is_folder) {
+      write_folder(atlas, state);
+    } else if (ending == ".tum") {
+      const Trajectory trajectory = keyframes_of(atlas, state, component(state));
+      if (trajectory.empty()) {
+        throw Error(ErrorKind::kInput, location, "no keyframe has a time", "maps with timestamps");
+      }
+      write_file(output, [&](const ByteSink& sink) { write_tum_trajectory(trajectory, sink); });
+    } else if (ending == ".ply") {
+      save_map(cloud_of(atlas, state, component(state)), output, common);
+    } else {
+      write_graph(state, output, ending == ".g2o");
+    }
+    Json json = head("export");
+    json["commit"] = state.commit.value;
+    json["output"] = output;
+    write_document(json, common);
+    common.console().print(fmt::format("wrote {}\n", output));
+    return kDone;
+  }
+};
+
+template <class Arguments>
+Run add(CLI::App& atlas, const char* name, const char* what) {
+  auto* const command = atlas.add_subcommand(name, what);
+  auto arguments = std::make_shared<Arguments>();
+  arguments->add_to(*command);
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace
+
+Run add_atlas_show(CLI::App& atlas) {
+  return add<ShowArguments>(atlas, "show", "List its maps and links");
+}
+
+Run add_atlas_path(CLI::App& atlas) {
+  return add<PathArguments>(atlas, "path", "How one map lies to another, over which links");
+}
+
+Run add_atlas_export(CLI::App& atlas) {
+  return add<ExportArguments>(atlas, "export", "Write its graph, keyframes, landmarks or maps");
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/atlas_arguments.hpp"
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <pwd.h>
+#include <unistd.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+
+#include "support/interrupt.hpp"
+
+namespace cairn::cli {
+namespace {
+
+std::string user_name() {
+  const passwd* const entry = ::getpwuid(::geteuid());
+  return entry == nullptr ? fmt::format("{}", ::geteuid()) : entry->pw_name;
+}
+
+std::string host_name() {
+  std::array<char, 256> name = {};
+  if (::gethostname(name.data(), name.size() - 1) != 0) return {};
+  return name.data();
+}
+
+}  // namespace
+
+void AtlasArguments::add_to(CLI::App& command) {
+  add_text(command, "--atlas", location, "The atlas: path of its file. Required", "LOCATION");
+  command.add_flag("--insist", insist,
+                   "Use it even on a network file system, where locks may fail");
+  add_number(command, "--wait", wait_s, "Seconds to wait for another process that writes to it");
+  common.add_to(command);
+}
+
+void AtlasArguments::add_at_to(CLI::App& command) {
+  add_number(command, "--at", at, "As it was after this commit; the last if not given");
+}
+
+AtlasStoreOptions AtlasArguments::store_options(bool read_only) const {
+  if (location.empty()) {
+    throw Error(ErrorKind::kMisuse, "--atlas", "not given", "the path of an atlas");
+  }
+  if (!(wait_s >= 0.0 && wait_s <= 1e6)) {
+    throw Error(ErrorKind::kMisuse, "--wait", fmt::format("{}", wait_s), "0 to 1e6 seconds");
+  }
+  AtlasStoreOptions options;
+  options.read_only = read_only;
+  options.insist = insist;
+  options.wait = std::chrono::milliseconds(std::llround(1e3 * wait_s));
+  options.author = user_name();
+  options.host = host_name();
+  options.stop = interrupt_requests();
+  return options;
+}
+
+Atlas AtlasArguments::open() const {
+  require_outputs(common);
+  return Atlas::open(location, store_options(false));
+}
+
+Atlas AtlasArguments::open_to_read() const {
+  const AtlasStoreOptions options = store_options(true);
+  require_outputs(common);
+  return Atlas::open(location, options);
+}
+
+std::optional<CommitId> AtlasArguments::commit() const {
+  return at ? std::optional(CommitId{*at}) : std::nullopt;
+}
+
+Json AtlasArguments::head(const std::string& verb, Json options) const {
+  options["at"] = to_json(at);
+  return document("atlas_" + verb, common, {{"atlas", {{"path", location}}}}, std::move(options));
+}
+
+const AtlasNode& node_named(const AtlasState& state, const std::string& name,
+                            const AtlasArguments& arguments) {
+  if (const AtlasNode* const node = state.find(name)) return *node;
+  if (name.starts_with('#')) {
+    const auto id = parse_unsigned(std::string_view(name).substr(1));
+    const auto found = id ? state.nodes.find(NodeId{*id}) : state.nodes.end();
+    if (found != state.nodes.end()) return found->second;
+  }
+  std::vector<std::string> names;
+  for (const auto& [id, node] : state.nodes) {
+    if (names.size() < 8) names.push_back(node.name);
+  }
+  throw Error(ErrorKind::kMisuse, arguments.location, fmt::format("no map {}", printable(name)),
+              names.empty() ? std::string("a map, but there is none")
+                            : fmt::format("one of its maps: {}{}", fmt::join(names, ", "),
+                                          names.size() < state.nodes.size() ? ", ..." : ""));
+}
+
+std::string time_text(std::int64_t time_ms) {
+  const auto seconds = static_cast<std::time_t>(time_ms / 1000);
+  std::tm parts = {};
+  if (::gmtime_r(&seconds, &parts) == nullptr) return fmt::format("{} ms", time_ms);
+  std::array<char, 64> text = {};
+  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S", &parts);
+  return text.data();
+}
+
+Json to_json(const AtlasLink& link, const AtlasState& state) {
+  const auto name_of = [&](NodeId id) {
+    const auto node = state.nodes.find(id);
+    return node == state.nodes.end() ? Json(nullptr) : Json(node->second.name);
+  };
+  const auto agrees = state.agrees.find(link.id);
+  Json json = {{"id", link.id.value},
+               {"target", name_of(link.target)},
+               {"source", name_of(link.source)},
+               {"kind", cairn::to_string(link.kind)},
+               {"status", cairn::to_string(link.verdict)},
+               {"probability", to_json(link.probability)},
+               {"agrees", agrees == state.agrees.end() ? Json(nullptr) : Json(agrees->second)},
+               {"reason", text_or_null(link.reason)},
+               {"target_from_source", nullptr},
+               {"scale", nullptr},
+               {"covariance", nullptr}};
+  if (!link.target_from_source) return json;
+  json["target_from_source"] = to_json(link.target_from_source->matrix());
+  json["scale"] = link.target_from_source->scale();
+  if (link.covariance_with_scale) {
+    json["covariance"] = to_json(*link.covariance_with_scale);
+  } else if (link.covariance) {
+    json["covariance"] = to_json(*link.covariance);
+  }
+  return json;
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "cairn/atlas/atlas.hpp"
+
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+
+namespace cairn::cli {
+
+/// What every verb of atlas takes.
+struct AtlasArguments {
+  CommonArguments common;
+  std::string location;
+  bool insist = false;
+  double wait_s = 30.0;
+  std::optional<std::uint64_t> at;
+
+  void add_to(CLI::App& command);
+  /// Adds --at; of verbs that only read.
+  void add_at_to(CLI::App& command);
+  /// @throws Error (misuse) if --atlas was not given
+  AtlasStoreOptions store_options(bool read_only) const;
+  Atlas open() const;
+  Atlas open_to_read() const;
+  std::optional<CommitId> commit() const;
+  /// The head of a document.
+  Json head(const std::string& verb, Json options = Json::object()) const;
+};
+
+/// The map that people call so: by its name, or "#" and its id.
+/// @throws Error (misuse) naming what was asked for and what there is
+const AtlasNode& node_named(const AtlasState& state, const std::string& name,
+                            const AtlasArguments& arguments);
+
+/// "2026-11-25 09:30:12", UTC.
+std::string time_text(std::int64_t time_ms);
+
+/// A link as documents have it.
+Json to_json(const AtlasLink& link, const AtlasState& state);
+
+}  // namespace cairn::cli

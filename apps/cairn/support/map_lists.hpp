@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace cairn::cli {
+
+/// Whether a path is a folder of maps, and no map itself as a COLMAP model is.
+bool is_folder_of_maps(const std::string& path);
+
+/// The maps in a folder, by name.
+/// @throws Error (input) if it cannot be read or holds none
+std::vector<std::string> maps_in(const std::string& folder);
+
+/// What maps are called: file names without extension, with their folder where several are alike.
+std::vector<std::string> map_names(const std::vector<std::string>& files);
+
+/// 61204 as "61,204".
+std::string with_commas(std::size_t number);
+
+/// A probability in percent, which is never said to be one.
+std::string percent(double probability);
+
+}  // namespace cairn::cli

@@ -1,0 +1,746 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/atlas/atlas.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <list>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string_view>
+#include <tuple>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/map/io/binary.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/merging/optimisation/node_extent.hpp"
+#include "cairn/merging/recognition/map_index.hpp"
+
+namespace cairn {
+namespace {
+
+std::string plural(std::size_t count, std::string_view noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+std::string bytes_of(const LandmarkMap& map) {
+  std::string bytes;
+  write_binary(map, [&](std::string_view more) { bytes += more; });
+  return bytes;
+}
+
+AtlasNode described(const LandmarkMap& map) {
+  AtlasNode node;
+  node.length_unit = map.info().length_unit;
+  node.frames = map.frame_count();
+  node.landmarks = map.landmark_count();
+  node.observations = map.observation_count();
+  node.extent = node_extent(map);
+  return node;
+}
+
+const AtlasNode& require_node(const AtlasState& state, NodeId id) {
+  const auto found = state.nodes.find(id);
+  if (found != state.nodes.end()) return found->second;
+  throw Error(ErrorKind::kMisuse, "node", fmt::format("{} is not there", id.value),
+              "a map of the atlas");
+}
+
+using Pair = std::pair<NodeId, NodeId>;  // the lower id first
+
+Pair pair_of(NodeId a, NodeId b) {
+  return a < b ? Pair(a, b) : Pair(b, a);
+}
+
+// Maps that were read last, for any number of threads.
+class MapCache {
+ public:
+  explicit MapCache(Atlas& atlas, std::size_t capacity) : atlas_(atlas), capacity_(capacity) {}
+
+  std::shared_ptr<const LandmarkMap> get(const AtlasNode& node) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::find_if(maps_.begin(), maps_.end(),
+                                    [&](const auto& one) { return one.first == node.id; });
+    if (found != maps_.end()) {
+      maps_.splice(maps_.begin(), maps_, found);
+      return maps_.front().second;
+    }
+    maps_.emplace_front(node.id, std::make_shared<const LandmarkMap>(atlas_.map(node)));
+    if (maps_.size() > capacity_) maps_.pop_back();
+    return maps_.front().second;
+  }
+  /// While held, nobody else uses the atlas.
+  std::mutex& mutex() { return mutex_; }
+
+ private:
+  Atlas& atlas_;
+  std::size_t capacity_;
+  std::mutex mutex_;
+  std::list<std::pair<NodeId, std::shared_ptr<const LandmarkMap>>> maps_;  // last used first
+};
+
+// Pairs of maps that may show one place: what recognition finds, neighbours in a session, and everything
+// with maps that it cannot look at.
+std::set<Pair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t candidates,
+                            const Execution& execution) {
+  std::set<Pair> pairs;
+  MapIndex index;
+  std::vector<NodeId> ids;
+  std::map<std::string, NodeId> last_of_session;
+  for (const auto& [id, node] : state.nodes) {
+    if (execution.stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, "link", "recognition was cancelled", "");
+    }
+    index.add(atlas.map(node));
+    ids.push_back(id);
+    if (node.session.empty()) continue;
+    const auto before = last_of_session.find(node.session);
+    if (before != last_of_session.end()) pairs.insert(pair_of(before->second, id));
+    last_of_session[node.session] = id;
+  }
+  std::vector<std::vector<RecognitionCandidate>> found(ids.size());
+  // The first query prepares the index for the others.
+  if (!ids.empty()) found[0] = index.find(std::size_t{0}, candidates);
+  execution.executor.for_blocks(ids.size(), 8, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i) {
+      found[i] = index.find(i, candidates);
+    }
+  });
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    for (const RecognitionCandidate& one : found[i]) pairs.insert(pair_of(ids[i], ids[one.map]));
+    if (index.holds(i)) continue;
+    for (const NodeId other : ids) {
+      if (other != ids[i]) pairs.insert(pair_of(ids[i], other));
+    }
+  }
+  return pairs;
+}
+
+AtlasLink link_of(const MapLink& found, const Pair& pair) {
+  AtlasLink link;
+  link.target = pair.first;
+  link.source = pair.second;
+  link.kind = LinkKind::kPlacement;
+  link.verdict = found.verdict;
+  link.probability = found.probability;
+  link.reason = found.reason;
+  link.target_from_source = found.target_from_source;
+  link.covariance = found.covariance;
+  link.covariance_with_scale = found.covariance_with_scale;
+  return link;
+}
+
+}  // namespace
+
+void AtlasLinkOptions::validate() const {
+  links.validate();
+  if (shards < 1 || shard >= shards) {
+    throw Error(ErrorKind::kMisuse, "AtlasLinkOptions.shard",
+                fmt::format("{} of {}", shard, shards), "a number below that of the shards");
+  }
+}
+
+void Atlas::create(const std::string& location, const AtlasStoreOptions& options) {
+  if (location.starts_with("postgresql://")) {
+    throw Error(ErrorKind::kMisuse, "atlas", printable(location), "the path of a file");
+  }
+  create_sqlite_store(location, options);
+}
+
+Atlas Atlas::open(const std::string& location, const AtlasStoreOptions& options) {
+  if (location.starts_with("postgresql://")) {
+    throw Error(ErrorKind::kMisuse, "atlas", printable(location), "the path of a file");
+  }
+  return Atlas(open_sqlite_store(location, options));
+}
+
+AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make,
+                             std::optional<CommitId> undoes) {
+  const CommitId before = store_->last_commit();
+  AtlasCommitted committed = store_->commit({.verb = verb, .run = run_, .undoes = undoes}, make);
+  if (run_.value == 0 && committed.commit > before) run_ = committed.commit;
+  return committed;
+}
+
+LandmarkMap Atlas::map(const AtlasNode& node) {
+  const std::string bytes = store_->map_bytes(node.map);
+  MemoryReader reader(bytes, fmt::format("{}: {}", store_->name(), node.name));
+  return read_binary(reader);
+}
+
+Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
+                        const std::string& session) {
+  if (map.landmark_count() == 0) {
+    throw Error(ErrorKind::kInput, name, "holds no landmarks", "a map with landmarks");
+  }
+  const std::string bytes = bytes_of(map);
+  AtlasNode node = described(map);
+  node.name = name;
+  node.session = session;
+  node.map = store_->put_map(bytes);
+  Added added;
+  const AtlasCommitted committed = commit("add", [&](const AtlasState& now) {
+    AtlasChanges changes;
+    for (const auto& [id, other] : now.nodes) {
+      if (other.map == node.map) {
+        added = {id, true};
+        return changes;
+      }
+    }
+    if (now.find(name) != nullptr) {
+      throw Error(ErrorKind::kMisuse, store_->name(),
+                  fmt::format("another map is called {}", printable(name)), "another name");
+    }
+    changes.text = fmt::format("{}: {}, {}", name, plural(node.landmarks, "landmark"),
+                               plural(node.frames, "keyframe"));
+    changes.nodes.push_back(node);
+    return changes;
+  });
+  if (!added.was_there) added.node = committed.nodes.front();
+  return added;
+}
+
+AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
+  options.validate();
+  const AtlasState state = store_->state();
+  AtlasLinkResult result;
+  std::map<Pair, std::vector<AtlasLinkId>> known;  // those that will not be tried
+  std::map<Pair, std::vector<AtlasLinkId>> replaced;
+  for (const auto& [id, link] : state.links) {
+    const Pair pair = pair_of(link.target, link.source);
+    const bool again =
+        options.retry && link.kind == LinkKind::kPlacement && link.verdict != Verdict::kAligned;
+    (again ? replaced : known)[pair].push_back(id);
+  }
+  const std::set<NodeId> only(options.only.begin(), options.only.end());
+  for (const NodeId id : only) require_node(state, id);
+  const std::size_t candidates =
+      options.candidates.value_or(state.nodes.size() > kMapsTriedInFull ? kDefaultCandidates : 0);
+  std::optional<std::set<Pair>> likely;
+  if (candidates > 0) likely = likely_pairs(*this, state, candidates, options.links.execution);
+  std::vector<Pair> pairs;
+  std::size_t number = 0;
+  for (auto source = state.nodes.begin(); source != state.nodes.end(); ++source) {
+    for (auto target = state.nodes.begin(); target != source; ++target) {
+      const Pair pair(target->first, source->first);
+      if (!only.empty() && !only.contains(pair.first) && !only.contains(pair.second)) continue;
+      ++result.pairs;
+      if (number++ % options.shards != options.shard) continue;
+      if (known.contains(pair)) {
+        ++result.tried_before;
+      } else if (likely && !likely->contains(pair)) {
+        ++result.not_likely;
+      } else {
+        pairs.push_back(pair);
+      }
+    }
+  }
+
+  LinkOptions how = options.links;
+  const Executor& executor = how.execution.executor;
+  const Execution whole = how.execution;
+  // Many pairs are the better work to share out.
+  const bool by_pairs = pairs.size() >= executor.threads();
+  how.execution = whole.without_progress();
+  if (by_pairs) how.execution.executor = Executor(1);
+  MapCache cache(*this, 64);
+  std::vector<AtlasLink> pending;
+  auto last_flush = std::chrono::steady_clock::now();
+  const auto flush = [&] {
+    if (pending.empty()) return;
+    std::vector<AtlasLink> kept;
+    commit("link", [&](const AtlasState& now) {
+      AtlasChanges changes;
+      kept.clear();
+      std::set<Pair> done;  // by another process meanwhile
+      for (const auto& [id, link] : now.links) {
+        if (!state.links.contains(id)) done.insert(pair_of(link.target, link.source));
+      }
+      std::size_t aligned = 0;
+      for (const AtlasLink& link : pending) {
+        const Pair pair = pair_of(link.target, link.source);
+        const bool is_there = now.nodes.contains(pair.first) && now.nodes.contains(pair.second);
+        if (!is_there || done.contains(pair)) continue;
+        for (const AtlasLinkId old : replaced[pair]) {
+          if (!now.links.contains(old)) continue;
+          changes.removed_links.push_back(old);
+          if (now.agrees.contains(old)) changes.removed_agrees.push_back(old);
+        }
+        changes.links.push_back(link);
+        kept.push_back(link);
+        if (link.is_aligned()) ++aligned;
+      }
+      changes.text =
+          fmt::format("{} tried, {} aligned", plural(changes.links.size(), "pair"), aligned);
+      return changes;
+    });
+    for (const AtlasLink& link : kept) {
+      ++result.tried;
+      if (link.is_aligned()) ++result.aligned;
+      if (options.on_link) options.on_link(link);
+    }
+    pending.clear();
+    last_flush = std::chrono::steady_clock::now();
+  };
+  const auto make = [&](std::size_t i) {
+    const auto target = cache.get(state.nodes.at(pairs[i].first));
+    const auto source = cache.get(state.nodes.at(pairs[i].second));
+    return link_of(link_pair(*target, *source, how), pairs[i]);
+  };
+  const auto use = [&](std::size_t i, AtlasLink link) {
+    const std::lock_guard lock(cache.mutex());
+    pending.push_back(std::move(link));
+    // Seconds of work are kept at a time: the log stays short, and little is lost if this is killed.
+    if (std::chrono::steady_clock::now() - last_flush > std::chrono::seconds(2)) flush();
+    if (whole.progress) {
+      whole.progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
+    }
+  };
+  try {
+    if (by_pairs) {
+      executor.in_order(pairs.size(), 2 * std::size_t{executor.threads()}, make, use);
+    } else {
+      for (std::size_t i = 0; i < pairs.size(); ++i) use(i, make(i));
+    }
+  } catch (...) {
+    flush();  // what was found is kept, whatever stopped this
+    throw;
+  }
+  flush();
+  return result;
+}
+
+AtlasLinkId Atlas::link_manually(NodeId target, NodeId source,
+                                 const Similarity3& target_from_source, const Matrix7d& covariance,
+                                 const std::string& reason) {
+  const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
+    AtlasLink link;
+    link.target = target;
+    link.source = source;
+    link.kind = LinkKind::kManual;
+    link.verdict = Verdict::kAligned;
+    link.reason = reason.empty() ? "stated by a person" : reason;
+    link.target_from_source = target_from_source;
+    if (covariance(6, 6) > 0.0) {
+      link.covariance_with_scale = covariance;
+    } else {
+      link.covariance = covariance.topLeftCorner<6, 6>();
+    }
+    AtlasChanges changes;
+    changes.text = fmt::format("{} <- {} by hand", require_node(now, target).name,
+                               require_node(now, source).name);
+    // What a person said before is outdated.
+    for (const auto& [id, old] : now.links) {
+      if (old.kind != LinkKind::kManual ||
+          pair_of(old.target, old.source) != pair_of(target, source)) {
+        continue;
+      }
+      changes.removed_links.push_back(id);
+      if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
+    }
+    changes.links.push_back(link);
+    return changes;
+  });
+  return committed.links.front();
+}
+
+void Atlas::unlink(NodeId a, NodeId b, const std::string& reason) {
+  commit("unlink", [&](const AtlasState& now) {
+    AtlasChanges changes;
+    const std::string names =
+        fmt::format("{} and {}", require_node(now, a).name, require_node(now, b).name);
+    for (const auto& [id, link] : now.links) {
+      if (pair_of(link.target, link.source) != pair_of(a, b)) continue;
+      changes.removed_links.push_back(id);
+      if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
+    }
+    if (changes.removed_links.empty()) {
+      throw Error(ErrorKind::kMisuse, store_->name(), "no link between " + names,
+                  "two linked maps");
+    }
+    AtlasLink link;
+    std::tie(link.target, link.source) = pair_of(a, b);
+    link.kind = LinkKind::kManual;
+    link.verdict = Verdict::kRejected;
+    link.reason = reason.empty() ? "unlinked by a person" : reason;
+    changes.links.push_back(link);
+    changes.text = names;
+    return changes;
+  });
+}
+
+PoseGraph pose_graph(const AtlasState& state) {
+  PoseGraph graph;
+  for (const auto& [id, node] : state.nodes) {
+    const auto pose = state.poses.find(id);
+    graph.nodes.push_back(
+        {id, node.name, node.session,
+         pose == state.poses.end() ? Similarity3() : pose->second.frame_from_node});
+  }
+  for (const auto& [id, link] : state.links) {
+    if (!link.is_aligned()) continue;
+    graph.links.push_back({link.target, link.source, *link.target_from_source, link.covariance,
+                           link.covariance_with_scale, link.kind, link.probability});
+  }
+  // Whatever the order in which the pairs were tried.
+  std::stable_sort(graph.links.begin(), graph.links.end(),
+                   [](const PoseLink& a, const PoseLink& b) {
+                     return std::tuple(a.source, a.target) < std::tuple(b.source, b.target);
+                   });
+  return graph;
+}
+
+AtlasOptimised Atlas::optimize(const PoseOptimisationOptions& options) {
+  options.validate();
+  // Another process may add links meanwhile.
+  for (int attempt = 0; attempt < 10; ++attempt) {
+    if (const auto result = optimize_once(options)) return *result;
+  }
+  throw Error(ErrorKind::kStorage, store_->name(), "is being changed by another process",
+              "to be tried again later");
+}
+
+std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions& options) {
+  const AtlasState state = store_->state();
+  // Beside the links of the graph, their ids.
+  std::vector<AtlasLinkId> ids;
+  for (const auto& [id, link] : state.links) {
+    if (link.is_aligned()) ids.push_back(id);
+  }
+  std::stable_sort(ids.begin(), ids.end(), [&](AtlasLinkId a, AtlasLinkId b) {
+    const AtlasLink& first = state.links.at(a);
+    const AtlasLink& second = state.links.at(b);
+    return std::tuple(first.source, first.target) < std::tuple(second.source, second.target);
+  });
+  const PoseGraph all = pose_graph(state);
+
+  std::map<NodeId, AtlasPose> poses;
+  std::map<AtlasLinkId, bool> agrees;
+  std::set<NodeId> left;
+  for (const auto& [id, node] : state.nodes) left.insert(id);
+  // The largest component, then the largest of what is left, and so on.
+  while (left.size() >= 2) {
+    PoseGraph graph;
+    std::vector<NodeExtent> extents;
+    std::vector<std::size_t> link_of;
+    for (const PoseNode& node : all.nodes) {
+      if (!left.contains(node.id)) continue;
+      graph.nodes.push_back(node);
+      extents.push_back(state.nodes.at(node.id).extent);
+    }
+    for (std::size_t i = 0; i < all.links.size(); ++i) {
+      if (!left.contains(all.links[i].target) || !left.contains(all.links[i].source)) continue;
+      graph.links.push_back(all.links[i]);
+      link_of.push_back(i);
+    }
+    const OptimisedPoses found = optimise_poses(graph, extents, options);
+    if (found.tree.empty()) break;
+    std::optional<NodeId> frame;
+    for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
+      if (!found.world_from_node[i]) continue;
+      const NodeId id = graph.nodes[i].id;
+      if (!frame) frame = id;
+      poses[id] = {id, *frame, *found.world_from_node[i], found.covariances[i]};
+      left.erase(id);
+    }
+    for (std::size_t i = 0; i < link_of.size(); ++i) {
+      const PoseLink& link = graph.links[i];
+      if (left.contains(link.target) || left.contains(link.source)) continue;
+      agrees[ids[link_of[i]]] = found.agrees[i];
+    }
+  }
+  // A link between two components disagrees with what keeps its maps apart.
+  for (std::size_t i = 0; i < all.links.size(); ++i) {
+    const PoseLink& link = all.links[i];
+    if (poses.contains(link.target) && poses.contains(link.source))
+      agrees.try_emplace(ids[i], false);
+  }
+
+  AtlasOptimised result;
+  result.placed = poses.size();
+  bool outdated = false;
+  const AtlasCommitted committed = commit("optimize", [&](const AtlasState& now) {
+    outdated = now.commit != state.commit;
+    if (outdated) return AtlasChanges();
+    AtlasChanges changes;
+    for (const auto& [id, pose] : poses) {
+      const auto old = now.poses.find(id);
+      if (old == now.poses.end() || !(old->second == pose)) changes.poses.push_back(pose);
+    }
+    for (const auto& [id, pose] : now.poses) {
+      if (!poses.contains(id)) changes.removed_poses.push_back(id);
+    }
+    for (const auto& [id, agree] : agrees) {
+      const auto old = now.agrees.find(id);
+      if (old == now.agrees.end() || old->second != agree) changes.agrees.emplace_back(id, agree);
+    }
+    for (const auto& [id, agree] : now.agrees) {
+      if (!agrees.contains(id)) changes.removed_agrees.push_back(id);
+    }
+    std::set<NodeId> frames;
+    for (const auto& [id, pose] : poses) frames.insert(pose.frame);
+    changes.text = fmt::format("{} of {} placed in {}", poses.size(),
+                               plural(now.nodes.size(), "map"), plural(frames.size(), "frame"));
+    result.changed = !changes.empty();
+    return changes;
+  });
+  if (outdated) return std::nullopt;
+  result.commit = committed.commit;
+  for (const auto& [id, agree] : agrees) result.contradicted += agree ? 0 : 1;
+  return result;
+}
+
+std::vector<AtlasComponent> components_of(const AtlasState& state) {
+  std::map<NodeId, std::vector<NodeId>> by_frame;
+  for (const auto& [id, pose] : state.poses) by_frame[pose.frame].push_back(id);
+  std::vector<AtlasComponent> components;
+  for (auto& [frame, nodes] : by_frame) components.push_back({frame, std::move(nodes)});
+  std::stable_sort(components.begin(), components.end(),
+                   [](const auto& a, const auto& b) { return a.nodes.size() > b.nodes.size(); });
+  return components;
+}
+
+AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitId> at) {
+  const AtlasState state = store_->state(at);
+  const std::vector<AtlasComponent> components = components_of(state);
+  const AtlasComponent* chosen = components.empty() ? nullptr : &components.front();
+  if (options.frame) {
+    const AtlasNode& wanted = require_node(state, *options.frame);
+    const auto pose = state.poses.find(wanted.id);
+    chosen = nullptr;
+    for (const AtlasComponent& component : components) {
+      if (pose != state.poses.end() && component.frame == pose->second.frame) chosen = &component;
+    }
+    if (chosen == nullptr) {
+      throw Error(ErrorKind::kMisuse, store_->name(), fmt::format("{} has no pose", wanted.name),
+                  "a map that 'optimize' placed");
+    }
+  }
+  if (chosen == nullptr) {
+    throw Error(ErrorKind::kMisuse, store_->name(), "no two maps are in one frame",
+                "maps that 'link' linked and 'optimize' placed");
+  }
+  std::vector<LandmarkMap> maps;
+  std::vector<PlacedMap> placed;
+  AtlasMerged merged;
+  merged.nodes = chosen->nodes;
+  maps.reserve(chosen->nodes.size());
+  for (const NodeId id : chosen->nodes) {
+    const AtlasNode& node = state.nodes.at(id);
+    const AtlasPose& pose = state.poses.at(id);
+    maps.push_back(map(node));
+    placed.push_back({&maps.back(), node.name, pose.frame_from_node, pose.covariance});
+  }
+  FusionOptions fusion;
+  fusion.min_probability = options.fusion_probability;
+  fusion.seed = options.seed;
+  fusion.execution = options.execution;
+  fusion.log = options.log;
+  FusionResult fused = fuse_maps(placed, fusion);
+  merged.map = std::move(fused.map);
+  merged.maps = std::move(fused.maps);
+  return merged;
+}
+
+namespace {
+
+// What refers to a map goes with it.
+void remove_with_links(const AtlasState& now, NodeId node, AtlasChanges& changes) {
+  for (const auto& [id, link] : now.links) {
+    if (link.target != node && link.source != node) continue;
+    changes.removed_links.push_back(id);
+    if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
+  }
+  for (const auto& [id, pose] : now.poses) {
+    if (id == node || pose.frame == node) changes.removed_poses.push_back(id);
+  }
+  changes.removed_nodes.push_back(node);
+}
+
+}  // namespace
+
+void Atlas::remove(NodeId node) {
+  commit("remove", [&](const AtlasState& now) {
+    AtlasChanges changes;
+    const std::string& name = require_node(now, node).name;
+    remove_with_links(now, node, changes);
+    changes.text = fmt::format("{} and {}", name, plural(changes.removed_links.size(), "link"));
+    return changes;
+  });
+}
+
+std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
+  if (frames < 1) throw Error(ErrorKind::kMisuse, "frames", "0", "at least 1");
+  const AtlasNode whole = require_node(store_->state(), node);
+  const LandmarkMap original = map(whole);
+  std::vector<FrameId> ids = original.frames().ids;
+  std::sort(ids.begin(), ids.end());
+  if (ids.size() <= frames) {
+    throw Error(ErrorKind::kMisuse, "frames", fmt::format("{}", frames),
+                fmt::format("fewer than the {} keyframes of {}", ids.size(), whole.name));
+  }
+  std::vector<AtlasNode> parts;
+  for (std::size_t begin = 0; begin < ids.size(); begin += frames) {
+    const std::size_t end = std::min(begin + frames, ids.size());
+    const FrameId behind = end < ids.size() ? ids[end] : FrameId{ids.back().value + 1};
+    const LandmarkMap part = cut_frames(original, ids[begin], behind);
+    if (part.landmark_count() == 0) continue;
+    AtlasNode described_part = described(part);
+    described_part.name = fmt::format("{}/{}", whole.name, parts.size() + 1);
+    described_part.session = whole.session.empty() ? whole.name : whole.session;
+    described_part.map = store_->put_map(bytes_of(part));
+    parts.push_back(std::move(described_part));
+  }
+  if (parts.size() < 2) {
+    throw Error(ErrorKind::kInput, whole.name, "no two parts of it have landmarks of their own",
+                "more keyframes a part");
+  }
+  const AtlasCommitted committed = commit("split", [&](const AtlasState& now) {
+    require_node(now, node);
+    AtlasChanges changes;
+    remove_with_links(now, node, changes);
+    changes.nodes = parts;
+    changes.text = fmt::format("{} into {}", whole.name, plural(parts.size(), "map"));
+    return changes;
+  });
+  // Parts lie to each other as the map says, give or take a hundredth of their size.
+  commit("split", [&](const AtlasState& now) {
+    AtlasChanges changes;
+    for (std::size_t i = 1; i < committed.nodes.size(); ++i) {
+      AtlasLink link;
+      link.target = committed.nodes[i - 1];
+      link.source = committed.nodes[i];
+      if (!now.nodes.contains(link.target) || !now.nodes.contains(link.source)) continue;
+      link.kind = LinkKind::kOdometry;
+      link.verdict = Verdict::kAligned;
+      link.reason = "neighbours in the map that was split";
+      link.target_from_source = Similarity3();
+      const double length = 0.01 * parts[i].extent.radius;
+      Matrix6d covariance = Matrix6d::Zero();
+      covariance.diagonal() << Eigen::Vector3d::Constant(length * length),
+          Eigen::Vector3d::Constant(1e-4);
+      link.covariance = covariance;
+      changes.links.push_back(std::move(link));
+    }
+    changes.text = fmt::format("{} linked as neighbours", plural(changes.links.size() + 1, "part"));
+    return changes;
+  });
+  return committed.nodes;
+}
+
+namespace {
+
+// Sets an object back to what it was, unless it was changed since.
+template <class Id, class Value, class Equal, class Restore, class Remove>
+void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value>& after,
+              const std::map<Id, Value>& now, const Equal& equal, const Restore& restore,
+              const Remove& remove, const std::string& name, const std::string& what) {
+  const auto then = before.find(id);
+  const auto left = after.find(id);
+  const auto here = now.find(id);
+  const bool same = (left == after.end()) == (here == now.end()) &&
+                    (left == after.end() || equal(left->second, here->second));
+  if (!same) {
+    throw Error(ErrorKind::kMisuse, name, fmt::format("{} was changed again since", what),
+                "to undo the later commands first");
+  }
+  const bool changed = (then == before.end()) != (left == after.end()) ||
+                       (then != before.end() && !equal(then->second, left->second));
+  if (!changed) return;
+  if (then == before.end()) {
+    remove(id);
+  } else {
+    restore(then->second);
+  }
+}
+
+}  // namespace
+
+CommitId Atlas::undo(std::optional<CommitId> commit_id) {
+  const std::vector<AtlasCommit> log = store_->log();
+  std::set<CommitId> undone;  // last commits of runs
+  for (auto commit = log.rbegin(); commit != log.rend(); ++commit) {
+    // An undoing that is undone itself does not count.
+    if (commit->undoes && !undone.contains(commit->id)) undone.insert(*commit->undoes);
+  }
+  const AtlasCommit* of = nullptr;
+  for (auto commit = log.rbegin(); commit != log.rend() && of == nullptr; ++commit) {
+    if (commit_id ? commit->id == *commit_id : !commit->undoes && !undone.contains(commit->id)) {
+      of = &*commit;
+    }
+  }
+  if (of == nullptr) {
+    throw Error(ErrorKind::kMisuse, store_->name(),
+                commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
+                "a commit of its log");
+  }
+  const CommitId run = of->run;
+  std::vector<CommitId> commits;
+  for (const AtlasCommit& commit : log) {
+    if (commit.run == run) commits.push_back(commit.id);
+  }
+  if (undone.contains(commits.back())) {
+    throw Error(ErrorKind::kMisuse, store_->name(),
+                fmt::format("commit {} is undone already", commits.back().value), "another commit");
+  }
+  if (commits.front() == log.front().id && log.front().id.value > 1) {
+    throw Error(ErrorKind::kMisuse, store_->name(),
+                fmt::format("what was before commit {} is compacted", commits.front().value),
+                "a later commit");
+  }
+  const AtlasTouched touched = store_->touched(commits);
+  const AtlasState before = store_->state(CommitId{commits.front().value - 1});
+  const AtlasState after = store_->state(commits.back());
+  begin_run();
+  commit(
+      "undo",
+      [&](const AtlasState& now) {
+        AtlasChanges changes;
+        changes.text = commits.size() == 1
+                           ? fmt::format("commit {}: {} {}", of->id.value, of->verb, of->text)
+                           : fmt::format("commits {} to {}: {}", commits.front().value,
+                                         commits.back().value, of->verb);
+        const std::string& name = store_->name();
+        const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
+        const auto same_link = [](const AtlasLink&, const AtlasLink&) { return true; };
+        for (const NodeId id : touched.nodes) {
+          set_back(
+              id, before.nodes, after.nodes, now.nodes, same_node,
+              [&](const AtlasNode& node) { changes.nodes.push_back(node); },
+              [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
+              fmt::format("map {}", id.value));
+        }
+        for (const AtlasLinkId id : touched.links) {
+          set_back(
+              id, before.links, after.links, now.links, same_link,
+              [&](const AtlasLink& link) { changes.links.push_back(link); },
+              [&](AtlasLinkId removed) { changes.removed_links.push_back(removed); }, name,
+              fmt::format("link {}", id.value));
+        }
+        for (const NodeId id : touched.poses) {
+          set_back(
+              id, before.poses, after.poses, now.poses,
+              [](const AtlasPose& a, const AtlasPose& b) { return a == b; },
+              [&](const AtlasPose& pose) { changes.poses.push_back(pose); },
+              [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
+              fmt::format("the pose of map {}", id.value));
+        }
+        for (const AtlasLinkId id : touched.agrees) {
+          const auto then = before.agrees.find(id);
+          set_back(
+              id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
+              [&](bool) { changes.agrees.emplace_back(id, then->second); },
+              [&](AtlasLinkId removed) { changes.removed_agrees.push_back(removed); }, name,
+              fmt::format("the agreement of link {}", id.value));
+        }
+        return changes;
+      },
+      commits.back());
+  return commits.back();
+}
+
+}  // namespace cairn

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/atlas/atlas.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/atlas/export.hpp"
+#include "cairn/atlas/route.hpp"
+#include "cairn/atlas/state_difference.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "support/temporary_folder.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class AtlasTest : public ::testing::Test {
+ protected:
+  AtlasTest() {
+    Atlas::create(location_);
+    atlas_.emplace(Atlas::open(location_));
+  }
+
+  Atlas& atlas() { return *atlas_; }
+  // What another command does.
+  Atlas& again() {
+    atlas_.emplace(Atlas::open(location_));
+    return *atlas_;
+  }
+  NodeId add(const std::string& name, std::uint64_t seed) {
+    return again().add(synthetic_map({.seed = seed, .landmarks = 40, .frames = 6}), name).node;
+  }
+  // Of a chain: each is 1 m further on.
+  static Similarity3 step() { return Rigid3::from_roll_pitch_yaw({1.0, 0.0, 0.0}, 0.0, 0.0, 0.1); }
+  static Matrix7d covariance() {
+    Matrix7d covariance = Matrix7d::Zero();
+    for (int i = 0; i < 6; ++i) covariance(i, i) = 1e-4;
+    return covariance;
+  }
+
+  testing::TemporaryFolder folder_;
+  std::string location_ = (folder_ / "town.atlas").string();
+  std::optional<Atlas> atlas_;
+};
+
+TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 900, .frames = 20});
+  const NodeId target = atlas().add(pair.target, "target").node;
+  const NodeId source = atlas().add(pair.source, "source").node;
+  EXPECT_TRUE(atlas().add(pair.source, "under another name").was_there);
+  EXPECT_EQ(atlas().state().nodes.size(), 2U);
+  EXPECT_THROW(atlas().add(synthetic_map({.seed = 9, .landmarks = 30, .frames = 4}), "source"),
+               Error);
+
+  const AtlasLinkResult first = again().link();
+  EXPECT_EQ(first.tried, 1U);
+  EXPECT_EQ(first.aligned, 1U);
+  const AtlasLinkResult second = again().link();
+  EXPECT_EQ(second.tried, 0U);
+  EXPECT_EQ(second.tried_before, 1U);
+
+  const AtlasOptimised optimised = again().optimize();
+  EXPECT_EQ(optimised.placed, 2U);
+  EXPECT_TRUE(optimised.changed);
+  EXPECT_FALSE(again().optimize().changed);
+  const AtlasState state = atlas().state();
+  EXPECT_EQ(state.poses.at(source).frame, target);
+  const Rigid3 error =
+      pair.target_from_source.inverse() * state.poses.at(source).frame_from_node.rigid();
+  EXPECT_LT(error.angle(), 0.003);
+  EXPECT_LT(error.translation().norm(), 0.02);
+
+  const AtlasMerged merged = again().merge();
+  EXPECT_EQ(merged.nodes, (std::vector{target, source}));
+  EXPECT_EQ(merged.map.frame_count(), 40U);
+  EXPECT_LT(merged.map.landmark_count(), 1400U);
+  const LandmarkMap cloud = cloud_of(atlas(), state, components_of(state).front());
+  EXPECT_EQ(cloud.landmark_count(), 1800U);
+  EXPECT_EQ(cloud.column(kNodeColumn)->values.back(), static_cast<double>(source.value));
+  EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, UndoesTheLastCommandAndThenTheOneBefore) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  again().link_manually(a, b, step(), covariance());
+  again().optimize();
+  EXPECT_EQ(atlas().state().poses.size(), 2U);
+  EXPECT_EQ(again().undo(), CommitId{4});
+  EXPECT_TRUE(atlas().state().poses.empty());
+  EXPECT_EQ(again().undo(), CommitId{3});
+  EXPECT_TRUE(atlas().state().links.empty());
+  EXPECT_EQ(again().undo(), CommitId{2});
+  EXPECT_EQ(again().undo(), CommitId{1});
+  EXPECT_TRUE(atlas().state().nodes.empty());
+  EXPECT_THROW(again().undo(), Error);
+  // Undoing the undoing.
+  EXPECT_EQ(again().undo(CommitId{8}), CommitId{8});
+  EXPECT_EQ(atlas().state().nodes.at(a).name, "a");
+  EXPECT_TRUE(difference(atlas().state(CommitId{0}), atlas().state(CommitId{8})).empty());
+  EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, DoesNotUndoWhatLaterCommandsBuildOn) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  again().link_manually(a, b, step(), covariance());
+  EXPECT_THROW(again().undo(CommitId{2}), Error);
+  EXPECT_EQ(atlas().state().nodes.size(), 2U);
+  EXPECT_EQ(atlas().store().last_commit(), CommitId{3});
+  again().undo();
+  EXPECT_EQ(again().undo(CommitId{1}), CommitId{1});
+  EXPECT_EQ(atlas().state().nodes.begin()->first, b);
+}
+
+TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  const NodeId c = add("c", 3);
+  again().link_manually(a, b, step(), covariance());
+  again().link_manually(b, c, step(), covariance());
+  again().optimize();
+  const AtlasState before = atlas().state();
+  again().remove(a);
+  const AtlasState after = atlas().state();
+  EXPECT_EQ(after.nodes.size(), 2U);
+  EXPECT_EQ(after.links.size(), 1U);
+  EXPECT_TRUE(after.poses.empty());  // they were in the frame of a
+  again().undo();
+  EXPECT_TRUE(difference(before, atlas().state()).empty());
+  EXPECT_EQ(add("a2", 4), NodeId{4});  // no id is given out twice
+}
+
+TEST_F(AtlasTest, DoesNotTryAgainWhatAPersonUnlinked) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  again().link_manually(a, b, step(), covariance());
+  again().unlink(b, a, "two floors");
+  const AtlasState state = atlas().state();
+  ASSERT_EQ(state.links.size(), 1U);
+  EXPECT_EQ(state.links.begin()->second.verdict, Verdict::kRejected);
+  EXPECT_EQ(state.links.begin()->second.reason, "two floors");
+  EXPECT_EQ(again().link().tried, 0U);
+  EXPECT_EQ(again().link({.retry = true}).tried, 0U);
+  EXPECT_EQ(again().optimize().placed, 0U);
+}
+
+TEST_F(AtlasTest, LeavesOutALinkThatOthersContradict) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  const NodeId c = add("c", 3);
+  const NodeId d = add("d", 4);
+  const auto far = [](double x) {
+    return Similarity3(Rigid3::from_roll_pitch_yaw({x, 0, 0}, 0, 0, 0));
+  };
+  for (const auto& [target, source, x] :
+       {std::tuple(a, b, 1.0), std::tuple(b, c, 1.0), std::tuple(a, c, 2.0), std::tuple(c, d, 1.0),
+        std::tuple(b, d, 2.0), std::tuple(a, d, 9.0)}) {
+    again().link_manually(target, source, far(x), covariance());
+  }
+  EXPECT_EQ(again().optimize().contradicted, 1U);
+  const AtlasState state = atlas().state();
+  EXPECT_NEAR(state.poses.at(d).frame_from_node.translation().x(), 3.0, 1e-3);
+  const auto route = find_route(state, a, d);
+  ASSERT_TRUE(route.has_value());
+  EXPECT_EQ(route->links.size(), 2U);
+  EXPECT_NEAR(route->target_from_source.translation().x(), 3.0, 1e-9);
+}
+
+TEST_F(AtlasTest, RouteHasTheTransformAndTheCovarianceOfItsLinks) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  const NodeId c = add("c", 3);
+  const NodeId apart = add("apart", 4);
+  again().link_manually(b, a, step().inverse(), covariance());  // against the way
+  again().link_manually(b, c, step(), covariance());
+  const AtlasState state = again().state();
+  const auto route = find_route(state, a, c);
+  ASSERT_TRUE(route.has_value());
+  EXPECT_EQ(route->nodes, (std::vector{a, b, c}));
+  EXPECT_TRUE(route->target_from_source.matrix().isApprox((step() * step()).matrix(), 1e-12));
+  EXPECT_FALSE(route->optimised.has_value());
+  // Monte Carlo in small: perturb each link along each axis, and sum what that does to the whole.
+  const Rigid3 inverse = step().rigid().inverse();
+  Matrix6d expected = Matrix6d::Zero();
+  const Rigid3 whole = step().rigid() * step().rigid();
+  for (int axis = 0; axis < 6; ++axis) {
+    Vector6d delta = Vector6d::Zero();
+    delta[axis] = 1e-5;
+    const Vector6d first =
+        whole.difference_to(inverse.perturbed(delta).inverse() * step().rigid()) / 1e-5;
+    const Vector6d second =
+        whole.difference_to(step().rigid() * step().rigid().perturbed(delta)) / 1e-5;
+    expected += 1e-4 * (first * first.transpose() + second * second.transpose());
+  }
+  const Matrix6d found = route->covariance->topLeftCorner<6, 6>();
+  EXPECT_TRUE(found.isApprox(expected, 1e-3)) << found << "\n\n" << expected;
+  EXPECT_FALSE(find_route(state, a, apart).has_value());
+  EXPECT_EQ(find_route(state, a, a)->links.size(), 0U);
+}
+
+TEST_F(AtlasTest, KeepsComponentsApartEachInTheFrameOfItsFirst) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  const NodeId c = add("c", 3);
+  const NodeId d = add("d", 4);
+  const NodeId e = add("e", 5);
+  add("alone", 6);
+  again().link_manually(a, b, step(), covariance());
+  again().link_manually(c, d, step(), covariance());
+  again().link_manually(d, e, step(), covariance());
+  EXPECT_EQ(again().optimize().placed, 5U);
+  const std::vector<AtlasComponent> components = components_of(atlas().state());
+  ASSERT_EQ(components.size(), 2U);
+  EXPECT_EQ(components[0].nodes, (std::vector{c, d, e}));
+  EXPECT_EQ(components[0].frame, c);
+  EXPECT_EQ(components[1].nodes, (std::vector{a, b}));
+  EXPECT_EQ(atlas().merge({.frame = b}).nodes, (std::vector{a, b}));
+}
+
+TEST_F(AtlasTest, SplitsAMapIntoLinkedParts) {
+  const NodeId whole =
+      again().add(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), "long").node;
+  const std::vector<NodeId> parts = again().split(whole, 10);
+  const AtlasState state = atlas().state();
+  EXPECT_EQ(parts.size(), 3U);
+  EXPECT_EQ(state.nodes.size(), 3U);
+  EXPECT_EQ(state.nodes.at(parts[1]).name, "long/2");
+  EXPECT_EQ(state.nodes.at(parts[1]).frames, 10U);
+  EXPECT_EQ(again().optimize().placed, 3U);
+  again().undo();
+  again().undo();  // both commits of the split
+  EXPECT_EQ(atlas().state().nodes.begin()->second.name, "long");
+}
+
+TEST_F(AtlasTest, RefusesWhatIsNotThere) {
+  EXPECT_THROW(atlas().remove(NodeId{1}), Error);
+  EXPECT_THROW(atlas().merge(), Error);
+  EXPECT_THROW(atlas().undo(), Error);
+  EXPECT_THROW(atlas().add(LandmarkMap(), "empty"), Error);
+  EXPECT_THROW(Atlas::open("postgresql://host/db"), Error);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cairn/core/ids.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/placement/verdict.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
+
+namespace cairn {
+
+/// Commits count from 1 without gaps; 0 is the empty atlas.
+using CommitId = StrongId<struct CommitIdTag, std::uint64_t>;
+using AtlasLinkId = StrongId<struct AtlasLinkIdTag, std::uint64_t>;
+
+/// A map in the atlas. Its landmarks are stored once, under the hash of their bytes, and never change.
+struct AtlasNode {
+  NodeId id;            ///< from 1; never used again
+  std::string name;     ///< unique among the nodes that are there
+  std::string session;  ///< maps of one run share it; empty if unknown
+  std::string map;      ///< hash of its .cairn bytes, 32 hexadecimal digits
+  LengthUnit length_unit = LengthUnit::kMetres;
+  std::uint64_t frames = 0;
+  std::uint64_t landmarks = 0;
+  std::uint64_t observations = 0;
+  NodeExtent extent;
+};
+
+/// What was found out about two maps, or said about them. Never changes.
+struct AtlasLink {
+  AtlasLinkId id;  ///< from 1; never used again
+  NodeId target;
+  NodeId source;
+  LinkKind kind = LinkKind::kPlacement;
+  Verdict verdict = Verdict::kRejected;
+  std::optional<double> probability;  ///< that the transform is right; nothing if nobody judged
+  std::string reason;                 ///< one sentence for people
+  /// Only if the verdict is aligned.
+  std::optional<Similarity3> target_from_source;
+  /// Left perturbation in the target's frame, (δt, δφ).
+  std::optional<Matrix6d> covariance;
+  /// The same with the scale's, of a link that measures the scale.
+  std::optional<Matrix7d> covariance_with_scale;
+
+  bool is_aligned() const { return verdict == Verdict::kAligned && target_from_source.has_value(); }
+};
+
+/// Where a map is among those that links connect it with.
+struct AtlasPose {
+  NodeId node;
+  NodeId frame;  ///< the node whose frame the poses of its component are in
+  Similarity3 frame_from_node;
+  Matrix7d covariance = Matrix7d::Zero();  ///< left perturbation in the frame, (δt, δφ, δ log s)
+};
+
+/// To within rounding.
+bool operator==(const AtlasPose& a, const AtlasPose& b);
+
+/// What an atlas holds after a commit.
+struct AtlasState {
+  CommitId commit;
+  std::map<NodeId, AtlasNode> nodes;
+  std::map<AtlasLinkId, AtlasLink> links;
+  std::map<NodeId, AtlasPose> poses;
+  /// Of aligned links: whether they agree with the poses; those that optimisation did not see are missing.
+  std::map<AtlasLinkId, bool> agrees;
+
+  /// Null if there is none of that name.
+  const AtlasNode* find(const std::string& name) const;
+};
+
+/// What a commit does. Nodes and links with id 0 are new; with another id they are there again, as they
+/// were. Removing a node does not remove what refers to it.
+struct AtlasChanges {
+  std::string text;  ///< for people: what was done
+  std::vector<AtlasNode> nodes;
+  std::vector<AtlasLink> links;
+  std::vector<AtlasPose> poses;  ///< each replaces the node's pose
+  std::vector<std::pair<AtlasLinkId, bool>> agrees;
+  std::vector<NodeId> removed_nodes;
+  std::vector<AtlasLinkId> removed_links;
+  std::vector<NodeId> removed_poses;
+  std::vector<AtlasLinkId> removed_agrees;
+
+  bool empty() const {
+    return nodes.empty() && links.empty() && poses.empty() && agrees.empty() &&
+           removed_nodes.empty() && removed_links.empty() && removed_poses.empty() &&
+           removed_agrees.empty();
+  }
+};
+
+/// A line of the log.
+struct AtlasCommit {
+  CommitId id;
+  std::int64_t time_ms = 0;  ///< since 1970, UTC
+  std::string author;
+  std::string host;
+  std::string verb;  ///< "add" and so on
+  std::string text;
+  std::optional<CommitId> undoes;  ///< last commit of the run that it undid
+  CommitId run;                    ///< first commit of the command that it is part of
+};
+
+/// Objects that commits changed.
+struct AtlasTouched {
+  std::vector<NodeId> nodes;
+  std::vector<AtlasLinkId> links;
+  std::vector<NodeId> poses;
+  std::vector<AtlasLinkId> agrees;
+};
+
+}  // namespace cairn

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "cairn/atlas/store/records.hpp"
+
+namespace cairn {
+
+// Numbers as stores keep them: little-endian doubles, one after the other.
+
+/// Scale, quaternion w x y z, translation x y z: 64 bytes.
+std::string pose_bytes(const Similarity3& pose);
+/// @return std::nullopt unless the bytes are a pose of finite numbers
+std::optional<Similarity3> pose_of_bytes(std::string_view bytes);
+
+/// 36 or 49 numbers, row by row.
+std::string covariance_bytes(const Matrix6d& covariance);
+std::string covariance_bytes(const Matrix7d& covariance);
+/// @return std::nullopt unless the bytes are a covariance of that size
+std::optional<Matrix6d> covariance6_of_bytes(std::string_view bytes);
+std::optional<Matrix7d> covariance7_of_bytes(std::string_view bytes);
+
+/// Centre x y z and radius: 32 bytes.
+std::string extent_bytes(const NodeExtent& extent);
+std::optional<NodeExtent> extent_of_bytes(std::string_view bytes);
+
+/// Bytes of fields, each with its length, so that no two rows have the same: what a row's digest is of.
+class RowBytes {
+ public:
+  RowBytes& add(std::uint64_t value);
+  RowBytes& add(std::string_view bytes);
+  RowBytes& add(const std::optional<std::uint64_t>& value);
+  RowBytes& add(double value);
+
+  /// XXH3 of 128 bits: 16 bytes, the higher half first, each half with its highest byte first.
+  std::string digest() const;
+
+ private:
+  std::string bytes_;
+};
+
+/// 32 hexadecimal digits of 16 bytes, and back.
+std::string hexadecimal(std::string_view bytes);
+std::optional<std::string> bytes_of_hexadecimal(std::string_view digits);
+
+std::string digest_of(const AtlasNode& node);
+/// A link's numbers as they are stored: what is read back may differ in the last digit, for quaternions are
+/// normalised. Empty where there are none.
+struct LinkBlobs {
+  std::string target_from_source;
+  std::string covariance;
+  std::string covariance_with_scale;
+};
+LinkBlobs blobs_of(const AtlasLink& link);
+std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs);
+
+/// The same of a pose.
+struct PoseBlobs {
+  std::string frame_from_node;
+  std::string covariance;
+};
+PoseBlobs blobs_of(const AtlasPose& pose);
+/// @param row number of the pose's row
+std::string digest_of(const AtlasPose& pose, std::uint64_t row, const PoseBlobs& blobs);
+
+}  // namespace cairn

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/recognition/map_index.hpp"
+
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kBytes = 32;
+
+// A place's descriptors, of which a map sees some, each with some bits flipped.
+std::vector<std::uint8_t> place(std::uint64_t seed, std::size_t landmarks) {
+  Random random(seed);
+  std::vector<std::uint8_t> bytes(landmarks * kBytes);
+  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.index(256));
+  return bytes;
+}
+
+LandmarkMap seen(const std::vector<std::uint8_t>& place, std::size_t begin, std::size_t end,
+                 double flipped, std::uint64_t seed, const std::string& kind = "ORB") {
+  Random random(seed);
+  MapTables tables;
+  DescriptorColumn column{kind, kBytes, {}, {}};
+  for (std::size_t i = begin; i < end; ++i) {
+    tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions.emplace_back(random.normal(), random.normal(), random.normal());
+    column.known.push_back(1);
+    for (std::size_t k = 0; k < kBytes; ++k) {
+      std::uint8_t byte = place[i * kBytes + k];
+      for (int bit = 0; bit < 8; ++bit) {
+        if (random.chance(flipped)) byte = static_cast<std::uint8_t>(byte ^ (1 << bit));
+      }
+      column.bytes.push_back(byte);
+    }
+  }
+  tables.landmarks.descriptors = std::move(column);
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(MapIndex, FindsTheMapOfTheSamePlaceAmongOthers) {
+  MapIndex index;
+  // Two maps of each of twenty places that share a third of their landmarks.
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const std::vector<std::uint8_t> landmarks = place(i, 300);
+    EXPECT_EQ(index.add(seen(landmarks, 0, 180, 0.1, 100 + i)), 2 * i);
+    index.add(seen(landmarks, 120, 300, 0.1, 200 + i));
+  }
+  EXPECT_EQ(index.size(), 40U);
+  for (std::size_t map = 0; map < index.size(); ++map) {
+    const auto found = index.find(map, 3);
+    ASSERT_FALSE(found.empty());
+    EXPECT_EQ(found.front().map, map ^ 1) << map;
+    EXPECT_GT(found.front().score, 20.0);
+  }
+  const auto of_another = index.find(seen(place(7, 300), 100, 200, 0.05, 9), 2);
+  EXPECT_THAT((std::vector{of_another[0].map / 2, of_another[1].map / 2}), testing::Each(7U));
+}
+
+TEST(MapIndex, FindsNothingBeyondTheDifferenceAllowed) {
+  const std::vector<std::uint8_t> landmarks = place(1, 300);
+  MapIndex index({.max_difference = 0.05});
+  index.add(seen(landmarks, 0, 300, 0.0, 1));
+  EXPECT_EQ(index.find(seen(landmarks, 0, 300, 0.0, 2), 5).size(), 1U);
+  EXPECT_TRUE(index.find(seen(landmarks, 0, 300, 0.15, 3), 5).empty());
+}
+
+TEST(MapIndex, MapsWithoutLikeDescriptorsAreNeverFound) {
+  const std::vector<std::uint8_t> landmarks = place(1, 50);
+  MapIndex index;
+  index.add(LandmarkMap());
+  index.add(seen(landmarks, 0, 50, 0.0, 1));
+  index.add(seen(landmarks, 0, 50, 0.0, 1, "SIFT"));
+  index.add(seen(landmarks, 0, 50, 0.0, 1));
+  EXPECT_FALSE(index.holds(0));
+  EXPECT_TRUE(index.holds(1));
+  EXPECT_FALSE(index.holds(2));
+  EXPECT_TRUE(index.find(std::size_t{0}, 5).empty());
+  const auto found = index.find(std::size_t{1}, 5);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found.front().map, 3U);
+}
+
+TEST(MapIndex, TakesTheMostObservedLandmarks) {
+  const std::vector<std::uint8_t> landmarks = place(1, 100);
+  MapIndex index({.landmarks = 40});
+  index.add(seen(landmarks, 0, 100, 0.0, 1));
+  // Without observations the first count.
+  EXPECT_EQ(index.find(seen(landmarks, 0, 40, 0.0, 1), 1).size(), 1U);
+  EXPECT_TRUE(index.find(seen(landmarks, 40, 100, 0.0, 1), 1).empty());
+}
+
+TEST(MapIndex, RefusesOptionsOutOfRange) {
+  EXPECT_THROW(MapIndex({.landmarks = 0}), Error);
+  EXPECT_THROW(MapIndex({.max_difference = 0.5}), Error);
+  EXPECT_THROW(MapIndex({.tables = 0}), Error);
+  EXPECT_THROW(MapIndex({.key_bits = 30}), Error);
+}
+
+}  // namespace
+}  // namespace cairn

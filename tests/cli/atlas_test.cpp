@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <csignal>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <sys/stat.h>
+
+#include "cairn/core/random.hpp"
+
+#include "cli.hpp"
+
+namespace cairn::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+using ::testing::AllOf;
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+class AtlasCliTest : public CliTest {
+ protected:
+  // The words of a verb on town.atlas.
+  static Words atlas(Words words) {
+    words.insert(words.begin(), "atlas");
+    words.insert(words.end(), {"--atlas", "town.atlas"});
+    return words;
+  }
+  // Two sessions of one place, and one of another.
+  void fill() const {
+    write_pair(900);
+    write_map(synthetic_map({.seed = 77, .landmarks = 400, .frames = 10}), path("stranger.map"));
+    answer(atlas({"init"}));
+    answer(atlas({"add", "target.map", "source.map", "stranger.map"}));
+  }
+  // Small maps that nothing is known of.
+  void fill_small(int maps) const {
+    answer(atlas({"init"}));
+    for (int i = 1; i <= maps; ++i) {
+      write_map(
+          synthetic_map({.seed = static_cast<std::uint64_t>(i), .landmarks = 40, .frames = 4}),
+          path(std::to_string(i) + ".map"));
+      answer(atlas({"add", std::to_string(i) + ".map"}));
+    }
+  }
+};
+
+TEST_F(AtlasCliTest, MakesOneMapOfSessionsAndKeepsHow) {
+  const SyntheticPair pair = write_pair(900);
+  fill();
+  EXPECT_THAT(answer(atlas({"link"})), AllOf(ContainsRegex("target <- source 99\\.[0-9][0-9] %"),
+                                             HasSubstr("3 pairs tried, 1 aligned\n")));
+  EXPECT_EQ(answer(atlas({"link"})), "0 pairs tried, 0 aligned; 3 tried before\n");
+  EXPECT_EQ(answer(atlas({"optimize"})),
+            "2 maps in the frame of target\n1 map not placed: no link connects them\n");
+  const CommandResult merged = cairn(atlas({"merge", "-o", "town.map"}));
+  EXPECT_EQ(merged.exit_code, kNoAlignment);
+  EXPECT_THAT(merged.output,
+              AllOf(HasSubstr("merged 2 of 3 maps, in the frame of target\n"),
+                    HasSubstr("left out stranger: no link places it\n"),
+                    HasSubstr("1,800 landmarks became 1,"), HasSubstr("wrote town.map\n")));
+  EXPECT_EQ(read_map(path("town.map")).frame_count(), 40U);
+
+  const Json show = document(atlas({"show"}));
+  EXPECT_EQ(show.at("schema"), Json({{"name", "cairn.atlas_show"}, {"version", 1}}));
+  ASSERT_EQ(show.at("maps").size(), 3U);
+  EXPECT_EQ(show.at("maps").at(1).at("frame"), "target");
+  EXPECT_TRUE(show.at("maps").at(2).at("frame").is_null());
+  EXPECT_EQ(show.at("links").size(), 3U);
+  const Rigid3 error =
+      pose_of(show.at("maps").at(1).at("frame_from_map")).inverse() * pair.target_from_source;
+  EXPECT_LT(error.angle(), 0.003);
+  EXPECT_THAT(answer(atlas({"show", "--all"})),
+              AllOf(HasSubstr("rejected"), HasSubstr("stranger")));
+
+  const Json route = document(atlas({"path", "source", "target"}));
+  EXPECT_EQ(route.at("route"), Json({"source", "target"}));
+  EXPECT_LT((pose_of(route.at("target_from_source")) * pair.target_from_source).angle(), 0.003);
+  EXPECT_EQ(route.at("covariance").size(), 7U);
+  EXPECT_EQ(cairn(atlas({"path", "#1", "stranger"})).exit_code, kNoAlignment);
+  EXPECT_THAT(answer(atlas({"verify"})), HasSubstr("sound\n"));
+}
+
+TEST_F(AtlasCliTest, ExportsGraphKeyframesLandmarksAndMaps) {
+  fill();
+  answer(atlas({"link", "--only", "source"}));
+  answer(atlas({"optimize"}));
+  answer(atlas({"export", "-o", "town.g2o"}));
+  EXPECT_THAT(content("town.g2o"),
+              AllOf(HasSubstr("VERTEX_SE3:QUAT 2 "), HasSubstr("EDGE_SE3:QUAT 1 2 ")));
+  answer(atlas({"export", "-o", "town.json"}));
+  EXPECT_EQ(Json::parse(content("town.json")).at("nodes").size(), 3U);
+  answer(atlas({"export", "-o", "town.ply"}));
+  EXPECT_EQ(read_map(path("town.ply")).landmark_count(), 1800U);
+  answer(atlas({"export", "-o", "all"}));
+  EXPECT_TRUE(fs::exists(path("all") / "stranger.cairn"));
+  EXPECT_TRUE(fs::exists(path("all") / "graph.json"));
+  answer(atlas({"export", "--map", "source", "-o", "again.map"}));
+  EXPECT_EQ(read_map(path("again.map")).landmark_count(), 900U);
+  expect_refusal(atlas({"export", "-o", "town.xyz"}), kWrongUsage, {".g2o, .json, .tum, .ply"});
+}
+
+TEST_F(AtlasCliTest, LogsUndoesAndLooksBack) {
+  fill_small(3);
+  write("pose.txt", "1 0 0 1  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  answer(atlas({"link", "--manual", "1", "2", "--pose", "pose.txt"}));
+  answer(atlas({"link", "--manual", "2", "#3", "--pose", "pose.txt", "--reason", "seen"}));
+  answer(atlas({"optimize"}));
+  EXPECT_THAT(answer(atlas({"path", "1", "3"})),
+              AllOf(HasSubstr("1 <- 2 <- 3\n"), HasSubstr("optimised:       2.0000 ")));
+  EXPECT_THAT(answer(atlas({"undo"})), StartsWith("undid commit 6: optimize 3 of 3 maps placed"));
+  EXPECT_THAT(answer(atlas({"undo"})), HasSubstr("commit 5"));
+  EXPECT_EQ(document(atlas({"show"})).at("links").size(), 1U);
+  EXPECT_EQ(document(atlas({"show", "--at", "6"})).at("links").size(), 2U);
+  EXPECT_THAT(answer(atlas({"diff", "6"})),
+              AllOf(HasSubstr("no longer linked 2 <- 3"), HasSubstr("no longer placed 1")));
+  EXPECT_THAT(answer(atlas({"undo", "--commit", "8"})), HasSubstr("commit 8"));
+  EXPECT_EQ(document(atlas({"show"})).at("links").size(), 2U);
+  const Json log = document(atlas({"log"}));
+  ASSERT_EQ(log.at("commits").size(), 9U);
+  EXPECT_EQ(log.at("commits").at(0).at("undoes"), 8);
+  EXPECT_EQ(log.at("commits").at(8).at("verb"), "add");
+  answer(atlas({"unlink", "3", "2", "--reason", "no"}));
+  answer(atlas({"remove", "1"}));
+  EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
+  EXPECT_THAT(answer(atlas({"compact", "--keep", "1"})), HasSubstr("nothing was changed"));
+  EXPECT_THAT(answer(atlas({"compact", "--keep", "1", "--yes"})), HasSubstr("1 maps"));
+  EXPECT_THAT(answer(atlas({"verify"})), HasSubstr("sound"));
+  expect_refusal(atlas({"undo", "--commit", "3"}), kWrongUsage, {"no commit 3"});
+}
+
+TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {
+  fs::create_directory(path("robot"));
+  for (const std::uint64_t seed : {1, 2}) {
+    write_map(synthetic_map({.seed = seed, .landmarks = 40, .frames = 4}),
+              path("robot") / fmt::format("{}.cairn", seed));
+  }
+  answer(atlas({"init"}));
+  EXPECT_THAT(answer(atlas({"add", "robot"})),
+              HasSubstr("added robot/2: 40 landmarks, 4 keyframes\n"));
+  EXPECT_THAT(answer(atlas({"add", "robot"})), HasSubstr("is there already, as robot/2\n"));
+  EXPECT_EQ(document(atlas({"show"})).at("maps").at(1).at("session"), "robot");
+  answer(atlas({"add", "robot/1.cairn", "--name", "one more"}));
+  EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
+}
+
+TEST_F(AtlasCliTest, SplitsAMap) {
+  write_map(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), path("long.map"));
+  answer(atlas({"init"}));
+  answer(atlas({"add", "long.map"}));
+  EXPECT_THAT(answer(atlas({"split", "long", "--keyframes", "10"})), HasSubstr("long/3: "));
+  EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 3U);
+}
+
+TEST_F(AtlasCliTest, RefusesWhatCannotBe) {
+  expect_refusal({"atlas", "show"}, kWrongUsage, {"--atlas", "not given"});
+  expect_refusal(atlas({"show"}), kBadInput, {"town.atlas", "no such file", "atlas init"});
+  expect_refusal({"atlas", "rename"}, kWrongUsage, {"expected a verb", "init"});
+  fill_small(2);
+  expect_refusal(atlas({"init"}), kSystemError, {"town.atlas", "exists already"});
+  expect_refusal({"atlas", "show", "--atlas", "1.map"}, kBadInput, {"1.map", "no SQLite database"});
+  expect_refusal(atlas({"path", "1", "kitchen"}), kWrongUsage, {"no map 'kitchen'", "1, 2"});
+  expect_refusal(atlas({"merge", "-o", "a.map"}), kWrongUsage, {"no two maps are in one frame"});
+  expect_refusal(atlas({"merge"}), kWrongUsage, {"--output"});
+  expect_refusal(atlas({"show", "--at", "9"}), kWrongUsage, {"commit 9", "the last of which is 2"});
+  expect_refusal(atlas({"link", "--manual", "1", "2"}), kWrongUsage, {"--pose"});
+  expect_refusal(atlas({"link", "--shard", "3/2"}), kWrongUsage, {"--shard", "'3/2'"});
+  expect_refusal(atlas({"link", "--min-probability", "2"}), kWrongUsage, {"--min-probability"});
+  write("pose.txt", "1 0 0 1");
+  expect_refusal(atlas({"link", "--manual", "1", "2", "--pose", "pose.txt"}), kBadInput,
+                 {"pose.txt"});
+  fs::copy_file(path("1.map"), path("other.map"));
+  write_map(synthetic_map({.seed = 9, .landmarks = 40, .frames = 4}), path("1.map"));
+  expect_refusal(atlas({"add", "1.map"}), kWrongUsage, {"another map is called '1'"});
+  EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
+}
+
+TEST_F(AtlasCliTest, TellsDamageAndSavesTheRest) {
+  fill_small(3);
+  std::string bytes = content("town.atlas");
+  const std::size_t at = bytes.find(
+      "\x89"
+      "CAIRN\r\n");
+  ASSERT_NE(at, bytes.npos);
+  bytes[at + 700] = static_cast<char>(bytes[at + 700] ^ 0x40);
+  write("town.atlas", bytes);
+  const CommandResult verified = cairn(atlas({"verify"}));
+  EXPECT_EQ(verified.exit_code, kBadInput);
+  EXPECT_THAT(verified.output, AllOf(HasSubstr("is damaged"), HasSubstr("atlas salvage")));
+  EXPECT_THAT(answer(atlas({"salvage", "-o", "saved.atlas"})),
+              AllOf(HasSubstr("lost nodes "), HasSubstr("saved 2 maps, 0 links")));
+  EXPECT_EQ(document({"atlas", "verify", "--atlas", "saved.atlas"}).at("sound"), true);
+  EXPECT_EQ(content("town.atlas"), bytes);
+}
+
+TEST_F(AtlasCliTest, SaysThatTheDiskIsFullAndLosesNothing) {
+  fill_small(1);
+  write_map(synthetic_map({.seed = 2, .landmarks = 5000, .frames = 10}), path("big.cairn"));
+  // A limit on the size of files is as good as a full disk.
+  const CommandResult result = run_command(
+      {"sh", "-c",
+       fmt::format("trap '' XFSZ; ulimit -f 300; '{}' atlas add big.cairn --atlas town.atlas",
+                   CAIRN_TOOL)},
+      {.folder = path(".")});
+  EXPECT_EQ(result.exit_code, kSystemError);
+  EXPECT_THAT(result.errors, AllOf(StartsWith("cairn: town.atlas: "), Not(HasSubstr("internal"))));
+  EXPECT_EQ(document(atlas({"verify"})).at("sound"), true);
+  answer(atlas({"add", "big.cairn"}));
+  EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
+}
+
+// Killed at random moments, an atlas holds all that was acknowledged. CAIRN_KILLS says how often.
+TEST_F(AtlasCliTest, HoldsWhatWasAcknowledgedWhenKilled) {
+  const char* const wish = std::getenv("CAIRN_KILLS");
+  const int kills = wish == nullptr ? 12 : std::stoi(wish);
+  fill_small(6);
+  write("pose.txt", "1 0 0 1  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  answer(atlas({"link", "--manual", "1", "2", "--pose", "pose.txt"}));
+  Random random(1);
+  std::uint64_t acknowledged = 7;
+  int killed = 0;
+  for (int i = 0; i < kills; ++i) {
+    const std::string added = fmt::format("new{}.map", i);
+    const int kind = i % 4;
+    if (kind == 0) {
+      write_map(synthetic_map(
+                    {.seed = 1000 + static_cast<std::uint64_t>(i), .landmarks = 40, .frames = 4}),
+                path(added));
+    }
+    const Words words = atlas(kind == 0   ? Words{"add", added}
+                              : kind == 1 ? Words{"link", "--effort", "0.0625", "--retry"}
+                              : kind == 2 ? Words{"optimize"}
+                                          : Words{"undo"});
+    std::string line;
+    for (const std::string& word : words) line += " '" + word + "'";
+    const std::string tool(CAIRN_TOOL);
+    const CommandResult result =
+        run_command({"sh", "-c",
+                     fmt::format("'{}'{} & p=$!; sleep {:.4f}; kill -9 $p 2>/dev/null; wait $p",
+                                 tool, line, random.uniform(0.0, 0.08))},
+                    {.folder = path(".")});
+    killed += result.exit_code == 137 ? 1 : 0;
+    const Json verified = document(atlas({"verify"}));
+    ASSERT_EQ(verified.at("sound"), true) << i << ": " << verified.at("problems");
+    const std::uint64_t commits = verified.at("commits").get<std::uint64_t>();
+    ASSERT_GE(commits, acknowledged) << i;
+    if (kind == 0 && result.output.find("added ") != std::string::npos) {
+      ASSERT_GT(commits, acknowledged) << i;
+    }
+    acknowledged = commits;
+  }
+  EXPECT_GT(killed, 0);
+  answer(atlas({"optimize"}));
+}
+
+TEST_F(AtlasCliTest, ReadsAnAtlasInAFolderThatCannotBeWritten) {
+  if (::geteuid() == 0) GTEST_SKIP() << "root can write everywhere";
+  fill_small(2);
+  fs::permissions(path("."), fs::perms::owner_read | fs::perms::owner_exec);
+  EXPECT_THAT(answer(atlas({"show"})), HasSubstr("2 maps"));
+  expect_refusal(atlas({"remove", "1"}), kSystemError, {"town.atlas"});
+  fs::permissions(path("."), fs::perms::owner_all);
+}
+
+TEST_F(AtlasCliTest, EveryVerbHasHelpWithAnExample) {
+  for (const std::string verb :
+       {"init", "add", "link", "optimize", "merge", "show", "path", "export", "remove", "split",
+        "unlink", "log", "undo", "diff", "verify", "compact", "salvage"}) {
+    const std::string help = answer({"atlas", verb, "--help"});
+    EXPECT_THAT(help, AllOf(HasSubstr("Example"), HasSubstr("--atlas"))) << verb;
+    for (std::size_t begin = 0; begin < help.size();) {
+      const std::size_t end = help.find('\n', begin);
+      EXPECT_LE(end - begin, 100U) << help.substr(begin, end - begin);
+      begin = end + 1;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace cairn::testing
