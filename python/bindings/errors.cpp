@@ -29,6 +29,8 @@ void translate(std::exception_ptr thrown) {
     const py::object made =
         py::module_::import("cairn._errors").attr("made")(name_of(error.kind()), message);
     PyErr_SetObject(py::type::handle_of(made).ptr(), made.ptr());
+  } catch (const py::cast_error&) {
+    PyErr_SetString(PyExc_TypeError, "an argument, or something in it, is of the wrong type");
   }
 }
 

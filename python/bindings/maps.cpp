@@ -300,7 +300,13 @@ SharedMap from_arrays(const py::object& positions, const py::object& covariances
     const auto down = real_array(gravity, "gravity", {3});
     tables.info.gravity = Eigen::Vector3d(down.at(0), down.at(1), down.at(2));
   }
-  if (!cameras.is_none()) tables.cameras = cameras.cast<std::vector<Camera>>();
+  if (!cameras.is_none()) {
+    for (const py::handle camera : py::iter(cameras)) {
+      if (!py::isinstance<Camera>(camera))
+        throw py::type_error("cameras: expected a list of Camera");
+      tables.cameras.push_back(camera.cast<const Camera&>());
+    }
+  }
 
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.positions = positions_of(positions, "positions");
@@ -317,7 +323,10 @@ SharedMap from_arrays(const py::object& positions, const py::object& covariances
   if (!descriptors.is_none())
     landmarks.descriptors = descriptors_of(descriptors, descriptor_kind, count);
   if (!columns.is_none()) {
+    if (!py::isinstance<py::dict>(columns))
+      throw py::type_error("columns: expected a dictionary of arrays");
     for (const auto& [name, values] : columns.cast<py::dict>()) {
+      if (!py::isinstance<py::str>(name)) throw py::type_error("columns: expected names as keys");
       const auto text = name.cast<std::string>();
       const auto array = real_array(values, fmt::format("columns['{}']", text), {size});
       landmarks.columns.push_back({text, {array.data(), array.data() + array.size()}});

@@ -45,7 +45,10 @@ const Keywords<SimulateKeywords>& simulate_keywords() {
         .add("shake", [](auto& o) -> auto& { return o.path.shake; })
         .add("camera", py::none(),
              [](auto& options, py::handle value) {
-               if (!value.is_none()) options.simulator.camera = value.cast<Camera>();
+               if (value.is_none()) return;
+               if (!py::isinstance<Camera>(value))
+                 throw py::type_error("camera: expected a Camera");
+               options.simulator.camera = value.cast<const Camera&>();
              })
         .add("shutter_s", [](auto& o) -> auto& { return o.simulator.shutter_s; })
         .add("exposure", [](auto& o) -> auto& { return o.simulator.sensor.exposure; })

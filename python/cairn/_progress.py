@@ -7,8 +7,9 @@ class _Bar:
         self._bar = tqdm(total=100, desc=name, unit="%", bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}")
 
     def __call__(self, share):
-        self._bar.n = 100.0 * share
-        self._bar.refresh()
+        if 100.0 * share != self._bar.n:
+            self._bar.n = 100.0 * share
+            self._bar.refresh()
 
     def close(self):
         self._bar.close()

@@ -51,7 +51,7 @@ def main() -> None:
 
 if __name__ == "__main__":
     try:
-        import matplotlib  # type: ignore[import]  # noqa: F401
+        import matplotlib  # noqa: F401
     except ImportError:
         print("SKIPPED: matplotlib is not installed")
         sys.exit(0)

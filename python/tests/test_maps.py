@@ -150,7 +150,7 @@ class Files(unittest.TestCase):
     def test_what_a_format_cannot_hold_is_warned_of(self):
         with tempfile.TemporaryDirectory() as folder:
             with self.assertWarns(UserWarning):
-                full_map().write(os.path.join(folder, "a.ply"))
+                full_map().write(os.path.join(folder, "model"), format="colmap")
 
     def test_a_colmap_folder_is_written_and_read(self):
         m = cairn.synthetic_map(landmarks=300).with_camera(cairn.Camera.tum("fr1"))
