@@ -472,8 +472,9 @@ void bind_candidate(py::module_& module) {
 
 void bind_result(py::module_& module) {
   using Result = AlignmentResult;
-  py::class_<Result, SharedAlignment>(module, "Alignment",
-                                      "What is known of the pose between two maps.")
+  py::class_<Result, SharedAlignment> result(module, "Alignment",
+                                             "What is known of the pose between two maps.");
+  result
       .def_property_readonly(
           "verdict",
           [](const Result& self) -> std::optional<std::string> {
@@ -553,8 +554,10 @@ void bind_result(py::module_& module) {
       .def("__copy__", [](const SharedAlignment& self) { return self; })
       .def(
           "__deepcopy__", [](const SharedAlignment& self, const py::dict&) { return self; },
-          py::arg("memo"))
-      .def(py::pickle(&packed, &unpacked));
+          py::arg("memo"));
+  make_picklable(
+      module, result, "restored_alignment",
+      [](const py::object& self) { return packed(self.cast<const Result&>()); }, &unpacked);
 }
 
 }  // namespace

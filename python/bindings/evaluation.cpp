@@ -55,7 +55,8 @@ std::vector<Rigid3> poses_of(const Trajectory& trajectory) {
 }
 
 void bind_trajectory(py::module_& module) {
-  py::class_<Trajectory>(module, "Trajectory", "Timed poses of a camera. Immutable.")
+  py::class_<Trajectory> trajectory(module, "Trajectory", "Timed poses of a camera. Immutable.");
+  trajectory
       .def(py::init(&trajectory_of), py::arg("timestamps_s"), py::arg("poses"),
            "__init__($self, timestamps_s, poses)\n--\n\nAscending times (n,), and "
            "world_from_camera (n, 4, 4).")
@@ -99,30 +100,33 @@ void bind_trajectory(py::module_& module) {
              return fmt::format("<Trajectory: {} poses, {:.3f} s, length {:.3f}>", self.size(),
                                 self.duration_s(), self.length());
            })
-      .def(py::pickle(
-          [](const Trajectory& self) {
-            // A matrix does not hold a rotation to the last bit.
-            std::vector<double> numbers;
-            for (const TimedPose& pose : self.poses()) {
-              const Eigen::Quaterniond q = pose.world_from_camera.quaternion();
-              const Eigen::Vector3d& t = pose.world_from_camera.translation();
-              for (const double number :
-                   {pose.timestamp_s, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()}) {
-                numbers.push_back(number);
-              }
-            }
-            return py::make_tuple(copied(numbers, {static_cast<py::ssize_t>(self.size()), 8}));
-          },
-          [](const py::tuple& state) {
-            const auto rows = real_array(state[0], "pickled Trajectory", {-1, 8});
-            std::vector<TimedPose> poses;
-            for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
-              const double* const n = rows.data() + 8 * i;
-              poses.push_back({n[0], Rigid3(Eigen::Quaterniond(n[4], n[5], n[6], n[7]),
-                                            Eigen::Vector3d(n[1], n[2], n[3]))});
-            }
-            return Trajectory(std::move(poses));
-          }));
+      .def("__copy__", [](const py::object& self) { return self; });
+  make_picklable(
+      module, trajectory, "restored_trajectory",
+      [](const py::object& object) {
+        // A matrix does not hold a rotation to the last bit.
+        const auto& self = object.cast<const Trajectory&>();
+        std::vector<double> numbers;
+        for (const TimedPose& pose : self.poses()) {
+          const Eigen::Quaterniond q = pose.world_from_camera.quaternion();
+          const Eigen::Vector3d& t = pose.world_from_camera.translation();
+          for (const double number :
+               {pose.timestamp_s, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()}) {
+            numbers.push_back(number);
+          }
+        }
+        return copied(numbers, {static_cast<py::ssize_t>(self.size()), 8});
+      },
+      [](const py::object& state) {
+        const auto rows = real_array(state, "pickled Trajectory", {-1, 8});
+        std::vector<TimedPose> poses;
+        for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
+          const double* const n = rows.data() + 8 * i;
+          poses.push_back({n[0], Rigid3(Eigen::Quaterniond(n[4], n[5], n[6], n[7]),
+                                        Eigen::Vector3d(n[1], n[2], n[3]))});
+        }
+        return Trajectory(std::move(poses));
+      });
   module.def(
       "read_trajectory",
       [](const std::filesystem::path& path) {

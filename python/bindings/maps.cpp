@@ -522,22 +522,22 @@ void bind_camera(py::module_& module) {
            [](const Camera& a, py::handle b) {
              return py::isinstance<Camera>(b) && a == b.cast<const Camera&>();
            })
-      .def("__repr__",
-           [](const Camera& self) {
-             return fmt::format(
-                 "Camera({}, {}, {}, {})", py::repr(py::str(self.model)).cast<std::string>(),
-                 self.width, self.height, py::repr(py::cast(self.parameters)).cast<std::string>());
-           })
-      .def(py::pickle(
-          [](const Camera& self) {
-            return py::make_tuple(self.id.value, self.model, self.width, self.height,
-                                  self.parameters);
-          },
-          [](const py::tuple& state) {
-            return Camera{CameraId{state[0].cast<std::uint64_t>()}, state[1].cast<std::string>(),
-                          state[2].cast<std::uint32_t>(), state[3].cast<std::uint32_t>(),
-                          state[4].cast<std::vector<double>>()};
-          }));
+      .def("__repr__", [](const Camera& self) {
+        return fmt::format("Camera({}, {}, {}, {})",
+                           py::repr(py::str(self.model)).cast<std::string>(), self.width,
+                           self.height, py::repr(py::cast(self.parameters)).cast<std::string>());
+      });
+  make_picklable(
+      module, camera, "restored_camera",
+      [](const py::object& object) {
+        const auto& self = object.cast<const Camera&>();
+        return py::make_tuple(self.id.value, self.model, self.width, self.height, self.parameters);
+      },
+      [](const py::tuple& state) {
+        return Camera{CameraId{state[0].cast<std::uint64_t>()}, state[1].cast<std::string>(),
+                      state[2].cast<std::uint32_t>(), state[3].cast<std::uint32_t>(),
+                      state[4].cast<std::vector<double>>()};
+      });
   camera.attr("__hash__") = py::none();
 }
 
@@ -805,8 +805,10 @@ void bind_maps(py::module_& module) {
       .def("__copy__", [](const SharedMap& self) { return self; })
       .def(
           "__deepcopy__", [](const SharedMap& self, const py::dict&) { return self; },
-          py::arg("memo"))
-      .def(py::pickle(&packed, &unpacked));
+          py::arg("memo"));
+  make_picklable(
+      module, map, "restored_map",
+      [](const py::object& self) { return packed(self.cast<SharedMap>()); }, &unpacked);
 
   module.def(
       "read_map", &read, py::arg("path"),

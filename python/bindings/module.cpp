@@ -25,4 +25,5 @@ PYBIND11_MODULE(_cairn, module) {
 #ifdef CAIRN_HAS_ODOMETRY
   python::bind_odometry(module);
 #endif
+  python::seal(module);
 }

@@ -339,6 +339,27 @@ void refuse_keyword(const std::string& function, const std::string& name,
   throw py::type_error(text);
 }
 
+namespace {
+
+// As the base class makes objects. That it is another function makes CPython refuse explicit calls of the
+// base's __new__, so that objects come from calls of the class alone, which initialise them.
+PyObject* make_object(PyTypeObject* type, PyObject* positional, PyObject* keywords) {
+  PyTypeObject* base = type;
+  while (base->tp_new == &make_object) base = base->tp_base;
+  return base->tp_new(type, positional, keywords);
+}
+
+}  // namespace
+
+void seal(py::module_& module) {
+  for (const auto& [name, member] : module.attr("__dict__").cast<py::dict>()) {
+    if (PyType_Check(member.ptr()) == 0) continue;
+    auto* const type = reinterpret_cast<PyTypeObject*>(member.ptr());
+    type->tp_new = &make_object;
+    PyType_Modified(type);
+  }
+}
+
 const char* kept(std::string text) {
   static std::deque<std::string> texts;
   return texts.emplace_back(std::move(text)).c_str();

@@ -280,6 +280,23 @@ class Keywords {
   std::vector<Set> sets_;
 };
 
+/// Has objects of a class pickled as what `pack` makes of them. An object that __new__ made is not one that
+/// could be filled in later: such objects do not exist (seal()).
+/// @param name of the function in cairn._pickles that makes the object again by `unpack`
+template <class Class, class Pack, class Unpack>
+void make_picklable(py::module_& module, Class& cls, const std::string& name, const Pack& pack,
+                    const Unpack& unpack) {
+  module.def(("_" + name).c_str(), unpack);
+  cls.def("__reduce__", [name, pack](const py::object& self) {
+    const py::object restore = py::module_::import("cairn._pickles").attr(name.c_str());
+    return py::make_tuple(restore, py::make_tuple(pack(self)));
+  });
+}
+
+/// Refuses `Class.__new__(Class)` for all classes of the module: it gives an object without a value, of
+/// which pybind11 makes one of uninitialised memory.
+void seal(py::module_& module);
+
 /// Text for the lifetime of the process: documentation that is made at import.
 const char* kept(std::string text);
 

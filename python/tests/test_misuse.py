@@ -52,7 +52,7 @@ def targets(folder):
         (cairn.LandmarkMap.from_arrays, 1), (cairn.icp, 2), (cairn.judge, 3), (cairn.align, 2), (cairn.pose_error, 3),
         (cairn.evaluate_trajectory, 2), (cairn.Trajectory, 2), (cairn.Camera, 4), (cairn.map_consistency, 1),
         (cairn.calibrate_covariances, 2), (cairn.report, 3), (m.transformed, 1), (m.select, 1), (m.with_column, 2),
-        (m.with_camera, 1), (m.with_length_unit, 1), (m.cut_frames, 2), (m.__setstate__, 1), (cairn.Camera.tum, 1),
+        (m.with_camera, 1), (m.with_length_unit, 1), (m.cut_frames, 2), (m.__reduce__()[0], 1), (cairn.Camera.tum, 1),
         (cairn.Camera.read, 1), (cairn.read_map, 1), (cairn.read_alignments, 1), (cairn.read_trajectory, 1),
         (result.__init__, 1), (cairn.LandmarkMap, 0), (cairn.Alignment, 0),
     ]
@@ -90,16 +90,13 @@ class Misuse(unittest.TestCase):
             cls = getattr(cairn, name)
             if not isinstance(cls, type) or issubclass(cls, Exception):
                 continue
-            empty = cls.__new__(cls)
-            for member in dir(cls):
-                if member.startswith("__") and member not in ("__repr__", "__len__", "__copy__", "__getstate__"):
-                    continue
-                try:
-                    value = getattr(empty, member)
-                    if callable(value):
-                        value()
-                except ALLOWED:
-                    pass
+            with self.assertRaises(TypeError, msg=name):
+                cls.__new__(cls)
+            with self.assertRaises(TypeError, msg=name):
+                object.__new__(cls)
+            derived = type("Derived", (cls,), {"__init__": lambda self: None})
+            with self.assertRaises(TypeError, msg=name):
+                derived()
 
     def test_views_outlive_their_maps_in_many_threads(self):
         failures = []
