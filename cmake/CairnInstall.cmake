@@ -26,10 +26,8 @@ if(TARGET cairn_app)
           DESTINATION "${CMAKE_INSTALL_DATADIR}/bash-completion/completions")
   # The manual pages are the tool's own help.
   set(man "${PROJECT_BINARY_DIR}/man")
-  add_custom_command(OUTPUT "${man}/cairn.1.gz"
-    COMMAND "${PROJECT_SOURCE_DIR}/packaging/man_pages" "$<TARGET_FILE:cairn_app>" "${man}"
-    DEPENDS cairn_app "${PROJECT_SOURCE_DIR}/packaging/man_pages" COMMENT "Writing the manual pages" VERBATIM)
-  add_custom_target(cairn_man ALL DEPENDS "${man}/cairn.1.gz")
+  install(CODE "execute_process(COMMAND_ERROR_IS_FATAL ANY
+    COMMAND \"${PROJECT_SOURCE_DIR}/packaging/man_pages\" \"$<TARGET_FILE:cairn_app>\" \"${man}\")" COMPONENT tool)
   install(DIRECTORY "${man}/" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT tool)
 endif()
 
