@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # find_package(cairn) for consumers: cairn::cairn is the whole library, cairn::pcl the PCL adapter.
+# Components: tool, dev and python, each of which is a Debian package (CairnPackages.cmake).
 include(CMakePackageConfigHelpers)
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
 
 get_property(modules GLOBAL PROPERTY CAIRN_MODULES)
 install(TARGETS ${modules} cairn_cairn cairn_pcl EXPORT cairn-targets
@@ -17,9 +19,40 @@ install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/ad
         FILES_MATCHING PATTERN "*.hpp")
 install(FILES "${PROJECT_BINARY_DIR}/generated/cairn/core/version_number.hpp"
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/core)
-install(FILES LICENSE THIRD_PARTY DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES LICENSE THIRD_PARTY DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tool)
 if(TARGET cairn_app)
-  install(TARGETS cairn_app RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(TARGETS cairn_app RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tool)
+  install(FILES packaging/cairn.bash RENAME cairn COMPONENT tool
+          DESTINATION "${CMAKE_INSTALL_DATADIR}/bash-completion/completions")
+  # The manual pages are the tool's own help.
+  set(man "${PROJECT_BINARY_DIR}/man")
+  install(CODE "execute_process(COMMAND_ERROR_IS_FATAL ANY
+    COMMAND \"${PROJECT_SOURCE_DIR}/packaging/man_pages\" \"$<TARGET_FILE:cairn_app>\" \"${man}\")" COMPONENT tool)
+  install(DIRECTORY "${man}/" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT tool)
+endif()
+
+# pkg-config, for cairn::cairn. A static library precedes those that it needs.
+get_property(core GLOBAL PROPERTY CAIRN_CORE_MODULES)
+list(REVERSE core)
+list(TRANSFORM core PREPEND "-l")
+list(JOIN core " " CAIRN_PC_LIBRARIES)
+configure_file(packaging/cairn.pc.in "${PROJECT_BINARY_DIR}/cairn.pc" @ONLY)
+install(FILES "${PROJECT_BINARY_DIR}/cairn.pc" DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
+if(TARGET cairn_python)
+  set(CAIRN_PYTHON_INSTALL_DIR "" CACHE STRING
+      "Where the Python package is installed, below the prefix; empty: where Debian's Python looks")
+  # Debian's Python looks in other folders below /usr than below /usr/local; the prefix is known on installation.
+  install(CODE "
+    set(cairn_python_folder \"${CAIRN_PYTHON_INSTALL_DIR}\")
+    if(NOT cairn_python_folder AND CMAKE_INSTALL_PREFIX STREQUAL \"/usr\")
+      set(cairn_python_folder lib/python3/dist-packages)
+    elseif(NOT cairn_python_folder)
+      set(cairn_python_folder lib/python${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}/dist-packages)
+    endif()" COMPONENT python)
+  install(TARGETS cairn_python LIBRARY DESTINATION "\${cairn_python_folder}/cairn" COMPONENT python)
+  install(DIRECTORY python/cairn/ DESTINATION "\${cairn_python_folder}/cairn" COMPONENT python
+          FILES_MATCHING PATTERN "*.py" PATTERN "*.pyi" PATTERN "py.typed")
 endif()
 
 configure_package_config_file(cmake/cairn-config.cmake.in "${PROJECT_BINARY_DIR}/cairn-config.cmake"

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# cmake --build <build> --target package: Debian packages cairn, libcairn-dev and python3-cairn.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME cairn)
+set(CPACK_PACKAGE_VENDOR "the Cairn authors")
+set(CPACK_PACKAGE_CONTACT "the Cairn authors <cairn@localhost>" CACHE STRING "Maintainer of the packages")
+set(CPACK_PACKAGE_DIRECTORY "${PROJECT_BINARY_DIR}/packages")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL dev)
+if(TARGET cairn_app)
+  list(APPEND CPACK_COMPONENTS_ALL tool)
+endif()
+if(TARGET cairn_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+# The libraries that executables need, found by dpkg-shlibdeps.
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(about "Cairn aligns the landmark maps of feature-based visual SLAM, and says whether to
+ believe the pose, from covariances, observations and descriptors.")
+
+set(CPACK_DEBIAN_TOOL_PACKAGE_NAME cairn)
+set(CPACK_DEBIAN_TOOL_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_TOOL_DESCRIPTION "alignment of visual SLAM landmark maps\n ${about}\n .\n This package has the command-line tool.")
+
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME libcairn-dev)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_DESCRIPTION "alignment of visual SLAM landmark maps (development files)\n ${about}\n .\n This package has headers, static libraries, and files for CMake and pkg-config.")
+# What an installed header includes, or a static library is linked with.
+set(needed libeigen3-dev libfmt-dev libtbb-dev libhwy-dev libnanoflann-dev libyaml-cpp-dev zlib1g-dev)
+if(TARGET cairn_sequence)
+  list(APPEND needed libopencv-core-dev libopencv-imgproc-dev libjpeg-dev libpng-dev)
+endif()
+if(TARGET cairn_odometry)
+  list(APPEND needed libopencv-features2d-dev)
+endif()
+if(CAIRN_WITH_CERES)
+  list(APPEND needed libceres-dev)
+endif()
+if(TARGET cairn_simulation)
+  list(APPEND needed libembree-dev)
+endif()
+list(JOIN needed ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS)
+
+if(TARGET cairn_python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-cairn)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON_DESCRIPTION "alignment of visual SLAM landmark maps (Python module)\n ${about}\n .\n This package has the Python module.")
+  math(EXPR next "${Python_VERSION_MINOR} + 1")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+      "python3 (>= 3.${Python_VERSION_MINOR}), python3 (<< 3.${next}), python3-numpy")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-pandas, python3-tqdm, python3-matplotlib")
+endif()
+
+# What Debian asks of each package: its licence, and what changed.
+set(texts "${PROJECT_BINARY_DIR}/packaging")
+file(READ LICENSE license)
+string(REGEX REPLACE "\n+$" "" license "${license}")
+string(REPLACE "\n" "\n " license "${license}")
+string(REPLACE "\n \n" "\n .\n" license "${license}")
+file(WRITE "${texts}/copyright"
+  "Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\nUpstream-Name: cairn\n\n"
+  "Files: *\nCopyright: 2026, the Cairn authors\nLicense: BSD-3-Clause\n ${license}\n")
+find_program(CAIRN_GZIP gzip)
+foreach(component IN LISTS CPACK_COMPONENTS_ALL)
+  string(TOUPPER ${component} upper)
+  set(package "${CPACK_DEBIAN_${upper}_PACKAGE_NAME}")
+  set(folder "${texts}/${package}")
+  file(WRITE "${folder}/changelog.Debian"
+    "${package} (${PROJECT_VERSION}-1) unstable; urgency=low\n\n  * See CHANGELOG.md.\n\n"
+    " -- ${CPACK_PACKAGE_CONTACT}  Thu, 01 Jan 2026 00:00:00 +0000\n")
+  if(CAIRN_GZIP)
+    execute_process(COMMAND "${CAIRN_GZIP}" -9nf "${folder}/changelog.Debian")
+    install(FILES "${folder}/changelog.Debian.gz" DESTINATION "share/doc/${package}" COMPONENT ${component}
+            EXCLUDE_FROM_ALL)
+  endif()
+  install(FILES "${texts}/copyright" DESTINATION "share/doc/${package}" COMPONENT ${component} EXCLUDE_FROM_ALL)
+endforeach()
+include(CPack)

@@ -1,0 +1,608 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "bindings/alignment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "cairn/core/file.hpp"
+#include "cairn/core/version_number.hpp"
+
+#include "bindings/maps.hpp"
+
+namespace cairn::python {
+namespace {
+
+// What the keywords of align() and judge() say.
+struct AlignKeywords {
+  AlignOptions options;
+  std::optional<Similarity3> initial;
+  std::optional<Matrix6d> initial_covariance;
+  bool gravity = false;
+};
+
+void set_scale(AlignKeywords& call, py::handle value) {
+  if (value.is_none() || value.is(py::bool_(false))) {
+    call.options.scale.reset();
+  } else if (value.is(py::bool_(true))) {
+    call.options.scale = ScaleRange();
+  } else {
+    const auto range = real_array(value, "scale", {2});
+    call.options.scale = ScaleRange{range.at(0), range.at(1)};
+  }
+}
+
+void set_confidence(std::optional<Metric>& metric, py::handle value) {
+  metric.reset();
+  if (value.is_none()) return;
+  std::string name;
+  from_python(value, "confidence", name);
+  metric = metric_named(name);
+}
+
+// What judge() takes too.
+void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
+  keywords
+      .add("confidence", py::none(),
+           [](AlignKeywords& call, py::handle value) {
+             set_confidence(call.options.confidence, value);
+           })
+      .add("scale", py::none(), set_scale)
+      .add("gravity", [](auto& c) -> auto& { return c.gravity; })
+      .add("min_probability", [](auto& c) -> auto& { return c.options.min_probability; })
+      .add("prior_odds", [](auto& c) -> auto& { return c.options.prior_odds; })
+      .add("effort", [](auto& c) -> auto& { return c.options.effort; })
+      .add("time_limit_s", [](auto& c) -> auto& { return c.options.time_limit_s; })
+      .add("min_observations", [](auto& c) -> auto& { return c.options.points.min_observations; })
+      .add("overlap_radius", [](auto& c) -> auto& { return c.options.overlap_radius; })
+      .add("seed", [](auto& c) -> auto& { return c.options.seed; })
+      .add("trace", [](auto& c) -> auto& { return c.options.trace; });
+}
+
+// The parts of IcpOptions that align() and icp() share.
+template <class Options, class Icp>
+void add_icp_keywords(Keywords<Options>& keywords, const Icp& icp) {
+  keywords.add("k", [icp](auto& o) -> auto& { return icp(o).k; })
+      .add("max_iterations", [icp](auto& o) -> auto& { return icp(o).max_iterations; })
+      .add("mse_change_threshold", [icp](auto& o) -> auto& { return icp(o).mse_change_threshold; })
+      .add("stop_at_repetition", [icp](auto& o) -> auto& { return icp(o).stop_at_repetition; })
+      .add("coarse_to_fine", [icp](auto& o) -> auto& { return icp(o).coarse_to_fine; })
+      .add("max_distance", [icp](auto& o) -> auto& { return icp(o).max_distance; })
+      .add("reciprocal", [icp](auto& o) -> auto& { return icp(o).reciprocal; })
+      .add("trimmed_fraction", [icp](auto& o) -> auto& { return icp(o).trimmed_fraction; })
+      .add("weight_by_source_confidence",
+           [icp](auto& o) -> auto& { return icp(o).weight_by_source_confidence; });
+}
+
+Keywords<AlignKeywords> make_align_keywords() {
+  Keywords<AlignKeywords> keywords("align");
+  keywords
+      .add("method", py::cast(std::string(to_string(AlignOptions().method))),
+           [](AlignKeywords& call, py::handle value) {
+             std::string text;
+             from_python(value, "method", text);
+             call.options.method = word<AlignMethod>(
+                 text, "method", {{"robust", AlignMethod::kRobust}, {"icp", AlignMethod::kIcp}});
+           })
+      .add("initial", py::none(),
+           [](AlignKeywords& call, py::handle value) {
+             if (!value.is_none()) call.initial = similarity_of(value, "initial");
+           })
+      .add("initial_covariance", py::none(),
+           [](AlignKeywords& call, py::handle value) {
+             if (value.is_none()) return;
+             const auto array = real_array(value, "initial_covariance", {6, 6});
+             Matrix6d& matrix = call.initial_covariance.emplace();
+             for (int i = 0; i < 6; ++i) {
+               for (int j = 0; j < 6; ++j) matrix(i, j) = array.at(i, j);
+             }
+           })
+      .add("one_to_one", [](auto& c) -> auto& { return c.options.one_to_one; })
+      .add("judge", [](auto& c) -> auto& { return c.options.judge; });
+  add_verdict_keywords(keywords);
+  add_icp_keywords(keywords, [](auto& c) -> auto& { return c.options.icp; });
+  return keywords;
+}
+
+const Keywords<AlignKeywords>& align_keywords() {
+  static const auto kKeywords = make_align_keywords();
+  return kKeywords;
+}
+
+const Keywords<AlignKeywords>& judge_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<AlignKeywords> keywords("judge");
+    add_verdict_keywords(keywords);
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+AlignOptions complete(const AlignKeywords& call, const LandmarkMap& source,
+                      const LandmarkMap& target) {
+  AlignOptions options = call.options;
+  if (call.initial) {
+    options.prior = PosePrior{*call.initial, call.initial_covariance};
+  } else if (call.initial_covariance) {
+    throw Error(ErrorKind::kMisuse, "initial_covariance", "given without initial",
+                "initial beside it");
+  }
+  if (call.gravity) options.gravity = gravity_prior(source, target);
+  if (!options.scale && source.info().length_unit != target.info().length_unit) {
+    throw Error(
+        ErrorKind::kMisuse, "source",
+        fmt::format("lengths in {} units, but of the target in {}",
+                    to_string(source.info().length_unit), to_string(target.info().length_unit)),
+        "maps of one scale, or scale=True");
+  }
+  options.validate();
+  return options;
+}
+
+std::string options_json(const py::kwargs& given) {
+  py::dict options;
+  for (const auto& [name, value] : given) {
+    const auto text = name.cast<std::string>();
+    if (text != "threads" && text != "progress") options[name] = value;
+  }
+  const py::object plain = py::module_::import("cairn._json").attr("text");
+  return plain(options).cast<std::string>();
+}
+
+SharedAlignment record(Alignment alignment, const AlignOptions& options, const LandmarkMap& target,
+                       const py::kwargs& given) {
+  auto result = std::make_shared<AlignmentResult>();
+  AlignmentRecord& record = result->record;
+  record.method = options.method;
+  if (options.confidence) record.confidence = options.confidence->name;
+  if (options.method == AlignMethod::kIcp && options.confidence) record.k = options.icp.k;
+  record.length_unit = target.info().length_unit;
+  record.overlap_radius = options.overlap_radius;
+  if (!record.overlap_radius && alignment.registration.overlap)
+    record.overlap_radius = alignment.radius;
+  record.matches = alignment.registration.matches.size();
+  record.alignment = std::move(alignment);
+  result->seed = options.seed;
+  result->options_json = options_json(given);
+  result->initial = options.prior ? options.prior->target_from_source.rigid() : Rigid3();
+  result->points = options.points;
+  return result;
+}
+
+SharedAlignment align_maps(const SharedMap& source, const SharedMap& target,
+                           const py::kwargs& given) {
+  CallOptions call;
+  AlignOptions options = complete(align_keywords().read(given, &call), *source, *target);
+  Alignment alignment;
+  run("aligning", call, [&](const Execution& execution) {
+    options.execution = execution;
+    alignment = align(*source, *target, options);
+  });
+  return record(std::move(alignment), options, *target, given);
+}
+
+SharedAlignment judge_maps(const SharedMap& source, const SharedMap& target,
+                           const py::object& target_from_source, const py::kwargs& given) {
+  CallOptions call;
+  AlignOptions options = complete(judge_keywords().read(given, &call), *source, *target);
+  const Similarity3 pose = similarity_of(target_from_source, "target_from_source");
+  Alignment alignment;
+  run("judging", call, [&](const Execution& execution) {
+    options.execution = execution;
+    alignment = judge_pose(*source, *target, pose, options);
+  });
+  return record(std::move(alignment), options, *target, given);
+}
+
+struct IcpKeywords {
+  IcpOptions options;
+  PointSetOptions points;
+  std::optional<Metric> confidence;
+  std::vector<double> source_confidences;
+  std::vector<double> target_confidences;
+};
+
+const Keywords<IcpKeywords>& icp_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<IcpKeywords> keywords("icp");
+    const auto numbers = [](std::vector<double> IcpKeywords::*member, const char* name) {
+      return [member, name](IcpKeywords& call, py::handle value) {
+        if (value.is_none()) return;
+        const auto array = real_array(value, name, {-1});
+        (call.*member).assign(array.data(), array.data() + array.size());
+      };
+    };
+    keywords
+        .add("initial", py::none(),
+             [](IcpKeywords& call, py::handle value) {
+               if (!value.is_none()) call.options.initial = rigid_of(value, "initial");
+             })
+        .add("confidence", py::none(),
+             [](IcpKeywords& call, py::handle value) { set_confidence(call.confidence, value); })
+        .add("source_confidences", py::none(),
+             numbers(&IcpKeywords::source_confidences, "source_confidences"))
+        .add("target_confidences", py::none(),
+             numbers(&IcpKeywords::target_confidences, "target_confidences"))
+        .add("min_observations", [](auto& c) -> auto& { return c.points.min_observations; })
+        .add("overlap_radius", [](auto& c) -> auto& { return c.options.overlap_radius; })
+        .add("trace", [](auto& c) -> auto& { return c.options.trace; });
+    add_icp_keywords(keywords, [](auto& c) -> auto& { return c.options; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
+                   const std::vector<double>& confidences) {
+  if (!py::isinstance<LandmarkMap>(given)) {
+    if (call.confidence) {
+      throw Error(ErrorKind::kMisuse, "confidence", std::string(name) + " is an array of positions",
+                  "source_confidences and target_confidences");
+    }
+    return {positions_of(given, name), confidences};
+  }
+  if (!confidences.empty()) {
+    throw Error(ErrorKind::kMisuse, std::string(name) + "_confidences",
+                std::string(name) + " is a LandmarkMap", "confidence, the name of a metric");
+  }
+  const auto map = given.cast<SharedMap>();
+  return unlocked([&] { return point_set(*map, call.confidence, call.points); });
+}
+
+RegistrationResult icp_of(const py::object& source, const py::object& target,
+                          const py::kwargs& given) {
+  CallOptions call;
+  IcpKeywords keywords = icp_keywords().read(given, &call);
+  const PointSet from = points_of(source, "source", keywords, keywords.source_confidences);
+  const PointSet to = points_of(target, "target", keywords, keywords.target_confidences);
+  RegistrationResult result;
+  run("icp", call, [&](const Execution& execution) {
+    keywords.options.execution = execution;
+    result = icp(from, to, keywords.options);
+  });
+  return result;
+}
+
+py::array matches_of(const std::vector<Match>& matches) {
+  std::vector<std::uint32_t> pairs;
+  pairs.reserve(2 * matches.size());
+  for (const Match& match : matches) {
+    pairs.push_back(match.source);
+    pairs.push_back(match.target);
+  }
+  return copied(pairs, {static_cast<py::ssize_t>(matches.size()), 2});
+}
+
+py::array distances_of(const std::vector<Match>& matches) {
+  std::vector<double> distances;
+  for (const Match& match : matches) distances.push_back(std::sqrt(match.squared_distance));
+  return copied(distances);
+}
+
+py::array directions_of(const std::vector<OpenDirection>& open) {
+  std::vector<double> numbers;
+  for (const OpenDirection& one : open) {
+    for (int i = 0; i < 3; ++i) numbers.push_back(one.translation[i]);
+    for (int i = 0; i < 3; ++i) numbers.push_back(one.rotation[i]);
+    numbers.push_back(one.log_scale);
+  }
+  return copied(numbers, {static_cast<py::ssize_t>(open.size()), 7});
+}
+
+py::object overlap_of(const std::optional<Overlap>& overlap) {
+  if (!overlap) return py::none();
+  return py::make_tuple(overlap->source, overlap->target);
+}
+
+// A row of numbers an iteration, for plots.
+py::dict history_of(const RegistrationResult& result) {
+  std::vector<double> poses;
+  std::vector<double> distances;
+  std::vector<double> scores;
+  std::vector<std::uint64_t> matches;
+  for (const IterationRecord& iteration : result.history) {
+    const Matrix4d matrix = Similarity3(iteration.scale, iteration.target_from_source).matrix();
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < 4; ++j) poses.push_back(matrix(i, j));
+    }
+    distances.push_back(iteration.mean_squared_distance);
+    scores.push_back(iteration.score.value_or(std::nan("")));
+    matches.push_back(iteration.match_count);
+  }
+  py::dict history;
+  history["target_from_source"] = copied(poses, {static_cast<py::ssize_t>(distances.size()), 4, 4});
+  history["mean_squared_distance"] = copied(distances);
+  history["score"] = copied(scores);
+  history["matches"] = copied(matches);
+  return history;
+}
+
+std::string percent(double share) {
+  return share > 0.9999 && share < 1.0 ? "> 99.99 %" : fmt::format("{:.2f} %", 100.0 * share);
+}
+
+std::string repr(const AlignmentResult& self) {
+  const Alignment& alignment = self.alignment();
+  std::string text = fmt::format("<Alignment: {}", status_of(alignment));
+  if (alignment.probability) text += " (" + percent(*alignment.probability) + ")";
+  return text + ": " + alignment.reason + ">";
+}
+
+std::string html(const AlignmentResult& self) {
+  const Alignment& alignment = self.alignment();
+  const py::object escape = py::module_::import("html").attr("escape");
+  const auto escaped = [&](const std::string& text) {
+    return escape(py::str(py::bytes(text).attr("decode")("utf-8", "replace"))).cast<std::string>();
+  };
+  std::string rows;
+  const auto add = [&](const char* name, const std::string& value) {
+    rows += fmt::format(
+        "<tr><th style=\"text-align:left\">{}</th><td style=\"text-align:left\">{}</td></tr>", name,
+        value);
+  };
+  add("verdict", fmt::format("<b>{}</b>", status_of(alignment)));
+  if (alignment.probability) add("probability", percent(*alignment.probability));
+  add("reason", escaped(alignment.reason));
+  const std::string unit = self.record.length_unit == LengthUnit::kMetres ? " m" : " units";
+  if (const auto& pose = alignment.estimate) {
+    const Eigen::Vector3d& t = pose->translation();
+    const Eigen::Vector3d angles =
+        pose->rigid().roll_pitch_yaw() * (180.0 / 3.14159265358979323846);
+    add(alignment.target_from_source ? "target_from_source" : "estimate, not trusted",
+        fmt::format("x {:.4f} y {:.4f} z {:.4f}{}, roll {:.3f}° pitch {:.3f}° yaw {:.3f}°", t.x(),
+                    t.y(), t.z(), unit, angles.x(), angles.y(), angles.z()));
+    if (pose->scale() != 1.0) add("scale", fmt::format("{:.6g}", pose->scale()));
+  }
+  if (const auto& overlap = alignment.registration.overlap) {
+    add("overlap", fmt::format("{:.0f} % of the source, {:.0f} % of the target",
+                               100.0 * overlap->source, 100.0 * overlap->target));
+  }
+  return "<table>" + rows + "</table>";
+}
+
+std::string document(const AlignmentResult& self, HistoryDetail history) {
+  return fmt::format(
+      "{{\"schema\": {{\"name\": \"cairn.align\", \"version\": {}}}, \"cairn_version\": \"{}\",\n"
+      "\"inputs\": {{}}, \"options\": {}, \"seed\": {},\n\"results\": [{}]}}\n",
+      kAlignmentVersion, kVersion, self.options_json, self.seed, to_json(self.record, history));
+}
+
+std::vector<SharedAlignment> parsed(std::string_view text, const std::string& name) {
+  std::vector<SharedAlignment> results;
+  for (AlignmentRecord& record : read_alignments(text, name)) {
+    auto result = std::make_shared<AlignmentResult>();
+    result->record = std::move(record);
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+py::tuple packed(const AlignmentResult& self) {
+  const Alignment& alignment = self.alignment();
+  return py::make_tuple(document(self, HistoryDetail::kMatches), self.options_json, self.seed,
+                        pose_array(Similarity3(self.initial)), self.points.min_observations,
+                        matches_of(alignment.registration.matches),
+                        distances_of(alignment.registration.matches));
+}
+
+SharedAlignment unpacked(const py::tuple& state) {
+  SharedAlignment result = parsed(state[0].cast<std::string>(), "pickled Alignment").front();
+  result->options_json = state[1].cast<std::string>();
+  result->seed = state[2].cast<std::uint64_t>();
+  result->initial = rigid_of(state[3], "initial");
+  result->points.min_observations = state[4].cast<std::size_t>();
+  const auto matches = state[5].cast<py::array_t<std::uint32_t>>();
+  const auto distances = state[6].cast<py::array_t<double>>();
+  for (py::ssize_t i = 0; i < matches.shape(0); ++i) {
+    const double distance = distances.at(i);
+    result->record.alignment.registration.matches.push_back(
+        {matches.at(i, 0), matches.at(i, 1), distance * distance});
+  }
+  return result;
+}
+
+void bind_registration(py::module_& module) {
+  using Result = RegistrationResult;
+  py::class_<Result>(
+      module, "Registration",
+      "What an iteration came to. It never says how right its pose is; a verdict does.")
+      .def_property_readonly(
+          "status", [](const Result& self) { return std::string(to_string(self.status)); },
+          "'converged', 'stopped', 'failed' or 'cancelled'.")
+      .def_property_readonly(
+          "stop_reason",
+          [](const Result& self) { return std::string(to_string(self.stop_reason)); })
+      .def_readonly("reason", &Result::reason, "One sentence for people.")
+      .def_property_readonly(
+          "target_from_source", [](const Result& self) { return pose_array(self.similarity()); },
+          "4x4, with the scale in it.")
+      .def_readonly("scale", &Result::scale)
+      .def_readonly("initial_score", &Result::initial_score,
+                    "The paper's Eq. 5 at the initial pose.")
+      .def_readonly("score", &Result::score, "The paper's Eq. 5 at the final pose.")
+      .def_readonly("iterations", &Result::iterations)
+      .def_property_readonly(
+          "matches", [](const Result& self) { return matches_of(self.matches); },
+          "(m, 2): indices of points in source and target, at the final pose.")
+      .def_property_readonly(
+          "match_distances", [](const Result& self) { return distances_of(self.matches); },
+          "(m,), at the final pose.")
+      .def_property_readonly(
+          "history", &history_of,
+          "Arrays with an entry an iteration: target_from_source, mean_squared_distance,\n"
+          "score (NaN without trace=True), matches.")
+      .def_property_readonly(
+          "covariance", [](const Result& self) { return matrix_or_none(self.covariance); },
+          "(6, 6) of a left perturbation (dt, dphi) in the target frame; or None.")
+      .def_property_readonly(
+          "covariance_with_scale",
+          [](const Result& self) { return matrix_or_none(self.covariance_with_scale); },
+          "(7, 7), the logarithm of the scale last; or None.")
+      .def_property_readonly(
+          "unobservable", [](const Result& self) { return directions_of(self.unobservable); },
+          "(m, 7): motions that the matches leave open: translation, rotation, log scale.")
+      .def_property_readonly(
+          "overlap", [](const Result& self) { return overlap_of(self.overlap); },
+          "Shares of source and target that overlap; or None.")
+      .def_readonly("duration_s", &Result::duration_s)
+      .def("__repr__", [](const Result& self) {
+        return fmt::format("<Registration: {} after {} iterations: {}>", to_string(self.status),
+                           self.iterations, self.reason);
+      });
+}
+
+void bind_candidate(py::module_& module) {
+  using Candidate = PlacementCandidate;
+  py::class_<Candidate>(module, "Candidate", "A pose that explains the maps to some extent.")
+      .def_property_readonly(
+          "target_from_source", [](const Candidate& self) { return pose_array(self.similarity()); },
+          "4x4, with the scale in it.")
+      .def_readonly("scale", &Candidate::scale)
+      .def_readonly("probability", &Candidate::probability, "That it is the right pose.")
+      .def_property_readonly("matches",
+                             [](const Candidate& self) { return self.support.matches(); })
+      .def_readonly("contradicted", &Candidate::contradicted,
+                    "Share of the keyframes' lines of sight that contradict it; or None.")
+      .def("__repr__", [](const Candidate& self) {
+        return fmt::format("<Candidate: {}, {} matches>", percent(self.probability),
+                           self.support.matches());
+      });
+}
+
+void bind_result(py::module_& module) {
+  using Result = AlignmentResult;
+  py::class_<Result, SharedAlignment> result(module, "Alignment",
+                                             "What is known of the pose between two maps.");
+  result
+      .def_property_readonly(
+          "verdict",
+          [](const Result& self) -> std::optional<std::string> {
+            const auto& verdict = self.alignment().verdict;
+            if (!verdict) return std::nullopt;
+            return std::string(to_string(*verdict));
+          },
+          "'aligned', 'ambiguous' or 'rejected'; None if it was not judged.")
+      .def_property_readonly(
+          "status", [](const Result& self) { return std::string(status_of(self.alignment())); },
+          "The verdict; or, unjudged, 'converged', 'stopped', 'failed' or 'cancelled'.")
+      .def_property_readonly(
+          "probability", [](const Result& self) { return self.alignment().probability; },
+          "That the estimate is right; None if it was not judged.")
+      .def_property_readonly(
+          "reason", [](const Result& self) { return self.alignment().reason; },
+          "One sentence for people.")
+      .def_property_readonly(
+          "target_from_source",
+          [](const Result& self) { return pose_array(self.alignment().target_from_source); },
+          "4x4 with the scale in it, x_in_target = target_from_source @ x_in_source;\n"
+          "None unless the verdict is 'aligned'.")
+      .def_property_readonly(
+          "estimate", [](const Result& self) { return pose_array(self.alignment().estimate); },
+          "The best pose found, trusted or not, 4x4; None if there is none.")
+      .def_property_readonly(
+          "scale",
+          [](const Result& self) -> std::optional<double> {
+            const auto& pose = self.alignment().estimate;
+            return pose ? std::optional(pose->scale()) : std::nullopt;
+          },
+          "Of the estimate.")
+      .def_property_readonly(
+          "covariance",
+          [](const Result& self) {
+            return matrix_or_none(self.alignment().registration.covariance);
+          },
+          "(6, 6) of a left perturbation (dt, dphi) in the target frame; or None.")
+      .def_property_readonly(
+          "covariance_with_scale",
+          [](const Result& self) {
+            return matrix_or_none(self.alignment().registration.covariance_with_scale);
+          },
+          "(7, 7), the logarithm of the scale last; or None.")
+      .def_property_readonly(
+          "candidates", [](const Result& self) { return self.alignment().candidates; },
+          "All poses that were held against each other, likeliest first.")
+      .def_property_readonly(
+          "registration", [](const Result& self) { return self.alignment().registration; },
+          "How the estimate was come to: score, iterations, matches.")
+      .def_property_readonly(
+          "overlap",
+          [](const Result& self) { return overlap_of(self.alignment().registration.overlap); },
+          "Shares of source and target that overlap; or None.")
+      .def_property_readonly(
+          "unobservable",
+          [](const Result& self) {
+            return directions_of(self.alignment().registration.unobservable);
+          },
+          "(m, 7): motions that the matches leave open: translation, rotation, log scale.")
+      .def_property_readonly(
+          "deterministic", [](const Result& self) { return self.alignment().deterministic; },
+          "False with a time limit.")
+      .def_property_readonly("duration_s",
+                             [](const Result& self) { return self.alignment().duration_s; })
+      .def(
+          "to_json",
+          [](const Result& self, bool history) {
+            return document(self, history ? HistoryDetail::kMatches : HistoryDetail::kNone);
+          },
+          py::kw_only(), py::arg("history") = false,
+          "to_json($self, *, history=False)\n--\n\n"
+          "The result as a document of schema cairn.align, which read_alignments() and the tool "
+          "read.")
+      .def("__repr__", &repr)
+      .def("_repr_html_", &html)
+      .def("__copy__", [](const SharedAlignment& self) { return self; })
+      .def(
+          "__deepcopy__", [](const SharedAlignment& self, const py::dict&) { return self; },
+          py::arg("memo"));
+  make_picklable(
+      module, result, "restored_alignment",
+      [](const py::object& self) { return packed(self.cast<const Result&>()); }, &unpacked);
+}
+
+}  // namespace
+
+void bind_alignment(py::module_& module) {
+  bind_registration(module);
+  bind_candidate(module);
+  bind_result(module);
+  module.def(
+      "align", &align_maps, py::arg("source"), py::arg("target"),
+      kept(align_keywords().signature("source, target") +
+           "Aligns two maps and says whether the pose can be trusted.\n\n"
+           "Without `initial` every pose is possible and is searched for; from an initial pose "
+           "(4x4,\n"
+           "target_from_source) a robust refinement or, with method='icp', the paper's ICP leads "
+           "on.\n"
+           "Whatever found it, the pose is judged. Same input and seed, same result, whatever the\n"
+           "number of threads.\n\n"
+           "method         'robust' or 'icp'\n"
+           "confidence     trust in landmarks: 'covariance', 'observations', 'distance', ...\n"
+           "scale          True or (least, most): the maps need not be of one scale\n"
+           "gravity        only turn about the vertical, and tilt a little\n"
+           "prior_odds     that the maps show one place, before anything is looked at\n"
+           "effort         of the search, 1/16 to 64\n"
+           "threads        at most; 0: one per core\n"
+           "progress       True for a bar (tqdm), or a callable that takes a share in [0, 1]\n"
+           "k, max_distance and what follows them are the options of ICP."));
+  module.def("judge", &judge_maps, py::arg("source"), py::arg("target"),
+             py::arg("target_from_source"),
+             kept(judge_keywords().signature("source, target, target_from_source") +
+                  "Judges a pose as it is, whatever found it, as align() judges its own."));
+  module.def(
+      "icp", &icp_of, py::arg("source"), py::arg("target"),
+      kept(icp_keywords().signature("source, target") +
+           "The paper's ICP between two maps, or two arrays of positions (n, 3). Without a "
+           "verdict.\n\n"
+           "Weighted if the target has confidences: of maps those of a metric, `confidence`; of\n"
+           "arrays `target_confidences`, one a point. Without them, base ICP."));
+  module.def("metrics", &metric_names, "metrics()\n--\n\nNames of the confidence metrics.");
+  module.def(
+      "read_alignments",
+      [](const std::filesystem::path& path) { return parsed(read_file(path), path.string()); },
+      py::arg("path"),
+      "read_alignments(path)\n--\n\nThe results in a document that `cairn align --json` or "
+      "to_json() wrote.");
+}
+
+}  // namespace cairn::python

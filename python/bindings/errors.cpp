@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+namespace {
+
+const char* name_of(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::kMisuse:
+      return "misuse";
+    case ErrorKind::kInput:
+      return "input";
+    case ErrorKind::kStorage:
+      return "storage";
+    case ErrorKind::kCancelled:
+      return "cancelled";
+  }
+  return "input";
+}
+
+void translate(std::exception_ptr thrown) {
+  try {
+    if (thrown) std::rethrow_exception(thrown);
+  } catch (const Error& error) {
+    const std::string text = error.what();
+    // Paths may be any bytes.
+    const auto message = py::reinterpret_steal<py::object>(
+        PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "surrogateescape"));
+    const py::object made =
+        py::module_::import("cairn._errors").attr("made")(name_of(error.kind()), message);
+    PyErr_SetObject(py::type::handle_of(made).ptr(), made.ptr());
+  } catch (const py::cast_error&) {
+    PyErr_SetString(PyExc_TypeError, "an argument, or something in it, is of the wrong type");
+  }
+}
+
+}  // namespace
+
+void bind_errors(py::module_& /*module*/) {
+  py::register_exception_translator(&translate);
+}
+
+}  // namespace cairn::python

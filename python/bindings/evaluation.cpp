@@ -1,0 +1,453 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include "cairn/core/file.hpp"
+#include "cairn/evaluation/covariance_calibration.hpp"
+#include "cairn/evaluation/first_keyframe.hpp"
+#include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/evaluation/pose_error.hpp"
+#include "cairn/trajectory/trajectory.hpp"
+#include "cairn/trajectory/trajectory_evaluation.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+namespace {
+
+constexpr double kDegrees = 180.0 / 3.14159265358979323846;
+
+Trajectory trajectory_of(const py::object& timestamps, const py::object& poses) {
+  const auto times = real_array(timestamps, "timestamps_s", {-1});
+  const auto matrices = real_array(poses, "poses", {times.shape(0), 4, 4});
+  std::vector<TimedPose> timed;
+  for (py::ssize_t i = 0; i < times.shape(0); ++i) {
+    Matrix4d matrix;
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) matrix(r, c) = matrices.at(i, r, c);
+    }
+    if (!matrix.allFinite()) {
+      throw Error(ErrorKind::kMisuse, fmt::format("poses[{}]", i), "a number that is not finite",
+                  "world_from_camera");
+    }
+    try {
+      timed.push_back({times.at(i), Rigid3::from_matrix(matrix)});
+    } catch (const Error& error) {
+      throw Error(error.kind(), fmt::format("poses[{}]", i), error.what(), "");
+    }
+  }
+  return Trajectory(std::move(timed));
+}
+
+std::vector<double> times_of(const Trajectory& trajectory) {
+  std::vector<double> times;
+  for (const TimedPose& pose : trajectory.poses()) times.push_back(pose.timestamp_s);
+  return times;
+}
+
+std::vector<Rigid3> poses_of(const Trajectory& trajectory) {
+  std::vector<Rigid3> poses;
+  for (const TimedPose& pose : trajectory.poses()) poses.push_back(pose.world_from_camera);
+  return poses;
+}
+
+void bind_trajectory(py::module_& module) {
+  py::class_<Trajectory> trajectory(module, "Trajectory", "Timed poses of a camera. Immutable.");
+  trajectory
+      .def(py::init(&trajectory_of), py::arg("timestamps_s"), py::arg("poses"),
+           "__init__($self, timestamps_s, poses)\n--\n\nAscending times (n,), and "
+           "world_from_camera (n, 4, 4).")
+      .def("__len__", &Trajectory::size)
+      .def_property_readonly("timestamps_s",
+                             [](const Trajectory& self) { return copied(times_of(self)); })
+      .def_property_readonly(
+          "poses", [](const Trajectory& self) { return pose_arrays(poses_of(self)); },
+          "(n, 4, 4), world_from_camera.")
+      .def_property_readonly(
+          "positions",
+          [](const Trajectory& self) {
+            std::vector<double> numbers;
+            for (const TimedPose& pose : self.poses()) {
+              const Eigen::Vector3d& t = pose.world_from_camera.translation();
+              numbers.insert(numbers.end(), t.data(), t.data() + 3);
+            }
+            return copied(numbers, {static_cast<py::ssize_t>(self.size()), 3});
+          },
+          "(n, 3), camera centres.")
+      .def_property_readonly("duration_s", &Trajectory::duration_s)
+      .def_property_readonly("length", &Trajectory::length,
+                             "Of the path, in the unit of the poses.")
+      .def(
+          "transformed",
+          [](const Trajectory& self, const py::object& new_from_old) {
+            return transformed(self, similarity_of(new_from_old, "new_from_old"));
+          },
+          py::arg("new_from_old"),
+          "transformed($self, new_from_old)\n--\n\nThe trajectory in another world, by a 4x4 "
+          "matrix.")
+      .def(
+          "write",
+          [](const Trajectory& self, const std::filesystem::path& path) {
+            write_file(path, [&](const ByteSink& sink) { write_tum_trajectory(self, sink); });
+          },
+          py::arg("path"),
+          "write($self, path)\n--\n\nWrites the format of the TUM RGB-D benchmark.")
+      .def("__repr__",
+           [](const Trajectory& self) {
+             return fmt::format("<Trajectory: {} poses, {:.3f} s, length {:.3f}>", self.size(),
+                                self.duration_s(), self.length());
+           })
+      .def("__copy__", [](const py::object& self) { return self; });
+  make_picklable(
+      module, trajectory, "restored_trajectory",
+      [](const py::object& object) {
+        // A matrix does not hold a rotation to the last bit.
+        const auto& self = object.cast<const Trajectory&>();
+        std::vector<double> numbers;
+        for (const TimedPose& pose : self.poses()) {
+          const Eigen::Quaterniond q = pose.world_from_camera.quaternion();
+          const Eigen::Vector3d& t = pose.world_from_camera.translation();
+          for (const double number :
+               {pose.timestamp_s, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()}) {
+            numbers.push_back(number);
+          }
+        }
+        return copied(numbers, {static_cast<py::ssize_t>(self.size()), 8});
+      },
+      [](const py::object& state) {
+        const auto rows = real_array(state, "pickled Trajectory", {-1, 8});
+        std::vector<TimedPose> poses;
+        for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
+          const double* const n = rows.data() + 8 * i;
+          poses.push_back({n[0], Rigid3(Eigen::Quaterniond(n[4], n[5], n[6], n[7]),
+                                        Eigen::Vector3d(n[1], n[2], n[3]))});
+        }
+        return Trajectory(std::move(poses));
+      });
+  module.def(
+      "read_trajectory",
+      [](const std::filesystem::path& path) {
+        FileReader file(path);
+        return read_tum_trajectory(file);
+      },
+      py::arg("path"),
+      "read_trajectory(path)\n--\n\nReads a trajectory in the format of the TUM RGB-D benchmark.");
+}
+
+void bind_statistics(py::module_& module) {
+  py::class_<ErrorStatistics>(module, "ErrorStatistics",
+                              "What several errors amount to, in their unit.")
+      .def_readonly("count", &ErrorStatistics::count)
+      .def_readonly("rmse", &ErrorStatistics::rmse)
+      .def_readonly("mean", &ErrorStatistics::mean)
+      .def_readonly("median", &ErrorStatistics::median)
+      .def_readonly("standard_deviation", &ErrorStatistics::standard_deviation)
+      .def_readonly("lowest", &ErrorStatistics::lowest)
+      .def_readonly("percentile_95", &ErrorStatistics::percentile_95)
+      .def_readonly("highest", &ErrorStatistics::highest)
+      .def("__repr__", [](const ErrorStatistics& self) {
+        return fmt::format(
+            "<ErrorStatistics: rmse {:.6g}, mean {:.6g}, median {:.6g}, highest {:.6g} of {}>",
+            self.rmse, self.mean, self.median, self.highest, self.count);
+      });
+}
+
+// --- Trajectories -----------------------------------------------------------------------------------
+
+// "1m", "0.5s" or "10f".
+RelativeInterval interval_of(const std::string& text) {
+  using Unit = RelativeInterval::Unit;
+  std::size_t end = 0;
+  double length = 0.0;
+  try {
+    length = std::stod(text, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  if (end > 0) {
+    const std::string unit = text.substr(end);
+    if (unit == "m") return {Unit::kMetres, length};
+    if (unit == "s") return {Unit::kSeconds, length};
+    if (unit == "f") return {Unit::kFrames, length};
+  }
+  throw Error(ErrorKind::kMisuse, "intervals", printable(text),
+              "a length such as '1m', '0.5s' or '10f'");
+}
+
+std::string interval_text(const RelativeInterval& interval) {
+  const char* const unit = interval.unit == RelativeInterval::Unit::kMetres    ? "m"
+                           : interval.unit == RelativeInterval::Unit::kSeconds ? "s"
+                                                                               : "f";
+  return fmt::format("{:g}{}", interval.length, unit);
+}
+
+struct Evaluated {
+  TrajectoryEvaluation evaluation;
+  std::vector<RelativeInterval> intervals;
+};
+
+const Keywords<TrajectoryEvaluationOptions>& evaluation_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<TrajectoryEvaluationOptions> keywords("evaluate_trajectory");
+    const TrajectoryEvaluationOptions defaults;
+    py::list intervals;
+    for (const RelativeInterval& one : defaults.intervals) intervals.append(interval_text(one));
+    keywords
+        .add("alignment", py::str("se3"),
+             [](auto& options, py::handle value) {
+               std::string text;
+               from_python(value, "alignment", text);
+               options.alignment =
+                   word<TrajectoryAlignment>(text, "alignment",
+                                             {{"none", TrajectoryAlignment::kNone},
+                                              {"origin", TrajectoryAlignment::kOrigin},
+                                              {"se3", TrajectoryAlignment::kSe3},
+                                              {"sim3", TrajectoryAlignment::kSim3},
+                                              {"poses", TrajectoryAlignment::kPoses}});
+             })
+        .add("max_time_difference_s", [](auto& o) -> auto& { return o.max_time_difference_s; })
+        .add("intervals", py::tuple(intervals), [](auto& options, py::handle value) {
+          options.intervals.clear();
+          if (py::isinstance<py::str>(value))
+            throw py::type_error("intervals: str; expected a list of texts");
+          for (const py::handle one : py::iter(value)) {
+            std::string text;
+            from_python(one, "intervals", text);
+            options.intervals.push_back(interval_of(text));
+          }
+        });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+void bind_trajectory_evaluation(py::module_& module) {
+  py::class_<RelativeError>(module, "RelativeError", "Drift over an interval.")
+      .def_readonly("translation", &RelativeError::translation)
+      .def_readonly("rotation_rad", &RelativeError::rotation_rad)
+      .def("__repr__", [](const RelativeError& self) {
+        return fmt::format("<RelativeError: rmse {:.6g}, {:.6g} deg>", self.translation.rmse,
+                           self.rotation_rad.rmse * kDegrees);
+      });
+  const auto absolute = [](auto&& get) {
+    return [get](const Evaluated& self) -> py::object {
+      if (!self.evaluation.absolute) return py::none();
+      return get(*self.evaluation.absolute);
+    };
+  };
+  py::class_<Evaluated>(
+      module, "TrajectoryEvaluation",
+      "An estimated trajectory against the true one; errors are None if they cannot be aligned.")
+      .def_property_readonly(
+          "translation", absolute([](const AbsoluteError& e) { return py::cast(e.translation); }),
+          "Absolute trajectory error: ErrorStatistics of distances.")
+      .def_property_readonly(
+          "rotation_rad", absolute([](const AbsoluteError& e) { return py::cast(e.rotation_rad); }))
+      .def_property_readonly("translations", absolute([](const AbsoluteError& e) -> py::object {
+                               return copied(e.translations);
+                             }),
+                             "(p,), one a pair of poses.")
+      .def_property_readonly("rotations_rad", absolute([](const AbsoluteError& e) -> py::object {
+                               return copied(e.rotations_rad);
+                             }))
+      .def_property_readonly("truth_from_estimate", absolute([](const AbsoluteError& e) {
+                               return pose_array(e.truth_from_estimate);
+                             }),
+                             "The alignment, 4x4.")
+      .def_property_readonly(
+          "pairs",
+          [](const Evaluated& self) {
+            std::vector<std::uint64_t> pairs;
+            for (const auto& [estimate, truth] : self.evaluation.pairs) {
+              pairs.push_back(estimate);
+              pairs.push_back(truth);
+            }
+            return copied(pairs, {static_cast<py::ssize_t>(self.evaluation.pairs.size()), 2});
+          },
+          "(p, 2): indices in estimate and truth.")
+      .def_property_readonly(
+          "relative",
+          [](const Evaluated& self) {
+            py::dict result;
+            for (std::size_t i = 0; i < self.intervals.size(); ++i) {
+              result[py::str(interval_text(self.intervals[i]))] =
+                  py::cast(self.evaluation.relative[i]);
+            }
+            return result;
+          },
+          "Relative pose errors by interval; None where the trajectory is shorter.")
+      .def_property_readonly(
+          "reason", [](const Evaluated& self) { return self.evaluation.reason; },
+          "Why the trajectories cannot be aligned; empty if they can.")
+      .def("__repr__", [](const Evaluated& self) {
+        const auto& error = self.evaluation.absolute;
+        if (!error) return "<TrajectoryEvaluation: " + self.evaluation.reason + ">";
+        return fmt::format("<TrajectoryEvaluation: rmse {:.6g}, {:.6g} deg over {} pairs>",
+                           error->translation.rmse, error->rotation_rad.rmse * kDegrees,
+                           self.evaluation.pairs.size());
+      });
+  module.def(
+      "evaluate_trajectory",
+      [](const Trajectory& estimate, const Trajectory& truth, const py::kwargs& given) {
+        const TrajectoryEvaluationOptions options = evaluation_keywords().read(given);
+        options.validate();
+        return unlocked([&] {
+          return Evaluated{evaluate_trajectory(estimate, truth, options), options.intervals};
+        });
+      },
+      py::arg("estimate"), py::arg("truth"),
+      kept(evaluation_keywords().signature("estimate, truth", false) +
+           "Absolute and relative errors, as the TUM RGB-D benchmark and evo define them.\n\n"
+           "alignment   'none', 'origin', 'se3', 'sim3' or 'poses'\n"
+           "intervals   of relative errors: metres, seconds or frames"));
+}
+
+// --- Poses and maps ---------------------------------------------------------------------------------
+
+std::vector<Eigen::Vector3d> landmarks_of(const py::object& source) {
+  if (py::isinstance<LandmarkMap>(source)) return source.cast<SharedMap>()->landmarks().positions;
+  return positions_of(source, "source");
+}
+
+void bind_pose_error(py::module_& module) {
+  py::class_<PoseError>(module, "PoseError", "How far an estimated pose is from the true one.")
+      .def_readonly("rotation_rad", &PoseError::rotation_rad)
+      .def_property_readonly("rotation_deg",
+                             [](const PoseError& self) { return self.rotation_rad * kDegrees; })
+      .def_readonly("translation", &PoseError::translation, "Of the source landmarks' centroid.")
+      .def_readonly("log_scale", &PoseError::log_scale)
+      .def("__repr__", [](const PoseError& self) {
+        return fmt::format("<PoseError: {:.6g}, {:.6g} deg>", self.translation,
+                           self.rotation_rad * kDegrees);
+      });
+  module.def(
+      "pose_error",
+      [](const py::object& estimate, const py::object& truth, const py::object& source) {
+        return pose_error(similarity_of(estimate, "estimate"), similarity_of(truth, "truth"),
+                          landmarks_of(source));
+      },
+      py::arg("estimate"), py::arg("truth"), py::arg("source"),
+      "pose_error(estimate, truth, source)\n--\n\n"
+      "The error of a pose (4x4, target_from_source) against the true one. `source` is the source\n"
+      "map or its landmarks (n, 3), at whose centroid translations are compared.");
+}
+
+py::object with_nan(const std::vector<std::optional<double>>& values) {
+  std::vector<double> numbers;
+  for (const auto& value : values) numbers.push_back(value.value_or(std::nan("")));
+  return copied(numbers);
+}
+
+void bind_map_evaluation(py::module_& module) {
+  py::class_<MapConsistency>(module, "MapConsistency",
+                             "How well a map explains the observations that it was made from.")
+      .def_property_readonly(
+          "reprojection",
+          [](const MapConsistency& self) -> py::object {
+            if (!self.reprojection) return py::none();
+            return py::cast(self.reprojection->px);
+          },
+          "ErrorStatistics in pixels; or None.")
+      .def_property_readonly("inlier_share",
+                             [](const MapConsistency& self) -> std::optional<double> {
+                               if (!self.reprojection) return std::nullopt;
+                               return self.reprojection->inlier_share;
+                             })
+      .def_readonly("observations_behind", &MapConsistency::observations_behind)
+      .def_readonly("depth", &MapConsistency::depth, "ErrorStatistics in the map's unit; or None.")
+      .def_readonly("depth_bias", &MapConsistency::depth_bias)
+      .def_readonly("missing_for_reprojection", &MapConsistency::missing_for_reprojection,
+                    "What the map lacks; empty if nothing.")
+      .def_readonly("missing_for_depth", &MapConsistency::missing_for_depth)
+      .def_property_readonly(
+          "reprojection_px",
+          [](const MapConsistency& self) { return with_nan(self.reprojection_px); },
+          "(o,), NaN where there is none; empty if the map lacks the input.")
+      .def_property_readonly("depth_errors",
+                             [](const MapConsistency& self) { return with_nan(self.depth_errors); })
+      .def("__repr__", [](const MapConsistency& self) {
+        if (!self.reprojection)
+          return "<MapConsistency: without " + self.missing_for_reprojection + ">";
+        return fmt::format("<MapConsistency: median {:.4g} px, {:.1f} % inliers>",
+                           self.reprojection->px.median, 100.0 * self.reprojection->inlier_share);
+      });
+  static const auto kConsistency = [] {
+    Keywords<MapConsistencyOptions> keywords("map_consistency");
+    keywords.add("inlier_px", [](auto& o) -> auto& { return o.inlier_px; });
+    return keywords;
+  }();
+  module.def(
+      "map_consistency",
+      [](const SharedMap& map, const py::kwargs& given) {
+        const MapConsistencyOptions options = kConsistency.read(given);
+        return unlocked([&] { return map_consistency(*map, options); });
+      },
+      py::arg("map"),
+      kept(kConsistency.signature("map", false) +
+           "Reprojection and depth errors of a map's own observations. Needs no truth."));
+
+  py::class_<CovarianceCalibration>(
+      module, "CovarianceCalibration",
+      "Whether covariances say how far off landmarks are: normalised squared\n"
+      "errors (NEES), of mean 3 and 95 % below 7.81 if they do.")
+      .def_property_readonly(
+          "count", [](const CovarianceCalibration& self) { return self.all ? self.all->count : 0; })
+      .def_property_readonly("mean",
+                             [](const CovarianceCalibration& self) {
+                               return self.all ? std::optional(self.all->mean) : std::nullopt;
+                             })
+      .def_property_readonly("median",
+                             [](const CovarianceCalibration& self) {
+                               return self.all ? std::optional(self.all->median) : std::nullopt;
+                             })
+      .def_property_readonly(
+          "inside_95",
+          [](const CovarianceCalibration& self) {
+            return self.all ? std::optional(self.all->inside_95) : std::nullopt;
+          },
+          "Share of landmarks within the 95 % ellipsoid.")
+      .def_property_readonly(
+          "nees", [](const CovarianceCalibration& self) { return with_nan(self.nees); },
+          "(n,), NaN where a landmark could not be judged.")
+      .def_readonly("without_truth", &CovarianceCalibration::without_truth)
+      .def_readonly("without_covariance", &CovarianceCalibration::without_covariance)
+      .def("__repr__", [](const CovarianceCalibration& self) {
+        if (!self.all) return std::string("<CovarianceCalibration: no landmark could be judged>");
+        return fmt::format(
+            "<CovarianceCalibration: NEES mean {:.4g}, median {:.4g}, {:.1f} % inside 95 %>",
+            self.all->mean, self.all->median, 100.0 * self.all->inside_95);
+      });
+  module.def(
+      "calibrate_covariances",
+      [](const SharedMap& map, const SharedMap& truth, const Trajectory* trajectory,
+         double max_time_difference_s) {
+        return unlocked([&] {
+          const KeyframePoses poses =
+              trajectory == nullptr ? keyframe_poses(*map, *truth)
+                                    : keyframe_poses(*map, *trajectory, max_time_difference_s);
+          return calibrate_covariances(estimates_in_first_keyframe(
+              *map, true_positions_in_first_keyframe(*map, *truth, poses)));
+        });
+      },
+      py::arg("map"), py::arg("truth"), py::kw_only(), py::arg("trajectory") = py::none(),
+      py::arg("max_time_difference_s") = 0.02,
+      "calibrate_covariances(map, truth, *, trajectory=None, max_time_difference_s=0.02)\n--\n\n"
+      "Holds a map's covariances against the true positions of landmarks with the same ids in\n"
+      "another map, each in the first keyframe that observed it. The true poses of the keyframes\n"
+      "are that map's, or by time those of a trajectory.");
+}
+
+}  // namespace
+
+void bind_evaluation(py::module_& module) {
+  bind_statistics(module);
+  bind_trajectory(module);
+  bind_trajectory_evaluation(module);
+  bind_pose_error(module);
+  bind_map_evaluation(module);
+}
+
+}  // namespace cairn::python

@@ -1,0 +1,832 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "bindings/maps.hpp"
+
+#include <filesystem>
+#include <numeric>
+
+#include <fmt/format.h>
+
+#include "cairn/interchange/formats.hpp"
+#include "cairn/map/io/binary.hpp"
+#include "cairn/map/io/camera_file.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
+
+#include "bindings/optional_columns.hpp"
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+
+std::string_view to_string(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "metres" : "free";
+}
+
+LengthUnit length_unit_of(const std::string& text) {
+  return word<LengthUnit>(text, "length_unit",
+                          {{"metres", LengthUnit::kMetres}, {"free", LengthUnit::kFree}});
+}
+
+namespace {
+
+// Layouts that views rely on.
+static_assert(sizeof(LandmarkId) == 8 && sizeof(FrameId) == 8 && sizeof(FrameIndex) == 4);
+static_assert(sizeof(Pixel) == 16 && sizeof(Eigen::Vector3d) == 24 &&
+              sizeof(Eigen::Matrix3d) == 72);
+
+struct NoOptions {};
+
+// What is remarked while a file is read becomes a Python warning.
+void warn(const std::vector<std::string>& remarks) {
+  for (const std::string& remark : remarks) {
+    if (PyErr_WarnEx(PyExc_UserWarning, remark.c_str(), 2) != 0) throw py::error_already_set();
+  }
+}
+
+SharedMap read(const std::filesystem::path& path, const py::kwargs& keywords) {
+  static const Keywords<NoOptions> kKeywords("read_map");
+  CallOptions call;
+  kKeywords.read(keywords, &call);
+  SharedMap map;
+  std::vector<std::string> remarks;
+  run("reading", call, [&](const Execution& execution) {
+    MapReadOptions options;
+    options.progress = execution.progress;
+    options.stop = execution.stop;
+    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    map = std::make_shared<LandmarkMap>(all_formats().read(path, options));
+  });
+  warn(remarks);
+  return map;
+}
+
+void write(const SharedMap& map, const std::filesystem::path& path, const py::kwargs& keywords) {
+  static const auto kKeywords = write_keywords();
+  CallOptions call;
+  MapWriteOptions options = kKeywords.read(keywords, &call);
+  std::vector<std::string> remarks;
+  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  all_formats().format_to_write(path, options);  // fails before the work
+  run("writing", call, [&](const Execution& execution) {
+    options.progress = execution.progress;
+    all_formats().write(*map, path, options);
+  });
+  warn(remarks);
+}
+
+template <class Id>
+std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t count) {
+  std::vector<Id> ids(count);
+  if (given.is_none()) {
+    for (std::size_t i = 0; i < count; ++i) ids[i] = Id{i};
+    return ids;
+  }
+  const auto array = id_array(given, name, {static_cast<py::ssize_t>(count)});
+  for (std::size_t i = 0; i < count; ++i) ids[i] = Id{array.data()[i]};
+  return ids;
+}
+
+DescriptorColumn descriptors_of(py::handle given, const std::string& kind, std::size_t count) {
+  DescriptorColumn column;
+  column.kind = kind;
+  const auto array = byte_array(given, "descriptors", {static_cast<py::ssize_t>(count), -1});
+  column.bytes_each = static_cast<std::size_t>(array.shape(1));
+  column.bytes.assign(array.data(), array.data() + array.size());
+  column.known.assign(count, 1);
+  const auto mask = py::cast<py::array_t<bool, py::array::c_style | py::array::forcecast>>(
+      py::module_::import("numpy.ma").attr("getmaskarray")(given));
+  for (std::size_t i = 0; i < count; ++i) {
+    std::uint8_t* const bytes = column.bytes.data() + i * column.bytes_each;
+    if (column.bytes_each > 0 && mask.data()[i * column.bytes_each]) {
+      column.known[i] = 0;
+      std::fill_n(bytes, column.bytes_each, std::uint8_t{0});
+    }
+  }
+  return column;
+}
+
+// Of n matrices, row by row.
+std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count) {
+  const auto array = real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3});
+  std::vector<Eigen::Matrix3d> matrices(count);
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  for (std::size_t i = 0; i < count; ++i)
+    matrices[i] = Eigen::Map<const RowMajor>(array.data() + 9 * i);
+  return matrices;
+}
+
+void fill_frames(MapTables& tables, py::handle poses, py::handle ids, py::handle timestamps,
+                 py::handle cameras, py::handle image_names) {
+  FrameTable& frames = tables.frames;
+  if (poses.is_none()) {
+    for (const auto& [given, name] : {std::pair{ids, "frame_ids"},
+                                      {timestamps, "timestamps_s"},
+                                      {cameras, "frame_cameras"},
+                                      {image_names, "image_names"}}) {
+      if (!given.is_none()) {
+        throw Error(ErrorKind::kMisuse, name, "given without frame_poses", "frame_poses beside it");
+      }
+    }
+    return;
+  }
+  const auto array = real_array(poses, "frame_poses", {-1, 4, 4});
+  const auto count = static_cast<std::size_t>(array.shape(0));
+  for (std::size_t i = 0; i < count; ++i) {
+    Matrix4d matrix;
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) matrix(r, c) = array.at(i, r, c);
+    }
+    const std::string where = fmt::format("frame_poses[{}]", i);
+    if (!matrix.allFinite()) {
+      throw Error(ErrorKind::kMisuse, where, "a number that is not finite", "world_from_camera");
+    }
+    try {
+      const Rigid3 pose = Rigid3::from_matrix(matrix);
+      const Eigen::Quaterniond q = pose.quaternion();
+      frames.translations.push_back(pose.translation());
+      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+    } catch (const Error& error) {
+      throw Error(error.kind(), where, error.what(), "");
+    }
+  }
+  frames.ids = ids_of<FrameId>(ids, "frame_ids", count);
+  const auto size = static_cast<py::ssize_t>(count);
+  if (!timestamps.is_none()) {
+    frames.timestamps_s = from_nan(real_array(timestamps, "timestamps_s", {size}));
+  }
+  if (!cameras.is_none()) {
+    const auto indices = integer_array(cameras, "frame_cameras", {size});
+    frames.cameras =
+        from_masked<CameraIndex>(cameras, indices, [&](const std::int64_t* at, std::size_t i) {
+          if (*at < 0 || *at >= static_cast<std::int64_t>(tables.cameras.size())) {
+            throw Error(ErrorKind::kMisuse, fmt::format("frame_cameras[{}]", i),
+                        fmt::format("{}", *at),
+                        fmt::format("an index of the {} cameras", tables.cameras.size()));
+          }
+          return CameraIndex{static_cast<std::uint32_t>(*at)};
+        });
+  }
+  if (!image_names.is_none()) {
+    for (const py::handle name : py::iter(image_names)) {
+      if (!py::isinstance<py::str>(name))
+        throw py::type_error("image_names: expected a list of text");
+      frames.image_names.push_back(name.cast<std::string>());
+    }
+    if (frames.image_names.size() != count) {
+      throw Error(ErrorKind::kMisuse, "image_names",
+                  fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
+    }
+  }
+}
+
+// The entries of an optional integer column of the observations, in the order of `order`.
+template <class Integer>
+std::vector<std::optional<Integer>> integer_column(py::handle given, const char* name,
+                                                   const std::vector<std::size_t>& order) {
+  if (given.is_none()) return {};
+  const auto array = integer_array(given, name, {static_cast<py::ssize_t>(order.size())});
+  using Limits = std::numeric_limits<Integer>;
+  const auto column =
+      from_masked<Integer>(given, array, [&](const std::int64_t* at, std::size_t i) {
+        if (*at < Limits::lowest() || *at > Limits::max()) {
+          throw Error(ErrorKind::kMisuse, fmt::format("{}[{}]", name, i), fmt::format("{}", *at),
+                      fmt::format("{} to {}", Limits::lowest(), Limits::max()));
+        }
+        return static_cast<Integer>(*at);
+      });
+  std::vector<std::optional<Integer>> sorted(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) sorted[i] = column[order[i]];
+  return sorted;
+}
+
+void fill_observations(MapTables& tables, py::handle landmarks, py::handle frames,
+                       py::handle pixels, py::handle keypoints, py::handle depths,
+                       py::handle octaves) {
+  if (landmarks.is_none() && frames.is_none() && pixels.is_none()) {
+    for (const auto& [given, name] :
+         {std::pair{keypoints, "keypoints"}, {depths, "depths"}, {octaves, "octaves"}}) {
+      if (!given.is_none()) {
+        throw Error(ErrorKind::kMisuse, name, "given without observations",
+                    "observed_landmarks beside it");
+      }
+    }
+    return;
+  }
+  if (landmarks.is_none() || frames.is_none() || pixels.is_none()) {
+    throw Error(ErrorKind::kMisuse, "observed_landmarks, observing_frames, pixels", "not all given",
+                "all three or none");
+  }
+  const auto of = integer_array(landmarks, "observed_landmarks", {-1});
+  const auto size = of.shape(0);
+  const auto by = integer_array(frames, "observing_frames", {size});
+  const auto at = real_array(pixels, "pixels", {size, 2});
+  const auto count = static_cast<std::size_t>(size);
+  const std::size_t landmark_count = tables.landmarks.ids.size();
+  const std::size_t frame_count = tables.frames.ids.size();
+  ObservationTable& table = tables.observations;
+  table.offsets.assign(landmark_count + 1, 0);
+  const auto check = [](const char* name, std::size_t i, std::int64_t index, std::size_t end) {
+    if (index < 0 || static_cast<std::uint64_t>(index) >= end) {
+      throw Error(ErrorKind::kMisuse, fmt::format("{}[{}]", name, i), fmt::format("{}", index),
+                  fmt::format("an index below {}", end));
+    }
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    check("observed_landmarks", i, of.data()[i], landmark_count);
+    check("observing_frames", i, by.data()[i], frame_count);
+    ++table.offsets[static_cast<std::size_t>(of.data()[i]) + 1];
+  }
+  std::partial_sum(table.offsets.begin(), table.offsets.end(), table.offsets.begin());
+  // Grouped by landmark, in the order given within each.
+  std::vector<std::size_t> order(count);
+  std::vector<std::uint64_t> next(table.offsets.begin(), table.offsets.end() - 1);
+  for (std::size_t i = 0; i < count; ++i) order[next[static_cast<std::size_t>(of.data()[i])]++] = i;
+  table.frames.resize(count);
+  table.pixels.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t from = order[i];
+    table.frames[i] = FrameIndex{static_cast<std::uint32_t>(by.data()[from])};
+    table.pixels[i] = {at.data()[2 * from], at.data()[2 * from + 1]};
+  }
+  table.keypoints = integer_column<std::uint32_t>(keypoints, "keypoints", order);
+  table.octaves = integer_column<std::int32_t>(octaves, "octaves", order);
+  if (!depths.is_none()) {
+    const auto column = from_nan(real_array(depths, "depths", {size}));
+    table.depths.resize(count);
+    for (std::size_t i = 0; i < count; ++i) table.depths[i] = column[order[i]];
+  }
+}
+
+constexpr const char* kFromArrays =
+    R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
+--
+
+Makes a map of NumPy arrays; what is left out is absent from the map.
+
+positions            (n, 3), in the world frame
+covariances          (n, 3, 3), of the positions; NaN where unknown
+ids                  (n,), distinct; 0, 1, ... if left out
+colors               (n, 3) uint8, red, green and blue; masked where unknown
+descriptors          (n, b) uint8; masked where unknown
+columns              {name: (n,)}, numbers a landmark under names of your own
+cameras              list of Camera
+frame_poses          (f, 4, 4), world_from_camera of the keyframes
+frame_cameras        (f,), indices of cameras; masked where unknown
+observed_landmarks   (o,), index of a landmark: one entry a measurement, in any order
+observing_frames     (o,), index of the frame that took it
+pixels               (o, 2)
+keypoints, depths, octaves  (o,)
+length_unit          'metres' or 'free'
+gravity              (3,), downwards in the world frame
+
+Raises MisuseError or InputError naming the argument or entry that is wrong.)";
+
+SharedMap from_arrays(const py::object& positions, const py::object& covariances,
+                      const py::object& ids, const py::object& colors,
+                      const py::object& descriptors, const std::string& descriptor_kind,
+                      const py::object& columns, const py::object& cameras,
+                      const py::object& frame_poses, const py::object& frame_ids,
+                      const py::object& timestamps_s, const py::object& frame_cameras,
+                      const py::object& image_names, const py::object& observed_landmarks,
+                      const py::object& observing_frames, const py::object& pixels,
+                      const py::object& keypoints, const py::object& depths,
+                      const py::object& octaves, const std::string& length_unit,
+                      const std::optional<std::string>& world_frame, const py::object& gravity,
+                      const std::optional<std::vector<std::string>>& provenance) {
+  MapTables tables;
+  tables.info.length_unit = length_unit_of(length_unit);
+  tables.info.world_frame = world_frame;
+  if (provenance) tables.info.provenance = *provenance;
+  if (!gravity.is_none()) {
+    const auto down = real_array(gravity, "gravity", {3});
+    tables.info.gravity = Eigen::Vector3d(down.at(0), down.at(1), down.at(2));
+  }
+  if (!cameras.is_none()) {
+    for (const py::handle camera : py::iter(cameras)) {
+      if (!py::isinstance<Camera>(camera))
+        throw py::type_error("cameras: expected a list of Camera");
+      tables.cameras.push_back(camera.cast<const Camera&>());
+    }
+  }
+
+  LandmarkTable& landmarks = tables.landmarks;
+  landmarks.positions = positions_of(positions, "positions");
+  const std::size_t count = landmarks.positions.size();
+  const auto size = static_cast<py::ssize_t>(count);
+  landmarks.ids = ids_of<LandmarkId>(ids, "ids", count);
+  if (!covariances.is_none()) landmarks.covariances = covariances_of(covariances, count);
+  if (!colors.is_none()) {
+    landmarks.colors = from_masked<Color>(colors, byte_array(colors, "colors", {size, 3}),
+                                          [](const std::uint8_t* rgb, std::size_t) {
+                                            return Color{rgb[0], rgb[1], rgb[2]};
+                                          });
+  }
+  if (!descriptors.is_none())
+    landmarks.descriptors = descriptors_of(descriptors, descriptor_kind, count);
+  if (!columns.is_none()) {
+    if (!py::isinstance<py::dict>(columns))
+      throw py::type_error("columns: expected a dictionary of arrays");
+    for (const auto& [name, values] : columns.cast<py::dict>()) {
+      if (!py::isinstance<py::str>(name)) throw py::type_error("columns: expected names as keys");
+      const auto text = name.cast<std::string>();
+      const auto array = real_array(values, fmt::format("columns['{}']", text), {size});
+      landmarks.columns.push_back({text, {array.data(), array.data() + array.size()}});
+    }
+  }
+  fill_frames(tables, frame_poses, frame_ids, timestamps_s, frame_cameras, image_names);
+  fill_observations(tables, observed_landmarks, observing_frames, pixels, keypoints, depths,
+                    octaves);
+  return unlocked([&] { return std::make_shared<LandmarkMap>(std::move(tables)); });
+}
+
+py::array positions(const SharedMap& map) {
+  const auto& column = map->landmarks().positions;
+  return view(reinterpret_cast<const double*>(column.data()),
+              {static_cast<py::ssize_t>(column.size()), 3}, py::cast(map));
+}
+
+py::object covariances(const SharedMap& map) {
+  if (!map->has_covariances()) return py::none();
+  const auto& column = map->landmarks().covariances;
+  // Column by column in memory.
+  return view(reinterpret_cast<const double*>(column.data()),
+              {static_cast<py::ssize_t>(column.size()), 3, 3}, py::cast(map), {72, 8, 24});
+}
+
+template <class Id>
+py::array id_view(const std::vector<Id>& ids, const SharedMap& map) {
+  using Value = typename Id::representation;
+  static_assert(sizeof(Id) == sizeof(Value));
+  return view(reinterpret_cast<const Value*>(ids.data()), {static_cast<py::ssize_t>(ids.size())},
+              py::cast(map));
+}
+
+py::object colors(const SharedMap& map) {
+  return masked<std::uint8_t>(map->landmarks().colors, 3,
+                              [](const Color& color, std::uint8_t* out) {
+                                out[0] = color.red;
+                                out[1] = color.green;
+                                out[2] = color.blue;
+                              });
+}
+
+py::object descriptors(const SharedMap& map) {
+  const auto& column = map->landmarks().descriptors;
+  if (!column) return py::none();
+  return view(column->bytes.data(),
+              {static_cast<py::ssize_t>(map->landmark_count()),
+               static_cast<py::ssize_t>(column->bytes_each)},
+              py::cast(map));
+}
+
+py::object known_descriptors(const SharedMap& map) {
+  const auto& column = map->landmarks().descriptors;
+  if (!column) return py::none();
+  const py::array bytes =
+      view(column->known.data(), {static_cast<py::ssize_t>(column->known.size())}, py::cast(map));
+  return bytes.attr("view")("bool");
+}
+
+py::dict named_columns(const SharedMap& map) {
+  py::dict result;
+  for (const NamedColumn& column : map->landmarks().columns) {
+    result[py::str(column.name)] =
+        view(column.values.data(), {static_cast<py::ssize_t>(column.values.size())}, py::cast(map));
+  }
+  return result;
+}
+
+py::array frame_poses(const SharedMap& map) {
+  std::vector<Rigid3> poses;
+  for (std::uint32_t i = 0; i < map->frame_count(); ++i)
+    poses.push_back(map->world_from_camera({i}));
+  return pose_arrays(poses);
+}
+
+py::object observation_offsets(const SharedMap& map) {
+  if (!map->has_observations()) return py::none();
+  const auto& offsets = map->observations().offsets;
+  return view(offsets.data(), {static_cast<py::ssize_t>(offsets.size())}, py::cast(map));
+}
+
+py::object observation_counts(const SharedMap& map) {
+  if (!map->has_observations()) return py::none();
+  std::vector<std::int64_t> counts;
+  for (std::uint32_t i = 0; i < map->landmark_count(); ++i) {
+    counts.push_back(static_cast<std::int64_t>(map->observation_count(LandmarkIndex{i})));
+  }
+  return copied(counts);
+}
+
+py::object observed_landmarks(const SharedMap& map) {
+  if (!map->has_observations()) return py::none();
+  std::vector<std::uint32_t> landmarks;
+  landmarks.reserve(map->observation_count());
+  for (std::uint32_t i = 0; i < map->landmark_count(); ++i) {
+    landmarks.insert(landmarks.end(), map->observation_count(LandmarkIndex{i}), i);
+  }
+  return copied(landmarks);
+}
+
+py::object observing_frames(const SharedMap& map) {
+  if (!map->has_observations()) return py::none();
+  return id_view(map->observations().frames, map);
+}
+
+py::object pixels(const SharedMap& map) {
+  if (!map->has_observations()) return py::none();
+  const auto& column = map->observations().pixels;
+  return view(reinterpret_cast<const double*>(column.data()),
+              {static_cast<py::ssize_t>(column.size()), 2}, py::cast(map));
+}
+
+std::string described(const SharedMap& map) {
+  std::string text =
+      fmt::format("{} landmarks, {} frames", map->landmark_count(), map->frame_count());
+  if (map->has_observations()) text += fmt::format(", {} observations", map->observation_count());
+  if (map->has_covariances()) text += ", covariances";
+  const auto& descriptors = map->landmarks().descriptors;
+  if (descriptors) text += fmt::format(", {} descriptors", descriptors->kind);
+  return text + (map->info().length_unit == LengthUnit::kMetres ? ", metres" : ", free scale");
+}
+
+py::bytes packed(const SharedMap& map) {
+  std::string bytes;
+  unlocked([&] { write_binary(*map, [&](std::string_view piece) { bytes += piece; }); });
+  return bytes;
+}
+
+SharedMap unpacked(const py::bytes& bytes) {
+  const std::string_view text = bytes;
+  return unlocked([&] {
+    MemoryReader reader(text, "pickled LandmarkMap");
+    return std::make_shared<LandmarkMap>(read_binary(reader));
+  });
+}
+
+std::vector<LandmarkIndex> landmark_indices(const LandmarkMap& map, py::handle given) {
+  py::object indices = py::reinterpret_borrow<py::object>(given);
+  if (const py::array array = py::array::ensure(given); array && array.dtype().kind() == 'b') {
+    const auto count = static_cast<py::ssize_t>(map.landmark_count());
+    if (array.ndim() != 1 || array.shape(0) != count) {
+      throw Error(ErrorKind::kMisuse, "landmarks", "a mask of another shape than (n,)",
+                  fmt::format("n = {}", count));
+    }
+    indices = py::module_::import("numpy").attr("flatnonzero")(array);
+  } else if (!array) {
+    PyErr_Clear();
+  }
+  const auto array = integer_array(indices, "landmarks", {-1});
+  std::vector<LandmarkIndex> result;
+  for (py::ssize_t i = 0; i < array.size(); ++i) {
+    if (array.data()[i] < 0 || array.data()[i] >= static_cast<std::int64_t>(map.landmark_count())) {
+      throw Error(ErrorKind::kMisuse, fmt::format("landmarks[{}]", i),
+                  fmt::format("{}", array.data()[i]),
+                  fmt::format("an index below {}", map.landmark_count()));
+    }
+    result.push_back({static_cast<std::uint32_t>(array.data()[i])});
+  }
+  return result;
+}
+
+void bind_camera(py::module_& module) {
+  py::class_<Camera> camera(module, "Camera",
+                            "Intrinsics of a camera. Models are named as COLMAP does.");
+  camera
+      .def(py::init([](const std::string& model, std::uint32_t width, std::uint32_t height,
+                       std::vector<double> parameters, std::uint64_t id) {
+             Camera made{CameraId{id}, model, width, height, std::move(parameters)};
+             const std::string defect = camera_defect(made);
+             if (!defect.empty()) throw Error(ErrorKind::kMisuse, "Camera", defect, "");
+             return made;
+           }),
+           py::arg("model"), py::arg("width"), py::arg("height"), py::arg("parameters"),
+           py::kw_only(), py::arg("id") = 0,
+           "__init__($self, model, width, height, parameters, *, id=0)\n--\n\n"
+           "Camera('PINHOLE', 640, 480, [fx, fy, cx, cy])")
+      .def_static(
+          "read",
+          [](const std::filesystem::path& path) {
+            FileReader file(path);
+            return read_camera_file(file).camera;
+          },
+          py::arg("path"), "read(path)\n--\n\nReads a camera file (docs/formats.md).")
+      .def_static(
+          "tum", &tum_camera, py::arg("name"),
+          "tum(name)\n--\n\nA colour camera of the TUM RGB-D benchmark: 'fr1', 'fr2' or 'fr3'.")
+      .def_property_readonly("id", [](const Camera& self) { return self.id.value; })
+      .def_readonly("model", &Camera::model)
+      .def_readonly("width", &Camera::width, "pixels")
+      .def_readonly("height", &Camera::height, "pixels")
+      .def_readonly("parameters", &Camera::parameters)
+      .def("__eq__",
+           [](const Camera& a, py::handle b) {
+             return py::isinstance<Camera>(b) && a == b.cast<const Camera&>();
+           })
+      .def("__repr__", [](const Camera& self) {
+        return fmt::format("Camera({}, {}, {}, {})",
+                           py::repr(py::str(self.model)).cast<std::string>(), self.width,
+                           self.height, py::repr(py::cast(self.parameters)).cast<std::string>());
+      });
+  make_picklable(
+      module, camera, "restored_camera",
+      [](const py::object& object) {
+        const auto& self = object.cast<const Camera&>();
+        return py::make_tuple(self.id.value, self.model, self.width, self.height, self.parameters);
+      },
+      [](const py::tuple& state) {
+        return Camera{CameraId{state[0].cast<std::uint64_t>()}, state[1].cast<std::string>(),
+                      state[2].cast<std::uint32_t>(), state[3].cast<std::uint32_t>(),
+                      state[4].cast<std::vector<double>>()};
+      });
+  camera.attr("__hash__") = py::none();
+}
+
+Keywords<SyntheticOptions> synthetic_keywords(const char* function) {
+  Keywords<SyntheticOptions> keywords(function);
+  keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
+      .add("landmarks", [](auto& o) -> auto& { return o.landmarks; })
+      .add("frames", [](auto& o) -> auto& { return o.frames; })
+      .add("pixel_noise_px", [](auto& o) -> auto& { return o.pixel_noise_px; })
+      .add("depth_noise_m", [](auto& o) -> auto& { return o.depth_noise_m; })
+      .add("overlap", [](auto& o) -> auto& { return o.overlap; })
+      .add("outlier_fraction", [](auto& o) -> auto& { return o.outlier_fraction; });
+  return keywords;
+}
+
+struct SharedPair {
+  SharedMap source;
+  SharedMap target;
+  Rigid3 target_from_source;
+  std::vector<std::pair<LandmarkIndex, LandmarkIndex>> shared;
+};
+
+void bind_synthetic(py::module_& module) {
+  py::class_<SharedPair>(module, "SyntheticPair",
+                         "Two sessions of one synthetic scene, and the truth.")
+      .def_readonly("source", &SharedPair::source)
+      .def_readonly("target", &SharedPair::target)
+      .def_property_readonly(
+          "target_from_source",
+          [](const SharedPair& self) { return pose_array(self.target_from_source); })
+      .def_property_readonly(
+          "shared",
+          [](const SharedPair& self) {
+            std::vector<std::uint32_t> pairs;
+            for (const auto& [source, target] : self.shared) {
+              pairs.push_back(source.value);
+              pairs.push_back(target.value);
+            }
+            return copied(pairs, {static_cast<py::ssize_t>(self.shared.size()), 2});
+          },
+          "(m, 2): indices of landmarks, in source and target, that are one.")
+      .def("__repr__", [](const SharedPair& self) {
+        return fmt::format("SyntheticPair(source: {}; target: {})", described(self.source),
+                           described(self.target));
+      });
+  static const auto kMap = synthetic_keywords("synthetic_map");
+  static const auto kPair = synthetic_keywords("synthetic_pair");
+  module.def(
+      "synthetic_map",
+      [](const py::kwargs& keywords) {
+        CallOptions call;
+        const SyntheticOptions options = kMap.read(keywords, &call);
+        SharedMap map;
+        run("synthetic map", call,
+            [&](const Execution&) { map = std::make_shared<LandmarkMap>(synthetic_map(options)); });
+        return map;
+      },
+      kept(kMap.signature("") +
+           "A synthetic session: landmarks on a desk and the boxes on it. Same seed, same map."));
+  module.def(
+      "synthetic_pair",
+      [](const py::kwargs& keywords) {
+        CallOptions call;
+        const SyntheticOptions options = kPair.read(keywords, &call);
+        SharedPair shared;
+        run("synthetic pair", call, [&](const Execution&) {
+          SyntheticPair pair = synthetic_pair(options);
+          shared = {std::make_shared<LandmarkMap>(std::move(pair.source)),
+                    std::make_shared<LandmarkMap>(std::move(pair.target)), pair.target_from_source,
+                    std::move(pair.shared)};
+        });
+        return shared;
+      },
+      kept(kPair.signature("") + "Two synthetic sessions of one scene, each in a world frame of "
+                                 "its own, with the truth."));
+}
+
+}  // namespace
+
+Keywords<MapWriteOptions> write_keywords() {
+  Keywords<MapWriteOptions> keywords("write");
+  keywords.add("format", [](auto& o) -> auto& { return o.format; })
+      .add("native_version", [](auto& o) -> auto& { return o.native_version; })
+      .add("ascii", [](auto& o) -> auto& { return o.ascii; })
+      .add("double_precision", [](auto& o) -> auto& { return o.double_precision; });
+  return keywords;
+}
+
+void bind_maps(py::module_& module) {
+  bind_camera(module);
+  const auto none = py::none();
+  py::class_<LandmarkMap, SharedMap> map(
+      module, "LandmarkMap",
+      "A landmark map: keyframes, landmarks, and which of them saw which where. Immutable.\n\n"
+      "Columns are NumPy arrays: read-only views of the map's own memory, which they keep alive, "
+      "or,\n"
+      "where entries may be unknown, copies. What the map does not hold is None.");
+  map.def_static("from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
+                 py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
+                 py::arg("descriptors") = none, py::arg("descriptor_kind") = "",
+                 py::arg("columns") = none, py::arg("cameras") = none,
+                 py::arg("frame_poses") = none, py::arg("frame_ids") = none,
+                 py::arg("timestamps_s") = none, py::arg("frame_cameras") = none,
+                 py::arg("image_names") = none, py::arg("observed_landmarks") = none,
+                 py::arg("observing_frames") = none, py::arg("pixels") = none,
+                 py::arg("keypoints") = none, py::arg("depths") = none, py::arg("octaves") = none,
+                 py::arg("length_unit") = "metres", py::arg("world_frame") = none,
+                 py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
+      .def(
+          "write", &write, py::arg("path"), kept([] {
+            std::string text = write_keywords().signature("$self, path");
+            return text +
+                   "Writes the map, whole or not at all, in the format of the path's ending or of\n"
+                   "`format`. Warns of what the format does not hold.";
+          }()))
+      .def("__len__", &LandmarkMap::landmark_count)
+      .def_property_readonly("positions", &positions, "(n, 3), in the world frame; a view.")
+      .def_property_readonly("covariances", &covariances,
+                             "(n, 3, 3), NaN where unknown; a view, or None.")
+      .def_property_readonly(
+          "ids", [](const SharedMap& self) { return id_view(self->landmarks().ids, self); },
+          "(n,) uint64; a view.")
+      .def_property_readonly("colors", &colors, "(n, 3) uint8, masked where unknown; or None.")
+      .def_property_readonly("descriptors", &descriptors,
+                             "(n, bytes) uint8, zero where unknown; a view, or None.")
+      .def_property_readonly("known_descriptors", &known_descriptors, "(n,) bool; a view, or None.")
+      .def_property_readonly(
+          "descriptor_kind",
+          [](const SharedMap& self) {
+            const auto& column = self->landmarks().descriptors;
+            return column ? std::optional(column->kind) : std::nullopt;
+          },
+          "Such as 'ORB'; or None.")
+      .def_property_readonly("columns", &named_columns, "Named columns, (n,) each; views.")
+      .def_property_readonly("cameras",
+                             [](const SharedMap& self) {
+                               return std::vector<Camera>(self->cameras().begin(),
+                                                          self->cameras().end());
+                             })
+      .def_property_readonly(
+          "frame_ids", [](const SharedMap& self) { return id_view(self->frames().ids, self); },
+          "(f,) uint64; a view.")
+      .def_property_readonly("frame_poses", &frame_poses, "(f, 4, 4), world_from_camera; a copy.")
+      .def_property_readonly(
+          "frame_positions",
+          [](const SharedMap& self) {
+            const auto& column = self->frames().translations;
+            return view(reinterpret_cast<const double*>(column.data()),
+                        {static_cast<py::ssize_t>(column.size()), 3}, py::cast(self));
+          },
+          "(f, 3), camera centres; a view.")
+      .def_property_readonly(
+          "frame_quaternions",
+          [](const SharedMap& self) {
+            const auto& column = self->frames().quaternions;
+            return view(reinterpret_cast<const double*>(column.data()),
+                        {static_cast<py::ssize_t>(column.size()), 4}, py::cast(self));
+          },
+          "(f, 4), world_from_camera as stored, w x y z; a view.")
+      .def_property_readonly(
+          "timestamps_s",
+          [](const SharedMap& self) { return with_nan(self->frames().timestamps_s); },
+          "(f,), NaN where unknown; or None.")
+      .def_property_readonly(
+          "frame_cameras",
+          [](const SharedMap& self) {
+            return masked<std::uint32_t>(
+                self->frames().cameras, 1,
+                [](CameraIndex camera, std::uint32_t* out) { *out = camera.value; });
+          },
+          "(f,) indices of cameras, masked where unknown; or None.")
+      .def_property_readonly(
+          "image_names",
+          [](const SharedMap& self) -> py::object {
+            if (self->frames().image_names.empty()) return py::none();
+            return py::cast(self->frames().image_names);
+          },
+          "One a frame, '' where unknown; or None.")
+      .def_property_readonly(
+          "observation_offsets", &observation_offsets,
+          "(n + 1,): landmark i's observations are [offsets[i], offsets[i + 1]); a view, or None.")
+      .def_property_readonly("observation_counts", &observation_counts, "(n,); or None.")
+      .def_property_readonly("observed_landmarks", &observed_landmarks,
+                             "(o,), index of a landmark; or None.")
+      .def_property_readonly("observing_frames", &observing_frames,
+                             "(o,), index of a frame; a view, or None.")
+      .def_property_readonly("pixels", &pixels, "(o, 2); a view, or None.")
+      .def_property_readonly(
+          "keypoints", [](const SharedMap& self) { return masked(self->observations().keypoints); },
+          "(o,), masked where unknown; or None.")
+      .def_property_readonly(
+          "depths", [](const SharedMap& self) { return with_nan(self->observations().depths); },
+          "(o,), along the optical axis, NaN where unknown; or None.")
+      .def_property_readonly(
+          "octaves", [](const SharedMap& self) { return masked(self->observations().octaves); },
+          "(o,), masked where unknown; or None.")
+      .def_property_readonly(
+          "length_unit",
+          [](const SharedMap& self) { return std::string(to_string(self->info().length_unit)); },
+          "'metres' or 'free'.")
+      .def_property_readonly("world_frame",
+                             [](const SharedMap& self) { return self->info().world_frame; })
+      .def_property_readonly(
+          "gravity", [](const SharedMap& self) { return matrix_or_none(self->info().gravity); },
+          "(3,), downwards in the world frame; or None.")
+      .def_property_readonly("uuid", [](const SharedMap& self) { return self->info().uuid; })
+      .def_property_readonly(
+          "provenance", [](const SharedMap& self) { return self->info().provenance; },
+          "How the map came to be, oldest first.")
+      .def(
+          "transformed",
+          [](const SharedMap& self, const py::object& new_from_old) {
+            const Similarity3 pose = similarity_of(new_from_old, "new_from_old");
+            return unlocked(
+                [&] { return std::make_shared<LandmarkMap>(transformed(*self, pose)); });
+          },
+          py::arg("new_from_old"),
+          "transformed($self, new_from_old)\n--\n\nThe map in another world frame, by a 4x4 "
+          "matrix.")
+      .def(
+          "select",
+          [](const SharedMap& self, const py::object& landmarks) {
+            const auto indices = landmark_indices(*self, landmarks);
+            return unlocked(
+                [&] { return std::make_shared<LandmarkMap>(with_landmarks(*self, indices)); });
+          },
+          py::arg("landmarks"),
+          "select($self, landmarks)\n--\n\nOnly these landmarks: indices, or a mask; all frames.")
+      .def(
+          "with_column",
+          [](const SharedMap& self, const std::string& name, const py::object& values) {
+            const auto array =
+                real_array(values, "values", {static_cast<py::ssize_t>(self->landmark_count())});
+            return std::make_shared<LandmarkMap>(
+                with_column(*self, name, {array.data(), array.data() + array.size()}));
+          },
+          py::arg("name"), py::arg("values"),
+          "with_column($self, name, values)\n--\n\nThe map with a named column added or replaced.")
+      .def(
+          "with_camera",
+          [](const SharedMap& self, const Camera& camera) {
+            return std::make_shared<LandmarkMap>(with_camera(*self, camera));
+          },
+          py::arg("camera"),
+          "with_camera($self, camera)\n--\n\nThe map with one camera that took all frames.")
+      .def(
+          "with_length_unit",
+          [](const SharedMap& self, const std::string& length_unit) {
+            return std::make_shared<LandmarkMap>(
+                with_length_unit(*self, length_unit_of(length_unit)));
+          },
+          py::arg("length_unit"),
+          "with_length_unit($self, length_unit)\n--\n\nThe map with its lengths said to be "
+          "'metres' or 'free'.")
+      .def(
+          "cut_frames",
+          [](const SharedMap& self, std::uint64_t begin, std::uint64_t end) {
+            return std::make_shared<LandmarkMap>(cut_frames(*self, FrameId{begin}, FrameId{end}));
+          },
+          py::arg("begin"), py::arg("end"),
+          "cut_frames($self, begin, end)\n--\n\n"
+          "The frames whose id is in [begin, end), and the landmarks that only they observed.")
+      .def("__repr__",
+           [](const SharedMap& self) { return "<LandmarkMap: " + described(self) + ">"; })
+      .def("__copy__", [](const SharedMap& self) { return self; })
+      .def(
+          "__deepcopy__", [](const SharedMap& self, const py::dict&) { return self; },
+          py::arg("memo"));
+  make_picklable(
+      module, map, "restored_map",
+      [](const py::object& self) { return packed(self.cast<SharedMap>()); }, &unpacked);
+
+  module.def(
+      "read_map", &read, py::arg("path"),
+      "read_map(path, *, threads=0, progress=None)\n--\n\n"
+      "Reads a map in any format that Cairn knows, recognised by content: a file, a folder, or\n"
+      "'path#N' for one of several maps in a file. Warns of what was left out.\n\n"
+      "Raises InputError with .file, .line and .expected for what cannot be read.");
+  module.def(
+      "formats",
+      [] {
+        py::dict result;
+        for (const MapFormat& format : all_formats().formats()) {
+          result[py::str(format.name)] = format.title;
+        }
+        return result;
+      },
+      "formats()\n--\n\nNames of the map formats, with a title each.");
+  bind_synthetic(module);
+}
+
+}  // namespace cairn::python

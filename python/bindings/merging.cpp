@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include "cairn/merging/merge.hpp"
+
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+namespace {
+
+struct Merged {
+  MergeResult result;
+  std::vector<std::string> names;
+  SharedMap map;  ///< null if no two maps were placed
+};
+
+struct MergedPart {
+  std::string name;
+  MergedMap part;
+};
+
+struct Link {
+  std::string source;
+  std::string target;
+  MapLink link;
+  bool used = false;
+};
+
+const Keywords<MergeOptions>& merge_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<MergeOptions> keywords("merge");
+    keywords.add("min_probability", [](auto& o) -> auto& { return o.links.min_probability; })
+        .add("prior_odds", [](auto& o) -> auto& { return o.links.prior_odds; })
+        .add("effort", [](auto& o) -> auto& { return o.links.effort; })
+        .add("min_observations", [](auto& o) -> auto& { return o.links.points.min_observations; })
+        .add("fusion_probability", [](auto& o) -> auto& { return o.fusion_probability; })
+        .add("seed", [](auto& o) -> auto& { return o.seed; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+Merged merge_maps(const std::vector<SharedMap>& maps,
+                  const std::optional<std::vector<std::string>>& names, const py::kwargs& given) {
+  CallOptions call;
+  MergeOptions options = merge_keywords().read(given, &call);
+  Merged merged;
+  std::vector<MergeInput> inputs;
+  if (names && names->size() != maps.size()) {
+    throw Error(ErrorKind::kMisuse, "names", fmt::format("{} names", names->size()),
+                fmt::format("{}, one a map", maps.size()));
+  }
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (maps[i] == nullptr)
+      throw py::type_error(fmt::format("maps[{}]: None; expected a LandmarkMap", i));
+    merged.names.push_back(names ? (*names)[i] : fmt::format("map {}", i));
+    inputs.push_back({merged.names.back(), maps[i].get()});
+  }
+  run("merging", call, [&](const Execution& execution) {
+    options.execution = execution;
+    merged.result = merge(inputs, options);
+  });
+  if (merged.result.map) {
+    merged.map = std::make_shared<LandmarkMap>(std::move(*merged.result.map));
+    merged.result.map.reset();
+  }
+  return merged;
+}
+
+}  // namespace
+
+void bind_merging(py::module_& module) {
+  py::class_<MergedPart>(module, "MergedMap", "What became of one of the merged maps.")
+      .def_readonly("name", &MergedPart::name)
+      .def_property_readonly("placed", [](const MergedPart& self) { return self.part.placed; })
+      .def_property_readonly(
+          "reason", [](const MergedPart& self) { return self.part.reason; },
+          "Of a map that is not placed: one sentence for people.")
+      .def_property_readonly(
+          "world_from_map",
+          [](const MergedPart& self) { return pose_array(self.part.world_from_map); },
+          "4x4, with the scale in it; None if it is not placed.")
+      .def_property_readonly(
+          "covariance", [](const MergedPart& self) { return copied_matrix(self.part.covariance); },
+          "(7, 7): (dt, dphi, dlog s), a left perturbation in the world.")
+      .def_property_readonly("landmarks",
+                             [](const MergedPart& self) {
+                               return self.part.fusion ? self.part.fusion->landmarks
+                                                       : std::size_t{0};
+                             })
+      .def_property_readonly(
+          "fused",
+          [](const MergedPart& self) {
+            return self.part.fusion ? self.part.fusion->fused : std::size_t{0};
+          },
+          "Landmarks that became one with a landmark of a map before it.")
+      .def("__repr__", [](const MergedPart& self) {
+        return fmt::format("<MergedMap {}: {}>", self.name,
+                           self.part.placed ? "placed" : self.part.reason);
+      });
+  py::class_<Link>(module, "Link", "What align() came to for two of the merged maps.")
+      .def_readonly("source", &Link::source)
+      .def_readonly("target", &Link::target)
+      .def_property_readonly(
+          "verdict", [](const Link& self) { return std::string(to_string(self.link.verdict)); })
+      .def_property_readonly("probability", [](const Link& self) { return self.link.probability; })
+      .def_property_readonly("reason", [](const Link& self) { return self.link.reason; })
+      .def_property_readonly(
+          "target_from_source",
+          [](const Link& self) { return pose_array(self.link.target_from_source); },
+          "4x4; None unless the verdict is 'aligned'.")
+      .def_readonly("used", &Link::used, "Aligned, and in agreement with the poses of the maps.")
+      .def("__repr__", [](const Link& self) {
+        return fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
+                           to_string(self.link.verdict), self.used ? "" : ", not used");
+      });
+  py::class_<Merged>(module, "MergeResult", "One map out of many.")
+      .def_readonly("map", &Merged::map,
+                    "In the frame of the first map placed; None if no two maps were.")
+      .def_property_readonly(
+          "maps",
+          [](const Merged& self) {
+            std::vector<MergedPart> parts;
+            for (std::size_t i = 0; i < self.names.size(); ++i) {
+              parts.push_back({self.names[i], self.result.maps[i]});
+            }
+            return parts;
+          },
+          "What became of each map.")
+      .def_property_readonly(
+          "links",
+          [](const Merged& self) {
+            std::vector<Link> links;
+            for (std::size_t i = 0; i < self.result.links.size(); ++i) {
+              const MapLink& link = self.result.links[i];
+              links.push_back(
+                  {self.names[link.source], self.names[link.target], link, self.result.used[i]});
+            }
+            return links;
+          },
+          "Of all pairs, aligned or not.")
+      .def_property_readonly(
+          "placed", [](const Merged& self) { return self.result.placed(); },
+          "How many maps were placed.")
+      .def("__repr__", [](const Merged& self) {
+        return fmt::format("<MergeResult: {} of {} maps placed, {} landmarks>",
+                           self.result.placed(), self.names.size(),
+                           self.map ? self.map->landmark_count() : 0);
+      });
+  module.def("merge", &merge_maps, py::arg("maps"), py::arg("names") = py::none(),
+             kept(merge_keywords().signature("maps, names=None") +
+                  "Merges maps of one place: finds their poses, drops links that disagree, and "
+                  "fuses landmarks\n"
+                  "that are one. A map that nothing connects to the largest group stays out, with "
+                  "a reason."));
+}
+
+}  // namespace cairn::python

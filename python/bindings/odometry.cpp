@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/odometry.hpp"
+
+#include <mutex>
+
+#include <fmt/format.h>
+
+#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/sequence/sequence.hpp"
+
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+namespace {
+
+// Several Python threads may use one object; each call has it to itself.
+class SharedOdometry {
+ public:
+  SharedOdometry(Camera camera, const OdometryOptions& options)
+      : camera_(std::move(camera)), odometry_(camera_, options) {}
+
+  const Camera& camera() const { return camera_; }
+
+  template <class Work>
+  auto alone(const Work& work) {
+    return unlocked([&] {
+      const std::lock_guard lock(mutex_);
+      return work(odometry_);
+    });
+  }
+
+ private:
+  Camera camera_;
+  std::mutex mutex_;
+  Odometry odometry_;
+};
+
+template <class Options, class Part>
+void add_odometry_keywords(Keywords<Options>& keywords, const Part& part) {
+  keywords.add("features", [part](auto& o) -> auto& { return part(o).features.count; })
+      .add("pyramid_levels", [part](auto& o) -> auto& { return part(o).features.levels; })
+      .add("max_depth_m", [part](auto& o) -> auto& { return part(o).features.max_depth_m; })
+      .add("pixel_noise", [part](auto& o) -> auto& { return part(o).noise.pixel; })
+      .add("depth_noise_floor_m", [part](auto& o) -> auto& { return part(o).noise.depth_floor_m; })
+      .add("depth_noise_quadratic",
+           [part](auto& o) -> auto& { return part(o).noise.depth_quadratic; })
+      .add("min_tracked", [part](auto& o) -> auto& { return part(o).min_tracked; })
+      .add("adjusted_keyframes", [part](auto& o) -> auto& { return part(o).adjusted_keyframes; })
+      .add("final_iterations", [part](auto& o) -> auto& { return part(o).final_iterations; });
+}
+
+template <class Options, class Part>
+void add_map_keywords(Keywords<Options>& keywords, const Part& part) {
+  keywords.add("min_observations", [part](auto& o) -> auto& { return part(o).min_observations; })
+      .add("covariance", py::str("recursive"),
+           [part](Options& options, py::handle value) {
+             std::string text;
+             from_python(value, "covariance", text);
+             part(options).covariance =
+                 word<LandmarkCovariance>(text, "covariance",
+                                          {{"recursive", LandmarkCovariance::kRecursive},
+                                           {"marginal", LandmarkCovariance::kMarginal}});
+           })
+      .add("descriptors", [part](auto& o) -> auto& { return part(o).descriptors; });
+}
+
+struct OdometryKeywords {
+  OdometryOptions options;
+  std::optional<Rigid3> start;
+};
+
+const Keywords<OdometryKeywords>& odometry_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<OdometryKeywords> keywords("__init__");
+    keywords.add("start", py::none(), [](auto& options, py::handle value) {
+      if (!value.is_none()) options.start = rigid_of(value, "start");
+    });
+    add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+const Keywords<MapOptions>& map_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<MapOptions> keywords("map");
+    add_map_keywords(keywords, [](auto& o) -> auto& { return o; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+std::unique_ptr<SharedOdometry> make_odometry(const Camera& camera, const py::kwargs& given) {
+  OdometryKeywords keywords = odometry_keywords().read(given);
+  if (keywords.start) {
+    keywords.options.start = [start = *keywords.start](double) { return start; };
+  }
+  return std::make_unique<SharedOdometry>(camera, keywords.options);
+}
+
+std::vector<std::uint8_t> image_of(py::handle given, const Camera& camera,
+                                   const std::string& channels) {
+  const auto height = static_cast<py::ssize_t>(camera.height);
+  const auto width = static_cast<py::ssize_t>(camera.width);
+  const bool reversed = word<bool>(channels, "channels", {{"rgb", true}, {"bgr", false}});
+  const py::array array = py::array::ensure(given);
+  if (!array) PyErr_Clear();
+  std::vector<std::uint8_t> bgr(static_cast<std::size_t>(3 * height * width));
+  if (array && array.ndim() == 2) {
+    const auto gray = byte_array(given, "image", {height, width});
+    for (std::size_t i = 0; i < bgr.size(); ++i) bgr[i] = gray.data()[i / 3];
+    return bgr;
+  }
+  const auto colors = byte_array(given, "image", {height, width, 3});
+  for (std::size_t i = 0; i < bgr.size(); i += 3) {
+    for (std::size_t j = 0; j < 3; ++j) bgr[i + j] = colors.data()[i + (reversed ? 2 - j : j)];
+  }
+  return bgr;
+}
+
+std::vector<float> depth_of(py::handle given, const Camera& camera) {
+  if (given.is_none()) return {};
+  const auto array =
+      real_array(given, "depth_m",
+                 {static_cast<py::ssize_t>(camera.height), static_cast<py::ssize_t>(camera.width)});
+  std::vector<float> depth(static_cast<std::size_t>(array.size()));
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    const double value = array.data()[i];
+    depth[i] = value > 0.0 && value < 1e6 ? static_cast<float>(value) : 0.0F;  // NaN: unknown
+  }
+  return depth;
+}
+
+FrameReport track(SharedOdometry& self, double timestamp_s, const py::object& image,
+                  const py::object& depth_m, const std::string& channels,
+                  const std::string& image_name) {
+  const std::vector<std::uint8_t> bgr = image_of(image, self.camera(), channels);
+  const std::vector<float> depth = depth_of(depth_m, self.camera());
+  return self.alone([&](Odometry& odometry) {
+    const FrameImages images =
+        frame_images(timestamp_s, self.camera().width, self.camera().height, bgr, depth);
+    return odometry.track(timestamp_s, odometry.extract(images.gray, images.depth_m), image_name);
+  });
+}
+
+std::string_view to_string(FrameStatus status) {
+  switch (status) {
+    case FrameStatus::kWaiting:
+      return "waiting";
+    case FrameStatus::kTracked:
+      return "tracked";
+    case FrameStatus::kLost:
+      return "lost";
+  }
+  return "lost";
+}
+
+struct SequenceKeywords {
+  MapSequenceOptions options;
+  SequenceOptions sequence;
+  std::optional<double> mini_map_metres;
+  std::optional<std::size_t> mini_map_frames;
+};
+
+const Keywords<SequenceKeywords>& sequence_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<SequenceKeywords> keywords("map_sequence");
+    keywords
+        .add("depth_units_per_metre",
+             [](auto& o) -> auto& { return o.sequence.depth_units_per_metre; })
+        .add("max_time_difference_s",
+             [](auto& o) -> auto& { return o.sequence.max_time_difference_s; })
+        .add("mini_map_metres", [](auto& o) -> auto& { return o.mini_map_metres; })
+        .add("mini_map_frames", [](auto& o) -> auto& { return o.mini_map_frames; })
+        .add("skip_unreadable", [](auto& o) -> auto& { return o.options.skip_unreadable; });
+    add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options.odometry; });
+    add_map_keywords(keywords, [](auto& o) -> auto& { return o.options.map; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+struct Mapped {
+  MappedSequence sequence;
+  std::vector<SharedMap> maps;
+};
+
+Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
+                  const py::kwargs& given) {
+  CallOptions call;
+  SequenceKeywords keywords = sequence_keywords().read(given, &call);
+  if (keywords.mini_map_metres || keywords.mini_map_frames) {
+    keywords.options.mini_maps = MiniMapLength{keywords.mini_map_metres, keywords.mini_map_frames};
+  }
+  Mapped mapped;
+  run("mapping", call, [&](const Execution& execution) {
+    MapSequenceOptions& options = keywords.options;
+    options.executor = execution.executor;
+    options.stop = execution.stop;
+    if (execution.progress) {
+      options.progress = [&](const MappingProgress& progress) {
+        execution.progress(static_cast<double>(progress.frame) /
+                           static_cast<double>(progress.frames));
+      };
+    }
+    mapped.sequence = map_sequence(RgbdSequence(folder, keywords.sequence), camera, options);
+  });
+  for (LandmarkMap& map : mapped.sequence.maps) {
+    mapped.maps.push_back(std::make_shared<LandmarkMap>(std::move(map)));
+  }
+  mapped.sequence.maps.clear();
+  return mapped;
+}
+
+}  // namespace
+
+void bind_odometry(py::module_& module) {
+  py::class_<FrameReport>(module, "FrameReport", "What became of one frame.")
+      .def_property_readonly(
+          "status", [](const FrameReport& self) { return std::string(to_string(self.status)); },
+          "'waiting', 'tracked' or 'lost'.")
+      .def_readonly("keyframe", &FrameReport::keyframe)
+      .def_readonly("landmarks", &FrameReport::landmarks, "Found in it.")
+      .def_property_readonly(
+          "reprojection_errors",
+          [](const FrameReport& self) { return copied(self.reprojection_errors); },
+          "(landmarks,) float32, pixels.")
+      .def("__repr__", [](const FrameReport& self) {
+        return fmt::format("<FrameReport: {}, {} landmarks{}>", to_string(self.status),
+                           self.landmarks, self.keyframe ? ", keyframe" : "");
+      });
+  static const std::string kInit = odometry_keywords().signature("$self, camera", false);
+  py::class_<SharedOdometry>(
+      module, "Odometry",
+      "RGB-D odometry, frame by frame in the order of time: poses, and a landmark map.")
+      .def(py::init(&make_odometry), py::arg("camera"),
+           kept(kInit + "`start` is the pose of the first frame (4x4, world_from_camera); else the "
+                        "identity."))
+      .def(
+          "track", &track, py::arg("timestamp_s"), py::arg("image"),
+          py::arg("depth_m") = py::none(), py::kw_only(), py::arg("channels") = "rgb",
+          py::arg("image_name") = "",
+          "track($self, timestamp_s, image, depth_m=None, *, channels='rgb', image_name='')\n--\n\n"
+          "Takes the next frame: image (h, w) or (h, w, 3) uint8, depth (h, w) in metres, 0 or NaN "
+          "where\n"
+          "unknown. `channels` is 'rgb', or 'bgr' as in OpenCV.")
+      .def(
+          "complete",
+          [](SharedOdometry& self) { self.alone([](Odometry& odometry) { odometry.complete(); }); },
+          "complete($self)\n--\n\nAdjusts all keyframes and landmarks at once.")
+      .def(
+          "map",
+          [](SharedOdometry& self, const py::kwargs& given) {
+            const MapOptions options = map_keywords().read(given);
+            return self.alone([&](Odometry& odometry) {
+              return std::make_shared<LandmarkMap>(odometry.map(options));
+            });
+          },
+          kept(
+              map_keywords().signature("$self", false) +
+              "The map so far. `covariance` is 'recursive', or 'marginal' from the whole problem."))
+      .def(
+          "trajectory",
+          [](SharedOdometry& self) {
+            return self.alone([](Odometry& odometry) { return odometry.trajectory(); });
+          },
+          "trajectory($self)\n--\n\nThe poses of all frames tracked so far.")
+      .def_property_readonly(
+          "last_pose",
+          [](SharedOdometry& self) {
+            return pose_array(self.alone([](Odometry& odometry) { return odometry.last_pose(); }));
+          },
+          "Of the last frame, 4x4, world_from_camera; None if it was not tracked.")
+      .def_property_readonly("camera", &SharedOdometry::camera)
+      .def("__repr__", [](const SharedOdometry& self) {
+        return fmt::format("<Odometry: {} {}x{}>", self.camera().model, self.camera().width,
+                           self.camera().height);
+      });
+  py::class_<Mapped>(module, "MappedSequence", "What mapping a sequence came to.")
+      .def_readonly("maps", &Mapped::maps, "One map, or the mini-maps in the order of time.")
+      .def_property_readonly("trajectory",
+                             [](const Mapped& self) { return self.sequence.trajectory; })
+      .def_property_readonly("frames", [](const Mapped& self) { return self.sequence.frames; })
+      .def_property_readonly("tracked", [](const Mapped& self) { return self.sequence.tracked; })
+      .def_property_readonly("keyframes",
+                             [](const Mapped& self) { return self.sequence.keyframes; })
+      .def_property_readonly("lost", [](const Mapped& self) { return self.sequence.lost_frames(); })
+      .def("__repr__", [](const Mapped& self) {
+        return fmt::format("<MappedSequence: {} maps, {} of {} frames tracked>", self.maps.size(),
+                           self.sequence.tracked, self.sequence.frames);
+      });
+  module.def("map_sequence", &map_folder, py::arg("folder"), py::arg("camera"),
+             kept(sequence_keywords().signature("folder, camera") +
+                  "Maps an RGB-D sequence in the layout of the TUM benchmark."));
+}
+
+}  // namespace cairn::python

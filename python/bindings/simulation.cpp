@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include "cairn/simulation/environment.hpp"
+#include "cairn/simulation/path.hpp"
+#include "cairn/simulation/simulator.hpp"
+
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+namespace {
+
+using SharedRgbdFrame = std::shared_ptr<RgbdFrame>;
+
+struct Simulation {
+  Camera camera;
+  RgbdSimulator simulator;
+};
+using SharedSimulation = std::shared_ptr<Simulation>;
+
+struct SimulateKeywords {
+  EnvironmentOptions environment;
+  PathOptions path;
+  SimulatorOptions simulator;
+  std::uint64_t seed = EnvironmentOptions().seed;
+};
+
+const Keywords<SimulateKeywords>& simulate_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<SimulateKeywords> keywords("simulate");
+    keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
+        .add("session", [](auto& o) -> auto& { return o.environment.session; })
+        .add("layout", [](auto& o) -> auto& { return o.environment.layout; })
+        .add("changed_fraction", [](auto& o) -> auto& { return o.environment.changed_fraction; })
+        .add("texture_scale", [](auto& o) -> auto& { return o.environment.texture_scale; })
+        .add("path", py::str("sweep"),
+             [](auto& options, py::handle value) {
+               std::string text;
+               from_python(value, "path", text);
+               options.path.kind = path_kind(text);
+             })
+        .add("frames", [](auto& o) -> auto& { return o.path.frames; })
+        .add("rate_hz", [](auto& o) -> auto& { return o.path.rate_hz; })
+        .add("pace", [](auto& o) -> auto& { return o.path.pace; })
+        .add("shake", [](auto& o) -> auto& { return o.path.shake; })
+        .add("camera", py::none(),
+             [](auto& options, py::handle value) {
+               if (value.is_none()) return;
+               if (!py::isinstance<Camera>(value))
+                 throw py::type_error("camera: expected a Camera");
+               options.simulator.camera = value.cast<const Camera&>();
+             })
+        .add("shutter_s", [](auto& o) -> auto& { return o.simulator.shutter_s; })
+        .add("exposure", [](auto& o) -> auto& { return o.simulator.sensor.exposure; })
+        .add("color_noise", [](auto& o) -> auto& { return o.simulator.sensor.color_noise; })
+        .add("ideal_depth", [](auto& o) -> auto& { return o.simulator.sensor.ideal_depth; })
+        .add("depth_noise_m", [](auto& o) -> auto& { return o.simulator.sensor.depth_noise_m; })
+        .add("max_depth_m", [](auto& o) -> auto& { return o.simulator.sensor.max_depth_m; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+SharedSimulation simulate(const std::string& environment, const py::kwargs& given) {
+  CallOptions call;
+  SimulateKeywords options = simulate_keywords().read(given, &call);
+  options.environment.kind = environment_kind(environment);
+  options.environment.seed = options.seed;
+  const SessionSeeds seeds = session_seeds(options.seed, options.environment.session);
+  options.path.seed = seeds.path;
+  options.simulator.seed = seeds.noise;
+  options.environment.validate();
+  options.path.validate();
+  options.simulator.validate();
+  SharedSimulation simulation;
+  run("simulating", call, [&](const Execution& execution) {
+    Environment place = make_environment(options.environment, execution.executor);
+    Trajectory trajectory = make_path(place, options.path);
+    simulation = std::make_shared<Simulation>(Simulation{
+        options.simulator.camera, RgbdSimulator(std::move(place.scene), std::move(trajectory),
+                                                options.simulator, execution.executor)});
+  });
+  return simulation;
+}
+
+SharedRgbdFrame frame_of(const SharedSimulation& self, std::int64_t index) {
+  const auto count = static_cast<std::int64_t>(self->simulator.frame_count());
+  if (index < -count || index >= count) {
+    throw py::index_error(fmt::format("frame {} of {}", index, count));
+  }
+  const auto number = static_cast<std::size_t>(index < 0 ? index + count : index);
+  SharedRgbdFrame frame;
+  run("rendering", {}, [&](const Execution& execution) {
+    frame = std::make_shared<RgbdFrame>(self->simulator.frame(number, execution.executor));
+  });
+  return frame;
+}
+
+template <class Scalar>
+py::array image(const std::vector<Scalar>& values, const SharedRgbdFrame& frame) {
+  return view(values.data(), {frame->height, frame->width}, py::cast(frame));
+}
+
+}  // namespace
+
+void bind_simulation(py::module_& module) {
+  py::class_<RgbdFrame, SharedRgbdFrame>(module, "SimulatedFrame",
+                                         "One frame of a simulated sequence.")
+      .def_readonly("timestamp_s", &RgbdFrame::timestamp_s)
+      .def_property_readonly(
+          "world_from_camera",
+          [](const RgbdFrame& self) { return pose_array(Similarity3(self.world_from_camera)); },
+          "4x4, exact.")
+      .def_property_readonly(
+          "bgr",
+          [](const SharedRgbdFrame& self) {
+            return view(self->bgr.data(), {self->height, self->width, 3}, py::cast(self));
+          },
+          "(h, w, 3) uint8, blue, green, red as in OpenCV; a view.")
+      .def_property_readonly(
+          "rgb",
+          [](const SharedRgbdFrame& self) {
+            return view(self->bgr.data(), {self->height, self->width, 3}, py::cast(self))
+                .attr("__getitem__")(py::make_tuple(
+                    py::ellipsis(), py::slice(py::none(), py::none(), py::int_(-1))));
+          },
+          "(h, w, 3) uint8; a view.")
+      .def_property_readonly(
+          "depth_m", [](const SharedRgbdFrame& self) { return image(self->depth_m, self); },
+          "(h, w) float32 as measured, 0 where there is no reading; a view.")
+      .def_property_readonly(
+          "exact_depth_m",
+          [](const SharedRgbdFrame& self) { return image(self->exact_depth_m, self); },
+          "(h, w) float32, 0 where nothing is; a view.")
+      .def("__repr__", [](const RgbdFrame& self) {
+        return fmt::format("<SimulatedFrame: {:.3f} s, {}x{}>", self.timestamp_s, self.width,
+                           self.height);
+      });
+  py::class_<Simulation, SharedSimulation>(
+      module, "Simulation", "An RGB-D camera on its way through a place; a sequence of frames.")
+      .def("__len__", [](const Simulation& self) { return self.simulator.frame_count(); })
+      .def("__getitem__", &frame_of, py::arg("index"))
+      .def("frame", &frame_of, py::arg("index"),
+           "frame($self, index)\n--\n\nRenders a frame, which depends on the options and its "
+           "number only.")
+      .def_readonly("camera", &Simulation::camera)
+      .def_property_readonly(
+          "trajectory", [](const Simulation& self) { return self.simulator.trajectory(); },
+          "The true one.")
+      .def("__repr__", [](const Simulation& self) {
+        return fmt::format("<Simulation: {} frames, {}x{}>", self.simulator.frame_count(),
+                           self.camera.width, self.camera.height);
+      });
+  module.def("simulate", &simulate, py::arg("environment") = "desk",
+             kept(simulate_keywords().signature("environment='desk'") +
+                  "Simulates an RGB-D sequence with exact ground truth.\n\n"
+                  "environment   'desk', 'office', 'corridor', 'warehouse', 'room' or 'kitchen'\n"
+                  "seed, layout  of the place; session: path, noise and changes\n"
+                  "path          'sweep', 'orbit' or 'walk'"));
+}
+
+}  // namespace cairn::python

@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "bindings/support.hpp"
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <limits>
+#include <mutex>
+#include <thread>
+
+#include <fmt/format.h>
+
+namespace cairn::python {
+namespace {
+
+std::string type_name(py::handle value) {
+  return py::str(py::type::handle_of(value).attr("__name__")).cast<std::string>();
+}
+
+std::string shape_text(const std::vector<py::ssize_t>& shape) {
+  std::string text = "(";
+  for (std::size_t i = 0; i < shape.size(); ++i) {
+    if (i > 0) text += ", ";
+    text += shape[i] < 0 ? "n" : std::to_string(shape[i]);
+  }
+  return text + (shape.size() == 1 ? ",)" : ")");
+}
+
+// An array of the kinds of numbers (NumPy's letters) and the shape, or an exception that says why not.
+py::array checked_array(py::handle value, std::string_view name,
+                        const std::vector<py::ssize_t>& shape, std::string_view kinds,
+                        std::string_view what) {
+  py::array array = py::array::ensure(value);
+  if (!array) {
+    PyErr_Clear();
+    throw py::type_error(fmt::format("{}: {} is no array; expected {} of shape {}", name,
+                                     type_name(value), what, shape_text(shape)));
+  }
+  std::vector<py::ssize_t> found(array.shape(), array.shape() + array.ndim());
+  const bool empty = array.size() == 0;
+  // NumPy takes [] for floats.
+  if (kinds.find(array.dtype().kind()) == std::string_view::npos && !empty) {
+    throw py::type_error(fmt::format("{}: array of {}; expected {}", name,
+                                     py::str(array.dtype()).cast<std::string>(), what));
+  }
+  if (empty && found.size() == 1 && shape.front() < 0) {
+    found = shape;
+    found.front() = 0;
+    array = array.reshape(found);
+  }
+  bool fits = found.size() == shape.size();
+  for (std::size_t i = 0; fits && i < shape.size(); ++i) {
+    fits = shape[i] < 0 || shape[i] == found[i];
+  }
+  if (!fits) {
+    throw Error(ErrorKind::kMisuse, name, "shape " + shape_text(found),
+                "shape " + shape_text(shape));
+  }
+  return array;
+}
+
+template <class Scalar>
+py::array_t<Scalar> cast_array(const py::array& array) {
+  auto result = py::array_t<Scalar, py::array::c_style | py::array::forcecast>::ensure(array);
+  if (!result) throw py::error_already_set();
+  return result;
+}
+
+}  // namespace
+
+void run(const std::string& name, const CallOptions& call,
+         const std::function<void(const Execution&)>& work) {
+  constexpr auto kGlance = std::chrono::milliseconds(20);
+  py::object report = py::none();
+  if (!call.progress.is_none()) {
+    report = py::module_::import("cairn._progress").attr("reporter")(call.progress, name);
+  }
+  const bool reports = !report.is_none();
+
+  std::stop_source stop;
+  std::atomic<double> share = 0.0;
+  Execution execution;
+  execution.stop = stop.get_token();
+  if (reports) {
+    execution.progress = [&share](double now) { share.store(now, std::memory_order_relaxed); };
+  }
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool done = false;
+  std::exception_ptr failure;
+  std::optional<py::error_already_set> raised;
+  {
+    const py::gil_scoped_release released;
+    std::thread worker([&] {
+      std::exception_ptr thrown;
+      try {
+        execution.executor = Executor(call.threads);
+        work(execution);
+      } catch (...) {
+        thrown = std::current_exception();
+      }
+      const std::lock_guard lock(mutex);
+      failure = thrown;
+      done = true;
+      changed.notify_one();
+    });
+    std::unique_lock lock(mutex);
+    while (!changed.wait_for(lock, kGlance, [&] { return done; })) {
+      if (raised) continue;
+      lock.unlock();
+      {
+        const py::gil_scoped_acquire acquired;
+        try {
+          if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+          if (reports) report(share.load(std::memory_order_relaxed));
+        } catch (py::error_already_set& error) {
+          raised.emplace(error);
+          stop.request_stop();
+        }
+      }
+      lock.lock();
+    }
+    lock.unlock();
+    worker.join();
+  }
+  if (reports) {
+    try {
+      if (!raised && !failure) report(1.0);
+      if (py::hasattr(report, "close")) report.attr("close")();
+    } catch (py::error_already_set& error) {
+      if (!raised) raised.emplace(error);
+    }
+  }
+  if (raised) throw py::error_already_set(*raised);
+  if (failure) std::rethrow_exception(failure);
+}
+
+py::object pose_array(const Similarity3& pose) {
+  return copied_matrix(pose.matrix());
+}
+py::object pose_array(const Rigid3& pose) {
+  return copied_matrix(pose.matrix());
+}
+
+py::object pose_array(const std::optional<Similarity3>& pose) {
+  if (!pose) return py::none();
+  return pose_array(*pose);
+}
+
+py::object pose_array(const std::optional<Rigid3>& pose) {
+  if (!pose) return py::none();
+  return copied_matrix(pose->matrix());
+}
+
+py::array pose_arrays(const std::vector<Rigid3>& poses) {
+  py::array_t<double> array(
+      {static_cast<py::ssize_t>(poses.size()), py::ssize_t{4}, py::ssize_t{4}});
+  double* out = array.mutable_data();
+  for (const Rigid3& pose : poses) {
+    const Matrix4d matrix = pose.matrix();
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < 4; ++j) *out++ = matrix(i, j);
+    }
+  }
+  return array;
+}
+
+py::array_t<double> real_array(py::handle value, std::string_view name,
+                               const std::vector<py::ssize_t>& shape) {
+  return cast_array<double>(checked_array(value, name, shape, "fiub", "real numbers"));
+}
+
+py::array_t<std::int64_t> integer_array(py::handle value, std::string_view name,
+                                        const std::vector<py::ssize_t>& shape) {
+  const py::array array = checked_array(value, name, shape, "iu", "integers");
+  if (array.dtype().kind() == 'u' && array.itemsize() == 8) {
+    const auto wide = cast_array<std::uint64_t>(array);
+    for (py::ssize_t i = 0; i < wide.size(); ++i) {
+      if (wide.data()[i] > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())) {
+        throw Error(ErrorKind::kMisuse, fmt::format("{}[{}]", name, i),
+                    fmt::format("{}", wide.data()[i]), "at most 2^63 - 1");
+      }
+    }
+  }
+  return cast_array<std::int64_t>(array);
+}
+
+py::array_t<std::uint64_t> id_array(py::handle value, std::string_view name,
+                                    const std::vector<py::ssize_t>& shape) {
+  const py::array array = checked_array(value, name, shape, "iu", "integers");
+  if (array.dtype().kind() == 'i') {
+    const auto with_signs = cast_array<std::int64_t>(array);
+    for (py::ssize_t i = 0; i < with_signs.size(); ++i) {
+      if (with_signs.data()[i] < 0) {
+        throw Error(ErrorKind::kMisuse, fmt::format("{}[{}]", name, i),
+                    fmt::format("{}", with_signs.data()[i]), "an integer that is not negative");
+      }
+    }
+  }
+  return cast_array<std::uint64_t>(array);
+}
+
+py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
+                                     const std::vector<py::ssize_t>& shape) {
+  const py::array array = checked_array(value, name, shape, "u", "bytes (uint8)");
+  if (array.itemsize() != 1 && array.size() > 0) {
+    throw py::type_error(fmt::format("{}: array of {}; expected bytes (uint8)", name,
+                                     py::str(array.dtype()).cast<std::string>()));
+  }
+  return cast_array<std::uint8_t>(array);
+}
+
+std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view name) {
+  const auto array = real_array(value, name, {-1, 3});
+  std::vector<Eigen::Vector3d> positions(static_cast<std::size_t>(array.shape(0)));
+  static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
+  if (!positions.empty()) {
+    std::copy_n(array.data(), 3 * positions.size(), positions.front().data());
+  }
+  return positions;
+}
+
+Similarity3 similarity_of(py::handle value, std::string_view name) {
+  const auto array = real_array(value, name, {4, 4});
+  Matrix4d matrix;
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) matrix(i, j) = array.at(i, j);
+  }
+  if (!matrix.allFinite()) {
+    throw Error(ErrorKind::kMisuse, name, "a number that is not finite", "a 4x4 matrix of numbers");
+  }
+  return Similarity3::from_matrix(matrix);
+}
+
+Rigid3 rigid_of(py::handle value, std::string_view name) {
+  const Similarity3 pose = similarity_of(value, name);
+  if (std::abs(pose.scale() - 1.0) > 1e-9) {
+    throw Error(ErrorKind::kMisuse, name, fmt::format("scale {}", pose.scale()), "scale 1");
+  }
+  return pose.rigid();
+}
+
+py::object to_python(double value) {
+  if (std::isinf(value)) return py::none();
+  return py::cast(value);
+}
+
+py::object to_python(const std::optional<double>& value) {
+  if (!value) return py::none();
+  return py::cast(*value);
+}
+
+void from_python(py::handle value, const std::string& name, bool& result) {
+  const bool is_numpy = type_name(value) == "bool_";
+  if (!py::isinstance<py::bool_>(value) && !is_numpy) {
+    throw py::type_error(fmt::format("{}: {}; expected True or False", name, type_name(value)));
+  }
+  result = PyObject_IsTrue(value.ptr()) == 1;
+}
+
+void from_python(py::handle value, const std::string& name, double& result) {
+  if (value.is_none() && std::isinf(result)) return;  // unlimited, as it is by default
+  const bool is_text = py::isinstance<py::str>(value) || py::isinstance<py::bytes>(value);
+  const double number = is_text ? -1.0 : PyFloat_AsDouble(value.ptr());
+  if (is_text || (number == -1.0 && PyErr_Occurred() != nullptr)) {
+    PyErr_Clear();
+    throw py::type_error(fmt::format("{}: {}; expected a number", name, type_name(value)));
+  }
+  result = number;
+}
+
+void from_python(py::handle value, const std::string& name, std::string& result) {
+  if (!py::isinstance<py::str>(value)) {
+    throw py::type_error(fmt::format("{}: {}; expected text", name, type_name(value)));
+  }
+  result = value.cast<std::string>();
+}
+
+void from_python(py::handle value, const std::string& name, std::optional<double>& result) {
+  if (value.is_none()) {
+    result.reset();
+  } else {
+    double number = 0.0;
+    from_python(value, name, number);
+    result = number;
+  }
+}
+
+namespace {
+
+// The integer that a value is; a float or text is none.
+py::int_ index_of(py::handle value, const std::string& name) {
+  PyObject* const index = PyNumber_Index(value.ptr());
+  if (index == nullptr || py::isinstance<py::bool_>(value)) {
+    PyErr_Clear();
+    Py_XDECREF(index);
+    throw py::type_error(fmt::format("{}: {}; expected an integer", name, type_name(value)));
+  }
+  return py::reinterpret_steal<py::int_>(index);
+}
+
+[[noreturn]] void refuse_range(const py::int_& value, const std::string& name,
+                               const std::string& range) {
+  throw Error(ErrorKind::kMisuse, name, std::string(py::str(static_cast<py::handle>(value))),
+              range);
+}
+
+}  // namespace
+
+std::int64_t integer_of(py::handle value, const std::string& name, std::int64_t least,
+                        std::uint64_t most) {
+  const py::int_ index = index_of(value, name);
+  int overflow = 0;
+  const long long number = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
+  if (overflow != 0 || number < least ||
+      (number > 0 && static_cast<std::uint64_t>(number) > most)) {
+    refuse_range(index, name, fmt::format("{} to {}", least, most));
+  }
+  return number;
+}
+
+std::uint64_t unsigned_of(py::handle value, const std::string& name, std::uint64_t most) {
+  const py::int_ index = index_of(value, name);
+  const unsigned long long number = PyLong_AsUnsignedLongLong(index.ptr());
+  const bool failed = PyErr_Occurred() != nullptr;
+  PyErr_Clear();
+  if (failed || number > most) refuse_range(index, name, fmt::format("0 to {}", most));
+  return number;
+}
+
+void refuse_keyword(const std::string& function, const std::string& name,
+                    const std::vector<std::string>& names) {
+  std::string text = fmt::format("{}() got an unexpected keyword argument '{}'", function, name);
+  const py::list near = py::module_::import("difflib").attr("get_close_matches")(name, names, 1);
+  if (!near.empty()) text += fmt::format("; did you mean '{}'?", near[0].cast<std::string>());
+  throw py::type_error(text);
+}
+
+namespace {
+
+// As the base class makes objects. That it is another function makes CPython refuse explicit calls of the
+// base's __new__, so that objects come from calls of the class alone, which initialise them.
+PyObject* make_object(PyTypeObject* type, PyObject* positional, PyObject* keywords) {
+  PyTypeObject* base = type;
+  while (base->tp_new == &make_object) base = base->tp_base;
+  return base->tp_new(type, positional, keywords);
+}
+
+}  // namespace
+
+void seal(py::module_& module) {
+  for (const auto& [name, member] : module.attr("__dict__").cast<py::dict>()) {
+    if (PyType_Check(member.ptr()) == 0) continue;
+    auto* const type = reinterpret_cast<PyTypeObject*>(member.ptr());
+    type->tp_new = &make_object;
+    PyType_Modified(type);
+  }
+}
+
+const char* kept(std::string text) {
+  static std::deque<std::string> texts;
+  return texts.emplace_back(std::move(text)).c_str();
+}
+
+}  // namespace cairn::python

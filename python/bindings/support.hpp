@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/execution.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+/// What all bindings share: arrays in and out, long calls, options by keyword.
+namespace cairn::python {
+
+namespace py = pybind11;
+
+/// Maps are immutable, so Python and views of their columns share them.
+using SharedMap = std::shared_ptr<LandmarkMap>;
+
+// --- Each part of the module ------------------------------------------------------------------------
+
+void bind_errors(py::module_& module);
+void bind_maps(py::module_& module);
+void bind_alignment(py::module_& module);
+void bind_evaluation(py::module_& module);
+void bind_experiments(py::module_& module);
+void bind_report(py::module_& module);
+void bind_merging(py::module_& module);
+void bind_simulation(py::module_& module);
+void bind_odometry(py::module_& module);
+
+// --- Long calls -------------------------------------------------------------------------------------
+
+/// How a call runs: the keywords `threads` and `progress` of every long function.
+struct CallOptions {
+  unsigned threads = 0;              ///< at most; 0: one per core
+  py::object progress = py::none();  ///< None, True (a tqdm bar) or a callable that takes a share
+};
+
+/// Runs `work` in a thread of its own, without the GIL, while the calling thread watches for signals and
+/// reports progress. A signal handler that raises (KeyboardInterrupt), or a progress callable that does,
+/// stops the work and is raised as soon as it has ended.
+/// @param name of the work, shown beside the bar
+void run(const std::string& name, const CallOptions& call,
+         const std::function<void(const Execution&)>& work);
+
+/// Calls `work` without the GIL; for short calls that need neither progress nor interruption.
+template <class Work>
+auto unlocked(const Work& work) {
+  const py::gil_scoped_release released;
+  return work();
+}
+
+// --- Arrays -----------------------------------------------------------------------------------------
+
+/// A read-only array of `data`, which `owner` keeps alive.
+/// @param strides in bytes; empty: row by row without gaps
+template <class Scalar>
+py::array view(const Scalar* data, std::vector<py::ssize_t> shape, py::handle owner,
+               std::vector<py::ssize_t> strides = {}) {
+  if (strides.empty()) {
+    strides.resize(shape.size());
+    py::ssize_t stride = sizeof(Scalar);
+    for (std::size_t i = shape.size(); i-- > 0;) {
+      strides[i] = stride;
+      stride *= shape[i];
+    }
+  }
+  py::array array(py::dtype::of<Scalar>(), std::move(shape), std::move(strides), data, owner);
+  array.attr("setflags")(py::arg("write") = false);
+  return array;
+}
+
+/// A copy of numbers, which the array owns.
+template <class Scalar>
+py::array copied(const std::vector<Scalar>& values, std::vector<py::ssize_t> shape) {
+  return py::array(py::dtype::of<Scalar>(), std::move(shape), values.data());
+}
+template <class Scalar>
+py::array copied(const std::vector<Scalar>& values) {
+  return copied(values, {static_cast<py::ssize_t>(values.size())});
+}
+
+/// A copy of a matrix or vector.
+template <class Matrix>
+py::array copied_matrix(const Matrix& matrix) {
+  if constexpr (Matrix::ColsAtCompileTime == 1) {
+    py::array_t<double> array(matrix.size());
+    for (Eigen::Index i = 0; i < matrix.size(); ++i) array.mutable_at(i) = matrix[i];
+    return array;
+  } else {
+    py::array_t<double> array({matrix.rows(), matrix.cols()});
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+      for (Eigen::Index j = 0; j < matrix.cols(); ++j) array.mutable_at(i, j) = matrix(i, j);
+    }
+    return array;
+  }
+}
+
+/// 4x4, with the scale in it.
+py::object pose_array(const Similarity3& pose);
+py::object pose_array(const Rigid3& pose);
+py::object pose_array(const std::optional<Similarity3>& pose);
+py::object pose_array(const std::optional<Rigid3>& pose);
+/// (n, 4, 4).
+py::array pose_arrays(const std::vector<Rigid3>& poses);
+
+template <class Matrix>
+py::object matrix_or_none(const std::optional<Matrix>& matrix) {
+  if (!matrix) return py::none();
+  return copied_matrix(*matrix);
+}
+
+/// What a user gave as an array of numbers, row by row, checked against a shape.
+struct Numbers {
+  py::array array;
+  std::vector<py::ssize_t> shape;
+};
+
+/// @param shape -1 for any length
+/// @param name  of the argument, for messages
+/// @throws TypeError for what is no array of real numbers, Error (misuse) for another shape
+py::array_t<double> real_array(py::handle value, std::string_view name,
+                               const std::vector<py::ssize_t>& shape);
+/// The same for integers: floats are refused.
+py::array_t<std::int64_t> integer_array(py::handle value, std::string_view name,
+                                        const std::vector<py::ssize_t>& shape);
+/// Integers that are ids: not negative, but up to 2^64 - 1.
+py::array_t<std::uint64_t> id_array(py::handle value, std::string_view name,
+                                    const std::vector<py::ssize_t>& shape);
+py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
+                                     const std::vector<py::ssize_t>& shape);
+
+/// (n, 3).
+std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view name);
+/// (4, 4): a rigid motion or similarity.
+Similarity3 similarity_of(py::handle value, std::string_view name);
+/// (4, 4) of scale 1.
+Rigid3 rigid_of(py::handle value, std::string_view name);
+
+/// One of a few words, for messages: "'a', 'b' or 'c'".
+template <class Value>
+Value word(const std::string& text, std::string_view name,
+           const std::vector<std::pair<std::string_view, Value>>& words) {
+  std::string expected;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (words[i].first == text) return words[i].second;
+    expected += (i == 0 ? "" : i + 1 == words.size() ? " or " : ", ");
+    expected += "'" + std::string(words[i].first) + "'";
+  }
+  throw Error(ErrorKind::kMisuse, name, printable(text), expected);
+}
+
+// --- Options by keyword -----------------------------------------------------------------------------
+
+/// A Python value for a number of unlimited size is None.
+py::object to_python(double value);
+py::object to_python(const std::optional<double>& value);
+template <class Value>
+  requires std::is_integral_v<Value>
+py::object to_python(Value value) {
+  return py::cast(value);
+}
+template <class Value>
+  requires std::is_integral_v<Value>
+py::object to_python(const std::optional<Value>& value) {
+  return py::cast(value);
+}
+inline py::object to_python(const std::string& value) {
+  return py::cast(value);
+}
+
+/// @throws TypeError naming the option, for a value of another type; Error (misuse) for one out of range
+void from_python(py::handle value, const std::string& name, bool& result);
+void from_python(py::handle value, const std::string& name, double& result);
+void from_python(py::handle value, const std::string& name, std::string& result);
+void from_python(py::handle value, const std::string& name, std::optional<double>& result);
+std::int64_t integer_of(py::handle value, const std::string& name, std::int64_t least,
+                        std::uint64_t most);
+std::uint64_t unsigned_of(py::handle value, const std::string& name, std::uint64_t most);
+template <class Value>
+  requires(std::is_integral_v<Value> && !std::is_same_v<Value, bool>)
+void from_python(py::handle value, const std::string& name, Value& result) {
+  using Limits = std::numeric_limits<Value>;
+  if constexpr (std::is_signed_v<Value>) {
+    result = static_cast<Value>(
+        integer_of(value, name, Limits::lowest(), static_cast<std::uint64_t>(Limits::max())));
+  } else {
+    result = static_cast<Value>(unsigned_of(value, name, Limits::max()));
+  }
+}
+template <class Value>
+  requires std::is_integral_v<Value>
+void from_python(py::handle value, const std::string& name, std::optional<Value>& result) {
+  if (value.is_none()) {
+    result.reset();
+  } else {
+    from_python(value, name, result.emplace());
+  }
+}
+
+/// `name` is none of `names`: TypeError with a name that is nearly the same, where there is one.
+[[noreturn]] void refuse_keyword(const std::string& function, const std::string& name,
+                                 const std::vector<std::string>& names);
+
+/// The keywords of one function: each reads and sets a part of an options struct. Defaults come from the
+/// struct, so signatures and documentation never differ from C++.
+template <class Options>
+class Keywords {
+ public:
+  using Set = std::function<void(Options&, py::handle)>;
+
+  explicit Keywords(std::string function) : function_(std::move(function)) {}
+
+  /// @param field gives a reference to the part of the options, e.g. [](auto& o) -> auto& { return o.seed; }
+  template <class Field>
+  Keywords& add(const std::string& name, const Field& field) {
+    Options defaults;
+    return add(name, to_python(field(defaults)), [field, name](Options& options, py::handle value) {
+      from_python(value, name, field(options));
+    });
+  }
+  /// @param initial the default as Python shows it
+  Keywords& add(const std::string& name, py::object initial, Set set) {
+    names_.push_back(name);
+    defaults_.push_back(py::repr(initial).template cast<std::string>());
+    sets_.push_back(std::move(set));
+    return *this;
+  }
+
+  /// Reads the keywords that were given; takes `threads` and `progress` where the options can run.
+  Options read(const py::kwargs& given, CallOptions* call = nullptr) const {
+    Options options;
+    for (const auto& [key, value] : given) {
+      const auto name = key.template cast<std::string>();
+      if (call != nullptr && name == "threads") {
+        from_python(value, name, call->threads);
+        continue;
+      }
+      if (call != nullptr && name == "progress") {
+        call->progress = py::reinterpret_borrow<py::object>(value);
+        continue;
+      }
+      std::size_t i = 0;
+      while (i < names_.size() && names_[i] != name) ++i;
+      if (i == names_.size()) refuse_keyword(function_, name, names_);
+      sets_[i](options, value);
+    }
+    return options;
+  }
+
+  /// "align(source, target, *, method='robust', ...)\n--\n\n", from which inspect makes a signature.
+  std::string signature(const std::string& positional, bool runs = true) const {
+    std::string text = function_ + "(" + positional + (positional.empty() ? "*" : ", *");
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      text.append(", ").append(names_[i]).append("=").append(defaults_[i]);
+    }
+    if (runs) text += ", threads=0, progress=None";
+    return text + ")\n--\n\n";
+  }
+
+ private:
+  std::string function_;
+  std::vector<std::string> names_;
+  std::vector<std::string> defaults_;
+  std::vector<Set> sets_;
+};
+
+/// Has objects of a class pickled as what `pack` makes of them. An object that __new__ made is not one that
+/// could be filled in later: such objects do not exist (seal()).
+/// @param name of the function in cairn._pickles that makes the object again by `unpack`
+template <class Class, class Pack, class Unpack>
+void make_picklable(py::module_& module, Class& cls, const std::string& name, const Pack& pack,
+                    const Unpack& unpack) {
+  module.def(("_" + name).c_str(), unpack);
+  cls.def("__reduce__", [name, pack](const py::object& self) {
+    const py::object restore = py::module_::import("cairn._pickles").attr(name.c_str());
+    return py::make_tuple(restore, py::make_tuple(pack(self)));
+  });
+}
+
+/// Refuses `Class.__new__(Class)` for all classes of the module: it gives an object without a value, of
+/// which pybind11 makes one of uninitialised memory.
+void seal(py::module_& module);
+
+/// Text for the lifetime of the process: documentation that is made at import.
+const char* kept(std::string text);
+
+}  // namespace cairn::python

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Aligns the landmark maps of visual SLAM, and says whether to believe the pose.
+
+    import cairn
+    source, target = cairn.read_map("source.map"), cairn.read_map("target.map")
+    result = cairn.align(source, target)
+    print(result.verdict, result.probability, result.target_from_source)
+
+Poses are 4x4 NumPy arrays with the scale in them: x_in_target = target_from_source @ x_in_source.
+Lengths are metres, or the map's own unit where its scale is unknown; angles are radians.
+"""
+
+from . import _cairn
+from ._cairn import *  # noqa: F401,F403
+from ._cairn import __version__
+from ._errors import CancelledError, Error, InputError, MisuseError, StorageError
+from ._tables import to_pandas as _to_pandas
+
+LandmarkMap.to_pandas = _to_pandas  # noqa: F405
+
+__all__ = sorted(
+    [name for name in vars(_cairn) if not name.startswith("_")]
+    + ["CancelledError", "Error", "InputError", "MisuseError", "StorageError"]
+)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The exceptions of the library."""
+
+import os
+import re
+from typing import Optional
+
+_PLACE = re.compile(r"(?P<file>[^\n]*?):(?: (?:byte|offset) (?P<byte>\d+)|(?P<line>\d+))(?::|;|$|,)")
+_EXPECTED = "; expected "
+
+
+def _path_before(message: str) -> Optional[str]:
+    """What a message about a whole file or folder begins with."""
+    head, separator, _ = message.partition(": ")
+    is_path = os.sep in head or os.path.splitext(head)[1] != "" and " " not in head
+    return head if separator and is_path else None
+
+
+class Error(Exception):
+    """Misuse or unreadable input. The message says what, where and what was expected."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        place = _PLACE.match(message)
+        self.file: Optional[str] = place["file"] if place else _path_before(message)
+        self.line: Optional[int] = int(place["line"]) if place and place["line"] else None
+        head, separator, expected = message.rpartition(_EXPECTED)
+        self.expected: Optional[str] = expected if separator and head else None
+
+    def __reduce__(self):
+        return type(self), (str(self),)
+
+
+class MisuseError(Error, ValueError):
+    """An argument or option outside what the function states."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.file = self.line = None  # "IcpOptions.k" is no path
+
+
+class InputError(Error, ValueError):
+    """Data that cannot be read or does not say what it must."""
+
+
+class StorageError(Error, OSError):
+    """The operating system refused to write."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class CancelledError(Error):
+    """The work was stopped."""
+
+
+_KINDS = {
+    "misuse": MisuseError,
+    "input": InputError,
+    "storage": StorageError,
+    "cancelled": CancelledError,
+}
+
+
+def made(kind: str, message: str) -> Error:
+    return _KINDS[kind](message)

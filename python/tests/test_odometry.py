@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Simulated images in, poses and maps out."""
+
+import unittest
+
+import numpy as np
+
+import cairn
+
+PLACE = cairn.simulate("desk", frames=12, rate_hz=10, texture_scale=0.5)
+
+
+class Simulation(unittest.TestCase):
+    def test_is_a_sequence_of_frames(self):
+        self.assertEqual(len(PLACE), 12)
+        frame = PLACE[-1]
+        self.assertEqual(frame.rgb.shape, (480, 640, 3))
+        np.testing.assert_array_equal(frame.rgb[..., 0], frame.bgr[..., 2])
+        self.assertEqual(frame.depth_m.dtype, np.float32)
+        np.testing.assert_array_equal(frame.bgr, PLACE.frame(11).bgr)
+        with self.assertRaises(IndexError):
+            PLACE[12]
+        with self.assertRaises(ValueError):
+            frame.depth_m[0, 0] = 1.0
+        pixels = PLACE[0].exact_depth_m
+        del frame
+        self.assertGreater(pixels.max(), 0.5)
+
+
+class Odometry(unittest.TestCase):
+    def test_follows_the_camera_and_maps(self):
+        odometry = cairn.Odometry(PLACE.camera, start=PLACE[0].world_from_camera)
+        self.assertIsNone(odometry.last_pose)
+        for frame in PLACE:
+            report = odometry.track(frame.timestamp_s, frame.rgb, frame.depth_m)
+            self.assertEqual(report.status, "tracked", report)
+        error = np.linalg.norm(odometry.last_pose[:3, 3] - PLACE[-1].world_from_camera[:3, 3])
+        self.assertLess(error, 0.03)
+        odometry.complete()
+        self.assertEqual(len(odometry.trajectory()), 12)
+        result = cairn.evaluate_trajectory(odometry.trajectory(), PLACE.trajectory, alignment="none")
+        self.assertLess(result.translation.rmse, 0.03)
+        m = odometry.map(min_observations=2)
+        self.assertGreater(len(m), 50)
+        self.assertIsNotNone(m.covariances)
+
+    def test_channels_and_gray_differ_by_rounding_only(self):
+        frame = PLACE[0]
+        reports = []
+        for image, channels in ((frame.rgb, "rgb"), (frame.bgr, "bgr")):
+            odometry = cairn.Odometry(PLACE.camera)
+            reports.append(odometry.track(0.0, image, frame.depth_m, channels=channels).landmarks)
+        self.assertEqual(reports[0], reports[1])
+        gray = np.ascontiguousarray(frame.rgb[..., 1])
+        self.assertEqual(cairn.Odometry(PLACE.camera).track(0.0, gray, frame.depth_m).status, "tracked")
+
+    def test_wrong_images_are_refused(self):
+        odometry = cairn.Odometry(PLACE.camera)
+        for image, depth in (
+            (np.zeros((10, 10), np.uint8), None),
+            (np.zeros((480, 640), np.uint16), None),
+            (np.zeros((480, 640, 4), np.uint8), None),
+            (np.zeros((480, 640), np.uint8), np.zeros((2, 2))),
+            ("image", None),
+            (None, None),
+        ):
+            with self.assertRaises((cairn.MisuseError, TypeError)):
+                odometry.track(0.0, image, depth)
+        self.assertEqual(odometry.track(0.0, np.zeros((480, 640), np.uint8)).status, "waiting")
+        with self.assertRaises(cairn.MisuseError):
+            cairn.Odometry(PLACE.camera, min_tracked=0)
+        with self.assertRaises(TypeError):
+            cairn.Odometry(PLACE.camera, min_trackd=10)
+
+
+if __name__ == "__main__":
+    unittest.main()

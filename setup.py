@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Builds the Python module with CMake. Options for CMake go into the environment variable CMAKE_ARGS."""
+
+import os
+import pathlib
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+
+ROOT = pathlib.Path(__file__).parent.resolve()
+VERSION = re.search(r"project\(cairn VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt").read_text()).group(1)
+
+
+class BuildWithCMake(build_ext):
+    def build_extension(self, extension):
+        target = pathlib.Path(self.get_ext_fullpath(extension.name)).resolve()
+        build = pathlib.Path(self.build_temp).resolve() / "cmake"
+        options = {
+            "CMAKE_BUILD_TYPE": "Release",
+            "CAIRN_PYTHON": "ON",
+            "CAIRN_BUILD_APPS": "OFF",
+            "CAIRN_BUILD_EXAMPLES": "OFF",
+            "CAIRN_BUILD_TESTS": "OFF",
+            "CAIRN_WITH_PCL": "OFF",
+            "Python_EXECUTABLE": sys.executable,
+        }
+        command = ["cmake", "-S", str(ROOT), "-B", str(build)] + [f"-D{k}={v}" for k, v in options.items()]
+        if shutil.which("ninja"):
+            command += ["-G", "Ninja"]
+        subprocess.run(command + shlex.split(os.environ.get("CMAKE_ARGS", "")), check=True)
+        jobs = str(self.parallel or len(os.sched_getaffinity(0)))
+        subprocess.run(["cmake", "--build", str(build), "--target", "cairn_python", "-j", jobs], check=True)
+        (built,) = (build / "python" / "cairn").glob("_cairn*.so")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(built, target)
+
+
+setup(
+    version=VERSION,
+    packages=["cairn"],
+    package_dir={"cairn": "python/cairn"},
+    package_data={"cairn": ["py.typed", "*.pyi"]},
+    ext_modules=[Extension("cairn._cairn", sources=[])],
+    cmdclass={"build_ext": BuildWithCMake},
+)
