@@ -18,9 +18,6 @@ install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/ad
 install(FILES "${PROJECT_BINARY_DIR}/generated/cairn/core/version_number.hpp"
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/core)
 install(FILES LICENSE THIRD_PARTY DESTINATION ${CMAKE_INSTALL_DOCDIR})
-if(TARGET cairn_app)
-  install(TARGETS cairn_app RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-endif()
 
 configure_package_config_file(cmake/cairn-config.cmake.in "${PROJECT_BINARY_DIR}/cairn-config.cmake"
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/cairn)
