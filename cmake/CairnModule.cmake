@@ -102,9 +102,10 @@ function(cairn_module name)
   endif()
 endfunction()
 
-# cairn_test(NAME SOURCES ... DEPENDS ...): a GoogleTest program, each of its tests known to CTest.
+# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER]): a GoogleTest program, each of its tests known to CTest.
+# Those that do not match SANITIZED, if given, have the label release_only: sanitizers leave them out.
 function(cairn_test name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS" ${ARGN})
   add_executable(cairn_${name}_test ${ARG_SOURCES})
   cairn_target_settings(cairn_${name}_test)
   cairn_unity(cairn_${name}_test)
@@ -112,5 +113,12 @@ function(cairn_test name)
   target_compile_options(cairn_${name}_test PRIVATE $<$<CONFIG:Release>:-O1>)
   target_include_directories(cairn_${name}_test PRIVATE "${PROJECT_SOURCE_DIR}/tests")
   target_link_libraries(cairn_${name}_test PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
-  gtest_discover_tests(cairn_${name}_test DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+  if(ARG_SANITIZED)
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${ARG_SANITIZED}" TEST_LIST cairn_${name}_sanitized_tests
+                         DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "-${ARG_SANITIZED}" DISCOVERY_TIMEOUT 120
+                         PROPERTIES TIMEOUT 600 LABELS release_only)
+  else()
+    gtest_discover_tests(cairn_${name}_test DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+  endif()
 endfunction()

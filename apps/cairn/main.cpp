@@ -109,6 +109,11 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
 }
 
 int run(int argc, char** argv) {
+  // Setting up all options takes longer than the answer.
+  if (argc == 2 && std::string_view(argv[1]) == "--version") {
+    fmt::print("cairn {}\n", cairn::kVersion);
+    return ExitCode::kDone;
+  }
   CLI::App program("Aligns, links and merges the landmark maps of visual SLAM.", "cairn");
   program.formatter(std::make_shared<cairn::cli::HelpFormatter>());
   program.set_version_flag("--version", std::string("cairn ") + cairn::kVersion,
