@@ -21,13 +21,12 @@ install(FILES "${PROJECT_BINARY_DIR}/generated/cairn/core/version_number.hpp"
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/core)
 install(FILES LICENSE THIRD_PARTY DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tool)
 if(TARGET cairn_app)
-  install(TARGETS cairn_app RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tool)
   install(FILES packaging/cairn.bash RENAME cairn COMPONENT tool
           DESTINATION "${CMAKE_INSTALL_DATADIR}/bash-completion/completions")
   # The manual pages are the tool's own help.
   set(man "${PROJECT_BINARY_DIR}/man")
   install(CODE "execute_process(COMMAND_ERROR_IS_FATAL ANY
-    COMMAND \"${PROJECT_SOURCE_DIR}/packaging/man_pages\" \"$<TARGET_FILE:cairn_app>\" \"${man}\")" COMPONENT tool)
+    COMMAND \"${PROJECT_SOURCE_DIR}/packaging/man_pages\" \"$<TARGET_FILE:cairn::tool>\" \"${man}\")" COMPONENT tool)
   install(DIRECTORY "${man}/" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT tool)
 endif()
 

@@ -11,6 +11,74 @@ function(cairn_target_settings target)
   endif()
 endfunction()
 
+# cairn_unity(TARGET): with CAIRN_UNITY_BUILD, compiles the sources of a target up to twelve at a time. Most of the time
+# goes into what they share (Eigen, CLI11, GoogleTest, and the templates of all three), so this halves it.
+function(cairn_unity target)
+  if(NOT CAIRN_UNITY_BUILD)
+    return()
+  endif()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  get_target_property(sources ${target} SOURCES)
+  set(ordinary "")
+  foreach(source IN LISTS sources)
+    get_filename_component(path "${source}" ABSOLUTE)
+    file(RELATIVE_PATH path "${PROJECT_SOURCE_DIR}" "${path}")
+    set(group "")
+    foreach(apart IN LISTS CAIRN_UNITY_APART)
+      string(REPLACE " " ";" apart "${apart}")
+      if(path IN_LIST apart)
+        list(GET apart 0 group)
+        string(MAKE_C_IDENTIFIER "${group}" group)
+      endif()
+    endforeach()
+    if(group STREQUAL "")
+      list(APPEND ordinary "${source}")
+    else()
+      set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "${group}")
+    endif()
+  endforeach()
+  list(LENGTH ordinary count)
+  math(EXPR groups "(${count} + 11) / 12")
+  set(at 0)
+  foreach(source IN LISTS ordinary)
+    math(EXPR group "${at} * ${groups} / ${count}")
+    math(EXPR at "${at} + 1")
+    set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "${group}")
+  endforeach()
+endfunction()
+
+# Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
+# of another's there.
+set(CAIRN_UNITY_APART
+    "apps/cairn/demo.cpp apps/cairn/evaluate.cpp apps/cairn/experiment_sweep.cpp"
+    "apps/cairn/experiment_paper.cpp apps/cairn/evaluate_trajectory.cpp apps/cairn/report.cpp"
+    "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"
+    "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
+    "src/cairn/interchange/bundle_files.cpp"
+    "src/cairn/interchange/openmvg.cpp"
+    "src/cairn/map/io/binary.cpp src/cairn/map/io/pcd.cpp"
+    "src/cairn/map/io/point_columns.cpp"
+    "src/cairn/map/camera_test.cpp"
+    "src/cairn/map/landmark_map_test.cpp"
+    "src/cairn/map/io/native_test.cpp"
+    "src/cairn/map/io/pcd_test.cpp"
+    "src/cairn/map/io/ply_test.cpp"
+    "src/cairn/merging/fusion/association.cpp"
+    "src/cairn/odometry/map_at_poses.cpp"
+    "src/cairn/placement/constellation_poses.cpp src/cairn/placement/descriptor_poses.cpp"
+    "src/cairn/placement/place.cpp"
+    # Highway's sources include themselves.
+    "src/cairn/placement/descriptor_kernel.cpp"
+    "src/cairn/registration/neighbors/batch_kernel.cpp"
+    "src/cairn/placement/descriptor_matches_test.cpp"
+    "src/cairn/placement/descriptor_poses_test.cpp"
+    "src/cairn/placement/look_comparison_test.cpp"
+    "src/cairn/pose_graph/g2o_test.cpp"
+    "src/cairn/registration/estimation/point_to_point_test.cpp src/cairn/registration/neighbors/batch_tree_test.cpp"
+    "src/cairn/report/figures/clouds.cpp src/cairn/report/map_builder.cpp"
+    "src/cairn/report/figures/figures_test.cpp"
+    "src/cairn/simulation/canvas.cpp src/cairn/simulation/environment.cpp")
+
 # cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ...)
 #
 # One static library cairn_NAME (alias cairn::NAME) for the current folder, and one test program of
@@ -20,6 +88,7 @@ function(cairn_module name)
   add_library(cairn_${name} STATIC ${ARG_SOURCES})
   add_library(cairn::${name} ALIAS cairn_${name})
   cairn_target_settings(cairn_${name})
+  cairn_unity(cairn_${name})
   set_target_properties(cairn_${name} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
   target_include_directories(cairn_${name} PUBLIC
     "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
@@ -33,12 +102,23 @@ function(cairn_module name)
   endif()
 endfunction()
 
-# cairn_test(NAME SOURCES ... DEPENDS ...): a GoogleTest program, each of its tests known to CTest.
+# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER]): a GoogleTest program, each of its tests known to CTest.
+# Those that do not match SANITIZED, if given, have the label release_only: sanitizers leave them out.
 function(cairn_test name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS" ${ARGN})
   add_executable(cairn_${name}_test ${ARG_SOURCES})
   cairn_target_settings(cairn_${name}_test)
+  cairn_unity(cairn_${name}_test)
+  # Tests spend their time in the library: optimising their own code costs more than it brings.
+  target_compile_options(cairn_${name}_test PRIVATE $<$<CONFIG:Release>:-O1>)
   target_include_directories(cairn_${name}_test PRIVATE "${PROJECT_SOURCE_DIR}/tests")
   target_link_libraries(cairn_${name}_test PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
-  gtest_discover_tests(cairn_${name}_test DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+  if(ARG_SANITIZED)
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${ARG_SANITIZED}" TEST_LIST cairn_${name}_sanitized_tests
+                         DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "-${ARG_SANITIZED}" DISCOVERY_TIMEOUT 120
+                         PROPERTIES TIMEOUT 600 LABELS release_only)
+  else()
+    gtest_discover_tests(cairn_${name}_test DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+  endif()
 endfunction()

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <memory>
 #include <new>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -45,6 +49,29 @@ int exit_code_of(cairn::ErrorKind kind) {
   return ExitCode::kInternalError;
 }
 
+#ifdef CAIRN_WHOLE_TOOL
+// Whether the command needs no more than this executable, which has the quick verbs only.
+bool is_quick(int argc, char** argv) {
+  if (argc < 2) return false;
+  const std::string_view verb = argv[1];
+  return verb == "align" || verb == "info" || (argc == 2 && verb == "--version");
+}
+
+// Goes on as the whole tool; returns only if that cannot be started.
+int become_whole_tool(char** argv) {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path tool = (self.parent_path() / CAIRN_WHOLE_TOOL).lexically_normal();
+  if (!error) {
+    ::execv(tool.c_str(), argv);
+    error = {errno, std::generic_category()};
+  }
+  print_error(fmt::format("cairn: {}: cannot be started: {}; it is a part of cairn\n",
+                          cairn::printable(tool.string()), error.message()));
+  return ExitCode::kInternalError;
+}
+#endif
+
 // A file opened while a standard stream is closed would take its number, and its messages.
 void occupy_standard_streams() {
   for (int descriptor = 0; descriptor <= 2; ++descriptor) {
@@ -82,6 +109,11 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
 }
 
 int run(int argc, char** argv) {
+  // Setting up all options takes longer than the answer.
+  if (argc == 2 && std::string_view(argv[1]) == "--version") {
+    fmt::print("cairn {}\n", cairn::kVersion);
+    return ExitCode::kDone;
+  }
   CLI::App program("Aligns, links and merges the landmark maps of visual SLAM.", "cairn");
   program.formatter(std::make_shared<cairn::cli::HelpFormatter>());
   program.set_version_flag("--version", std::string("cairn ") + cairn::kVersion,
@@ -94,13 +126,19 @@ int run(int argc, char** argv) {
       "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
       "4 no trustworthy alignment; 130 interrupted.");
   std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
+#ifndef CAIRN_WHOLE_TOOL
       {"demo", cairn::cli::add_demo(program)},
+#endif
       {"info", cairn::cli::add_info(program)},
+#ifndef CAIRN_WHOLE_TOOL
       {"convert", cairn::cli::add_convert(program)},
+#endif
       {"align", cairn::cli::add_align(program)},
+#ifndef CAIRN_WHOLE_TOOL
       {"evaluate", cairn::cli::add_evaluate(program)},
       {"experiment", cairn::cli::add_experiment(program)},
       {"report", cairn::cli::add_report(program)},
+#endif
   };
 #ifdef CAIRN_HAS_SIMULATION
   verbs.emplace_back("simulate", cairn::cli::add_simulate(program));
@@ -141,6 +179,9 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+#ifdef CAIRN_WHOLE_TOOL
+  if (!is_quick(argc, argv)) return become_whole_tool(argv);
+#endif
   occupy_standard_streams();
   cairn::cli::catch_interrupts();
   cairn::cli::keep_command_line(argc, argv);

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # cmake -D BUILD=<build folder> -D WORK=<folder> -D COMPILER=... -D LAUNCHER=... -D PCL=ON|OFF -P run.cmake
 #
-# Installs a build of Cairn, then builds and runs the consumer project against what was installed.
+# Installs a build of Cairn, then builds and runs the consumer project against what was installed. With
+# CAIRN_TEST_FULL in the environment, as in scripts/test --full, every header is compiled by itself.
 cmake_minimum_required(VERSION 3.25)
 
 function(run)
@@ -34,19 +35,28 @@ list(TRANSFORM pcl_headers REPLACE "^cairn/" "")
 # A cache file, for lists do not survive a command line.
 file(WRITE "${WORK}/consumer_cache.cmake"
      "set(CAIRN_HEADERS [[${headers}]] CACHE STRING \"\")\nset(CAIRN_PCL_HEADERS [[${pcl_headers}]] CACHE STRING \"\")\n")
+set(each_header OFF)
+if(DEFINED ENV{CAIRN_TEST_FULL})
+  set(each_header ON)
+endif()
 run("${CMAKE_COMMAND}" -C "${WORK}/consumer_cache.cmake" -S "${CMAKE_CURRENT_LIST_DIR}/consumer" -B "${WORK}/build" -G Ninja
     "-DCMAKE_PREFIX_PATH=${prefix}" "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}"
-    "-DCMAKE_BUILD_TYPE=")
+    "-DCMAKE_BUILD_TYPE=" "-DCAIRN_EACH_HEADER=${each_header}")
 run("${CMAKE_COMMAND}" --build "${WORK}/build" --parallel 2)
 execute_process(COMMAND "${WORK}/build/consumer" WORKING_DIRECTORY "${WORK}" RESULT_VARIABLE result)
 if(NOT result EQUAL 0)
   message(FATAL_ERROR "the consumer failed: ${result}")
 endif()
 
-# The installed tool runs from where it was installed.
+# The installed tool runs from where it was installed, through a link, too; --help comes from the whole tool.
 if(EXISTS "${prefix}/bin/cairn")
   run("${prefix}/bin/cairn" --version)
   message(STATUS "${output}")
+  file(CREATE_LINK "${prefix}/bin/cairn" "${WORK}/cairn" SYMBOLIC)
+  run("${WORK}/cairn" --help)
+  if(NOT output MATCHES "demo")
+    message(FATAL_ERROR "cairn --help does not list the verbs: ${output}")
+  endif()
 endif()
 foreach(document IN ITEMS LICENSE THIRD_PARTY)
   file(GLOB_RECURSE found "${prefix}/share/doc/*/${document}")

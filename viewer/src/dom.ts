@@ -12,9 +12,7 @@ function fill(element: Element, attributes: Attributes | null, children: Child[]
       element.setAttribute(name, String(value));
     }
   }
-  element.append(
-    ...children.filter((child): child is Node | string => typeof child === "string" || !!child),
-  );
+  element.append(...children.filter((child): child is Node | string => typeof child === "string" || !!child));
 }
 
 export function h<K extends keyof HTMLElementTagNameMap>(

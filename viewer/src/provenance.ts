@@ -38,15 +38,10 @@ function plainNumber(value: number): string {
 
 /** A command line that a POSIX shell reads back as the same words. */
 export function shellCommand(words: string[]): string {
-  return words
-    .map((word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`))
-    .join(" ");
+  return words.map((word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`)).join(" ");
 }
 
-export function provenanceSection(
-  provenance: Provenance | null,
-  version: string | null,
-): HTMLElement {
+export function provenanceSection(provenance: Provenance | null, version: string | null): HTMLElement {
   const facts = h("dl", { class: "facts" });
   const fact = (name: string, value: Node) => facts.append(h("div", null, h("dt", null, name), h("dd", null, value)));
   fact("Cairn", document.createTextNode(version ?? "unknown version"));
@@ -88,7 +83,11 @@ export function provenanceSection(
         h(
           "table",
           { class: "inputs" },
-          h("thead", null, h("tr", null, ...["Role", "File", "Hash", "Details"].map((name) => h("th", { scope: "col" }, name)))),
+          h(
+            "thead",
+            null,
+            h("tr", null, ...["Role", "File", "Hash", "Details"].map((name) => h("th", { scope: "col" }, name))),
+          ),
           h(
             "tbody",
             null,

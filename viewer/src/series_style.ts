@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { Palette } from "./theme";
 
-export const kSymbols = [
-  "circle", "square", "triangle", "diamond", "cross", "star", "wye", "times",
-] as const;
+export const kSymbols = ["circle", "square", "triangle", "diamond", "cross", "star", "wye", "times"] as const;
 export const kDashes = ["", "7 3", "2 3", "8 3 2 3", "12 3", "4 2", "1 4", "10 2 2 2 2 2"];
 
 const order: string[] = ["base", "covariance", "observations", "distance"];

@@ -49,10 +49,7 @@ function cellText(cell: Cell, digits: number | null): string {
 }
 
 export function csvRows(table: Table): Cell[][] {
-  return [
-    table.columns.map(({ name, unit }) => (unit ? `${name} [${unit}]` : name)),
-    ...table.rows,
-  ];
+  return [table.columns.map(({ name, unit }) => (unit ? `${name} [${unit}]` : name)), ...table.rows];
 }
 
 /** A table whose headers sort it, with a filter once it is long. */
@@ -81,15 +78,12 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
 
   function sortBy(column: number): void {
     const again = sorted?.column === column;
-    const direction: Direction =
-      again && sorted?.direction === "ascending" ? "descending" : "ascending";
+    const direction: Direction = again && sorted?.direction === "ascending" ? "descending" : "ascending";
     sorted = { column, direction };
     order = table.rows
       .map((_, index) => index)
       .sort((a, b) => compareCells(table.rows[a][column], table.rows[b][column], direction) || a - b);
-    headers.forEach((header, index) =>
-      header.setAttribute("aria-sort", index === column ? direction : "none"),
-    );
+    headers.forEach((header, index) => header.setAttribute("aria-sort", index === column ? direction : "none"));
     announce(`Sorted by ${table.columns[column].name}, ${direction}.`);
     fill();
   }
@@ -146,7 +140,13 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
     h(
       "div",
       { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title },
-      h("table", null, h("caption", { class: "visually-hidden" }, title), h("thead", null, h("tr", null, ...headers)), body),
+      h(
+        "table",
+        null,
+        h("caption", { class: "visually-hidden" }, title),
+        h("thead", null, h("tr", null, ...headers)),
+        body,
+      ),
     ),
     more,
     h(

@@ -17,7 +17,11 @@ export function chartRows(chart: Chart): Cell[][] {
         ["series", chart.xLabel ?? "x", chart.yLabel ?? "y", "low", "high"],
         ...chart.series.flatMap((series) =>
           series.x.map((x, i): Cell[] => [
-            series.name, x, series.y[i], series.low?.[i] ?? null, series.high?.[i] ?? null,
+            series.name,
+            x,
+            series.y[i],
+            series.low?.[i] ?? null,
+            series.high?.[i] ?? null,
           ]),
         ),
       ];
@@ -27,7 +31,12 @@ export function chartRows(chart: Chart): Cell[][] {
         ...chart.panels.flatMap((panel) =>
           panel.values.flatMap((row, j) =>
             row.map((value, i): Cell[] => [
-              panel.name, chart.x[i], chart.x[i + 1], chart.y[j], chart.y[j + 1], value,
+              panel.name,
+              chart.x[i],
+              chart.x[i + 1],
+              chart.y[j],
+              chart.y[j + 1],
+              value,
               panel.counts?.[j]?.[i] ?? null,
             ]),
           ),

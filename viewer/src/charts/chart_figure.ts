@@ -112,8 +112,7 @@ export function chartFigure(section: ChartSection): HTMLElement {
     h(
       "div",
       { class: "figure-foot" },
-      hidden > 0 &&
-        h("p", { class: "muted" }, `${hidden} values are not positive and so not on the logarithmic axis.`),
+      hidden > 0 && h("p", { class: "muted" }, `${hidden} values are not positive and so not on the logarithmic axis.`),
       exports,
     ),
   );

@@ -52,8 +52,7 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
     ),
   );
   const [low, high] = heatmapRange(chart);
-  const shade = (value: number) =>
-    interpolateViridis(Math.min(1, Math.max(0, (value - low) / (high - low || 1))));
+  const shade = (value: number) => interpolateViridis(Math.min(1, Math.max(0, (value - low) / (high - low || 1))));
   const marginLeft = 64;
   const panelWidth = (options.width - marginLeft - 12) / columns;
   const panelHeight = Math.min(260, Math.max(150, panelWidth * 0.8));
@@ -62,7 +61,9 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
   const withNumbers = cellWidth >= 34 && cellHeight >= 15;
   const present = cells.filter((cell) => Number.isFinite(cell.value));
   const titles = chart.panels.map((panel, p) => ({
-    name: panel.name, column: p % columns, row: Math.floor(p / columns),
+    name: panel.name,
+    column: p % columns,
+    row: Math.floor(p / columns),
   }));
   const facets = { fx: "column", fy: "row" } as const;
   const box = { x1: "x1", x2: "x2", y1: "y1", y2: "y2", inset: 0.5 } as const;
@@ -80,24 +81,51 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
     y: { domain: [chart.y[0], chart.y[chart.y.length - 1]], label: null },
     marks: [
       Plot.axisY({
-        label: chart.yLabel, ticks: 5, tickSize: 0, color: colors.muted, labelArrow: "none", labelAnchor: "center",
+        label: chart.yLabel,
+        ticks: 5,
+        tickSize: 0,
+        color: colors.muted,
+        labelArrow: "none",
+        labelAnchor: "center",
       }),
       Plot.axisX({
-        label: chart.xLabel, ticks: 5, tickSize: 0, color: colors.muted, labelArrow: "none", labelAnchor: "center",
+        label: chart.xLabel,
+        ticks: 5,
+        tickSize: 0,
+        color: colors.muted,
+        labelArrow: "none",
+        labelAnchor: "center",
       }),
       Plot.rect(cells, { ...facets, ...box, fill: colors.fill }),
       Plot.text(
         cells.filter((cell) => !Number.isFinite(cell.value)),
         {
-          ...facets, x: (d: HeatCell) => (d.x1 + d.x2) / 2, y: (d: HeatCell) => (d.y1 + d.y2) / 2,
-          text: () => "×", fill: colors.muted,
+          ...facets,
+          x: (d: HeatCell) => (d.x1 + d.x2) / 2,
+          y: (d: HeatCell) => (d.y1 + d.y2) / 2,
+          text: () => "×",
+          fill: colors.muted,
         },
       ),
       Plot.rect(present, {
-        ...facets, ...box, fill: (d: HeatCell) => shade(d.value),
+        ...facets,
+        ...box,
+        fill: (d: HeatCell) => shade(d.value),
         ...(options.interactive
           ? {
-              tip: { format: { x: false, y: false, fx: false, fy: false, x1: false, y1: false, x2: false, y2: false, fill: false } },
+              tip: {
+                format: {
+                  x: false,
+                  y: false,
+                  fx: false,
+                  fy: false,
+                  x1: false,
+                  y1: false,
+                  x2: false,
+                  y2: false,
+                  fill: false,
+                },
+              },
               channels: {
                 Panel: { value: "panel" },
                 X: { value: (d: HeatCell) => `${formatNumber(d.x1)} to ${formatNumber(d.x2)}` },
@@ -111,15 +139,25 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
       ...(withNumbers
         ? [
             Plot.text(present, {
-              ...facets, x: (d: HeatCell) => (d.x1 + d.x2) / 2, y: (d: HeatCell) => (d.y1 + d.y2) / 2,
-              text: (d: HeatCell) => formatNumber(d.value, 2), fontSize: 11, pointerEvents: "none",
+              ...facets,
+              x: (d: HeatCell) => (d.x1 + d.x2) / 2,
+              y: (d: HeatCell) => (d.y1 + d.y2) / 2,
+              text: (d: HeatCell) => formatNumber(d.value, 2),
+              fontSize: 11,
+              pointerEvents: "none",
               fill: (d: HeatCell) => ((d.value - low) / (high - low || 1) > 0.55 ? "#10151a" : "#ffffff"),
             }),
           ]
         : []),
       Plot.text(titles, {
-        fx: "column", fy: "row", frameAnchor: "top-left", dy: -16, textAnchor: "start", fontWeight: 600,
-        text: (d) => fitText(d.name, panelWidth - 20), fill: colors.ink,
+        fx: "column",
+        fy: "row",
+        frameAnchor: "top-left",
+        dy: -16,
+        textAnchor: "start",
+        fontWeight: 600,
+        text: (d) => fitText(d.name, panelWidth - 20),
+        fill: colors.ink,
       }),
     ],
   });

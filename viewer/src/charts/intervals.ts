@@ -37,10 +37,7 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
     y += single ? 6 : kGap;
   }
   const narrow = options.width < 560;
-  const nameWidth = Math.min(
-    narrow ? 110 : 220,
-    Math.max(40, ...labels.map((label) => textWidth(label.name))) + 8,
-  );
+  const nameWidth = Math.min(narrow ? 110 : 220, Math.max(40, ...labels.map((label) => textWidth(label.name))) + 8);
   const numbersWidth = narrow ? 8 : 150;
   const all = rows.flatMap((row) => [row.value, row.low, row.high]);
   const isShare = all.every((value) => !Number.isFinite(value) || (value >= 0 && value <= 1));
@@ -63,23 +60,41 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
     marks: [
       Plot.gridX({ stroke: colors.rule, strokeOpacity: 1 }),
       Plot.axisX({
-        label: chart.xLabel, tickSize: 0, tickFormat: tickFormat("linear", domain), color: colors.muted,
-        ticks: narrow ? 4 : 7, labelArrow: "none", labelAnchor: "center",
+        label: chart.xLabel,
+        tickSize: 0,
+        tickFormat: tickFormat("linear", domain),
+        color: colors.muted,
+        ticks: narrow ? 4 : 7,
+        labelArrow: "none",
+        labelAnchor: "center",
       }),
       Plot.text(labels, {
-        y: "y", frameAnchor: "left", dx: -14, textAnchor: "end", fill: colors.ink,
+        y: "y",
+        frameAnchor: "left",
+        dx: -14,
+        textAnchor: "end",
+        fill: colors.ink,
         text: (d) => fitText(d.name, nameWidth),
       }),
       Plot.ruleY(rows, { y: "y", x1: "low", x2: "high", stroke: color, strokeWidth: 2 }),
       Plot.dot(rows, {
-        x: "value", y: "y", fill: color, symbol: "key", r: 4.5,
+        x: "value",
+        y: "y",
+        fill: color,
+        symbol: "key",
+        r: 4.5,
         ...(options.interactive ? { title: (row: IntervalRow) => `${row.key}\n${text(row)}` } : {}),
       }),
       ...(narrow
         ? []
         : [
             Plot.text(rows, {
-              y: "y", frameAnchor: "right", dx: 12, textAnchor: "start", text, fill: colors.muted,
+              y: "y",
+              frameAnchor: "right",
+              dx: 12,
+              textAnchor: "start",
+              text,
+              fill: colors.muted,
               fontVariant: "tabular-nums",
             }),
           ]),
@@ -88,7 +103,10 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
   const legend = single
     ? []
     : keys.map((key) => ({
-        label: key, color: seriesColor(key, colors), mark: "line" as const, symbol: seriesSymbol(key),
+        label: key,
+        color: seriesColor(key, colors),
+        mark: "line" as const,
+        symbol: seriesSymbol(key),
       }));
   return compose(plot, legend, options);
 }

@@ -45,11 +45,12 @@ function axes(
 ): Plot.Markish[] {
   const style = { color: colors.muted, labelArrow: "none", labelAnchor: "center" } as const;
   return [
-    Plot.axisY({
-      ...style, label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain),
-    }),
+    Plot.axisY({ ...style, label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain) }),
     Plot.axisX({
-      ...style, label: chart.xLabel, ticks: xTicks, tickSize: xTickSize,
+      ...style,
+      label: chart.xLabel,
+      ticks: xTicks,
+      tickSize: xTickSize,
       tickFormat: tickFormat(chart.xScale, xDomain),
     }),
   ];
@@ -67,14 +68,16 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
     })),
   );
   const inX = points.filter((point) => drawable(point.x, chart.xScale));
-  const xDomain = extent(inX.map((point) => point.x), chart.xScale, false);
+  const xDomain = extent(
+    inX.map((point) => point.x),
+    chart.xScale,
+    false,
+  );
   const yDomain = extent(
     [...inX.flatMap((point) => [point.y, point.low, point.high]), chart.threshold?.value ?? NaN],
     chart.yScale,
   );
-  const bands = inX.filter(
-    (point) => drawable(point.low, chart.yScale) && drawable(point.high, chart.yScale),
-  );
+  const bands = inX.filter((point) => drawable(point.low, chart.yScale) && drawable(point.high, chart.yScale));
   const marked = inX.filter(
     (point) =>
       Number.isFinite(point.y) &&
@@ -93,7 +96,10 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
         Plot.line(
           inX.filter((point) => point.name === series.name),
           {
-            x: "x", y: "y", stroke: seriesColor(series.name, colors), strokeWidth: 2,
+            x: "x",
+            y: "y",
+            stroke: seriesColor(series.name, colors),
+            strokeWidth: 2,
             strokeDasharray: seriesDash(series.name) || "none",
           },
         ),
@@ -104,12 +110,13 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
             Plot.tip(
               inX.filter((point) => Number.isFinite(point.y)),
               Plot.pointer({
-                x: "x", y: "y", stroke: color, fill: colors.background,
+                x: "x",
+                y: "y",
+                stroke: color,
+                fill: colors.background,
                 title: (point: LinePoint) =>
                   `${point.name}\n${formatNumber(point.x)}: ${formatNumber(point.y, 5)}` +
-                  (Number.isFinite(point.low)
-                    ? `\n${formatNumber(point.low)} to ${formatNumber(point.high)}`
-                    : ""),
+                  (Number.isFinite(point.low) ? `\n${formatNumber(point.low)} to ${formatNumber(point.high)}` : ""),
               }),
             ),
           ]
@@ -153,7 +160,11 @@ export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGEl
       ...thresholdMarks(chart.xThreshold, "x", colors),
       ...thresholdMarks(chart.yThreshold, "y", colors),
       Plot.dot(points, {
-        x: "x", y: "y", symbol: "name", r: 3.4, fillOpacity: 0.75,
+        x: "x",
+        y: "y",
+        symbol: "name",
+        r: 3.4,
+        fillOpacity: 0.75,
         fill: (d) => seriesColor(d.name, colors),
       }),
       ...(options.interactive
@@ -161,7 +172,10 @@ export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGEl
             Plot.tip(
               points,
               Plot.pointer({
-                x: "x", y: "y", fill: colors.background, stroke: (d) => seriesColor(d.name, colors),
+                x: "x",
+                y: "y",
+                fill: colors.background,
+                stroke: (d) => seriesColor(d.name, colors),
                 title: (d) =>
                   `${d.name}${d.label ? ` · ${d.label}` : ""}\n${formatNumber(d.x, 5)}, ${formatNumber(d.y, 5)}`,
               }),

@@ -24,13 +24,7 @@ export interface LegendItem {
 }
 
 export function plotStyle(colors: Palette): Partial<CSSStyleDeclaration> {
-  return {
-    background: "none",
-    color: colors.ink,
-    fontFamily: kFont,
-    fontSize: `${kFontSize}px`,
-    overflow: "visible",
-  };
+  return { background: "none", color: colors.ink, fontFamily: kFont, fontSize: `${kFontSize}px`, overflow: "visible" };
 }
 
 let measuring: CanvasRenderingContext2D | null = null;
@@ -103,21 +97,12 @@ export function drawable(value: number, scale: Scale): boolean {
   return Number.isFinite(value) && (scale === "linear" || value > 0);
 }
 
-export function thresholdMarks(
-  threshold: Threshold | null,
-  axis: "x" | "y",
-  colors: Palette,
-): Plot.Markish[] {
+export function thresholdMarks(threshold: Threshold | null, axis: "x" | "y", colors: Palette): Plot.Markish[] {
   if (!threshold) {
     return [];
   }
   const stroke = { stroke: colors.threshold, strokeWidth: 1.25, strokeDasharray: "6 4" };
-  const text = {
-    text: () => threshold.label,
-    fill: colors.threshold,
-    stroke: colors.background,
-    strokeWidth: 4,
-  };
+  const text = { text: () => threshold.label, fill: colors.threshold, stroke: colors.background, strokeWidth: 4 };
   return axis === "y"
     ? [
         Plot.ruleY([threshold.value], stroke),
@@ -125,7 +110,14 @@ export function thresholdMarks(
       ]
     : [
         Plot.ruleX([threshold.value], stroke),
-        Plot.text([threshold.value], { ...text, x: (d: number) => d, frameAnchor: "top", dx: 5, dy: 8, textAnchor: "start" }),
+        Plot.text([threshold.value], {
+          ...text,
+          x: (d: number) => d,
+          frameAnchor: "top",
+          dx: 5,
+          dy: 8,
+          textAnchor: "start",
+        }),
       ];
 }
 
@@ -159,11 +151,21 @@ function legendGroup(items: LegendItem[], width: number, colors: Palette): [SVGG
     }
     const key = s("g", { transform: `translate(${x},${row * kRow + 10})` });
     if (item.mark === "area") {
-      key.append(s("rect", { x: 2, y: -5, width: 20, height: 10, fill: item.color, "fill-opacity": 0.3, stroke: item.color }));
+      key.append(
+        s("rect", { x: 2, y: -5, width: 20, height: 10, fill: item.color, "fill-opacity": 0.3, stroke: item.color }),
+      );
     } else {
       if (item.mark === "line") {
         key.append(
-          s("line", { x1: 0, x2: 24, y1: 0, y2: 0, stroke: item.color, "stroke-width": 2, "stroke-dasharray": item.dash || null }),
+          s("line", {
+            x1: 0,
+            x2: 24,
+            y1: 0,
+            y2: 0,
+            stroke: item.color,
+            "stroke-width": 2,
+            "stroke-dasharray": item.dash || null,
+          }),
         );
       }
       if (item.symbol) {
@@ -205,12 +207,7 @@ export function compose(
     outer.append(extra.node);
   }
   inner.setAttribute("y", String(top));
-  Object.assign(inner.style, {
-    height: `${height}px`,
-    width: `${width}px`,
-    maxWidth: "none",
-    overflow: "visible",
-  });
+  Object.assign(inner.style, { height: `${height}px`, width: `${width}px`, maxWidth: "none", overflow: "visible" });
   outer.append(inner);
   return outer;
 }

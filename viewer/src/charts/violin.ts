@@ -4,7 +4,17 @@ import type { ViolinChart } from "../document/report";
 import { formatNumber } from "../math/format";
 import { bandwidth, kernelDensity, sortedFinite, summarise } from "../math/statistics";
 import { seriesColor } from "../series_style";
-import { compose, drawable, extent, fitText, plotStyle, textWidth, thresholdMarks, tickFormat, type DrawOptions } from "./shared";
+import {
+  compose,
+  drawable,
+  extent,
+  fitText,
+  plotStyle,
+  textWidth,
+  thresholdMarks,
+  tickFormat,
+  type DrawOptions,
+} from "./shared";
 
 const kSteps = 96;
 const kCentre = 0.08;
@@ -21,10 +31,7 @@ interface OutlinePoint {
 }
 
 /** The outline of a group's density, scaled to the widest half of 1; empty if the values do not vary. */
-export function violinOutline(
-  values: number[],
-  scale: "linear" | "log",
-): { y: number; half: number }[] {
+export function violinOutline(values: number[], scale: "linear" | "log"): { y: number; half: number }[] {
   const transformed = sortedFinite(scale === "log" ? values.map(Math.log10) : values);
   const width = bandwidth(transformed);
   if (transformed.length < 3 || width === 0) {
@@ -35,16 +42,10 @@ export function violinOutline(
   // Quantities that are never negative keep a density that is not either.
   const low = scale === "linear" && first >= 0 ? Math.max(0, first - 2 * width) : first - 2 * width;
   const high = last + 2 * width;
-  const points = Float64Array.from(
-    { length: kSteps + 1 },
-    (_, i) => low + ((high - low) * i) / kSteps,
-  );
+  const points = Float64Array.from({ length: kSteps + 1 }, (_, i) => low + ((high - low) * i) / kSteps);
   const density = kernelDensity(transformed, width, points);
   const peak = Math.max(...density);
-  return [...points].map((point, i) => ({
-    y: scale === "log" ? 10 ** point : point,
-    half: density[i] / peak,
-  }));
+  return [...points].map((point, i) => ({ y: scale === "log" ? 10 ** point : point, half: density[i] / peak }));
 }
 
 /** A spread from 0 to 1 that looks random and is the same every time. */
@@ -64,21 +65,23 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
   }));
   const summaries = groups.map((group) => summarise(group.shown));
   const outline: OutlinePoint[] = withDensity
-    ? groups.flatMap((group) =>
-        violinOutline(group.shown, scale).map((point) => ({ group: group.index, ...point })),
-      )
+    ? groups.flatMap((group) => violinOutline(group.shown, scale).map((point) => ({ group: group.index, ...point })))
     : [];
   const points = groups.flatMap((group) =>
     group.values.flatMap((value, i) =>
       drawable(value, scale)
-        ? [{ x: group.index + kPointsLeft + kPointsSpread * (jitter(i) - 0.5), y: value, group, label: group.labels?.[i] ?? null }]
+        ? [
+            {
+              x: group.index + kPointsLeft + kPointsSpread * (jitter(i) - 0.5),
+              y: value,
+              group,
+              label: group.labels?.[i] ?? null,
+            },
+          ]
         : [],
     ),
   );
-  const domain = extent(
-    [...points.map((p) => p.y), ...outline.map((p) => p.y), chart.threshold?.value ?? NaN],
-    scale,
-  );
+  const domain = extent([...points.map((p) => p.y), ...outline.map((p) => p.y), chart.threshold?.value ?? NaN], scale);
   const boxes = groups.flatMap((group) => {
     const summary = summaries[group.index];
     return summary ? [{ ...summary, centre: group.index + kCentre, color: group.color }] : [];
@@ -102,14 +105,24 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     marks: [
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
       Plot.axisY({
-        label: chart.yLabel, tickFormat: tickFormat(scale, domain), ticks: 7, tickSize: 0,
-        color: colors.muted, labelArrow: "none", labelAnchor: "center",
+        label: chart.yLabel,
+        tickFormat: tickFormat(scale, domain),
+        ticks: 7,
+        tickSize: 0,
+        color: colors.muted,
+        labelArrow: "none",
+        labelAnchor: "center",
       }),
       Plot.axisX(
         groups.map((group) => group.index),
         {
           tickFormat: (i: number) => fitText(groups[i]?.name ?? "", slanted ? 96 : band - 8),
-          tickRotate: slanted ? -32 : 0, tickSize: 0, label: chart.xLabel, labelOffset: slanted ? 86 : 46, labelArrow: "none", labelAnchor: "center",
+          tickRotate: slanted ? -32 : 0,
+          tickSize: 0,
+          label: chart.xLabel,
+          labelOffset: slanted ? 86 : 46,
+          labelArrow: "none",
+          labelAnchor: "center",
         },
       ),
       Plot.areaX(outline, {
@@ -125,19 +138,36 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
       }),
       Plot.ruleX(boxes, { x: "centre", y1: "whiskerLow", y2: "whiskerHigh", stroke: "color" }),
       Plot.rect(boxes, {
-        x1: (d) => d.centre - boxHalf, x2: (d) => d.centre + boxHalf, y1: "q1", y2: "q3",
-        fill: colors.background, fillOpacity: 0.85, stroke: "color", strokeWidth: 1.5,
+        x1: (d) => d.centre - boxHalf,
+        x2: (d) => d.centre + boxHalf,
+        y1: "q1",
+        y2: "q3",
+        fill: colors.background,
+        fillOpacity: 0.85,
+        stroke: "color",
+        strokeWidth: 1.5,
       }),
       Plot.ruleY(boxes, {
-        y: "mean", x1: (d) => d.centre - (withDensity ? 0.2 : boxHalf), x2: (d) => d.centre + (withDensity ? 0.2 : boxHalf),
-        stroke: colors.ink, strokeWidth: 1.5, strokeDasharray: "3 3",
+        y: "mean",
+        x1: (d) => d.centre - (withDensity ? 0.2 : boxHalf),
+        x2: (d) => d.centre + (withDensity ? 0.2 : boxHalf),
+        stroke: colors.ink,
+        strokeWidth: 1.5,
+        strokeDasharray: "3 3",
       }),
       Plot.ruleY(boxes, {
-        y: "median", x1: (d) => d.centre - boxHalf, x2: (d) => d.centre + boxHalf,
-        stroke: colors.ink, strokeWidth: 2.5,
+        y: "median",
+        x1: (d) => d.centre - boxHalf,
+        x2: (d) => d.centre + boxHalf,
+        stroke: colors.ink,
+        strokeWidth: 2.5,
       }),
       Plot.dot(points, {
-        x: "x", y: "y", r: 2.4, fill: (d) => d.group.color, fillOpacity: 0.7,
+        x: "x",
+        y: "y",
+        r: 2.4,
+        fill: (d) => d.group.color,
+        fillOpacity: 0.7,
         ...(options.interactive
           ? {
               tip: { format: { x: false, y: false, fill: false } },

@@ -39,9 +39,7 @@ export class Buffers {
       throw new ReportError(`${field.path}: expected ${count} elements, found ${size}.`);
     }
     if (offset % kAlignment !== 0) {
-      throw new ReportError(
-        `${field.path}: offset ${offset} is not a multiple of ${kAlignment}.`,
-      );
+      throw new ReportError(`${field.path}: offset ${offset} is not a multiple of ${kAlignment}.`);
     }
     const end = offset + size * kTypes[type].BYTES_PER_ELEMENT;
     if (end > this.byteLength) {
@@ -53,11 +51,7 @@ export class Buffers {
     return new kTypes[type](this.#bytes, offset, size) as BufferArray<T>;
   }
 
-  readOrNull<T extends BufferType>(
-    field: Field,
-    types: readonly T[],
-    count?: number,
-  ): BufferArray<T> | null {
+  readOrNull<T extends BufferType>(field: Field, types: readonly T[], count?: number): BufferArray<T> | null {
     return field.isNull ? null : this.read(field, types, count);
   }
 }

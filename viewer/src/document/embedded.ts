@@ -60,9 +60,7 @@ export async function gunzip(bytes: Uint8Array<ArrayBuffer>, what: string): Prom
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
     return await new Response(stream).arrayBuffer();
   } catch (error) {
-    throw new ReportError(
-      `${what} cannot be decompressed (${messageOf(error)}). Is the file complete?`,
-    );
+    throw new ReportError(`${what} cannot be decompressed (${messageOf(error)}). Is the file complete?`);
   }
 }
 

@@ -9,8 +9,7 @@ export class Field {
   ) {}
 
   fail(expected: string): never {
-    const found =
-      this.value === undefined ? "nothing" : (JSON.stringify(this.value) ?? String(this.value));
+    const found = this.value === undefined ? "nothing" : (JSON.stringify(this.value) ?? String(this.value));
     const shown = found.length > 60 ? `${found.slice(0, 57)}…` : found;
     throw new ReportError(`${this.path || "document"}: expected ${expected}, found ${shown}.`);
   }
@@ -46,9 +45,7 @@ export class Field {
 
   count(): number {
     const value = this.value;
-    return typeof value === "number" && Number.isSafeInteger(value) && value >= 0
-      ? value
-      : this.fail("a count");
+    return typeof value === "number" && Number.isSafeInteger(value) && value >= 0 ? value : this.fail("a count");
   }
 
   list(length?: number): Field[] {
@@ -56,9 +53,7 @@ export class Field {
       this.fail(length === undefined ? "a list" : `a list of ${length}`);
     }
     if (length !== undefined && this.value.length !== length) {
-      throw new ReportError(
-        `${this.path}: expected ${length} entries, found ${this.value.length}.`,
-      );
+      throw new ReportError(`${this.path}: expected ${length} entries, found ${this.value.length}.`);
     }
     return this.value.map((item, index) => new Field(item, `${this.path}[${index}]`));
   }

@@ -45,9 +45,7 @@ export function parseReport(json: string, bytes: ArrayBuffer): Report {
     cairnVersion: document.get("cairn_version").textOrNull(),
     title: document.get("title").text(),
     subtitle: document.get("subtitle").textOrNull(),
-    provenance: document.get("provenance").isNull
-      ? null
-      : parseProvenance(document.get("provenance")),
+    provenance: document.get("provenance").isNull ? null : parseProvenance(document.get("provenance")),
     sections: document
       .get("sections")
       .list()
@@ -130,10 +128,7 @@ function parseFrames(field: Field, buffers: Buffers): Frames {
     timestamps: buffers.readOrNull(field.get("timestamps"), ["f64"], count),
     frustum: frustum.isNull
       ? null
-      : {
-          halfWidth: frustum.get("half_width").number(),
-          halfHeight: frustum.get("half_height").number(),
-        },
+      : { halfWidth: frustum.get("half_width").number(), halfHeight: frustum.get("half_height").number() },
   };
 }
 
@@ -155,12 +150,7 @@ function parseProvenance(field: Field): Provenance {
   };
 }
 
-function parseSection(
-  field: Field,
-  buffers: Buffers,
-  lookUp: MapLookup,
-  taken: Set<string>,
-): Section {
+function parseSection(field: Field, buffers: Buffers, lookUp: MapLookup, taken: Set<string>): Section {
   let id = field.get("id").text();
   if (!/^[a-z0-9-]+$/.test(id)) {
     field.get("id").fail("an id of a-z, 0-9 and -");
@@ -169,11 +159,7 @@ function parseSection(
     throw new ReportError(`${field.path}.id: "${id}" is taken by another section.`);
   }
   taken.add(id);
-  const head = {
-    id,
-    title: field.get("title").textOrNull() ?? id,
-    text: field.get("text").textOrNull(),
-  };
+  const head = { id, title: field.get("title").textOrNull() ?? id, text: field.get("text").textOrNull() };
   const kind = field.get("kind").text();
   try {
     switch (kind) {
@@ -221,29 +207,20 @@ function parseScene(
   };
 }
 
-function parseRun(
-  field: Field,
-  buffers: Buffers,
-  source: LandmarkCloud | null,
-  target: LandmarkCloud,
-): Run {
+function parseRun(field: Field, buffers: Buffers, source: LandmarkCloud | null, target: LandmarkCloud): Run {
   if (!source) {
     throw new ReportError(`${field.path}: an alignment needs a source map.`);
   }
   const poses = buffers.read(field.get("poses"), ["f64"]);
   if (poses.length === 0 || poses.length % 7 !== 0) {
-    throw new ReportError(
-      `${field.path}.poses: expected seven numbers for every pose, found ${poses.length}.`,
-    );
+    throw new ReportError(`${field.path}.poses: expected seven numbers for every pose, found ${poses.length}.`);
   }
   const steps = poses.length / 7;
   const perStep = (key: string) => buffers.readOrNull(field.get(key), ["f64"], steps);
   const summary = field.get("summary");
   return {
     name: field.get("name").text(),
-    summary: summary.isNull
-      ? []
-      : Object.entries(summary.object()).map(([key, value]) => [key, summaryValue(value)]),
+    summary: summary.isNull ? [] : Object.entries(summary.object()).map(([key, value]) => [key, summaryValue(value)]),
     iterations: steps - 1,
     poses,
     scales: perStep("scales"),
@@ -311,11 +288,7 @@ function parseChart(field: Field): Chart {
           .list()
           .map((group) => {
             const values = group.get("values").numbers();
-            return {
-              name: group.get("name").text(),
-              values,
-              labels: group.get("labels").textsOrNull(values.length),
-            };
+            return { name: group.get("name").text(), values, labels: group.get("labels").textsOrNull(values.length) };
           }),
       };
     case "lines":
@@ -331,8 +304,7 @@ function parseChart(field: Field): Chart {
           .list()
           .map((series) => {
             const x = series.get("x").numbers();
-            const numbersOrNull = (key: string) =>
-              series.get(key).isNull ? null : series.get(key).numbers(x.length);
+            const numbersOrNull = (key: string) => (series.get(key).isNull ? null : series.get(key).numbers(x.length));
             return {
               name: series.get("name").text(),
               x,
@@ -345,8 +317,7 @@ function parseChart(field: Field): Chart {
     case "heatmap": {
       const x = edges(field.get("x"));
       const y = edges(field.get("y"));
-      const grid = (rows: Field) =>
-        rows.list(y.length - 1).map((row) => row.numbers(x.length - 1));
+      const grid = (rows: Field) => rows.list(y.length - 1).map((row) => row.numbers(x.length - 1));
       const range = field.get("range");
       return {
         chart,
@@ -450,11 +421,13 @@ function parseTable(field: Field): Table {
 }
 
 function parseImages(field: Field, buffers: Buffers): ImagesSection["images"] {
-  return field.list().map((image) => ({
-    caption: image.get("caption").textOrNull() ?? "",
-    mediaType: image.get("media_type").oneOf("image/png", "image/jpeg"),
-    data: buffers.read(image.get("data"), ["u8"]),
-    width: image.get("width").count(),
-    height: image.get("height").count(),
-  }));
+  return field
+    .list()
+    .map((image) => ({
+      caption: image.get("caption").textOrNull() ?? "",
+      mediaType: image.get("media_type").oneOf("image/png", "image/jpeg"),
+      data: buffers.read(image.get("data"), ["u8"]),
+      width: image.get("width").count(),
+      height: image.get("height").count(),
+    }));
 }

@@ -127,10 +127,7 @@ export interface HeatmapChart {
 export interface IntervalsChart {
   chart: "intervals";
   xLabel: string | null;
-  series: {
-    name: string;
-    items: { name: string; value: number; low: number; high: number }[];
-  }[];
+  series: { name: string; items: { name: string; value: number; low: number; high: number }[] }[];
 }
 
 export interface ScatterChart {
@@ -195,10 +192,4 @@ export interface NoticeSection extends SectionHead {
   message: string;
 }
 
-export type Section =
-  | SceneSection
-  | ChartSection
-  | TableSection
-  | ImagesSection
-  | TextSection
-  | NoticeSection;
+export type Section = SceneSection | ChartSection | TableSection | ImagesSection | TextSection | NoticeSection;

@@ -2,8 +2,17 @@
 
 const kMinus = "\u2212";
 const kSuperscript: Record<string, string> = {
-  "-": "⁻", "0": "⁰", "1": "¹", "2": "²", "3": "³", "4": "⁴",
-  "5": "⁵", "6": "⁶", "7": "⁷", "8": "⁸", "9": "⁹",
+  "-": "⁻",
+  "0": "⁰",
+  "1": "¹",
+  "2": "²",
+  "3": "³",
+  "4": "⁴",
+  "5": "⁵",
+  "6": "⁶",
+  "7": "⁷",
+  "8": "⁸",
+  "9": "⁹",
 };
 
 export function superscript(value: number): string {
@@ -77,8 +86,16 @@ export function formatLength(value: number, unit: "m" | "mapunits"): string {
 }
 
 const kUnits: [RegExp, string][] = [
-  [/_deg$/, "°"], [/_rad$/, "rad"], [/_m2$/, "m²"], [/_m$/, "m"], [/_s$/, "s"], [/_ms$/, "ms"],
-  [/_mapunits2$/, "map units²"], [/_mapunits$/, "map units"], [/_percent$/, "%"], [/_px$/, "px"],
+  [/_deg$/, "°"],
+  [/_rad$/, "rad"],
+  [/_m2$/, "m²"],
+  [/_m$/, "m"],
+  [/_s$/, "s"],
+  [/_ms$/, "ms"],
+  [/_mapunits2$/, "map units²"],
+  [/_mapunits$/, "map units"],
+  [/_percent$/, "%"],
+  [/_px$/, "px"],
 ];
 
 /** `translation_error_m` to "Translation error" and "m". */

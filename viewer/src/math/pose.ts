@@ -13,18 +13,23 @@ export function poseAt(poses: ArrayLike<number>, index: number): Affine {
   const norm = Math.hypot(w0, x0, y0, z0) || 1;
   const [w, x, y, z] = [w0 / norm, x0 / norm, y0 / norm, z0 / norm];
   return Float64Array.of(
-    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), poses[o],
-    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), poses[o + 1],
-    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), poses[o + 2],
+    1 - 2 * (y * y + z * z),
+    2 * (x * y - w * z),
+    2 * (x * z + w * y),
+    poses[o],
+    2 * (x * y + w * z),
+    1 - 2 * (x * x + z * z),
+    2 * (y * z - w * x),
+    poses[o + 1],
+    2 * (x * z - w * y),
+    2 * (y * z + w * x),
+    1 - 2 * (x * x + y * y),
+    poses[o + 2],
   );
 }
 
 /** The same of a transform that scales before it rotates; of rigid ones there are no scales. */
-export function similarityAt(
-  poses: ArrayLike<number>,
-  scales: ArrayLike<number> | null,
-  index: number,
-): Affine {
+export function similarityAt(poses: ArrayLike<number>, scales: ArrayLike<number> | null, index: number): Affine {
   const pose = poseAt(poses, index);
   const scale = scales ? scales[index] : 1;
   return pose.map((value, i) => (i % 4 === 3 ? value : scale * value));
@@ -90,7 +95,5 @@ export function dot(a: Vector3, b: Vector3): number {
 /** The unit vector along `v`, or null if it has no direction. */
 export function unit(v: Vector3): [number, number, number] | null {
   const length = Math.hypot(v[0], v[1], v[2]);
-  return length > 1e-12 && Number.isFinite(length)
-    ? [v[0] / length, v[1] / length, v[2] / length]
-    : null;
+  return length > 1e-12 && Number.isFinite(length) ? [v[0] / length, v[1] / length, v[2] / length] : null;
 }

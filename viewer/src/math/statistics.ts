@@ -68,11 +68,7 @@ export function bandwidth(sorted: Float64Array): number {
 }
 
 /** Gaussian kernel density of `values` at `points`. */
-export function kernelDensity(
-  values: Float64Array,
-  width: number,
-  points: ArrayLike<number>,
-): Float64Array {
+export function kernelDensity(values: Float64Array, width: number, points: ArrayLike<number>): Float64Array {
   const density = new Float64Array(points.length);
   const norm = 1 / (values.length * width * Math.sqrt(2 * Math.PI));
   for (let i = 0; i < points.length; ++i) {

@@ -4,11 +4,7 @@ import type { Column, LandmarkCloud } from "../document/report";
 import { robustRange } from "../math/statistics";
 import type { ThemeName } from "../theme";
 
-export type ColorMode =
-  | { kind: "role" }
-  | { kind: "column"; name: string }
-  | { kind: "residual" }
-  | { kind: "own" };
+export type ColorMode = { kind: "role" } | { kind: "column"; name: string } | { kind: "residual" } | { kind: "own" };
 
 /** How a number becomes a place on the colour ramp. */
 export interface ColorScale {
@@ -33,9 +29,7 @@ export function levelOf(value: number, scale: ColorScale): number {
     return kNoLevel;
   }
   const { low, high, log } = scale;
-  const t = log
-    ? Math.log(Math.max(value, low) / low) / Math.log(high / low)
-    : (value - low) / (high - low);
+  const t = log ? Math.log(Math.max(value, low) / low) / Math.log(high / low) : (value - low) / (high - low);
   return Math.round(kTopLevel * Math.min(1, Math.max(0, t)));
 }
 
@@ -66,11 +60,7 @@ export function columnValue(column: Column, index: number): number {
 }
 
 /** One scale for all clouds that have the column, from their 2nd to 98th percentiles. */
-export function columnScale(
-  clouds: (LandmarkCloud | null)[],
-  name: string,
-  log: boolean | null,
-): ColorScale | null {
+export function columnScale(clouds: (LandmarkCloud | null)[], name: string, log: boolean | null): ColorScale | null {
   const columns = clouds.flatMap((cloud) => columnOf(cloud, name) ?? []);
   const ranges = columns.flatMap((column) => {
     const range = robustRange((i) => columnValue(column, i), column.values.length);
@@ -86,13 +76,7 @@ export function columnScale(
     low -= low > 0 ? Math.min(air, low / 2) : air;
     high += air;
   }
-  return {
-    label: columns[0].label,
-    unit: columns[0].unit,
-    low,
-    high,
-    log: low > 0 && (log ?? high / low > 30),
-  };
+  return { label: columns[0].label, unit: columns[0].unit, low, high, log: low > 0 && (log ?? high / low > 30) };
 }
 
 /** Round values on a scale, with their places from 0 to 1. */

@@ -51,7 +51,11 @@ export function showHelp(): void {
       "dialog",
       { class: "help", "aria-label": "Keys and gestures" },
       h("h2", null, "Keys and gestures"),
-      h("dl", null, ...kHelp.map(([keys, text]) => h("div", null, h("dt", null, h("kbd", null, keys)), h("dd", null, text)))),
+      h(
+        "dl",
+        null,
+        ...kHelp.map(([keys, text]) => h("div", null, h("dt", null, h("kbd", null, keys)), h("dd", null, text))),
+      ),
       button("Close", () => help?.close()),
     );
     document.body.append(help);
@@ -70,10 +74,15 @@ function takesKeys(element: Element | null, key: string): boolean {
   }
   if (element instanceof HTMLInputElement) {
     return element.type === "range" || element.type === "checkbox"
-      ? element.type === "range" ? /^(Arrow|Home|End|Page)/.test(key) : key === " "
+      ? element.type === "range"
+        ? /^(Arrow|Home|End|Page)/.test(key)
+        : key === " "
       : true;
   }
-  return (key === " " && element.matches("button, a, summary")) || (element.matches(".table-scroll, pre") && /^(Arrow|Home|End)/.test(key));
+  return (
+    (key === " " && element.matches("button, a, summary")) ||
+    (element.matches(".table-scroll, pre") && /^(Arrow|Home|End)/.test(key))
+  );
 }
 
 function onKey(event: KeyboardEvent): void {

@@ -13,7 +13,13 @@ function glyph(draw: SVGElement): SVGSVGElement {
 }
 
 function key(draw: SVGElement, label: string, detail: string | null = null): HTMLElement {
-  return h("li", null, glyph(draw), h("span", null, label), detail ? h("span", { class: "muted" }, ` ${detail}`) : null);
+  return h(
+    "li",
+    null,
+    glyph(draw),
+    h("span", null, label),
+    detail ? h("span", { class: "muted" }, ` ${detail}`) : null,
+  );
 }
 
 function ramp(scale: ColorScale, colors: Palette): HTMLElement {
@@ -47,21 +53,50 @@ export function legendContent(
   const keys = h("ul", { class: "legend-keys" });
   const count = (n: number) => `${formatCount(n)} landmarks`;
   if (model.source && layers.source) {
-    keys.append(key(s("circle", { cx: 11, cy: 7, r: 4.5, fill: source }), `Source: ${model.source.name}`, count(model.source.count)));
+    keys.append(
+      key(
+        s("circle", { cx: 11, cy: 7, r: 4.5, fill: source }),
+        `Source: ${model.source.name}`,
+        count(model.source.count),
+      ),
+    );
   }
   if (layers.target) {
     keys.append(
-      key(s("rect", { x: 7, y: 3, width: 8, height: 8, fill: target }), model.source ? `Target: ${model.target.name}` : model.target.name, count(model.target.count)),
+      key(
+        s("rect", { x: 7, y: 3, width: 8, height: 8, fill: target }),
+        model.source ? `Target: ${model.target.name}` : model.target.name,
+        count(model.target.count),
+      ),
     );
   }
   if (model.hasResiduals && layers.matches) {
-    keys.append(key(s("line", { x1: 1, x2: 21, y1: 7, y2: 7, stroke: color.kind === "residual" ? colors.muted : colors.match, "stroke-width": 2 }), "Match", matchNote));
+    keys.append(
+      key(
+        s("line", {
+          x1: 1,
+          x2: 21,
+          y1: 7,
+          y2: 7,
+          stroke: color.kind === "residual" ? colors.muted : colors.match,
+          "stroke-width": 2,
+        }),
+        "Match",
+        matchNote,
+      ),
+    );
   }
   if (model.truth && model.source && layers.truth) {
-    keys.append(key(s("circle", { cx: 11, cy: 7, r: 4, fill: "none", stroke: colors.truth, "stroke-width": 2 }), "Source at its true pose"));
+    keys.append(
+      key(
+        s("circle", { cx: 11, cy: 7, r: 4, fill: "none", stroke: colors.truth, "stroke-width": 2 }),
+        "Source at its true pose",
+      ),
+    );
   }
   if (layers.cameras) {
-    const path = (stroke: string) => s("path", { d: "M2,11L11,7L2,3ZM11,7H21", fill: "none", stroke, "stroke-width": 1.5 });
+    const path = (stroke: string) =>
+      s("path", { d: "M2,11L11,7L2,3ZM11,7H21", fill: "none", stroke, "stroke-width": 1.5 });
     if (model.source?.frames && layers.source) {
       keys.append(key(path(colors.sourceCamera), "Source’s cameras"));
     }

@@ -148,7 +148,10 @@ function frustumLines(frames: Frames, origin: readonly number[], depth: number):
   const width = (frames.frustum?.halfWidth ?? 0.55) * depth;
   const height = (frames.frustum?.halfHeight ?? 0.41) * depth;
   const corners: [number, number, number][] = [
-    [-width, -height, depth], [width, -height, depth], [width, height, depth], [-width, height, depth],
+    [-width, -height, depth],
+    [width, -height, depth],
+    [width, height, depth],
+    [-width, height, depth],
   ];
   const lines: number[] = [];
   const stride = Math.max(1, Math.ceil(frames.count / kMaxFrusta));
@@ -189,4 +192,3 @@ export class GridLayer {
     this.#material.color = new Color(colors.rule);
   }
 }
-

@@ -76,7 +76,10 @@ export class Pane {
     if (source) {
       this.#addPoints("source", source, "disc", 1, previewStride);
     }
-    for (const [role, cloud] of [["target", target], ["source", source]] as const) {
+    for (const [role, cloud] of [
+      ["target", target],
+      ["source", source],
+    ] as const) {
       if (cloud?.frames && cloud.frames.count > 0) {
         // In the map's own unit, of a size with the scene.
         const scale = role === "source" ? scaleOf(model.restingPose) : 1;
@@ -103,11 +106,22 @@ export class Pane {
     heading.append(h("span", { title: name }, name));
     const status = statusOf(run);
     this.maximise = button("", () => onMaximise(this), {
-      class: "quiet enlarge", "aria-pressed": "false", "aria-label": `Enlarge ${name}`, title: "Enlarge",
+      class: "quiet enlarge",
+      "aria-pressed": "false",
+      "aria-label": `Enlarge ${name}`,
+      title: "Enlarge",
     });
     this.maximise.append(
-      s("svg", { width: 14, height: 14, viewBox: "0 0 14 14", "aria-hidden": "true" },
-        s("path", { d: "M8.5,1.5H12.5V5.5M5.5,12.5H1.5V8.5M12.5,1.5L8,6M1.5,12.5L6,8", fill: "none", stroke: "currentColor", "stroke-width": 1.5 })),
+      s(
+        "svg",
+        { width: 14, height: 14, viewBox: "0 0 14 14", "aria-hidden": "true" },
+        s("path", {
+          d: "M8.5,1.5H12.5V5.5M5.5,12.5H1.5V8.5M12.5,1.5L8,6M1.5,12.5L6,8",
+          fill: "none",
+          stroke: "currentColor",
+          "stroke-width": 1.5,
+        }),
+      ),
     );
     this.surface = h("div", { class: "pane-surface" }, this.canvas, this.overlay, this.tooltip, this.#hint);
     this.element = h(
@@ -127,7 +141,13 @@ export class Pane {
     this.setColors(colors);
   }
 
-  #addPoints(role: Role | "truth", cloud: LandmarkCloud, shape: "disc" | "square" | "ring", opacity: number, stride: number): void {
+  #addPoints(
+    role: Role | "truth",
+    cloud: LandmarkCloud,
+    shape: "disc" | "square" | "ring",
+    opacity: number,
+    stride: number,
+  ): void {
     const layer = new PointLayer(cloud, shape, opacity, stride);
     this.#points.push({ role, layer });
     this.#scene.add(layer.object);
@@ -241,9 +261,13 @@ export class Pane {
       }
     }
     this.#numbers.replaceChildren(
-      ...entries.map(([name, value, key]) => h("div", { "data-number": key }, h("dt", null, name), h("dd", null, value))),
+      ...entries.map(([name, value, key]) =>
+        h("div", { "data-number": key }, h("dt", null, name), h("dd", null, value)),
+      ),
     );
-    const numbers = [["Iteration", this.#iteration.textContent], ...entries].map(([name, value]) => `${name} ${value}`).join(", ");
+    const numbers = [["Iteration", this.#iteration.textContent], ...entries]
+      .map(([name, value]) => `${name} ${value}`)
+      .join(", ");
     this.overlay.setAttribute("aria-label", `3D view of ${this.run?.name ?? this.#model.target.name}. ${numbers}`);
   }
 
@@ -269,16 +293,31 @@ export class Pane {
     this.drawOverlay();
   }
 
-  #render(service: RenderService, context: CanvasRenderingContext2D, width: number, height: number, quality: Quality): void {
+  #render(
+    service: RenderService,
+    context: CanvasRenderingContext2D,
+    width: number,
+    height: number,
+    quality: Quality,
+  ): void {
     const limit = service.maxSize / Math.max(width, height);
     const resolution = Math.min(quality.resolution, limit);
     for (const { role, layer } of this.#points) {
       layer.usePreview(quality.preview);
-      const size = role === "truth" ? this.#state.pointSize * 1.5 : role === "target" ? this.#state.pointSize * 0.85 : this.#state.pointSize;
+      const size =
+        role === "truth"
+          ? this.#state.pointSize * 1.5
+          : role === "target"
+            ? this.#state.pointSize * 0.85
+            : this.#state.pointSize;
       layer.setSize(Math.max(1, size * resolution));
     }
     service.draw(
-      this.#scene, this.#camera, context, Math.round(width * resolution), Math.round(height * resolution),
+      this.#scene,
+      this.#camera,
+      context,
+      Math.round(width * resolution),
+      Math.round(height * resolution),
       this.#colors.background,
     );
   }
@@ -334,7 +373,9 @@ export class Pane {
     const view = this.#camera.matrixWorldInverse.elements;
     const centre = [40, height - 40];
     const axes = [
-      ["x", "#d55e00", 0], ["y", "#009e73", 4], ["z", this.#colors.name === "light" ? "#0072b2" : "#56a9e6", 8],
+      ["x", "#d55e00", 0],
+      ["y", "#009e73", 4],
+      ["z", this.#colors.name === "light" ? "#0072b2" : "#56a9e6", 8],
     ] as const;
     context.lineWidth = 1.75;
     context.font = "600 11px system-ui, sans-serif";
@@ -456,11 +497,15 @@ export class Pane {
     const { color } = this.#state;
     const column = color.kind === "column" ? columnOf(cloud, color.name) : null;
     if (column) {
-      parts.push(`${column.label} ${formatNumber(columnValue(column, pick.index))}${column.unit ? ` ${column.unit}` : ""}`);
+      parts.push(
+        `${column.label} ${formatNumber(columnValue(column, pick.index))}${column.unit ? ` ${column.unit}` : ""}`,
+      );
     }
     const match = this.matchOf(pick);
     if (match !== null) {
-      parts.push(`residual ${formatLength(this.#model.residual(this.#pose, pick.index, match), this.#model.lengthUnit)}`);
+      parts.push(
+        `residual ${formatLength(this.#model.residual(this.#pose, pick.index, match), this.#model.lengthUnit)}`,
+      );
     }
     return parts.join(" · ");
   }
@@ -495,7 +540,9 @@ export class Pane {
     const numbers = [...this.#numbers.querySelectorAll("div")].map((entry) =>
       [...entry.children].map((child) => child.textContent).join(" "),
     );
-    return [this.#iteration.textContent ? `Iteration ${this.#iteration.textContent}` : "", ...numbers].join("   ").trim();
+    return [this.#iteration.textContent ? `Iteration ${this.#iteration.textContent}` : "", ...numbers]
+      .join("   ")
+      .trim();
   }
 }
 
@@ -525,7 +572,14 @@ function statusOf(run: Run | null): { text: string; kind: string } | null {
   if (typeof value !== "string" || value === "") {
     return null;
   }
-  const kinds: Record<string, string> = { aligned: "good", ok: "good", success: "good", failed: "bad", rejected: "bad", ambiguous: "doubt" };
+  const kinds: Record<string, string> = {
+    aligned: "good",
+    ok: "good",
+    success: "good",
+    failed: "bad",
+    rejected: "bad",
+    ambiguous: "doubt",
+  };
   const kind = Object.prototype.hasOwnProperty.call(kinds, value) ? kinds[value] : "plain";
   const sign = kind === "good" ? "✓ " : kind === "bad" ? "✕ " : kind === "doubt" ? "? " : "";
   return { text: sign + value, kind };

@@ -119,10 +119,22 @@ function previewIndex(cloud: LandmarkCloud, stride: number): BufferAttribute {
 
 export function setMatrix(matrix: Matrix4, a: Affine, centre: readonly number[]): Matrix4 {
   return matrix.set(
-    a[0], a[1], a[2], a[3] - centre[0],
-    a[4], a[5], a[6], a[7] - centre[1],
-    a[8], a[9], a[10], a[11] - centre[2],
-    0, 0, 0, 1,
+    a[0],
+    a[1],
+    a[2],
+    a[3] - centre[0],
+    a[4],
+    a[5],
+    a[6],
+    a[7] - centre[1],
+    a[8],
+    a[9],
+    a[10],
+    a[11] - centre[2],
+    0,
+    0,
+    0,
+    1,
   );
 }
 

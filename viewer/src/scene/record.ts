@@ -31,7 +31,15 @@ function runRows(model: SceneModel, pane: Pane, pick: Pick): HTMLElement {
       h("td", { "data-record": "match" }, matched),
       h("td", { "data-record": "residual" }, residual),
     ),
-    h("tr", null, h("td", { colspan: 3, class: "muted", "data-record": "in-target" }, `in target’s frame ${positionText(pane.positionInTarget(pick), 4)}`)),
+    h(
+      "tr",
+      null,
+      h(
+        "td",
+        { colspan: 3, class: "muted", "data-record": "in-target" },
+        `in target’s frame ${positionText(pane.positionInTarget(pick), 4)}`,
+      ),
+    ),
   );
 }
 
@@ -61,7 +69,11 @@ export function recordContent(model: SceneModel, panes: Pane[], pick: Pick): HTM
       h(
         "table",
         { class: "record-runs" },
-        h("thead", null, h("tr", null, ...["Strategy", "Match", "Residual"].map((name) => h("th", { scope: "col" }, name)))),
+        h(
+          "thead",
+          null,
+          h("tr", null, ...["Strategy", "Match", "Residual"].map((name) => h("th", { scope: "col" }, name))),
+        ),
         ...runs.map((pane) => runRows(model, pane, pick)),
       ),
     );
@@ -73,7 +85,12 @@ export function recordContent(model: SceneModel, panes: Pane[], pick: Pick): HTM
         "dl",
         { class: "record-facts" },
         ...runs.map((pane) =>
-          h("div", { "data-record": "matched-by" }, h("dt", null, pane.run?.name ?? ""), h("dd", null, String(pane.countMatchedWith(pick.index)))),
+          h(
+            "div",
+            { "data-record": "matched-by" },
+            h("dt", null, pane.run?.name ?? ""),
+            h("dd", null, String(pane.countMatchedWith(pick.index))),
+          ),
         ),
       ),
     );

@@ -68,9 +68,7 @@ export class RenderService {
     renderer.setClearColor(new Color(background), 1);
     renderer.render(scene, camera);
     into.imageSmoothingQuality = "high";
-    into.drawImage(
-      canvas, 0, canvas.height - height, width, height, 0, 0, into.canvas.width, into.canvas.height,
-    );
+    into.drawImage(canvas, 0, canvas.height - height, width, height, 0, 0, into.canvas.width, into.canvas.height);
   }
 }
 

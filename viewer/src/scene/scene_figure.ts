@@ -69,20 +69,27 @@ class SceneFigure {
     this.#state = {
       iteration: model.maxIterations,
       layers: {
-        source: true, target: true, matches: section.runs.length > 0 && model.landmarkCount <= kHoverUpTo,
-        cameras: true, truth: false, grid: true,
+        source: true,
+        target: true,
+        matches: section.runs.length > 0 && model.landmarkCount <= kHoverUpTo,
+        cameras: true,
+        truth: false,
+        grid: true,
       },
       // A map on its own needs no role; its own colours say more.
       color: !model.source && model.target.colors ? { kind: "own" } : { kind: "role" },
       logScale: null,
       scale: null,
-      pointSize: model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : model.landmarkCount > 6000 ? 3 : 3.5,
+      pointSize:
+        model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : model.landmarkCount > 6000 ? 3 : 3.5,
       selected: null,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
     const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
     const stride = Math.ceil((model.landmarkCount * runs.length) / budget);
-    this.#panes = runs.map((run) => new Pane(model, run, this.#state, palette(), stride, (pane) => this.#enlarge(pane)));
+    this.#panes = runs.map(
+      (run) => new Pane(model, run, this.#state, palette(), stride, (pane) => this.#enlarge(pane)),
+    );
     this.#panes.forEach((pane) => this.#shown.add(pane));
     this.#timeline =
       model.maxIterations > 0
@@ -92,20 +99,31 @@ class SceneFigure {
     this.element = h("figure", { class: "card scene", "data-scene": section.id, tabindex: -1 });
     this.element.append(
       this.#toolbar(),
-      h("div", { class: "scene-body" }, this.#stage, h("aside", { class: "scene-side", "aria-label": "Legend and record" }, this.#legend, this.#record)),
+      h(
+        "div",
+        { class: "scene-body" },
+        this.#stage,
+        h("aside", { class: "scene-side", "aria-label": "Legend and record" }, this.#legend, this.#record),
+      ),
     );
     if (this.#timeline) {
       this.element.append(this.#timeline.element);
     }
     const summary = summaryTable(section);
     if (summary) {
-      this.element.append(h("details", { class: "scene-summary" }, h("summary", null, "All that the results say"), summary));
+      this.element.append(
+        h("details", { class: "scene-summary" }, h("summary", null, "All that the results say"), summary),
+      );
     }
     this.#stage.append(...this.#panes.map((pane) => pane.element));
     this.#panes.forEach((pane) => this.#listen(pane));
     if (!this.#service.available) {
       this.#stage.prepend(
-        h("p", { class: "notice", role: "alert" }, "The 3D view needs WebGL 2, which this browser does not offer or has switched off. Numbers, charts and tables work without it."),
+        h(
+          "p",
+          { class: "notice", role: "alert" },
+          "The 3D view needs WebGL 2, which this browser does not offer or has switched off. Numbers, charts and tables work without it.",
+        ),
       );
       this.element.classList.add("no-webgl");
     }
@@ -164,12 +182,19 @@ class SceneFigure {
   #toolbar(): HTMLElement {
     const model = this.#model;
     const group = (label: string, ...children: (Node | null)[]) =>
-      h("div", { class: "tool-group", role: "group", "aria-label": label }, h("span", { class: "tool-label", "aria-hidden": "true" }, label), ...children);
+      h(
+        "div",
+        { class: "tool-group", role: "group", "aria-label": label },
+        h("span", { class: "tool-label", "aria-hidden": "true" }, label),
+        ...children,
+      );
     const bar = (this.#bar = h("div", { class: "toolbar" }));
     if (this.#section.runs.length > 1) {
       const chips = this.#panes.map((pane, index) => {
         const chip = button(pane.run?.name ?? "", () => this.#toggle(pane), {
-          class: "chip", "aria-pressed": "true", title: index < 9 ? `Key ${index + 1}` : null,
+          class: "chip",
+          "aria-pressed": "true",
+          title: index < 9 ? `Key ${index + 1}` : null,
         });
         if (index < 9) {
           chip.prepend(h("kbd", { "aria-hidden": "true" }, String(index + 1)));
@@ -187,53 +212,92 @@ class SceneFigure {
       truth: model.truth !== null && model.source !== null,
       grid: true,
     };
-    const layers = kLayers.filter(([name]) => has[name]).map(([name, label]) => {
-      const toggle = button(model.source || name !== "target" ? label : "Landmarks", () => {
-        this.#state.layers[name] = !this.#state.layers[name];
-        toggle.setAttribute("aria-pressed", String(this.#state.layers[name]));
-        this.#panes.forEach((pane) => pane.moveTo());
-        this.#refreshSide();
-        this.#redraw();
-      }, { class: "chip", "aria-pressed": String(this.#state.layers[name]), "data-layer": name });
-      return toggle;
-    });
+    const layers = kLayers
+      .filter(([name]) => has[name])
+      .map(([name, label]) => {
+        const toggle = button(
+          model.source || name !== "target" ? label : "Landmarks",
+          () => {
+            this.#state.layers[name] = !this.#state.layers[name];
+            toggle.setAttribute("aria-pressed", String(this.#state.layers[name]));
+            this.#panes.forEach((pane) => pane.moveTo());
+            this.#refreshSide();
+            this.#redraw();
+          },
+          { class: "chip", "aria-pressed": String(this.#state.layers[name]), "data-layer": name },
+        );
+        return toggle;
+      });
     // On a phone the rest waits behind a button; elsewhere the button is not there.
     const more = h("div", { class: "tool-more" });
-    const toggle = button("View options", () => {
-      toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open")));
-    }, { class: "tool-toggle", "aria-expanded": "false" });
+    const toggle = button(
+      "View options",
+      () => {
+        toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open")));
+      },
+      { class: "tool-toggle", "aria-expanded": "false" },
+    );
     bar.append(toggle, more);
     more.append(group("Show", ...layers));
-    more.append(group("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")));
-    const size = h("input", { type: "range", min: 1, max: 10, step: 0.5, value: this.#state.pointSize, "aria-label": "Point size", class: "size" });
+    more.append(
+      group("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")),
+    );
+    const size = h("input", {
+      type: "range",
+      min: 1,
+      max: 10,
+      step: 0.5,
+      value: this.#state.pointSize,
+      "aria-label": "Point size",
+      class: "size",
+    });
     size.addEventListener("input", () => {
       this.#state.pointSize = Number(size.value);
       this.#redraw();
     });
     more.append(group("Points", size));
-    const views: [StandardView, string][] = [["home", "Reset"], ["top", "Top"], ["front", "Front"], ["side", "Side"]];
-    more.append(group("View", ...views.map(([name, label]) => button(label, () => this.#view(name), { class: "quiet", "data-view": name }))));
+    const views: [StandardView, string][] = [
+      ["home", "Reset"],
+      ["top", "Top"],
+      ["front", "Front"],
+      ["side", "Side"],
+    ];
+    more.append(
+      group(
+        "View",
+        ...views.map(([name, label]) => button(label, () => this.#view(name), { class: "quiet", "data-view": name })),
+      ),
+    );
     if (this.#panes.length > 1) {
-      const link = button("Linked", () => {
-        this.#linked = !this.#linked;
-        link.setAttribute("aria-pressed", String(this.#linked));
-        const from = this.#focusedPane();
-        this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
-        this.#redraw();
-      }, { class: "chip", "aria-pressed": "true", title: "Turn all views together" });
+      const link = button(
+        "Linked",
+        () => {
+          this.#linked = !this.#linked;
+          link.setAttribute("aria-pressed", String(this.#linked));
+          const from = this.#focusedPane();
+          this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
+          this.#redraw();
+        },
+        { class: "chip", "aria-pressed": "true", title: "Turn all views together" },
+      );
       more.append(group("Cameras", link));
     }
     more.append(
-      h("div", { class: "tool-group tool-end" },
+      h(
+        "div",
+        { class: "tool-group tool-end" },
         button("PNG", () => void this.#savePicture(), { class: "quiet", "aria-label": "Save the view as PNG" }),
-        button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" })),
+        button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" }),
+      ),
     );
     return bar;
   }
 
   #colourChooser(): HTMLSelectElement {
     const model = this.#model;
-    const choices: [string, string, ColorMode][] = [["role", model.source ? "Source and target" : "One colour", { kind: "role" }]];
+    const choices: [string, string, ColorMode][] = [
+      ["role", model.source ? "Source and target" : "One colour", { kind: "role" }],
+    ];
     if (model.hasResiduals) {
       choices.push(["residual", "Residual", { kind: "residual" }]);
     }
@@ -243,7 +307,11 @@ class SceneFigure {
     if (model.target.colors ?? model.source?.colors) {
       choices.push(["own", "Own colours", { kind: "own" }]);
     }
-    const select = h("select", { "aria-label": "Colour by" }, ...choices.map(([value, label]) => h("option", { value, selected: value === this.#state.color.kind }, label)));
+    const select = h(
+      "select",
+      { "aria-label": "Colour by" },
+      ...choices.map(([value, label]) => h("option", { value, selected: value === this.#state.color.kind }, label)),
+    );
     const apply = () => {
       this.#state.scale = model.colorScale(this.#state.color, this.#state.logScale);
       this.#logBox.checked = this.#state.scale?.log ?? false;
@@ -313,7 +381,9 @@ class SceneFigure {
     const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
     const tall = Math.min(this.#solo ? Infinity : this.#timeline ? 960 : 700, innerHeight) - around;
     const height =
-      width < kStacksBelow && !this.#solo ? Math.max(240, Math.min(420, width * 0.8)) : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
+      width < kStacksBelow && !this.#solo
+        ? Math.max(240, Math.min(420, width * 0.8))
+        : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
     this.#stage.style.setProperty("--columns", String(columns));
     this.#stage.style.setProperty("--pane-height", `${Math.round(height)}px`);
     for (const pane of this.#panes) {
@@ -548,7 +618,10 @@ function copyOrbit(orbit: OrbitState): OrbitState {
 }
 
 const kBestOf: Record<string, "low" | "high"> = {
-  score: "low", rotation_error_deg: "low", translation_error_m: "low", probability: "high",
+  score: "low",
+  rotation_error_deg: "low",
+  translation_error_m: "low",
+  probability: "high",
 };
 
 /** What the alignments' results say, a row for each strategy; keys without any value are left out. */

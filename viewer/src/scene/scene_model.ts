@@ -1,16 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { Frames, LandmarkCloud, Run, SceneSection } from "../document/report";
 import { MatchTimeline } from "../document/matches";
-import {
-  apply,
-  fromRowMajor,
-  kIdentity,
-  poseAt,
-  positionOf,
-  similarityAt,
-  unit,
-  type Affine,
-} from "../math/pose";
+import { apply, fromRowMajor, kIdentity, poseAt, positionOf, similarityAt, unit, type Affine } from "../math/pose";
 import { quantileSorted, robustRange } from "../math/statistics";
 import { columnScale, type ColorMode, type ColorScale } from "./coloring";
 import { Orbit } from "./orbit";
@@ -85,9 +76,7 @@ export class SceneModel {
 
   /** The pose of `run` at iteration `iteration`, held at its last one. */
   pose(run: Run | null, iteration: number): Affine {
-    return run
-      ? similarityAt(run.poses, run.scales, Math.min(iteration, run.iterations))
-      : this.restingPose;
+    return run ? similarityAt(run.poses, run.scales, Math.min(iteration, run.iterations)) : this.restingPose;
   }
 
   /** The matches found at the pose of `iteration`; at the last pose, those that led to it. */
@@ -201,9 +190,7 @@ function rangeAlong(placed: [LandmarkCloud, Affine][], axis: number): [number, n
     const range = robustRange((i) => apply(pose, positionOf(cloud, i))[axis], cloud.count);
     return range ? [range] : [];
   });
-  return ranges.length
-    ? [Math.min(...ranges.map((r) => r[0])), Math.max(...ranges.map((r) => r[1]))]
-    : [-1, 1];
+  return ranges.length ? [Math.min(...ranges.map((r) => r[0])), Math.max(...ranges.map((r) => r[1]))] : [-1, 1];
 }
 
 /** Where the cameras look on average and what is up for them; cameras look along z, y points down. */

@@ -47,7 +47,13 @@ export class Timeline {
     const metrics = kMetrics.filter(({ key }) => runs.some((run) => run[key] !== null));
     this.#metric = metrics[0] ?? null;
     this.#slider = h("input", {
-      type: "range", min: 0, max, step: 1, value: max, class: "slider", "aria-label": "Iteration",
+      type: "range",
+      min: 0,
+      max,
+      step: 1,
+      value: max,
+      class: "slider",
+      "aria-label": "Iteration",
     });
     this.#slider.addEventListener("input", () => {
       this.pause();
@@ -186,8 +192,12 @@ export class Timeline {
       });
       this.#curve.append(
         s("path", {
-          d: path, fill: "none", stroke: seriesColor(run.name, palette()), "stroke-width": 1.75,
-          "stroke-dasharray": seriesDash(run.name) || null, "stroke-linejoin": "round",
+          d: path,
+          fill: "none",
+          stroke: seriesColor(run.name, palette()),
+          "stroke-width": 1.75,
+          "stroke-dasharray": seriesDash(run.name) || null,
+          "stroke-linejoin": "round",
         }),
       );
       this.#points.push({ run, x, y });
