@@ -17,6 +17,7 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/optional_column.hpp"
 
 namespace cairn {
 
@@ -38,12 +39,12 @@ struct MapInfo {
 /// Keyframes in columns. The optional columns are empty, or have one entry a frame.
 struct FrameTable {
   std::vector<FrameId> ids;
-  std::vector<Eigen::Vector3d> translations;        ///< camera centre in the world
-  std::vector<std::array<double, 4>> quaternions;   ///< world_from_camera, (w, x, y, z) as stored:
-                                                    ///< norm within 1e-3 of 1
-  std::vector<std::optional<CameraIndex>> cameras;  ///< optional
-  std::vector<std::optional<double>> timestamps_s;  ///< optional
-  std::vector<std::string> image_names;             ///< optional; empty text where unknown
+  std::vector<Eigen::Vector3d> translations;       ///< camera centre in the world
+  std::vector<std::array<double, 4>> quaternions;  ///< world_from_camera, (w, x, y, z) as stored:
+                                                   ///< norm within 1e-3 of 1
+  OptionalColumn<CameraIndex> cameras;             ///< optional
+  OptionalColumn<double> timestamps_s;             ///< optional
+  std::vector<std::string> image_names;            ///< optional; empty text where unknown
 };
 
 struct Color {
@@ -78,7 +79,7 @@ struct LandmarkTable {
   std::vector<Eigen::Vector3d> positions;    ///< in the world frame
   std::vector<Eigen::Matrix3d> covariances;  ///< optional; of the position; unknown where
                                              ///< the first entry is NaN
-  std::vector<std::optional<Color>> colors;  ///< optional
+  OptionalColumn<Color> colors;              ///< optional
   std::optional<DescriptorColumn> descriptors;
   std::vector<NamedColumn> columns;  ///< at most kMostNamedColumns, of distinct names
 };
@@ -91,9 +92,9 @@ struct ObservationTable {
   std::vector<std::uint64_t> offsets;
   std::vector<FrameIndex> frames;
   std::vector<Pixel> pixels;
-  std::vector<std::optional<std::uint32_t>> keypoints;  ///< optional; index in the frame's features
-  std::vector<std::optional<double>> depths;            ///< optional; along the optical axis
-  std::vector<std::optional<std::int32_t>> octaves;     ///< optional; pyramid level of the feature
+  OptionalColumn<std::uint32_t> keypoints;  ///< optional; index in the frame's features
+  OptionalColumn<double> depths;            ///< optional; along the optical axis
+  OptionalColumn<std::int32_t> octaves;     ///< optional; pyramid level of the feature
 };
 
 /// All columns of a map: what one fills in to make a LandmarkMap.

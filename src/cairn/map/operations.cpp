@@ -16,9 +16,9 @@ namespace {
 constexpr std::uint32_t kDropped = std::numeric_limits<std::uint32_t>::max();
 
 // The rows of an optional column, in a new order.
-template <class Value>
-std::vector<Value> rows(const std::vector<Value>& column, std::span<const std::uint32_t> kept) {
-  std::vector<Value> result;
+template <class Column>
+Column rows(const Column& column, std::span<const std::uint32_t> kept) {
+  Column result;
   if (column.empty()) return result;
   result.reserve(kept.size());
   for (const std::uint32_t row : kept) result.push_back(column[row]);
@@ -180,8 +180,9 @@ LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old)
     const Eigen::Matrix3d moved = rotated_covariance(covariance, rotation);
     covariance = scale * scale * 0.5 * (moved + moved.transpose());
   }
-  for (std::optional<double>& depth : tables.observations.depths) {
-    if (depth) *depth *= scale;
+  OptionalColumn<double>& depths = tables.observations.depths;
+  for (std::size_t i = 0; i < depths.size(); ++i) {
+    if (const std::optional<double> depth = depths[i]) depths.set(i, scale * *depth);
   }
   return LandmarkMap(std::move(tables));
 }

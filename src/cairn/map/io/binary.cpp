@@ -381,7 +381,7 @@ class BinaryReader {
 
   // A column of 8 bytes an entry; `value_of` may give nothing.
   template <class Value, class ValueOf>
-  void read_optional(MapColumn column, std::vector<std::optional<Value>>& values,
+  void read_optional(MapColumn column, OptionalColumn<Value>& values,
                      const ValueOf& value_of) const {
     const std::string_view bytes = section(column).bytes;
     values.reserve(bytes.size() / 8);
@@ -393,7 +393,7 @@ class BinaryReader {
     refuse_if_unknown(nothing_known, column);
   }
 
-  void read_numbers(MapColumn column, std::vector<std::optional<double>>& values) const {
+  void read_numbers(MapColumn column, OptionalColumn<double>& values) const {
     read_optional(column, values, [&](const char* bytes, std::size_t row) {
       const auto value = load<double>(bytes);
       if (!std::isnan(value)) return std::optional(value);
@@ -403,7 +403,7 @@ class BinaryReader {
   }
 
   template <class Integer, class Value>
-  void read_integers(MapColumn column, std::vector<std::optional<Value>>& values) const {
+  void read_integers(MapColumn column, OptionalColumn<Value>& values) const {
     read_optional(column, values, [&](const char* bytes, std::size_t row) {
       const auto value = load<std::int64_t>(bytes);
       if (value == kUnknownInteger) return std::optional<Value>();
@@ -689,7 +689,7 @@ class BinaryWriter {
     });
   }
 
-  void plan_numbers(MapColumn column, const std::vector<std::optional<double>>& values) {
+  void plan_numbers(MapColumn column, const OptionalColumn<double>& values) {
     plan(column, 8 * values.size(), [this, &values] {
       for (const auto& value : values) put(value.value_or(kUnknownNumber));
     });
@@ -697,7 +697,7 @@ class BinaryWriter {
 
   // `integer_of(value)`: what is stored of a known value.
   template <class Value, class IntegerOf = std::identity>
-  void plan_integers(MapColumn column, const std::vector<std::optional<Value>>& values,
+  void plan_integers(MapColumn column, const OptionalColumn<Value>& values,
                      IntegerOf integer_of = {}) {
     plan(column, 8 * values.size(), [this, &values, integer_of] {
       for (const auto& value : values) {

@@ -557,9 +557,10 @@ void PointTable::put_integer(Slot slot, std::size_t row, std::uint64_t bits) {
   const auto byte = [&](int shift) { return static_cast<std::uint8_t>(bits >> shift & 0xffU); };
   switch (slot.role) {
     case Role::kChannel: {
-      Color& color = *colors_[row];
+      Color color = colors_[row].value();
       std::uint8_t* const channels[] = {&color.red, &color.green, &color.blue};
       *channels[slot.index] = byte(0);
+      colors_[row] = color;
       break;
     }
     case Role::kPackedColor:

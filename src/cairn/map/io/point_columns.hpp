@@ -164,7 +164,7 @@ class PointTable {
   bool has_covariances_ = false;
   std::vector<Eigen::Matrix3d> covariances_;
   bool has_colors_ = false;
-  std::vector<std::optional<Color>> colors_;
+  OptionalColumn<Color> colors_;
   bool has_ids_ = false;
   bool ids_are_signed_ = false;
   std::vector<std::uint64_t> ids_;  // two's complement of what is negative
