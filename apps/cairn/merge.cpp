@@ -61,11 +61,14 @@ void MergeArguments::add_to(CLI::App& command) {
              "Odds, before anything is looked at, that two of the maps show one place");
   add_number(command, "--effort", options.links.effort,
              "Of the search: work in units of the default's, 1/16 to 64");
-  command.add_flag("--adjust,!--no-adjust", options.adjust,
-                   "Adjust the merged map: move all its keyframes and landmarks so that all "
-                   "observations fit best");
-  command.add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
-                   "With --adjust: adjust the cameras' parameters too");
+  auto* const adjust = command.add_flag(
+      "--adjust,!--no-adjust", options.adjust,
+      "Adjust the merged map: move all its keyframes and landmarks so that all observations fit "
+      "best");
+  command
+      .add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
+                "With --adjust: adjust the cameras' parameters too")
+      ->needs(adjust);
   add_number(command, "--min-observations", options.links.points.min_observations,
              "Align by landmarks observed at least so often; all landmarks are merged");
   common.add_to(command);

@@ -305,7 +305,7 @@ TEST_F(EvaluateTrajectoryTest, HandEyeOffsetIsEstimatedAndTakenOffTheErrors) {
 TEST_F(EvaluateTrajectoryTest, HandEyeOffsetThatTheMotionDoesNotTellIsRefused) {
   std::vector<TimedPose> straight;
   for (int i = 0; i < 100; ++i)
-    straight.push_back({0.1 * i, Rigid3({1, 0, 0, 0}, {0.1 * i, 0, 0})});
+    straight.push_back({0.1 * i, Rigid3::from_roll_pitch_yaw({0.1 * i, 0, 0}, 0, 0, 0)});
   write_trajectory("a.txt", Trajectory(std::move(straight)));
   expect_refusal({"evaluate", "trajectory", "a.txt", "a.txt", "--hand-eye"}, kBadInput,
                  {"a.txt", "does not determine the hand-eye offset"});

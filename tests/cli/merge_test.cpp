@@ -79,6 +79,8 @@ TEST_F(MergeTest, AdjustsTheMergedMapIfAsked) {
   EXPECT_THAT(map.info().provenance.back(), HasSubstr("adjusted: "));
   answer({"merge", "target.map", "source.map", "-o", "again.map", "--adjust", "--threads", "1"});
   EXPECT_EQ(content("again.map"), content("both.map"));
+  expect_refusal({"merge", "target.map", "source.map", "-o", "x.map", "--refine-intrinsics"},
+                 kWrongUsage, {"--refine-intrinsics", "--adjust"});
   EXPECT_TRUE(document({"merge", "target.map", "source.map", "-o", "plain.map", "--no-adjust"})
                   .at("adjustment")
                   .is_null());

@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kMedianOfTwo = 1.386294361;  // of chi² with two degrees of freedom
 constexpr double kMedianOfOne = 0.454936423;
+constexpr std::size_t kFewestResiduals = 100;  // whose median tells anything
 
 double median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -24,10 +25,36 @@ double median(std::vector<double>& values) {
 
 // What to multiply a standard deviation by.
 double factor(std::vector<double>& squared, double expected_median) {
-  constexpr std::size_t kFewest = 100;
-  if (squared.size() < kFewest) return 1.0;
+  if (squared.size() < kFewestResiduals) return 1.0;
   // Not zero: simulated observations may be exact.
   return std::max(1e-6, std::sqrt(median(squared) / expected_median));
+}
+
+// Squared, over the variances, with allowance for the landmark that was fitted to them.
+struct Residuals {
+  std::vector<double> pixels;
+  std::vector<double> depths;
+};
+
+// Of landmarks with so many observations or more, at least 2.
+Residuals residuals_of(const LandmarkMap& map,
+                       const std::vector<std::vector<Measurement>>& measurements,
+                       std::size_t fewest) {
+  Residuals residuals;
+  for (std::size_t l = 0; l < measurements.size(); ++l) {
+    if (measurements[l].size() < fewest) continue;
+    double rows = 0.0;
+    for (const Measurement& one : measurements[l]) rows += one.depth ? 3.0 : 2.0;
+    constexpr double kUnknowns = 3.0;
+    const double fitted = rows / (rows - kUnknowns);
+    for (const Measurement& one : measurements[l]) {
+      const auto squared = squared_residuals(map, one, map.landmarks().positions[l]);
+      if (!squared) continue;
+      residuals.pixels.push_back(fitted * squared->pixel);
+      if (one.depth) residuals.depths.push_back(fitted * squared->depth);
+    }
+  }
+  return residuals;
 }
 
 }  // namespace
@@ -123,33 +150,23 @@ std::optional<SquaredResiduals> squared_residuals(const LandmarkMap& map,
 
 MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start) {
   const auto measurements = measurements_of(map, start);
-  std::vector<double> pixels;
-  std::vector<double> depths;
-  std::size_t rows = 0;
-  for (std::size_t l = 0; l < measurements.size(); ++l) {
-    std::size_t own = 0;
-    for (const Measurement& one : measurements[l]) own += one.depth ? 3 : 2;
-    // Of landmarks with few observations the residuals are small because they were fitted.
-    constexpr std::size_t kFewest = 4;
-    rows += own;
-    if (measurements[l].size() < kFewest) continue;
-    constexpr double kUnknowns = 3.0;
-    const auto count = static_cast<double>(own);
-    const double fitted = count / (count - kUnknowns);
-    for (const Measurement& one : measurements[l]) {
-      const auto squared = squared_residuals(map, one, map.landmarks().positions[l]);
-      if (!squared) continue;
-      pixels.push_back(fitted * squared->pixel);
-      if (one.depth) depths.push_back(fitted * squared->depth);
-    }
+  double rows = 0.0;
+  for (const auto& landmark : measurements) {
+    for (const Measurement& one : landmark) rows += one.depth ? 3.0 : 2.0;
+  }
+  // Of landmarks with few observations the residuals are small because they were fitted: those with more
+  // tell better, where there are enough of them.
+  Residuals residuals;
+  for (const std::size_t fewest : {4, 3, 2}) {
+    residuals = residuals_of(map, measurements, fewest);
+    if (residuals.pixels.size() >= kFewestResiduals) break;
   }
   // Poses were fitted too.
   const double of_poses = 6.0 * static_cast<double>(map.frame_count());
-  const double total = static_cast<double>(rows);
-  const double by_poses = total > 2.0 * of_poses ? std::sqrt(total / (total - of_poses)) : 1.0;
+  const double by_poses = rows > 2.0 * of_poses ? std::sqrt(rows / (rows - of_poses)) : 1.0;
   MeasurementNoise noise = start;
-  noise.pixel_px *= by_poses * factor(pixels, kMedianOfTwo);
-  const double of_depth = by_poses * factor(depths, kMedianOfOne);
+  noise.pixel_px *= by_poses * factor(residuals.pixels, kMedianOfTwo);
+  const double of_depth = by_poses * factor(residuals.depths, kMedianOfOne);
   noise.depth_floor *= of_depth;
   noise.depth_quadratic *= of_depth;
   return noise;

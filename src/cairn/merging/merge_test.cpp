@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/merging/merge.hpp"
 
+#include <algorithm>
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -47,6 +50,43 @@ TEST(Merge, PutsTwoSessionsIntoTheFirstOnesFrame) {
   graph.validate();
   EXPECT_EQ(graph.links.size(), 1U);
   EXPECT_EQ(graph.links[0].kind, LinkKind::kPlacement);
+}
+
+TEST(Merge, AdjustmentMakesResidualsSmallerAndKeepsTheFirstFrame) {
+  const SyntheticPair maps = pair(2);
+  const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &maps.source}};
+  MergeOptions options;
+  EXPECT_FALSE(merge(inputs, options).adjustment);
+  options.adjust = true;
+  const MergeResult result = merge(inputs, options);
+  ASSERT_TRUE(result.adjustment);
+  EXPECT_TRUE(result.adjustment->converged);
+  EXPECT_LT(result.adjustment->final_rms_px, result.adjustment->initial_rms_px);
+  EXPECT_EQ(result.map->frames().translations[0], maps.target.frames().translations[0]);
+  // Poses of synthetic sessions are exact: those of the source are where the truth puts them.
+  double most = 0.0;
+  for (std::uint32_t i = 0; i < maps.source.frame_count(); ++i) {
+    const std::uint32_t merged = static_cast<std::uint32_t>(maps.target.frame_count()) + i;
+    const Eigen::Vector3d truth = maps.target_from_source * maps.source.frames().translations[i];
+    most = std::max(most, (result.map->frames().translations[merged] - truth).norm());
+  }
+  EXPECT_LT(most, 0.01);
+}
+
+TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {
+  SyntheticPair maps = pair(2);
+  MapTables tables = std::move(maps.source).tables();
+  tables.frames.cameras.clear();
+  const LandmarkMap without(std::move(tables));
+  const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &without}};
+  MergeOptions options;
+  options.adjust = true;
+  std::vector<std::string> lines;
+  options.log = [&](std::string_view line) { lines.emplace_back(line); };
+  const MergeResult result = merge(inputs, options);
+  EXPECT_TRUE(result.map);
+  EXPECT_FALSE(result.adjustment);
+  EXPECT_THAT(lines, ::testing::Contains(HasSubstr("has no camera")));
 }
 
 TEST(Merge, LeavesStrangersOutAndSaysWhy) {
