@@ -34,7 +34,7 @@ std::string host_name() {
 }  // namespace
 
 void AtlasArguments::add_to(CLI::App& command) {
-  add_text(command, "--atlas", location, "The atlas: path of its file. Required", "LOCATION");
+  add_text(command, "--atlas", location, "The atlas: path of its file. Required", "FILE");
   command.add_flag("--insist", insist,
                    "Use it even on a network file system, where locks may fail");
   add_number(command, "--wait", wait_s, "Seconds to wait for another process that writes to it");
