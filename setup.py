@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Builds the Python module with CMake. Options for CMake go into the environment variable CMAKE_ARGS."""
+"""Builds the Python module with CMake.
+
+Environment: CMAKE_ARGS has options for CMake; CAIRN_BUILD names a build folder to take the module from, instead of
+building it.
+"""
 
 import os
 import pathlib
@@ -19,7 +23,15 @@ VERSION = re.search(r"project\(cairn VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt
 class BuildWithCMake(build_ext):
     def build_extension(self, extension):
         target = pathlib.Path(self.get_ext_fullpath(extension.name)).resolve()
-        build = pathlib.Path(self.build_temp).resolve() / "cmake"
+        given = os.environ.get("CAIRN_BUILD")
+        build = pathlib.Path(given or self.build_temp + "/cmake").resolve()
+        if not given:
+            self.build_with_cmake(build)
+        (built,) = (build / "python" / "cairn").glob("_cairn*.so")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(built, target)
+
+    def build_with_cmake(self, build):
         options = {
             "CMAKE_BUILD_TYPE": "Release",
             "CAIRN_PYTHON": "ON",
@@ -35,9 +47,6 @@ class BuildWithCMake(build_ext):
         subprocess.run(command + shlex.split(os.environ.get("CMAKE_ARGS", "")), check=True)
         jobs = str(self.parallel or len(os.sched_getaffinity(0)))
         subprocess.run(["cmake", "--build", str(build), "--target", "cairn_python", "-j", jobs], check=True)
-        (built,) = (build / "python" / "cairn").glob("_cairn*.so")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(built, target)
 
 
 setup(

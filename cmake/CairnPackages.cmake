@@ -3,7 +3,7 @@
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME cairn)
 set(CPACK_PACKAGE_VENDOR "the Cairn authors")
-set(CPACK_PACKAGE_CONTACT "the Cairn authors <cairn@localhost>" CACHE STRING "Maintainer of the packages")
+set(CPACK_PACKAGE_CONTACT "the Cairn authors <cairn@example.org>" CACHE STRING "Maintainer of the packages")
 set(CPACK_PACKAGE_DIRECTORY "${PROJECT_BINARY_DIR}/packages")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
@@ -19,16 +19,17 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 # The libraries that executables need, found by dpkg-shlibdeps.
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
-set(about "Cairn aligns the landmark maps of feature-based visual SLAM, and says whether to
- believe the pose, from covariances, observations and descriptors.")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "alignment of visual SLAM landmark maps")
+set(about "Cairn aligns the landmark maps of feature-based visual SLAM, and says
+whether to believe the pose, from covariances, observations and descriptors.\n")
 
 set(CPACK_DEBIAN_TOOL_PACKAGE_NAME cairn)
 set(CPACK_DEBIAN_TOOL_PACKAGE_SECTION science)
-set(CPACK_DEBIAN_TOOL_DESCRIPTION "alignment of visual SLAM landmark maps\n ${about}\n .\n This package has the command-line tool.")
+set(CPACK_DEBIAN_TOOL_DESCRIPTION "${about}\nThis package has the command-line tool.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libcairn-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEV_DESCRIPTION "alignment of visual SLAM landmark maps (development files)\n ${about}\n .\n This package has headers, static libraries, and files for CMake and pkg-config.")
+set(CPACK_DEBIAN_DEV_DESCRIPTION "${about}\nThis package has headers, static libraries, and files for CMake and pkg-config.")
 # What an installed header includes, or a static library is linked with.
 set(needed libeigen3-dev libfmt-dev libtbb-dev libhwy-dev libnanoflann-dev libyaml-cpp-dev zlib1g-dev)
 if(TARGET cairn_sequence)
@@ -48,7 +49,7 @@ list(JOIN needed ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS)
 if(TARGET cairn_python)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-cairn)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
-  set(CPACK_DEBIAN_PYTHON_DESCRIPTION "alignment of visual SLAM landmark maps (Python module)\n ${about}\n .\n This package has the Python module.")
+  set(CPACK_DEBIAN_PYTHON_DESCRIPTION "${about}\nThis package has the Python module.")
   math(EXPR next "${Python_VERSION_MINOR} + 1")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
       "python3 (>= 3.${Python_VERSION_MINOR}), python3 (<< 3.${next}), python3-numpy")
@@ -70,7 +71,7 @@ foreach(component IN LISTS CPACK_COMPONENTS_ALL)
   set(package "${CPACK_DEBIAN_${upper}_PACKAGE_NAME}")
   set(folder "${texts}/${package}")
   file(WRITE "${folder}/changelog.Debian"
-    "${package} (${PROJECT_VERSION}-1) unstable; urgency=low\n\n  * See CHANGELOG.md.\n\n"
+    "${package} (${PROJECT_VERSION}-1) unstable; urgency=low\n\n  * New release: see CHANGELOG.md.\n\n"
     " -- ${CPACK_PACKAGE_CONTACT}  Thu, 01 Jan 2026 00:00:00 +0000\n")
   if(CAIRN_GZIP)
     execute_process(COMMAND "${CAIRN_GZIP}" -9nf "${folder}/changelog.Debian")
