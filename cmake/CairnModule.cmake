@@ -60,6 +60,7 @@ set(CAIRN_UNITY_APART
     "src/cairn/map/io/point_columns.cpp"
     "src/cairn/map/camera_test.cpp"
     "src/cairn/map/landmark_map_test.cpp"
+    "src/cairn/map/io/binary_test.cpp"
     "src/cairn/map/io/native_test.cpp"
     "src/cairn/map/io/pcd_test.cpp"
     "src/cairn/map/io/ply_test.cpp"
@@ -70,6 +71,7 @@ set(CAIRN_UNITY_APART
     # Highway's sources include themselves.
     "src/cairn/placement/descriptor_kernel.cpp"
     "src/cairn/registration/neighbors/batch_kernel.cpp"
+    "src/cairn/registration/neighbors/kd_tree.cpp"
     "src/cairn/placement/descriptor_matches_test.cpp"
     "src/cairn/placement/descriptor_poses_test.cpp"
     "src/cairn/placement/look_comparison_test.cpp"

@@ -24,7 +24,7 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::string native_text(const LandmarkMap& map) {
   std::string text;
@@ -96,8 +96,8 @@ TEST(Synthetic, EveryMapHasAUuidOfItsOwn) {
        {synthetic_map(), synthetic_map(noisier), pair.source, pair.target}) {
     ASSERT_TRUE(map.info().uuid);
     EXPECT_THAT(*map.info().uuid,
-                testing::MatchesRegex("[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-"
-                                      "[0-9a-f]{12}"));
+                ::testing::MatchesRegex("[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-"
+                                        "[0-9a-f]{12}"));
     uuids.insert(*map.info().uuid);
   }
   EXPECT_EQ(uuids.size(), 4U);
