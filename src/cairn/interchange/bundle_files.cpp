@@ -15,8 +15,10 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/interchange/detail/written_frames.hpp"
 
 namespace cairn {
 namespace {
@@ -37,10 +39,11 @@ struct View {
   std::string name;
 };
 
-// The words of a file, whatever its lines are.
+// The words of a file, whatever its lines are, or of a line.
 class Words {
  public:
-  explicit Words(TextRecords& in) : in_(in) {}
+  explicit Words(TextRecords& in, bool across_lines = true)
+      : in_(in), across_lines_(across_lines) {}
 
   double number(std::string_view field) {
     ensure(field);
@@ -62,12 +65,13 @@ class Words {
 
  private:
   void ensure(std::string_view field) {
-    while (!in_.has_word()) {
+    while (across_lines_ && !in_.has_word()) {
       if (!in_.next_record()) in_.refuse(field, "the file ends before it", "one number more");
     }
   }
 
   TextRecords& in_;
+  bool across_lines_;
 };
 
 class Builder {
@@ -205,6 +209,25 @@ bool is_rotation(const Eigen::Matrix3d& matrix) {
          matrix.determinant() > 0.0;
 }
 
+// A point with its colour and observations.
+// @param down 1 if y points down in the image, -1 if up
+void read_point(const TextRecords& in, Words& words, double down, Builder& out) {
+  const Eigen::Vector3d position = words.vector3("position");
+  Color color;
+  color.red = words.channel("red");
+  color.green = words.channel("green");
+  color.blue = words.channel("blue");
+  const std::uint32_t landmark = out.add_point(position, color);
+  const std::uint64_t views = words.count("number of views");
+  for (std::uint64_t i = 0; i < views; ++i) {
+    const std::uint64_t camera = words.count("camera of an observation");
+    const auto key = static_cast<std::uint32_t>(words.count("key of an observation"));
+    const double x = words.number("x of an observation");
+    const double y = words.number("y of an observation");
+    out.add_observation(in, landmark, camera, x, down * y, key);
+  }
+}
+
 // Nothing but blanks and comments may follow.
 void expect_end(TextRecords& in) {
   if (in.has_word() || in.next_record()) {
@@ -241,18 +264,140 @@ bool looks_like_bal(std::string_view bytes) {
          parse_number(lines[1][3]);
 }
 
-MapFormat text_format(std::string name, std::string title,
+MapFormat text_format(std::string name, std::string title, std::vector<std::string> endings,
                       std::function<bool(std::string_view first_bytes)> recognises,
-                      LandmarkMap (*read)(ByteSource&, const MapReadOptions&)) {
-  return {.name = std::move(name),
-          .title = std::move(title),
-          .recognises =
-              [recognises](const MapInput& input) {
-                return input.source != nullptr && recognises(input.first_bytes);
-              },
-          .read = [read](const MapInput& input,
-                         const MapReadOptions& options) { return read(*input.source, options); }};
+                      LandmarkMap (*read)(ByteSource&, const MapReadOptions&),
+                      void (*write)(const LandmarkMap&, const ByteSink&,
+                                    const MapWriteOptions&) = nullptr) {
+  MapFormat format{
+      .name = std::move(name),
+      .title = std::move(title),
+      .endings = std::move(endings),
+      .recognises =
+          [recognises](const MapInput& input) {
+            return input.source != nullptr && recognises(input.first_bytes);
+          },
+      .read = [read](const MapInput& input,
+                     const MapReadOptions& options) { return read(*input.source, options); }};
+  if (write != nullptr) format.write_to = write;
+  return format;
 }
+
+// --- Writing --------------------------------------------------------------------------------------
+
+// What both writers need of a map, and the text on its way out.
+class BundleWriter {
+ public:
+  BundleWriter(const LandmarkMap& map, const ByteSink& sink, std::string_view image)
+      : map_(map), sink_(sink), keypoints_(detail::keypoint_indices(map)) {
+    detail::require_cameras(map, image);
+  }
+
+  void number(double value) {
+    separate();
+    append_number(text_, value);
+  }
+  void count(std::uint64_t value) {
+    separate();
+    append_number(text_, value);
+  }
+  void word(std::string_view word) {
+    separate();
+    text_ += word;
+  }
+  void line(std::string_view text = {}) {
+    text_ += text;
+    text_ += '\n';
+    begins_ = true;
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (text_.size() >= kLarge) flush();
+  }
+  void flush() {
+    sink_(text_);
+    text_.clear();
+  }
+
+  const Camera& camera(FrameIndex frame) const {
+    return map_.cameras()[map_.frames().cameras[frame.value]->value];
+  }
+
+  // Bundler takes three lines a point, has y upwards and leaves pixels of radial cameras as they are; NVM
+  // takes one line.
+  void points(bool is_bundler) {
+    const double down = is_bundler ? -1.0 : 1.0;
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      const Eigen::Vector3d& x = map_.landmarks().positions[i];
+      for (int j = 0; j < 3; ++j) number(x[j]);
+      if (is_bundler) line();
+      const auto& colors = map_.landmarks().colors;
+      const Color color = colors.empty() ? Color{} : colors[i].value_or(Color{});
+      for (const std::uint8_t channel : {color.red, color.green, color.blue}) count(channel);
+      if (is_bundler) line();
+      const auto frames = map_.observing_frames(LandmarkIndex{i});
+      const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[i];
+      std::vector<std::pair<std::uint64_t, Pixel>> seen;
+      for (std::size_t j = 0; j < frames.size(); ++j) {
+        const auto offset =
+            offset_of(camera(frames[j]), map_.observations().pixels[first + j], is_bundler);
+        if (offset) {
+          seen.emplace_back(first + j, *offset);
+        } else {
+          ++folded_;
+        }
+      }
+      count(seen.size());
+      for (const auto& [k, offset] : seen) {
+        count(map_.observations().frames[k].value);
+        count(keypoints_[k]);
+        number(offset.u);
+        number(down * offset.v);
+      }
+      line();
+    }
+  }
+
+  void remark(const MapWriteOptions& options, const detail::Holdings& holdings,
+              std::string_view format) const {
+    if (!options.log) return;
+    const std::string lost = detail::loss_remark(map_, holdings, "map", format);
+    if (!lost.empty()) options.log(lost);
+    if (undistorted_ > 0) {
+      options.log(
+          fmt::format("{}: {} observations are written undistorted: {} has no distortion of "
+                      "that kind",
+                      format, undistorted_, format));
+    }
+    if (folded_ > 0) {
+      options.log(
+          fmt::format("{}: {} observations without a line of sight are left out", format, folded_));
+    }
+  }
+
+ private:
+  void separate() {
+    if (!begins_) text_ += ' ';
+    begins_ = false;
+  }
+
+  std::optional<Pixel> offset_of(const Camera& camera, const Pixel& pixel, bool keep_distortion) {
+    const auto radial = detail::radial_camera(camera);
+    const bool is_plain = radial && radial->k1 == 0.0 && radial->k2 == 0.0;
+    if (is_plain || (radial && keep_distortion)) {
+      const Intrinsics k = intrinsics(camera);
+      return Pixel{pixel.u - k.cx, pixel.v - k.cy};
+    }
+    ++undistorted_;
+    return detail::undistorted_offset(camera, pixel);
+  }
+
+  const LandmarkMap& map_;
+  const ByteSink& sink_;
+  std::vector<std::uint32_t> keypoints_;
+  std::string text_;
+  bool begins_ = true;
+  std::size_t undistorted_ = 0;
+  std::size_t folded_ = 0;
+};
 
 }  // namespace
 
@@ -280,22 +425,7 @@ LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
     set_upright_pose(view, rotation, translation);
     out.add_view(in, std::move(view));
   }
-  for (std::uint64_t i = 0; i < points; ++i) {
-    const Eigen::Vector3d position = words.vector3("position");
-    Color color;
-    color.red = words.channel("red");
-    color.green = words.channel("green");
-    color.blue = words.channel("blue");
-    const std::uint32_t landmark = out.add_point(position, color);
-    const std::uint64_t views = words.count("number of views");
-    for (std::uint64_t j = 0; j < views; ++j) {
-      const std::uint64_t camera = words.count("camera of an observation");
-      const auto key = static_cast<std::uint32_t>(words.count("key of an observation"));
-      const double x = words.number("x of an observation");
-      const double y = words.number("y of an observation");
-      out.add_observation(in, landmark, camera, x, -y, key);
-    }
-  }
+  for (std::uint64_t i = 0; i < points; ++i) read_point(in, words, -1.0, out);
   expect_end(in);
   return std::move(out).finish();
 }
@@ -394,24 +524,10 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
     out.add_view(in, std::move(view));
   }
   const std::uint64_t points = count("number of points");
+  Words words(in, false);
   for (std::uint64_t i = 0; i < points; ++i) {
     if (!in.next_record()) in.refuse("point", "the file ends before it", "one line a point");
-    Eigen::Vector3d position;
-    for (int j = 0; j < 3; ++j) position[j] = in.number("position");
-    Color color;
-    color.red = static_cast<std::uint8_t>(in.unsigned_number("red", 255));
-    color.green = static_cast<std::uint8_t>(in.unsigned_number("green", 255));
-    color.blue = static_cast<std::uint8_t>(in.unsigned_number("blue", 255));
-    const std::uint32_t landmark = out.add_point(position, color);
-    const std::uint64_t views = in.unsigned_number("number of views", kMost);
-    for (std::uint64_t j = 0; j < views; ++j) {
-      const std::uint64_t camera = in.unsigned_number("camera of an observation", kMost);
-      const auto key =
-          static_cast<std::uint32_t>(in.unsigned_number("key of an observation", kMost));
-      const double x = in.number("x of an observation");
-      const double y = in.number("y of an observation");
-      out.add_observation(in, landmark, camera, x, y, key);
-    }
+    read_point(in, words, 1.0, out);
     in.expect_line_end();
   }
   // Further models follow, each with the number of its cameras first; the last has none.
@@ -421,13 +537,74 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
   return std::move(out).finish();
 }
 
+void write_bundler(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+  BundleWriter out(map, sink, "a camera of Bundler");
+  out.line("# Bundle file v0.3");
+  out.count(map.frame_count());
+  out.count(map.landmark_count());
+  out.line();
+  const Eigen::Vector3d axes(1.0, -1.0, -1.0);  // it looks along -z with y up
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const Camera& camera = out.camera(FrameIndex{i});
+    const auto radial = detail::radial_camera(camera).value_or(
+        detail::RadialCamera{intrinsics(camera).fx, 0.0, 0.0});
+    for (const double x : {radial.focal, radial.k1, radial.k2}) out.number(x);
+    out.line();
+    const Rigid3 camera_from_world = map.world_from_camera(FrameIndex{i}).inverse();
+    const Eigen::Matrix3d rotation = axes.asDiagonal() * camera_from_world.rotation();
+    const Eigen::Vector3d translation = axes.asDiagonal() * camera_from_world.translation();
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) out.number(rotation(row, column));
+      out.line();
+    }
+    for (int j = 0; j < 3; ++j) out.number(translation[j]);
+    out.line();
+  }
+  out.points(true);
+  out.flush();
+  out.remark(options, {.image_names = false, .keypoints = true}, "Bundler");
+}
+
+void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+  BundleWriter out(map, sink, "a camera of NVM");
+  out.line("NVM_V3");
+  out.line();
+  out.count(map.frame_count());
+  out.line();
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const std::string name = detail::image_name(map, FrameIndex{i});
+    if (name.find_first_of("\n\r\t") != std::string::npos || name.starts_with(' ')) {
+      throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
+                  "image name " + printable(name), "a name of one line");
+    }
+    out.word(name);
+    out.number(intrinsics(out.camera(FrameIndex{i})).fx);
+    const auto& q = map.frames().quaternions[i];
+    out.number(q[0]);
+    for (std::size_t j = 1; j < 4; ++j) out.number(-q[j]);
+    for (int j = 0; j < 3; ++j) out.number(map.frames().translations[i][j]);
+    out.number(0.0);
+    out.number(0.0);
+    out.line();
+  }
+  out.line();
+  out.count(map.landmark_count());
+  out.line();
+  out.points(false);
+  out.line();
+  out.line("0");
+  out.flush();
+  out.remark(options, {.keypoints = true}, "NVM");
+}
+
 std::vector<MapFormat> bundle_file_formats() {
   const auto starts_with = [](std::string_view text) {
     return [text](std::string_view bytes) { return bytes.starts_with(text); };
   };
-  return {text_format("bundler", "Bundler", starts_with("# Bundle file v0.3"), &read_bundler),
-          text_format("bal", "BAL", &looks_like_bal, &read_bal),
-          text_format("nvm", "NVM", starts_with("NVM_V3"), &read_nvm)};
+  return {text_format("bundler", "Bundler", {".out"}, starts_with("# Bundle file v0.3"),
+                      &read_bundler, &write_bundler),
+          text_format("bal", "BAL", {}, &looks_like_bal, &read_bal),
+          text_format("nvm", "NVM", {".nvm"}, starts_with("NVM_V3"), &read_nvm, &write_nvm)};
 }
 
 }  // namespace cairn

@@ -24,6 +24,15 @@ LandmarkMap read_bal(ByteSource& source, const MapReadOptions& options = {});
 /// @throws Error (input) as read_bundler
 LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options = {});
 
+/// Writes a Bundler file, version 0.3. Observations of cameras that are not RADIAL are undistorted.
+/// @throws Error (input) naming a frame without a camera
+void write_bundler(const LandmarkMap& map, const ByteSink& sink,
+                   const MapWriteOptions& options = {});
+
+/// Writes an NVM file of one model. Observations are undistorted: VisualSFM's distortion is another.
+/// @throws Error (input) naming a frame without a camera
+void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
+
 /// The formats "bundler", "bal" and "nvm".
 std::vector<MapFormat> bundle_file_formats();
 

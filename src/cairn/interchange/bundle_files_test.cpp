@@ -15,6 +15,7 @@
 #include "cairn/interchange/formats.hpp"
 
 #include "support/imported_maps.hpp"
+#include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -27,6 +28,8 @@ using ::testing::HasSubstr;
 using testing::refusal;
 using testing::reprojection;
 using testing::TemporaryFolder;
+
+class BundleWriterTest : public testing::ImportTest {};
 
 // A scene written in all three formats by their own rules: two cameras with f = 500 and k1, k2; points in
 // front of both.
@@ -210,6 +213,52 @@ TEST_F(BundleFilesTest, ErrorsNameLineAndField) {
               HasSubstr("scene:3: camera: 10 words; expected a file name and 10 numbers"));
   EXPECT_THAT(refused("NVM_V3\n0\n1\n1 2 3 4 5 6 0 7\n"),
               HasSubstr("scene:4: end of the line: '7' stands there"));
+}
+
+TEST_F(BundleWriterTest, WhatIsWrittenIsReadBack) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {
+      {CameraId{0}, "RADIAL", 640, 480, {500, 318.6, 255.3, 0.1, -0.02}},
+      {CameraId{1}, "OPENCV", 640, 480, {500, 510, 318.6, 255.3, 0.1, -0.02, 0.01, 0.0}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{1}};
+  tables.frames.image_names = {"a b.png", "c.png"};
+  tables.frames.quaternions[1] = {0.8, 0.0, 0.6, 0.0};
+  const LandmarkMap plain{MapTables(tables)};
+  // Observations where the landmarks appear.
+  for (std::size_t k = 0; k < 3; ++k) {
+    const FrameIndex frame = tables.observations.frames[k];
+    const std::size_t landmark = k < 2 ? 0 : 1;
+    tables.landmarks.positions[landmark] = {0.4, 0.1, 2.0};
+    tables.observations.pixels[k] =
+        *project(tables.cameras[frame.value],
+                 plain.world_from_camera(frame).inverse() * tables.landmarks.positions[landmark]);
+  }
+  const LandmarkMap map{std::move(tables)};
+  ASSERT_LT(reprojection(map).worst, 1e-6);
+  for (const char* name : {"out.out", "out.nvm"}) {
+    SCOPED_TRACE(name);
+    const LandmarkMap back = read(write(map, name));
+    EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
+    EXPECT_EQ(back.observation_count(), map.observation_count());
+    EXPECT_LT(reprojection(back).worst, 2e-3);
+    EXPECT_EQ(reprojection(back).count, 3U);
+    for (std::uint32_t i = 0; i < 2; ++i) {
+      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+      EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
+    }
+  }
+  write(map, "out.out");
+  EXPECT_THAT(remarks_, Contains(HasSubstr("observations are written undistorted")));
+  EXPECT_THAT(remarks_, Contains(HasSubstr("covariances")));
+  EXPECT_THAT(read(folder_ / "out.nvm").frames().image_names,
+              ::testing::ElementsAre("a b.png", "c.png"));
+}
+
+TEST_F(BundleWriterTest, FramesNeedCameras) {
+  for (const char* name : {"out.out", "out.nvm"}) {
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(testing::plain_map(), name); }),
+                HasSubstr("frame 1: has no camera"));
+  }
 }
 
 TEST(RealBundleFiles, ReprojectOntoTheirObservations) {

@@ -5,9 +5,11 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/interchange/alicevision.hpp"
 #include "cairn/interchange/bundle_files.hpp"
 #include "cairn/interchange/colmap.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
+#include "cairn/interchange/nerfstudio.hpp"
 #include "cairn/interchange/openmvg.hpp"
 #include "cairn/interchange/opensfm.hpp"
 #include "cairn/interchange/plain_points.hpp"
@@ -21,7 +23,8 @@ const FormatRegistry& all_formats() {
     // What is recognised by little stands first: it is asked last.
     for (std::vector<MapFormat> some :
          {plain_points_formats(), colmap_formats(), opensfm_formats(), openmvg_formats(),
-          bundle_file_formats(), stella_formats(), detail::database_formats()}) {
+          bundle_file_formats(), stella_formats(), nerfstudio_formats(), alicevision_formats(),
+          detail::database_formats()}) {
       std::move(some.begin(), some.end(), std::back_inserter(more));
     }
     return native_formats().extended_by(std::move(more));

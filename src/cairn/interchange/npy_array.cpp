@@ -52,7 +52,8 @@ NpyHeader parse_npy_header(std::string_view dictionary, const std::string& where
   }
   header.is_fortran = order == "True";
   const std::string_view shape = value_of(dictionary, "'shape'");
-  if (shape.size() < 2 || shape.front() != '(') refuse(where + ": shape", printable(shape), "a tuple");
+  if (shape.size() < 2 || shape.front() != '(')
+    refuse(where + ": shape", printable(shape), "a tuple");
   std::string_view rest = shape.substr(1, shape.size() - 2);
   while (!trimmed(rest).empty()) {
     const std::size_t comma = std::min(rest.find(','), rest.size());
@@ -77,7 +78,8 @@ NpyArray::NpyArray(std::string_view bytes, std::string where) : where_(std::move
   if (!is_short) length |= byte(10) << 16 | byte(11) << 24;
   const std::size_t begin = kSizes + (is_short ? 2 : 4);
   if (length > bytes.size() - begin) {
-    refuse(where_, fmt::format("its header has {} bytes, but {} are left", length, bytes.size() - begin),
+    refuse(where_,
+           fmt::format("its header has {} bytes, but {} are left", length, bytes.size() - begin),
            "a whole header");
   }
   header_ = parse_npy_header(bytes.substr(begin, length), where_);
@@ -106,8 +108,9 @@ NpyArray::NpyArray(std::string_view bytes, std::string where) : where_(std::move
     size_ *= size;
   }
   if (size_ * item_ != data_.size()) {
-    refuse(where_, fmt::format("({}) numbers of {} bytes in {} bytes", fmt::join(header_.shape, ", "),
-                               item_, data_.size()),
+    refuse(where_,
+           fmt::format("({}) numbers of {} bytes in {} bytes", fmt::join(header_.shape, ", "),
+                       item_, data_.size()),
            "as many bytes as the shape says");
   }
 }

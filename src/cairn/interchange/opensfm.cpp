@@ -17,9 +17,12 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/interchange/detail/written_frames.hpp"
 
 namespace cairn {
 namespace {
@@ -273,7 +276,220 @@ class Reader {
   detail::ObservationList observations_;
 };
 
+// --- Writing --------------------------------------------------------------------------------------
+
+// A camera as OpenSfM describes it; std::nullopt for a model that it does not have.
+std::optional<nlohmann::json> json_of(const Camera& camera) {
+  const ImageFrame image{static_cast<double>(camera.width), static_cast<double>(camera.height)};
+  const double size = image.size();
+  const std::vector<double>& p = camera.parameters;
+  const Intrinsics k = intrinsics(camera);
+  nlohmann::json json = {{"width", camera.width}, {"height", camera.height}};
+  const bool is_centred = k.cx == (image.width - 1.0) / 2.0 && k.cy == (image.height - 1.0) / 2.0;
+  const auto one_focal = [&](const char* type, double k1, double k2) {
+    json["projection_type"] = type;
+    json["focal"] = k.fx / size;
+    json["k1"] = k1;
+    json["k2"] = k2;
+    return json;
+  };
+  const auto two_focals = [&](const char* type,
+                              std::initializer_list<std::pair<const char*, double>> distortion) {
+    json["projection_type"] = type;
+    json["focal_x"] = k.fx / size;
+    json["focal_y"] = k.fy / size;
+    json["c_x"] = (k.cx - (image.width - 1.0) / 2.0) / size;
+    json["c_y"] = (k.cy - (image.height - 1.0) / 2.0) / size;
+    for (const auto& [key, value] : distortion) json[key] = value;
+    return json;
+  };
+  const auto brown = [&](double k1, double k2, double p1, double p2, double k3) {
+    return two_focals("brown", {{"k1", k1}, {"k2", k2}, {"p1", p1}, {"p2", p2}, {"k3", k3}});
+  };
+  const auto fisheye = [&](double k1, double k2, double k3, double k4) {
+    return two_focals("fisheye_opencv", {{"k1", k1}, {"k2", k2}, {"k3", k3}, {"k4", k4}});
+  };
+  const std::string& model = camera.model;
+  if (model == "SIMPLE_PINHOLE" || model == "SIMPLE_RADIAL" || model == "RADIAL") {
+    const double k1 = p.size() > 3 ? p[3] : 0.0;
+    const double k2 = p.size() > 4 ? p[4] : 0.0;
+    return is_centred ? one_focal("perspective", k1, k2) : brown(k1, k2, 0.0, 0.0, 0.0);
+  }
+  if (model == "PINHOLE") return brown(0.0, 0.0, 0.0, 0.0, 0.0);
+  if (model == "OPENCV") return brown(p[4], p[5], p[6], p[7], 0.0);
+  if (model == "FULL_OPENCV" && p[9] == 0.0 && p[10] == 0.0 && p[11] == 0.0) {
+    return brown(p[4], p[5], p[6], p[7], p[8]);
+  }
+  if (model == "OPENCV_FISHEYE") return fisheye(p[4], p[5], p[6], p[7]);
+  if (model == "FISHEYE") return fisheye(0.0, 0.0, 0.0, 0.0);
+  if (model == "SIMPLE_FISHEYE" || model == "SIMPLE_RADIAL_FISHEYE" || model == "RADIAL_FISHEYE") {
+    const double k1 = p.size() > 3 ? p[3] : 0.0;
+    const double k2 = p.size() > 4 ? p[4] : 0.0;
+    return is_centred ? one_focal("fisheye", k1, k2) : fisheye(k1, k2, 0.0, 0.0);
+  }
+  return std::nullopt;
+}
+
+class Writer {
+ public:
+  Writer(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options)
+      : map_(map), path_(path), options_(options) {
+    detail::require_cameras(map, "a shot of OpenSfM");
+    std::set<std::string> names;
+    for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+      names_.push_back(detail::image_name(map, FrameIndex{i}));
+      const bool is_plain = names_.back().find_first_of("\t\n\r") == std::string::npos;
+      if (is_plain && names.insert(names_.back()).second) continue;
+      throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
+                  "image name " + printable(names_.back()),
+                  "distinct names without tabs and line ends, which name the shots of OpenSfM");
+    }
+  }
+
+  void write_reconstruction(const ByteSink& sink) const {
+    text_ = "[{\"cameras\": {";
+    for (const Camera& camera : map_.cameras()) {
+      const auto json = json_of(camera);
+      if (!json) {
+        throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
+                    "is of model " + camera.model + ", which OpenSfM does not have",
+                    "another model, e.g. OPENCV");
+      }
+      begin_entry(&camera == map_.cameras().data(), camera_name(camera));
+      text_ += json->dump();
+    }
+    text_ += "}, \"shots\": {";
+    for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
+      write_shot(FrameIndex{i});
+      flush(sink);
+    }
+    text_ += "}, \"points\": {";
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      begin_entry(i == 0, std::to_string(map_.landmarks().ids[i].value));
+      text_ += "{\"coordinates\": ";
+      vector(map_.landmarks().positions[i]);
+      const auto& colors = map_.landmarks().colors;
+      if (!colors.empty() && colors[i]) {
+        text_ += fmt::format(", \"color\": [{}, {}, {}]", colors[i]->red, colors[i]->green,
+                             colors[i]->blue);
+      }
+      text_ += '}';
+      flush(sink);
+    }
+    text_ += "}}]\n";
+    sink(text_);
+  }
+
+  void write_tracks(const ByteSink& sink) const {
+    const std::vector<std::uint32_t> keypoints = detail::keypoint_indices(map_);
+    text_ = "OPENSFM_TRACKS_VERSION_v1\n";
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      const auto frames = map_.observing_frames(LandmarkIndex{i});
+      const auto pixels = map_.observed_pixels(LandmarkIndex{i});
+      const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[i];
+      const auto& colors = map_.landmarks().colors;
+      const Color color = colors.empty() ? Color{} : colors[i].value_or(Color{});
+      for (std::size_t j = 0; j < frames.size(); ++j) {
+        const Camera& camera = map_.cameras()[map_.frames().cameras[frames[j].value]->value];
+        const ImageFrame image{static_cast<double>(camera.width),
+                               static_cast<double>(camera.height)};
+        text_ += names_[frames[j].value];
+        text_ += fmt::format("\t{}\t{}\t", map_.landmarks().ids[i].value, keypoints[first + j]);
+        append_number(text_, (pixels[j].u - (image.width - 1.0) / 2.0) / image.size());
+        text_ += '\t';
+        append_number(text_, (pixels[j].v - (image.height - 1.0) / 2.0) / image.size());
+        text_ += '\t';
+        // The size of a feature weighs it in OpenSfM's adjustment: four pixels, as of most features.
+        append_number(text_, 4.0 / image.size());
+        text_ += fmt::format("\t{}\t{}\t{}\n", color.red, color.green, color.blue);
+        flush(sink);
+      }
+    }
+    sink(text_);
+  }
+
+  void remark() const {
+    if (!options_.log) return;
+    const std::string lost = detail::loss_remark(map_, {.timestamps = true, .keypoints = true},
+                                                 path_.string(), "OpenSfM");
+    if (!lost.empty()) options_.log(lost);
+  }
+
+ private:
+  static std::string camera_name(const Camera& camera) {
+    // Padded, so that the order of names is that of ids.
+    return fmt::format("camera {:010}", camera.id.value);
+  }
+
+  void begin_entry(bool is_first, const std::string& key) const {
+    text_ += is_first ? "\n" : ",\n";
+    text_ += nlohmann::json(key).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    text_ += ": ";
+  }
+
+  void vector(const Eigen::Vector3d& x) const {
+    for (int i = 0; i < 3; ++i) {
+      text_ += i == 0 ? "[" : ", ";
+      append_number(text_, x[i]);
+    }
+    text_ += ']';
+  }
+
+  void write_shot(FrameIndex frame) const {
+    const FrameTable& frames = map_.frames();
+    const Rigid3 camera_from_world = map_.world_from_camera(frame).inverse();
+    begin_entry(frame.value == 0, names_[frame.value]);
+    text_ += "{\"rotation\": ";
+    vector(rotation_log(camera_from_world.quaternion()));
+    text_ += ", \"translation\": ";
+    vector(camera_from_world.translation());
+    const Camera& camera = map_.cameras()[frames.cameras[frame.value]->value];
+    text_ += fmt::format(", \"camera\": \"{}\"", camera_name(camera));
+    if (!frames.timestamps_s.empty() && frames.timestamps_s[frame.value]) {
+      text_ += ", \"capture_time\": ";
+      append_number(text_, *frames.timestamps_s[frame.value]);
+    }
+    text_ += '}';
+  }
+
+  void flush(const ByteSink& sink) const {
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (text_.size() < kLarge) return;
+    sink(text_);
+    text_.clear();
+  }
+
+  const LandmarkMap& map_;
+  const fs::path& path_;
+  const MapWriteOptions& options_;
+  std::vector<std::string> names_;
+  mutable std::string text_;
+};
+
 }  // namespace
+
+void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options) {
+  const Writer writer(map, path, options);
+  const fs::path tracks = path.parent_path() / "tracks.csv";
+  const bool has_tracks = map.has_observations();
+  std::error_code ignored;
+  if (fs::exists(tracks, ignored)) {
+    throw Error(ErrorKind::kStorage, tracks.string(),
+                "is there already, and belongs to " + path.string() + " by its name",
+                "a folder without it");
+  }
+  // A reconstruction is only there when its tracks are.
+  if (has_tracks) {
+    write_file(tracks, [&](const ByteSink& sink) { writer.write_tracks(sink); });
+  }
+  try {
+    write_file(path, [&](const ByteSink& sink) { writer.write_reconstruction(sink); });
+  } catch (...) {
+    if (has_tracks) fs::remove(tracks, ignored);
+    throw;
+  }
+  writer.remark();
+}
 
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part,
                          const MapReadOptions& options) {
@@ -312,17 +528,21 @@ std::vector<MapFormat> opensfm_formats() {
   };
   return {{.name = "opensfm",
            .title = "OpenSfM",
+           .endings = {"reconstruction.json"},
            .holds_several = true,
            .recognises = first_keys,
-           .read = [](const MapInput& input, const MapReadOptions& options) {
-             OpenSfmSources sources;
-             sources.reconstruction = input.source;
-             const fs::path tracks = input.path.parent_path() / "tracks.csv";
-             std::error_code ignored;
-             std::optional<FileReader> file;
-             if (fs::exists(tracks, ignored)) sources.tracks = &file.emplace(tracks);
-             return read_opensfm(sources, input.part, options);
-           }}};
+           .read =
+               [](const MapInput& input, const MapReadOptions& options) {
+                 OpenSfmSources sources;
+                 sources.reconstruction = input.source;
+                 const fs::path tracks = input.path.parent_path() / "tracks.csv";
+                 std::error_code ignored;
+                 std::optional<FileReader> file;
+                 if (fs::exists(tracks, ignored)) sources.tracks = &file.emplace(tracks);
+                 return read_opensfm(sources, input.part, options);
+               },
+           .write = [](const LandmarkMap& map, const fs::path& path,
+                       const MapWriteOptions& options) { write_opensfm(map, path, options); }}};
 }
 
 }  // namespace cairn

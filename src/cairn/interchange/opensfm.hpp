@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,6 +25,12 @@ struct OpenSfmSources {
 /// @throws Error (input) naming source, line or place, what was found and what was expected
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part = {},
                          const MapReadOptions& options = {});
+
+/// Writes a reconstruction and, where the map knows its observations, tracks.csv beside it.
+/// @throws Error (input) naming a frame without a camera, image names that are not distinct, or a camera of a
+///         model that OpenSfM does not have, (storage) if there is a tracks.csv
+void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
+                   const MapWriteOptions& options = {});
 
 /// The format "opensfm".
 std::vector<MapFormat> opensfm_formats();

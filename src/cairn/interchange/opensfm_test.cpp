@@ -14,6 +14,7 @@
 #include "cairn/interchange/formats.hpp"
 
 #include "support/imported_maps.hpp"
+#include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -180,6 +181,72 @@ TEST_F(OpenSfmTest, EveryCutOfTheFileIsRefused) {
     EXPECT_THAT(refused(kReconstruction.substr(0, size), ""), HasSubstr("reconstruction.json"))
         << size;
   }
+}
+
+TEST_F(OpenSfmTest, WhatIsWrittenIsReadBack) {
+  const LandmarkMap map = read();
+  const std::filesystem::path out = folder_ / "out/reconstruction.json";
+  std::filesystem::create_directories(out.parent_path());
+  all_formats().write(map, out);
+  const LandmarkMap back = all_formats().read(out);
+  EXPECT_EQ(back.frames().image_names, map.frames().image_names);
+  EXPECT_EQ(back.frames().timestamps_s, map.frames().timestamps_s);
+  EXPECT_EQ(back.landmarks().ids, map.landmarks().ids);
+  EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
+  EXPECT_EQ(back.landmarks().colors, map.landmarks().colors);
+  EXPECT_EQ(back.cameras()[0], map.cameras()[0]);
+  EXPECT_EQ(back.observations().offsets, map.observations().offsets);
+  EXPECT_EQ(back.observations().frames, map.observations().frames);
+  EXPECT_EQ(back.observations().keypoints, map.observations().keypoints);
+  for (std::size_t i = 0; i < map.observation_count(); ++i) {
+    EXPECT_NEAR(back.observations().pixels[i].u, map.observations().pixels[i].u, 1e-10);
+    EXPECT_NEAR(back.observations().pixels[i].v, map.observations().pixels[i].v, 1e-10);
+  }
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+    EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
+  }
+  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { all_formats().write(map, out); }),
+              HasSubstr("tracks.csv: is there already"));
+}
+
+TEST_F(OpenSfmTest, CamerasAreWrittenAsModelsOfOpenSfm) {
+  MapTables tables = testing::plain_tables();
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  const Eigen::Vector3d x(0.3, -0.2, 1.0);
+  for (const Camera& camera : std::vector<Camera>{
+           {CameraId{0}, "SIMPLE_PINHOLE", 200, 100, {150, 99.5, 49.5}},
+           {CameraId{0}, "RADIAL", 200, 100, {150, 90, 50, 0.1, 0.02}},
+           {CameraId{0}, "PINHOLE", 200, 100, {150, 160, 90, 50}},
+           {CameraId{0},
+            "FULL_OPENCV",
+            200,
+            100,
+            {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003, 0.02, 0, 0, 0}},
+           {CameraId{0}, "OPENCV_FISHEYE", 200, 100, {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003}},
+           {CameraId{0}, "RADIAL_FISHEYE", 200, 100, {150, 99.5, 49.5, 0.1, 0.02}},
+           {CameraId{0}, "SIMPLE_RADIAL_FISHEYE", 200, 100, {150, 99, 49.5, 0.1}}}) {
+    SCOPED_TRACE(camera.model);
+    tables.cameras = {camera};
+    const std::filesystem::path out = folder_ / ("out" + camera.model) / "reconstruction.json";
+    std::filesystem::create_directories(out.parent_path());
+    all_formats().write(LandmarkMap(tables), out);
+    const LandmarkMap back = all_formats().read(out);
+    ASSERT_EQ(back.cameras().size(), 1U);
+    const auto a = project(camera, x);
+    const auto b = project(back.cameras()[0], x);
+    ASSERT_TRUE(a && b);
+    EXPECT_NEAR(a->u, b->u, 1e-9);
+    EXPECT_NEAR(a->v, b->v, 1e-9);
+  }
+  tables.cameras = {{CameraId{4}, "FOV", 200, 100, {150, 150, 99, 49, 0.5}}};
+  EXPECT_THAT(refusal(ErrorKind::kInput,
+                      [&] {
+                        std::filesystem::remove(folder_ / "tracks.csv");
+                        all_formats().write(LandmarkMap(tables), folder_ / "reconstruction.json");
+                      }),
+              HasSubstr("camera 4: is of model FOV, which OpenSfM does not have"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "tracks.csv"));
 }
 
 TEST(RealOpenSfm, ReprojectsOntoItsObservations) {

@@ -227,9 +227,11 @@ class TableReader {
       const bool is_color = has_colors && (name == "red" || name == "green" || name == "blue");
       const bool is_id = name == "id" && parse_unsigned(cells[i]);
       kept_.push_back(i);
-      fields.push_back({name, is_color ? detail::ScalarType::kUint8
-                              : is_id  ? detail::ScalarType::kUint64
-                                       : detail::ScalarType::kFloat64});
+      detail::PointField field;
+      field.name = name;
+      if (is_color) field.type = detail::ScalarType::kUint8;
+      if (is_id) field.type = detail::ScalarType::kUint64;
+      fields.push_back(std::move(field));
     }
     if (!dropped.empty() && options_.log) {
       options_.log(fmt::format("{}: columns that hold no numbers are left out: {}", source_.name(),
@@ -283,8 +285,7 @@ class NpzReader {
     for (const auto& [member, bytes] : members_) {
       if (!member.ends_with(".npy")) continue;
       const std::string key = member.substr(0, member.size() - 4);
-      const std::string where =
-          fmt::format("{}: {}", name_, is_plain(key) ? key : printable(key));
+      const std::string where = fmt::format("{}: {}", name_, is_plain(key) ? key : printable(key));
       arrays_.emplace(key, detail::NpyArray(bytes, where));
     }
     const detail::NpyArray& positions = find_positions();
@@ -453,8 +454,7 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
                                 axis + 1, "xyz"[axis]),
                     what, "a decimal number, or nan");
       };
-      if (axis >= words.size())
-        refuse(fmt::format("the line has {} fields", words.size()));
+      if (axis >= words.size()) refuse(fmt::format("the line has {} fields", words.size()));
       const std::string_view word = words[axis];
       if (!is_number(word)) refuse(printable(word) + " is not a number");
       position[static_cast<Eigen::Index>(axis)] =
@@ -512,10 +512,12 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
 }
 
 LandmarkMap read_npz_points(ByteSource& source, const MapReadOptions& options) {
-  return NpzReader(detail::read_zip(read_all(source), source.name()), source.name(), options).read();
+  return NpzReader(detail::read_zip(read_all(source), source.name()), source.name(), options)
+      .read();
 }
 
-void write_xyz_points(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
   std::string text;
   for (const Eigen::Vector3d& x : map.landmarks().positions) {
     for (int i = 0; i < 3; ++i) {
@@ -531,7 +533,8 @@ void write_xyz_points(const LandmarkMap& map, const ByteSink& sink, const MapWri
   remark_losses(map, options, kPositionsOnly, "XYZ");
 }
 
-void write_csv_points(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
   const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
   std::string header;
   for (const detail::PointField& field : rows.fields()) {
@@ -552,12 +555,14 @@ void write_csv_points(const LandmarkMap& map, const ByteSink& sink, const MapWri
   remark_losses(map, options, holdings, "CSV");
 }
 
-void write_npy_points(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
   sink(detail::npy_bytes("<f8", {map.landmark_count(), 3}, position_bytes(map)));
   remark_losses(map, options, kPositionsOnly, ".npy");
 }
 
-void write_npz_points(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
+                      const MapWriteOptions& options) {
   const LandmarkTable& landmarks = map.landmarks();
   const std::uint64_t count = map.landmark_count();
   detail::ZipWriter zip(sink);
@@ -595,8 +600,8 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink, const MapWri
   }
   std::vector<std::string_view> columns;
   constexpr std::array<std::string_view, 10> kTaken = {
-      "positions", "points", "xyz", "arr_0", "ids", "covariances", "colors", "descriptors",
-      "descriptor_kind", "observations"};
+      "positions",   "points", "xyz",         "arr_0",           "ids",
+      "covariances", "colors", "descriptors", "descriptor_kind", "observations"};
   for (const NamedColumn& column : landmarks.columns) {
     const bool is_taken = std::find(kTaken.begin(), kTaken.end(), column.name) != kTaken.end();
     if (is_taken || column.name.find_first_of("/\\") != std::string::npos) continue;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/interchange/plain_points.hpp"
 
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -11,9 +12,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
 
+#include "support/imported_maps.hpp"
+#include "support/maps.hpp"
 #include "support/real_data.hpp"
-#include "support/refusal.hpp"
-#include "support/temporary_folder.hpp"
 
 namespace cairn {
 namespace {
@@ -21,22 +22,11 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::refusal;
-using testing::TemporaryFolder;
 
-class PlainPointsTest : public ::testing::Test {
+class PlainPointsTest : public testing::ImportTest {
  protected:
-  LandmarkMap read(std::string_view bytes) {
-    remarks_.clear();
-    return all_formats().read(folder_.write("points", bytes), {.log = [&](std::string_view remark) {
-                                remarks_.emplace_back(remark);
-                              }});
-  }
-  std::string refused(std::string_view bytes) {
-    return refusal(ErrorKind::kInput, [&] { read(bytes); });
-  }
-  TemporaryFolder folder_;
-  std::vector<std::string> remarks_;
+  LandmarkMap read_text(std::string_view bytes) { return read_bytes(bytes, "points"); }
+  std::string refused(std::string_view bytes) { return ImportTest::refused(bytes, "points"); }
 };
 
 std::string npy(std::string header, std::size_t doubles) {
@@ -57,7 +47,7 @@ TEST_F(PlainPointsTest, LinesBecomeLandmarks) {
   for (const char* text : {"# comment\n\n 1 2 3\n4 5 6\n", "1,2,3\r\n4, 5, 6\r\n", "1;2;3\n4;5;6\n",
                            "X,Y,Z\n1,2,3\n4,5,6\n"}) {
     SCOPED_TRACE(text);
-    const LandmarkMap map = read(text);
+    const LandmarkMap map = read_text(text);
     EXPECT_THAT(map.landmarks().positions,
                 ElementsAre(Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(4, 5, 6)));
     EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{0}, LandmarkId{1}));
@@ -68,13 +58,22 @@ TEST_F(PlainPointsTest, LinesBecomeLandmarks) {
 }
 
 TEST_F(PlainPointsTest, HeaderNamesTheColumns) {
-  const LandmarkMap map = read("id,z,weight,x,y\n7,3,0.5,1,2\n");
+  const LandmarkMap map = read_text("id,z,weight,X,y,name\n7,3,0.5,1,2,tip\n9,3,,1,2,top\n");
   EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("columns other than x, y and z are left out")));
+  EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{7}, LandmarkId{9}));
+  EXPECT_EQ(map.column("weight")->values.at(0), 0.5);
+  EXPECT_TRUE(std::isnan(map.column("weight")->values.at(1))) << "an empty cell is unknown";
+  EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("hold no numbers are left out: 'name'")));
+  EXPECT_THAT(refused("x,y,z,w\n1,2,3\n"),
+              HasSubstr("points:2: the line has 3 fields; expected 4"));
+  EXPECT_THAT(refused("x,y,z,w\n1,2,3,4\n1,2,3,four\n"),
+              HasSubstr("points:3: field 4 (w): 'four'"));
+  EXPECT_THAT(refused("x,y,z,w\n1,2,3,4"), HasSubstr("does not end with a newline"));
 }
 
 TEST_F(PlainPointsTest, PointsThatAreNotFiniteAreLeftOut) {
-  EXPECT_EQ(read("1 2 3\n1 nan 3\n1 2 -inf\n").landmark_count(), 1U);
+  EXPECT_EQ(read_text("1 2 3\n1 nan 3\n1 2 -inf\n").landmark_count(), 1U);
   EXPECT_THAT(remarks_, Contains(HasSubstr("2 points without a finite position")));
 }
 
@@ -85,24 +84,24 @@ TEST_F(PlainPointsTest, TextErrorsNameLineAndField) {
 }
 
 TEST_F(PlainPointsTest, CairnTextIsNotMistakenForPoints) {
-  EXPECT_EQ(read("FRAME 1 0 0 0 1 0 0 0\n").frame_count(), 1U);
+  EXPECT_EQ(read_text("FRAME 1 0 0 0 1 0 0 0\n").frame_count(), 1U);
   EXPECT_THAT(refused("hello world again\n"), HasSubstr("expected FRAME or LANDMARK"));
 }
 
 TEST_F(PlainPointsTest, NumPyArraysBecomeLandmarks) {
   const LandmarkMap map =
-      read(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }   \n", 6));
+      read_text(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }   \n", 6));
   EXPECT_THAT(map.landmarks().positions,
               ElementsAre(Eigen::Vector3d(0.5, 1.5, 2.5), Eigen::Vector3d(3.5, 4.5, 5.5)));
 }
 
 TEST_F(PlainPointsTest, NumPyArraysOfOtherKindsAreRefused) {
   EXPECT_THAT(refused(npy("{'descr': '<i8', 'fortran_order': False, 'shape': (2, 3), }\n", 6)),
-              HasSubstr("descr: ''<i8'' is no type of positions"));
+              HasSubstr("descr: '<i8' is no type of positions"));
   EXPECT_THAT(refused(npy("{'descr': '<f8', 'fortran_order': True, 'shape': (2, 3), }\n", 6)),
               HasSubstr("fortran_order"));
   EXPECT_THAT(refused(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (6,), }\n", 6)),
-              HasSubstr("shape: '(6,)'; expected (N, 3)"));
+              HasSubstr("shape: (6); expected (N, 3)"));
   EXPECT_THAT(refused(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 3), }\n", 6)),
               HasSubstr("position: the file ends after"));
   EXPECT_THAT(refused(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1, 3), }\n", 6)),
@@ -111,6 +110,86 @@ TEST_F(PlainPointsTest, NumPyArraysOfOtherKindsAreRefused) {
   for (std::size_t size = 6; size < whole.size(); ++size) {
     EXPECT_THAT(refused(whole.substr(0, size)), HasSubstr("points: byte ")) << size;
   }
+}
+
+// What the tables hold of a map, in the order of the landmarks.
+TEST_F(PlainPointsTest, TablesKeepWhatTheyHavePlaceFor) {
+  MapTables tables = testing::full_tables();
+  tables.landmarks.colors[1] = Color{7, 8, 9};
+  const LandmarkMap map{MapTables(tables)};
+  for (const char* name : {"out.csv", "out.npz"}) {
+    SCOPED_TRACE(name);
+    const LandmarkMap back = read(write(map, name));
+    EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
+    EXPECT_EQ(back.landmarks().ids[0], map.landmarks().ids[0]);
+    EXPECT_EQ(back.landmarks().colors, map.landmarks().colors);
+    ASSERT_TRUE(back.has_covariances());
+    EXPECT_EQ(back.covariance(LandmarkIndex{0}), map.covariance(LandmarkIndex{0}));
+    EXPECT_FALSE(back.covariance(LandmarkIndex{1}));
+    EXPECT_EQ(back.column("confidence")->values[0], 0.25);
+    EXPECT_EQ(back.column("observations")->values[0], 2.0);
+  }
+  const LandmarkMap npz = read(folder_ / "out.npz");
+  EXPECT_EQ(npz.landmarks().ids, map.landmarks().ids);
+  EXPECT_EQ(npz.landmarks().descriptors->kind, "ORB");
+  EXPECT_EQ(npz.landmarks().descriptors->bytes, map.landmarks().descriptors->bytes);
+  EXPECT_EQ(npz.landmarks().descriptors->known, map.landmarks().descriptors->known);
+  for (const char* name : {"out.xyz", "out.npy"}) {
+    EXPECT_EQ(read(write(map, name)).landmarks().positions, map.landmarks().positions) << name;
+  }
+}
+
+TEST_F(PlainPointsTest, WritingSaysWhatHasNoPlace) {
+  for (const char* name : {"out.xyz", "out.csv", "out.npy", "out.npz"}) {
+    write(testing::full_map(), name);
+    EXPECT_THAT(remarks_, Contains(HasSubstr("3 frames, 2 cameras"))) << name;
+  }
+  write(testing::full_map(), "out.npy");
+  EXPECT_THAT(remarks_, Contains(HasSubstr("covariances, colours, descriptors 'ORB'")));
+}
+
+TEST_F(PlainPointsTest, DamagedArchivesAreRefused) {
+  write(testing::full_map(), "out.npz");
+  const std::string whole = testing::read_text(folder_ / "out.npz");
+  EXPECT_THAT(refused(whole.substr(0, whole.size() / 2)), HasSubstr("has no end record"));
+  std::string damaged = whole;
+  damaged[200] = static_cast<char>(damaged[200] ^ 1);
+  EXPECT_THAT(refused(damaged), HasSubstr("is damaged; expected its checksum"));
+  for (std::size_t i = 0; i < whole.size(); i += 13) {
+    damaged = whole;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x55);
+    // Some bytes mean nothing, such as dates.
+    try {
+      read_bytes(damaged, "points");
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
+    }
+  }
+}
+
+// points=numpy.float32([[1, 2, 3]]), weight=numpy.uint8([7]), packed as numpy.savez_compressed does, by
+// Python's zipfile with ZIP64 headers.
+TEST_F(PlainPointsTest, ArchivesOfNumPyAreRead) {
+  constexpr std::string_view kHex =
+      "504b03042d0000000000000021001c08ab35ffffffffffffffff0a001400706f696e74732e6e7079010010008c"
+      "000000000000008c00000000000000934e554d5059010076007b276465736372273a20273c6634272c2027666f"
+      "727472616e5f6f72646572273a2046616c73652c20277368617065273a2028312c2033292c207d202020202020"
+      "202020202020202020202020202020202020202020202020202020202020202020202020202020202020202020"
+      "202020202020200a0000803f0000004000004040504b03042d0000000000000021004e17c529ffffffffffffff"
+      "ff0a0014007765696768742e6e70790100100081000000000000008100000000000000934e554d505901007600"
+      "7b276465736372273a20277c7531272c2027666f727472616e5f6f72646572273a2046616c73652c2027736861"
+      "7065273a2028312c292c207d202020202020202020202020202020202020202020202020202020202020202020"
+      "2020202020202020202020202020202020202020202020202020200a07504b01022d032d000000000000002100"
+      "1c08ab358c0000008c0000000a0000000000000000000000800100000000706f696e74732e6e7079504b01022d"
+      "032d0000000000000021004e17c52981000000810000000a00000000000000000000008001c800000077656967"
+      "68742e6e7079504b0506000000000200020070000000850100000000";
+  std::string bytes;
+  for (std::size_t i = 0; i < kHex.size(); i += 2) {
+    bytes += static_cast<char>(std::stoi(std::string(kHex.substr(i, 2)), nullptr, 16));
+  }
+  const LandmarkMap map = read_text(bytes);
+  EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(map.column("weight")->values.at(0), 7.0);
 }
 
 TEST(RealPlainPoints, AreRead) {

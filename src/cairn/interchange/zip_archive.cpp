@@ -31,7 +31,8 @@ class Archive {
     const std::size_t end = find_end();
     const std::uint64_t count = number(end + 10, 2);
     std::uint64_t place = number(end + 16, 4);
-    if (place == kIn64 || count == 0xffff) refuse("has more than 65534 members or 4 GiB", "a smaller one");
+    if (place == kIn64 || count == 0xffff)
+      refuse("has more than 65534 members or 4 GiB", "a smaller one");
     std::map<std::string, std::string> members;
     std::uint64_t budget = memory_budget(bytes_.size());
     for (std::uint64_t i = 0; i < count; ++i) {
@@ -49,9 +50,11 @@ class Archive {
       take_64(place + kCentralSize + name_size, extra_size, size, packed, local);
       if ((flags & 1U) != 0) refuse(printable(name) + " is encrypted", "an open archive");
       const std::uint64_t data = local + kLocalSize + number(local + 26, 2) + number(local + 28, 2);
-      if (number(local, 4) != kLocal) refuse(printable(name) + " is not where it should be", "a ZIP archive");
+      if (number(local, 4) != kLocal)
+        refuse(printable(name) + " is not where it should be", "a ZIP archive");
       const std::string_view content = piece(data, packed);
-      if (size > budget) refuse(printable(name) + fmt::format(" unpacks to {} bytes", size), "less");
+      if (size > budget)
+        refuse(printable(name) + fmt::format(" unpacks to {} bytes", size), "less");
       budget -= size;
       members.insert_or_assign(name, unpack(content, method, size, crc, name));
       place += kCentralSize + name_size + extra_size + comment_size;
@@ -66,7 +69,8 @@ class Archive {
 
   std::string_view piece(std::uint64_t place, std::uint64_t size) const {
     if (place > bytes_.size() || size > bytes_.size() - place) {
-      refuse(fmt::format("refers to byte {} of {}", place + size, bytes_.size()), "a whole ZIP archive");
+      refuse(fmt::format("refers to byte {} of {}", place + size, bytes_.size()),
+             "a whole ZIP archive");
     }
     return bytes_.substr(static_cast<std::size_t>(place), static_cast<std::size_t>(size));
   }
@@ -94,8 +98,8 @@ class Archive {
   }
 
   // Sizes that do not fit into 32 bits stand in an extra field.
-  void take_64(std::uint64_t place, std::uint64_t length, std::uint64_t& size, std::uint64_t& packed,
-               std::uint64_t& local) const {
+  void take_64(std::uint64_t place, std::uint64_t length, std::uint64_t& size,
+               std::uint64_t& packed, std::uint64_t& local) const {
     const std::uint64_t end = place + length;
     while (place + 4 <= end) {
       const std::uint64_t id = number(place, 2);

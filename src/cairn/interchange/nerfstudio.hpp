@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "cairn/core/file.hpp"
+#include "cairn/map/io/format_registry.hpp"
+#include "cairn/map/io/options.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn {
+
+/// Reads transforms.json of nerfstudio or instant-ngp (docs/formats.md): frames and cameras, numbered from 0.
+/// The points of "ply_file_path" become landmarks.
+/// @param folder that the file's paths start from
+/// @throws Error (input) naming source and place, what was found and what was expected
+LandmarkMap read_nerfstudio(ByteSource& source, const std::filesystem::path& folder,
+                            const MapReadOptions& options = {});
+
+/// Writes transforms.json, and the landmarks beside it as sparse_pc.ply.
+/// @throws Error (input) naming a frame without a camera, or a camera of a model that nerfstudio does not have,
+///         (storage) if there is a sparse_pc.ply
+void write_nerfstudio(const LandmarkMap& map, const std::filesystem::path& path,
+                      const MapWriteOptions& options = {});
+
+/// The format "nerfstudio".
+std::vector<MapFormat> nerfstudio_formats();
+
+}  // namespace cairn
