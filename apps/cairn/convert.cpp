@@ -1,20 +1,30 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/interchange/carry_along.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/format_registry.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/map_loading.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -32,12 +42,15 @@ struct ConvertArguments {
   std::optional<int> format_version;
   bool ascii = false;
   bool double_precision = false;
+  std::string apply;
+  MapLoading loading;
 
   void add_to(CLI::App& command);
   int run();
 
  private:
   const MapFormat& output_format() const;
+  bool carry_along() const;
 };
 
 struct FrameRange {
@@ -75,6 +88,13 @@ void ConvertArguments::add_to(CLI::App& command) {
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks observed less often, after cutting");
   transform.add_to(command, "transform", "Move the map, new_from_old");
+  add_text(
+      command, "--apply", apply,
+      "Move what belongs to an aligned map by the alignment: a result of cairn align --json, or 16 "
+      "numbers, row-major. A PLY cloud or mesh keeps all else as it is; a file of TUM poses stays "
+      "one; "
+      "maps in any format move whole, with their scale",
+      "FILE");
   add_text(command, "--confidence", confidence,
            "Add confidences as columns named confidence_METRIC: " + confidence_help(),
            "METRIC,...");
@@ -85,12 +105,18 @@ void ConvertArguments::add_to(CLI::App& command) {
   command.add_flag("--ascii", ascii, "PLY and PCD as text instead of binary");
   command.add_flag("--double", double_precision,
                    "PCD: positions in double precision, which PCL's point types do not take");
+  loading.add_to(command);
+  command.add_flag("--strict", loading.strict,
+                   "An error, exit code 3, where a remark would say that something is left out");
   common.add_to(command);
   command.footer(
       "Example: cut a long map into two mini-maps, and look at one in any PLY viewer\n"
       "  cairn convert desk.map first.map --frames 0:120\n"
       "  cairn convert desk.map second.map --frames 120:240\n"
-      "  cairn convert first.map first.ply --confidence covariance,observations");
+      "  cairn convert first.map first.ply --confidence covariance,observations\n"
+      "Example: move a dense cloud as its map was aligned\n"
+      "  cairn align sparse/0 other/sparse/0 --scale --json result.json\n"
+      "  cairn convert dense/fused.ply moved.ply --apply result.json");
 }
 
 const MapFormat& ConvertArguments::output_format() const {
@@ -121,7 +147,65 @@ const MapFormat& ConvertArguments::output_format() const {
   return *written;
 }
 
+// Whether a file's first record is a TUM pose: eight numbers, of which the last four have norm 1.
+bool looks_like_tum(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t end = text.find('\n');
+    const std::string line(text.substr(0, end));
+    text = end == std::string_view::npos ? std::string_view() : text.substr(end + 1);
+    if (trimmed(line).empty() || line.front() == '#') continue;
+    std::istringstream words(line);
+    std::vector<double> numbers;
+    for (std::string word; words >> word;) {
+      const auto number = parse_number(word);
+      if (!number) return false;
+      numbers.push_back(*number);
+    }
+    if (numbers.size() != 8) return false;
+    const double norm =
+        std::hypot(std::hypot(numbers[4], numbers[5]), std::hypot(numbers[6], numbers[7]));
+    return std::abs(norm - 1.0) < 0.01;
+  }
+  return false;
+}
+
+// Moves a PLY file or a trajectory as what it is. @return false for what is read as a map
+bool ConvertArguments::carry_along() const {
+  if (input == "-" || output == "-" || std::filesystem::is_directory(input)) return false;
+  FileReader file(input);
+  std::string first(4096, '\0');
+  first.resize(file.read(first.data(), first.size()));
+  file.rewind();
+  const Similarity3 new_from_old = read_similarity_file(apply);
+  const bool is_ply = first.starts_with("ply\n") || first.starts_with("ply\r");
+  if (is_ply && std::filesystem::path(output).extension() == ".ply") {
+    write_file(output, [&](const ByteSink& sink) { move_ply(file, new_from_old, sink); });
+    return true;
+  }
+  if (!looks_like_tum(first)) return false;
+  std::vector<TimedPose> poses;
+  const Trajectory read = read_tum_trajectory(file);
+  for (const TimedPose& pose : read.poses()) {
+    TimedPose moved = pose;
+    moved.world_from_camera =
+        Rigid3(new_from_old.rigid().quaternion() * pose.world_from_camera.quaternion(),
+               new_from_old * pose.world_from_camera.translation());
+    poses.push_back(moved);
+  }
+  const Trajectory moved(std::move(poses));
+  write_file(output, [&](const ByteSink& sink) { write_tum_trajectory(moved, sink); });
+  return true;
+}
+
 int ConvertArguments::run() {
+  loading.validate();
+  if (!apply.empty() && transform.given()) {
+    throw Error(ErrorKind::kMisuse, "--apply", "stands beside --transform", "one of them");
+  }
+  if (!apply.empty() && carry_along()) {
+    common.console().print(fmt::format("{}: moved\n", output));
+    return kDone;
+  }
   const MapFormat& written = output_format();
   require_one_stdout({{"--json", &common.json_path}, {"output", &output}});
   common.stdout_is_taken = output == "-";
@@ -133,7 +217,7 @@ int ConvertArguments::run() {
       confidence.empty() ? std::vector<Strategy>{} : parse_strategies(confidence);
   const auto new_from_old = transform.given() ? std::optional(transform.pose()) : std::nullopt;
 
-  const LoadedMap loaded = load_map(input, common);
+  const LoadedMap loaded = load_map(input, common, loading);
   LandmarkMap map = loaded.map;
   if (given_camera) map = with_camera(map, *given_camera);
   if (range && !map.has_observations()) {
@@ -146,6 +230,7 @@ int ConvertArguments::run() {
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   if (new_from_old) map = transformed(map, *new_from_old);
+  if (!apply.empty()) map = transformed(map, read_similarity_file(apply));
   Json metrics = Json::array();
   for (const Strategy& strategy : strategies) {
     if (!strategy.metric) continue;
@@ -157,6 +242,11 @@ int ConvertArguments::run() {
   options.native_version = format_version;
   options.ascii = ascii;
   options.double_precision = double_precision;
+  if (loading.strict) {
+    const bool loses_frames = !written.holds_frames && map.frame_count() > 0;
+    options.log = strict_log({}, true);
+    if (loses_frames) options.log(fmt::format("{} holds landmarks only", written.title));
+  }
   save_map(map, output, common, options);
 
   const bool has_frames = written.holds_frames;
@@ -169,6 +259,9 @@ int ConvertArguments::run() {
                         {"format", text_or_null(format)},
                         {"format_version", to_json(format_version)},
                         {"ascii", ascii},
+                        {"apply", text_or_null(apply)},
+                        {"convention", loading.convention},
+                        {"strict", loading.strict},
                         {"double_precision", double_precision}});
   json["output"] = {
       {"path", output},

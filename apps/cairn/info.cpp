@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <span>
@@ -15,12 +16,14 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/error_statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/interchange/conventions.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/map_loading.hpp"
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -30,6 +33,7 @@ struct InfoArguments {
   CommonArguments common;
   std::string input;
   std::string camera;
+  MapLoading loading;
 
   void add_to(CLI::App& command);
   int run() const;
@@ -39,6 +43,7 @@ void InfoArguments::add_to(CLI::App& command) {
   add_text(command, "map", input, "Map to read: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
            fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
+  loading.add_to(command);
   common.add_to(command);
   command.footer(
       "Example: what the map holds, and how well it explains its images\n"
@@ -144,6 +149,7 @@ struct Findings {
   std::optional<Quantiles> observations_each;  // of kept
   Eigen::AlignedBox3d extent;                  // of kept
   std::optional<Quantiles> reprojection_px;
+  ConventionCheck conventions;
   std::vector<std::pair<std::string, std::optional<Quantiles>>> confidences;  // of kept
   std::vector<std::string> warnings;
 };
@@ -260,10 +266,31 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
       console.print("reprojection needs the frames' camera: --camera gives it\n");
     }
   }
+  if (findings.conventions.verdict != ConventionVerdict::kNotChecked) {
+    console.print(fmt::format("\nconventions: {}\n", findings.conventions.sentence));
+  }
   if (!findings.warnings.empty()) console.print("\n");
   for (const std::string& warning : findings.warnings) {
     console.print("warning: " + warning + "\n");
   }
+}
+
+Json finite_or_null(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json to_json(const ScoredReading& scored) {
+  return {{"reading", describe(scored.reading)}, {"median_px", finite_or_null(scored.median_px)}};
+}
+
+Json to_json(const ConventionCheck& check) {
+  if (check.verdict == ConventionVerdict::kNotChecked) return nullptr;
+  return {{"verdict", to_string(check.verdict)},
+          {"as_format_px", finite_or_null(check.as_format_px)},
+          {"best", to_json(check.best)},
+          {"runner_up", check.runner_up ? to_json(*check.runner_up) : Json(nullptr)},
+          {"observations", check.observations},
+          {"sentence", check.sentence}};
 }
 
 void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) {
@@ -291,18 +318,25 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["reprojection_px"] = quantiles_json(findings.reprojection_px);
   json["confidence"] = Json::object();
   for (const auto& [name, q] : findings.confidences) json["confidence"][name] = quantiles_json(q);
+  json["conventions"] = to_json(findings.conventions);
   json["warnings"] = findings.warnings;
 }
 
 int InfoArguments::run() const {
+  loading.validate();
   require_folder_of(common.json_path);
   const auto given_camera =
       camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
-  LoadedMap loaded = load_map(input, common);
+  LoadedMap loaded = load_map(input, common, MapLoading{.convention = "format"});
   if (given_camera) loaded.map = with_camera(loaded.map, *given_camera);
-  const Findings findings = examine(loaded.map);
-  Json json =
-      document("info", common, {{"map", loaded.description}}, {{"camera", text_or_null(camera)}});
+  const ConventionCheck conventions = check_conventions(loaded.map);
+  if (conventions.verdict == ConventionVerdict::kOther && loading.convention == "data") {
+    loaded.map = reread(std::move(loaded.map), conventions.best.reading);
+  }
+  Findings findings = examine(loaded.map);
+  findings.conventions = conventions;
+  Json json = document("info", common, {{"map", loaded.description}},
+                       {{"camera", text_or_null(camera)}, {"convention", loading.convention}});
   add_findings(json, loaded.map, findings);
   write_document(json, common);
   print(common.console(), loaded, findings);

@@ -2,6 +2,7 @@
 #include "support/documents.hpp"
 
 #include <filesystem>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -9,10 +10,12 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/interchange/conventions.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
+#include "support/map_loading.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -31,18 +34,63 @@ Json rows_of(const Eigen::MatrixXd& matrix) {
 
 }  // namespace
 
+void MapLoading::add_to(CLI::App& command) {
+  add_text(
+      command, "--convention", convention,
+      "Whose conventions hold where a file breaks those of its format: data, that is those under "
+      "which landmarks appear where they were observed, or format",
+      "data|format")
+      ->default_str("data");
+}
+
+void MapLoading::validate() const {
+  if (convention == "data" || convention == "format") return;
+  throw Error(ErrorKind::kMisuse, "--convention", printable(convention), "data or format");
+}
+
+LogSink strict_log(LogSink log, bool strict) {
+  if (!strict) return log;
+  return [](std::string_view remark) {
+    throw Error(ErrorKind::kInput, "--strict", std::string(remark),
+                "a file of which nothing is left out");
+  };
+}
+
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash) {
+  return load_map(path, common, MapLoading{}, with_hash);
+}
+
+LoadedMap load_map(const std::string& path, const CommonArguments& common,
+                   const MapLoading& loading, bool with_hash) {
   const Console console = common.console();
   MapReadOptions options;
   options.progress = console.progress("reading " + path);
   options.stop = interrupt_requests();
-  options.log = console.log();
+  options.log = strict_log(console.log(), loading.strict);
   LoadedMap loaded{path, all_formats().read(path == "-" ? kStdin : path, options), {}};
+  std::string reread_as;
+  if (loading.convention == "data") {
+    const ConventionCheck check = check_conventions(loaded.map);
+    // Few observations fit a wrong reading by chance. Half a pixel is not worth other numbers.
+    constexpr std::size_t kFewest = 50;
+    ConventionReading but_for_pixels = check.best.reading;
+    but_for_pixels.pixel_centre = PixelCentreReading::kAsRead;
+    if (check.verdict == ConventionVerdict::kOther && check.observations >= kFewest &&
+        !(but_for_pixels == ConventionReading{})) {
+      reread_as = describe(check.best.reading);
+      console.remark(
+          fmt::format("{}: {}; it is read so (--convention format of cairn convert and cairn "
+                      "info keeps the format's)",
+                      path, check.sentence));
+      loaded.map = reread(std::move(loaded.map), check.best.reading);
+    }
+  }
   loaded.description = describe_file(path, common, with_hash);
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();
   loaded.description["observations"] =
       loaded.map.has_observations() ? Json(loaded.map.observation_count()) : Json(nullptr);
+  if (!reread_as.empty()) loaded.description["reread_as"] = reread_as;
   return loaded;
 }
 
@@ -150,7 +198,7 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
     }
     if (show) show(share);
   };
-  options.log = console.log();
+  if (!options.log) options.log = console.log();
   const MapFormat& format = all_formats().format_to_write(path, options);
   if (path == "-") {
     format.write_to(map, print_raw, options);

@@ -909,6 +909,7 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
 void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
                   const MapWriteOptions& options) {
   const ModelWriter writer(map, folder, form, options);
+  writer.remark();  // before anything is written: a caller may refuse what it says
   detail::write_folder(folder, [&](const fs::path& unfinished) {
     write_file(unfinished / file_name("cameras", form),
                [&](const ByteSink& sink) { writer.write_cameras(sink); });
@@ -917,7 +918,6 @@ void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm for
     write_file(unfinished / file_name("points3D", form),
                [&](const ByteSink& sink) { writer.write_points(sink); });
   });
-  writer.remark();
 }
 
 std::vector<MapFormat> colmap_formats() {

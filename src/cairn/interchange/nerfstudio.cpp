@@ -245,6 +245,13 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
     frame["transform_matrix"] = std::move(rows);
     all["frames"].push_back(std::move(frame));
   }
+  // Before anything is written: a caller may refuse what it says.
+  std::vector<std::string_view> columns;
+  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
+  const std::string lost =
+      detail::loss_remark(map, {.observations = false, .covariances = true, .columns = columns},
+                          path.string(), "nerfstudio");
+  if (options.log && !lost.empty()) options.log(lost);
   const fs::path points = path.parent_path() / kPointsName;
   std::error_code ignored;
   if (map.landmark_count() > 0) {
@@ -264,13 +271,6 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
     if (map.landmark_count() > 0) fs::remove(points, ignored);
     throw;
   }
-  if (!options.log) return;
-  std::vector<std::string_view> columns;
-  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
-  const std::string lost =
-      detail::loss_remark(map, {.observations = false, .covariances = true, .columns = columns},
-                          path.string(), "nerfstudio");
-  if (!lost.empty()) options.log(lost);
 }
 
 std::vector<MapFormat> nerfstudio_formats() {

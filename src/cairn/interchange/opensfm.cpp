@@ -478,6 +478,7 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
                 "is there already, and belongs to " + path.string() + " by its name",
                 "a folder without it");
   }
+  writer.remark();  // before anything is written: a caller may refuse what it says
   // A reconstruction is only there when its tracks are.
   if (has_tracks) {
     write_file(tracks, [&](const ByteSink& sink) { writer.write_tracks(sink); });
@@ -488,7 +489,6 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
     if (has_tracks) fs::remove(tracks, ignored);
     throw;
   }
-  writer.remark();
 }
 
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part,

@@ -267,11 +267,9 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
   if (!lost.empty()) options.log(lost);
 }
 
-constexpr detail::Holdings kPositionsOnly{.frames = false,
-                                          .observations = false,
-                                          .cameras = false,
-                                          .image_names = false,
-                                          .colors = false};
+// Frames and observations have no place in any of these formats, which says so in its row.
+constexpr detail::Holdings kPositionsOnly{
+    .timestamps = true, .keypoints = true, .depths = true, .octaves = true, .colors = false};
 
 // --- Archives of arrays ---------------------------------------------------------------------------
 

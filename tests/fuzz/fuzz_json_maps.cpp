@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/interchange/alicevision.hpp"
+#include "cairn/interchange/nerfstudio.hpp"
+#include "cairn/interchange/openmvg.hpp"
+
+#include "fuzz/imported.hpp"
+
+// All readers that take one JSON object.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const auto with = [&](auto read) {
+    cairn::testing::expect_read_or_refused([&] {
+      cairn::MemoryReader source(cairn::testing::text_of(data, size), "input");
+      read(source);
+    });
+  };
+  with([](cairn::ByteSource& source) { return cairn::read_openmvg(source); });
+  with([](cairn::ByteSource& source) { return cairn::read_alicevision(source); });
+  with([](cairn::ByteSource& source) { return cairn::read_nerfstudio(source, "/nowhere"); });
+  return 0;
+}
