@@ -257,11 +257,11 @@ class Checker {
     }
     // The best few once more, with all samples.
     const auto is_better = [](const ScoredReading& a, const ScoredReading& b) {
-      // Readings that say the same, as all do of a pose that is the identity, keep the order of simplicity.
-      if (std::abs(a.median_px - b.median_px) > 1e-9 * std::max(a.median_px, b.median_px)) {
-        return a.median_px < b.median_px;
-      }
-      return changes(a.reading) < changes(b.reading);
+      // Readings that say the same, as all do of a pose that is the identity: the simplest.
+      const bool is_same =
+          a.median_px == b.median_px ||
+          std::abs(a.median_px - b.median_px) < 1e-9 * std::min(a.median_px, b.median_px);
+      return is_same ? changes(a.reading) < changes(b.reading) : a.median_px < b.median_px;
     };
     std::stable_sort(scored.begin(), scored.end(),
                      [](const ScoredReading& a, const ScoredReading& b) {
