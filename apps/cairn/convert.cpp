@@ -17,8 +17,11 @@
 #include "cairn/core/text.hpp"
 #include "cairn/interchange/carry_along.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/interchange/rtabmap.hpp"
 #include "cairn/map/io/format_registry.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/pose_graph/g2o.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
 #include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
@@ -51,6 +54,7 @@ struct ConvertArguments {
  private:
   const MapFormat& output_format() const;
   bool carry_along() const;
+  bool write_graph() const;
 };
 
 struct FrameRange {
@@ -114,6 +118,8 @@ void ConvertArguments::add_to(CLI::App& command) {
       "  cairn convert desk.map first.map --frames 0:120\n"
       "  cairn convert desk.map second.map --frames 120:240\n"
       "  cairn convert first.map first.ply --confidence covariance,observations\n"
+      "Example: the pose graph of an RTAB-Map database\n"
+      "  cairn convert rtabmap.db graph.g2o\n"
       "Example: move a dense cloud as its map was aligned\n"
       "  cairn align sparse/0 other/sparse/0 --scale --json result.json\n"
       "  cairn convert dense/fused.ply moved.ply --apply result.json");
@@ -197,6 +203,31 @@ bool ConvertArguments::carry_along() const {
   return true;
 }
 
+// Writes the graph of an RTAB-Map database, if that is what the names say. @return false for a map
+bool ConvertArguments::write_graph() const {
+  const std::filesystem::path path(output);
+  const bool is_g2o = path.extension() == ".g2o";
+  const bool is_json =
+      path.extension() == ".json" && all_formats().format_of_ending(path) == nullptr;
+  std::error_code ignored;
+  if (!format.empty() || (!is_g2o && !is_json) ||
+      !std::filesystem::is_regular_file(input, ignored)) {
+    return false;
+  }
+  FileReader file(input);
+  std::string first(16, '\0');
+  first.resize(file.read(first.data(), first.size()));
+  if (!first.starts_with("SQLite format 3")) return false;
+  const PoseGraph graph =
+      read_rtabmap_graph(input, {.log = strict_log(common.console().log(), loading.strict)});
+  write_file(output, [&](const ByteSink& sink) {
+    is_g2o ? write_g2o(g2o_graph(graph), sink) : sink(pose_graph_text(graph));
+  });
+  common.console().print(
+      fmt::format("{}: {} nodes, {} links\n", output, graph.nodes.size(), graph.links.size()));
+  return true;
+}
+
 int ConvertArguments::run() {
   loading.validate();
   if (!apply.empty() && transform.given()) {
@@ -206,6 +237,7 @@ int ConvertArguments::run() {
     common.console().print(fmt::format("{}: moved\n", output));
     return kDone;
   }
+  if (write_graph()) return kDone;
   const MapFormat& written = output_format();
   require_one_stdout({{"--json", &common.json_path}, {"output", &output}});
   common.stdout_is_taken = output == "-";

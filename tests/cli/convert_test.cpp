@@ -55,6 +55,50 @@ TEST_F(ConvertTest, BinaryMapsAreReadWhereOthersAre) {
   EXPECT_EQ(pose("source.cairn", "target.cairn"), pose("source.map", "target.map"));
 }
 
+TEST_F(ConvertTest, StrictRefusesWhatWouldBeLeftOut) {
+  write_map(full_map(), path("full.map"));
+  answer({"convert", "full.map", "copy.cairn", "--strict"});
+  expect_refusal({"convert", "full.map", "out.npz", "--strict"}, kBadInput,
+                 {"--strict", "holds landmarks only"});
+  EXPECT_FALSE(std::filesystem::exists(path("out.npz")));
+  MapTables tables = full_tables();
+  tables.frames.cameras.assign(3, CameraIndex{0});
+  write_map(LandmarkMap(tables), path("cameras.map"));
+  for (const char* name : {"colmap/", "out.msg", "out.out", "new/reconstruction.json"}) {
+    std::filesystem::create_directories(path("new"));
+    expect_refusal({"convert", "cameras.map", name, "--strict"}, kBadInput, {"--strict"});
+    EXPECT_FALSE(std::filesystem::exists(path(name))) << name;
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("new/tracks.csv")));
+}
+
+TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
+  // Twice the size, turned by 90 degrees about z, one to the right.
+  write("by.txt", "0 -2 0 1\n2 0 0 0\n0 0 2 0\n0 0 0 1\n");
+  write("mesh.ply",
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty "
+        "double "
+        "z\nproperty uchar alpha\nelement face 1\nproperty list uchar int "
+        "vertex_indices\nend_header\n"
+        "0 0 3 9\n1 0\n");
+  EXPECT_EQ(answer({"convert", "mesh.ply", "moved.ply", "--apply", "by.txt"}),
+            "moved.ply: moved\n");
+  EXPECT_THAT(content("moved.ply"), HasSubstr("end_header\n1 0 6 9\n1 0\n"));
+  write("poses.txt", "5 0 0 3 0 0 0 1\n");
+  answer({"convert", "poses.txt", "moved.txt", "--apply", "by.txt"});
+  EXPECT_THAT(content("moved.txt"), HasSubstr("5 1 0 6 0 0 0.7071067811865"));
+  write_plain();
+  answer({"convert", "plain.map", "moved.map", "--apply", "by.txt"});
+  EXPECT_LT(
+      (read_map(path("moved.map")).landmarks().positions[0] - Eigen::Vector3d(1, 1, 4)).norm(),
+      1e-12);
+  expect_refusal(
+      {"convert", "plain.map", "no.map", "--apply", "by.txt", "--transform", "0 0 0 0 0 0"},
+      kWrongUsage, {"--apply", "stands beside --transform"});
+  expect_refusal({"convert", "mesh.ply", "no.ply", "--apply", "none.json"}, kBadInput,
+                 {"none.json"});
+}
+
 TEST_F(ConvertTest, DamagedBinaryMapIsRefused) {
   write_plain();
   answer({"convert", "plain.map", "plain.cairn"});

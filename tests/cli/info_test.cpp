@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
+#include <utility>
+
+#include <Eigen/Geometry>
 
 #include "cairn/core/file.hpp"
+#include "cairn/map/synthetic.hpp"
 
 #include "cli.hpp"
 
@@ -99,6 +103,38 @@ TEST_F(InfoTest, OptionalPartsOfAMapAreListed) {
   EXPECT_THAT(text, ContainsRegex("columns +confidence, never_set\n"));
   EXPECT_THAT(text, ContainsRegex("world frame +desk\n"));
   EXPECT_THAT(text, ContainsRegex("length unit +free\n"));
+}
+
+// A map of which the cameras look along -z with y up, as in OpenGL.
+LandmarkMap backward_map() {
+  MapTables tables = synthetic_map({.landmarks = 400, .frames = 12}).tables();
+  const Eigen::Quaterniond turn(0.0, 1.0, 0.0, 0.0);
+  for (auto& q : tables.frames.quaternions) {
+    const Eigen::Quaterniond turned = Eigen::Quaterniond(q[0], q[1], q[2], q[3]) * turn;
+    q = {turned.w(), turned.x(), turned.y(), turned.z()};
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST_F(InfoTest, ConventionsAreThoseThatTheDataObey) {
+  write_map(backward_map(), path("gl.map"));
+  EXPECT_THAT(
+      answer({"info", "gl.map"}),
+      HasSubstr(
+          "the data obey another convention than the format: cameras look along -z with y up"));
+  const Json json = document({"info", "gl.map"});
+  EXPECT_EQ(json.at("conventions").at("verdict"), "other");
+  EXPECT_LT(json.at("reprojection_px").at("median"), 2.0) << "read by the data's";
+  const Json format = document({"info", "gl.map", "--convention", "format"});
+  EXPECT_TRUE(format.at("reprojection_px").is_null() ||
+              format.at("reprojection_px").at("median") > 20.0);
+  const CommandResult converted = cairn({"convert", "gl.map", "cv.map"});
+  EXPECT_THAT(converted.errors, HasSubstr("it is read so"));
+  EXPECT_EQ(document({"info", "cv.map"}).at("conventions").at("verdict"), "as_format");
+  answer({"convert", "gl.map", "same.map", "--convention", "format"});
+  EXPECT_EQ(content("same.map"), content("gl.map"));
+  expect_refusal({"info", "gl.map", "--convention", "mine"}, kWrongUsage,
+                 {"--convention", "'mine'"});
 }
 
 }  // namespace

@@ -3,6 +3,17 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
+#include "cairn/interchange/rtabmap.hpp"
+
+namespace cairn {
+
+PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const MapReadOptions&) {
+  throw Error(ErrorKind::kInput, path.string(),
+              "is an SQLite database, and this Cairn was built without SQLite",
+              "a build with CAIRN_WITH_SQLITE=ON");
+}
+
+}  // namespace cairn
 
 namespace cairn::detail {
 
