@@ -35,7 +35,8 @@ struct View {
   double focal = 0.0;
   double k1 = 0.0;
   double k2 = 0.0;
-  bool has_model = true;  ///< false: the distortion is none that Cairn has
+  /// Of the measurement, as VisualSFM has it: m becomes m (1 + k |m|² / focal²).
+  double measured_k = 0.0;
   std::string name;
 };
 
@@ -117,9 +118,16 @@ class Builder {
       in.refuse("camera of an observation", fmt::format("camera {} has no pose", view),
                 "a registered camera");
     }
+    const View& seen_by = views_[view];
+    if (seen_by.measured_k != 0.0 && seen_by.focal != 0.0) {
+      const double r2 = (right * right + down * down) / (seen_by.focal * seen_by.focal);
+      right *= 1.0 + seen_by.measured_k * r2;
+      down *= 1.0 + seen_by.measured_k * r2;
+      ++undistorted_;
+    }
     // Beyond this no image is that large.
     constexpr double kFarthest = 1e9;
-    if (std::abs(right) > kFarthest || std::abs(down) > kFarthest) {
+    if (!(std::abs(right) <= kFarthest) || !(std::abs(down) <= kFarthest)) {
       in.refuse("observation", fmt::format("({}, {}) is in no image", right, down), "pixels");
     }
     observations_.add(landmark, FrameIndex{frame_of_view_[view]}, {right, down}, keypoint);
@@ -164,7 +172,7 @@ class Builder {
                           static_cast<std::uint32_t>(2.0 * cy + 1.0),
                           {v.focal, cx, cy, v.k1, v.k2}};
       reach[frame] = {cx, cy};
-      if (!v.has_model || !camera_defect(camera).empty()) {
+      if (!camera_defect(camera).empty()) {
         ++unknown;
         frames.cameras.emplace_back();
         continue;
@@ -179,6 +187,12 @@ class Builder {
     if (!frames.ids.empty()) {
       remark("states no image sizes: each camera has the smallest that holds its observations");
     }
+    if (undistorted_ > 0) {
+      remark(fmt::format(
+          "{} observations are undistorted: VisualSFM's distortion, of the measurement, "
+          "is no camera model of Cairn's",
+          undistorted_));
+    }
     if (unknown > 0)
       remark(fmt::format("{} cameras are unknown to the map: their model is none of Cairn's",
                          unknown));
@@ -190,6 +204,7 @@ class Builder {
   std::vector<View> views_;
   std::vector<std::uint32_t> frame_of_view_;
   detail::ObservationList observations_;
+  std::size_t undistorted_ = 0;
 };
 
 // The pose of a camera that looks along -z with y up: rotation and translation camera_from_world.
@@ -519,8 +534,7 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
     if (!(norm > 1e-6) || !(norm < 1e6)) in.refuse("quaternion", "has no direction", "norm 1");
     view.world_from_camera = camera_from_world.conjugate().normalized();
     view.centre = {numbers[5], numbers[6], numbers[7]};
-    // VisualSFM distorts the measurement, not the projection.
-    view.has_model = numbers[8] == 0.0;
+    view.measured_k = numbers[8];
     out.add_view(in, std::move(view));
   }
   const std::uint64_t points = count("number of points");

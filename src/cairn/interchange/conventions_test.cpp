@@ -233,7 +233,6 @@ TEST(Conventions, ReadingAsReadChangesNothing) {
   EXPECT_NEAR(reprojection(reread(map, {})).median, reprojection(map).median, 1e-9);
 }
 
-// The real NVM file has a distortion that no camera of Cairn has.
 TEST(RealConventions, SingleMistakesInRealFilesAreFound) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
