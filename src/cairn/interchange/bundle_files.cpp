@@ -374,7 +374,7 @@ class BundleWriter {
   void remark(const MapWriteOptions& options, const detail::Holdings& holdings,
               std::string_view format) const {
     if (!options.log) return;
-    const std::string lost = detail::loss_remark(map_, holdings, "map", format);
+    const std::string lost = detail::loss_remark(map_, holdings, "", format);
     if (!lost.empty()) options.log(lost);
     if (undistorted_ > 0) {
       options.log(

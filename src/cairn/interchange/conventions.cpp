@@ -245,6 +245,7 @@ class Checker {
             reading.is_undistorted = (bits & 4) != 0;
             reading.focal = static_cast<FocalReading>(focal);
             const bool is_idle =
+                (reading.position == PositionReading::kTranslationKept && rotation == 0) ||
                 (reading.is_undistorted && !any_distortion_) ||
                 (reading.focal == FocalReading::kNormalised && least_focal > 20.0) ||
                 (reading.focal == FocalReading::kMultiplied && most_focal < 20.0);
@@ -285,7 +286,7 @@ class Checker {
           one.reading == result.best.reading || std::abs(one.median_px - result.best.median_px) <=
                                                     1e-6 * std::max(1.0, result.best.median_px);
       if (is_same) continue;
-      if (!result.runner_up || one.median_px < result.runner_up->median_px) result.runner_up = one;
+      if (!result.runner_up || is_better(one, *result.runner_up)) result.runner_up = one;
     }
   }
 

@@ -53,7 +53,8 @@ std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::s
                         std::string_view format) {
   const std::vector<std::string> lost = losses(map, holdings);
   if (lost.empty()) return {};
-  return fmt::format("{}: {} has no place for: {}; left out", path, format, fmt::join(lost, ", "));
+  return fmt::format("{}{}{} has no place for: {}; left out", path, path.empty() ? "" : ": ",
+                     format, fmt::join(lost, ", "));
 }
 
 }  // namespace cairn::detail

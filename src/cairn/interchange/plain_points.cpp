@@ -263,7 +263,7 @@ std::string word_of(std::string_view name) {
 void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
                    const detail::Holdings& holdings, std::string_view format) {
   if (!options.log) return;
-  const std::string lost = detail::loss_remark(map, holdings, "points", format);
+  const std::string lost = detail::loss_remark(map, holdings, "", format);
   if (!lost.empty()) options.log(lost);
 }
 

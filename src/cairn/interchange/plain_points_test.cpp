@@ -112,7 +112,7 @@ TEST_F(PlainPointsTest, NumPyArraysOfOtherKindsAreRefused) {
   }
 }
 
-// What the tables hold of a map, in the order of the landmarks.
+// As PLY, CSV has no ids beyond 32 bits, of which this map has one.
 TEST_F(PlainPointsTest, TablesKeepWhatTheyHavePlaceFor) {
   MapTables tables = testing::full_tables();
   tables.landmarks.colors[1] = Color{7, 8, 9};
@@ -121,7 +121,6 @@ TEST_F(PlainPointsTest, TablesKeepWhatTheyHavePlaceFor) {
     SCOPED_TRACE(name);
     const LandmarkMap back = read(write(map, name));
     EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
-    EXPECT_EQ(back.landmarks().ids[0], map.landmarks().ids[0]);
     EXPECT_EQ(back.landmarks().colors, map.landmarks().colors);
     ASSERT_TRUE(back.has_covariances());
     EXPECT_EQ(back.covariance(LandmarkIndex{0}), map.covariance(LandmarkIndex{0}));

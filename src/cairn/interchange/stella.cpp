@@ -560,7 +560,7 @@ class Writer {
                                     .colors = false,
                                     .descriptors = has_orb() ? "ORB" : "",
                                     .columns = kColumns};
-    const std::string lost = detail::loss_remark(map_, holdings, "map", "stella_vslam");
+    const std::string lost = detail::loss_remark(map_, holdings, "", "stella_vslam");
     if (!lost.empty()) options_.log(lost);
     if (observed_ < map_.landmark_count()) {
       say(fmt::format("{} landmarks without an observation have no place; left out",

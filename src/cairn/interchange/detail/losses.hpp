@@ -31,6 +31,7 @@ struct Holdings {
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
 
 /// "x: COLMAP has no place for the covariances, depths; they are left out"; empty if nothing is lost.
+/// @param path empty where a writer does not know it
 std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
                         std::string_view format);
 
