@@ -180,8 +180,8 @@ void fill_frames(MapTables& tables, py::handle poses, py::handle ids, py::handle
 
 // The entries of an optional integer column of the observations, in the order of `order`.
 template <class Integer>
-std::vector<std::optional<Integer>> integer_column(py::handle given, const char* name,
-                                                   const std::vector<std::size_t>& order) {
+OptionalColumn<Integer> integer_column(py::handle given, const char* name,
+                                       const std::vector<std::size_t>& order) {
   if (given.is_none()) return {};
   const auto array = integer_array(given, name, {static_cast<py::ssize_t>(order.size())});
   using Limits = std::numeric_limits<Integer>;
@@ -193,7 +193,7 @@ std::vector<std::optional<Integer>> integer_column(py::handle given, const char*
         }
         return static_cast<Integer>(*at);
       });
-  std::vector<std::optional<Integer>> sorted(order.size());
+  OptionalColumn<Integer> sorted(order.size());
   for (std::size_t i = 0; i < order.size(); ++i) sorted[i] = column[order[i]];
   return sorted;
 }
@@ -361,12 +361,7 @@ py::array id_view(const std::vector<Id>& ids, const SharedMap& map) {
 }
 
 py::object colors(const SharedMap& map) {
-  return masked<std::uint8_t>(map->landmarks().colors, 3,
-                              [](const Color& color, std::uint8_t* out) {
-                                out[0] = color.red;
-                                out[1] = color.green;
-                                out[2] = color.blue;
-                              });
+  return masked<std::uint8_t>(map->landmarks().colors, py::cast(map));
 }
 
 py::object descriptors(const SharedMap& map) {
@@ -699,14 +694,14 @@ void bind_maps(py::module_& module) {
           "(f, 4), world_from_camera as stored, w x y z; a view.")
       .def_property_readonly(
           "timestamps_s",
-          [](const SharedMap& self) { return with_nan(self->frames().timestamps_s); },
+          [](const SharedMap& self) {
+            return with_nan(self->frames().timestamps_s, py::cast(self));
+          },
           "(f,), NaN where unknown; or None.")
       .def_property_readonly(
           "frame_cameras",
           [](const SharedMap& self) {
-            return masked<std::uint32_t>(
-                self->frames().cameras, 1,
-                [](CameraIndex camera, std::uint32_t* out) { *out = camera.value; });
+            return masked<std::uint32_t>(self->frames().cameras, py::cast(self));
           },
           "(f,) indices of cameras, masked where unknown; or None.")
       .def_property_readonly(
@@ -726,13 +721,22 @@ void bind_maps(py::module_& module) {
                              "(o,), index of a frame; a view, or None.")
       .def_property_readonly("pixels", &pixels, "(o, 2); a view, or None.")
       .def_property_readonly(
-          "keypoints", [](const SharedMap& self) { return masked(self->observations().keypoints); },
+          "keypoints",
+          [](const SharedMap& self) {
+            return masked<std::uint32_t>(self->observations().keypoints, py::cast(self));
+          },
           "(o,), masked where unknown; or None.")
       .def_property_readonly(
-          "depths", [](const SharedMap& self) { return with_nan(self->observations().depths); },
+          "depths",
+          [](const SharedMap& self) {
+            return with_nan(self->observations().depths, py::cast(self));
+          },
           "(o,), along the optical axis, NaN where unknown; or None.")
       .def_property_readonly(
-          "octaves", [](const SharedMap& self) { return masked(self->observations().octaves); },
+          "octaves",
+          [](const SharedMap& self) {
+            return masked<std::int32_t>(self->observations().octaves, py::cast(self));
+          },
           "(o,), masked where unknown; or None.")
       .def_property_readonly(
           "length_unit",

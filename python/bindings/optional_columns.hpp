@@ -1,23 +1,38 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "cairn/map/optional_column.hpp"
 
 #include "bindings/support.hpp"
 
 /// Columns with an entry that may be unknown: the one place that knows how a map stores them.
 namespace cairn::python {
 
-/// None if the column is absent; else a copy in which NaN stands for unknown.
-inline py::object with_nan(const std::vector<std::optional<double>>& column) {
+inline bool all_known(std::span<const std::uint8_t> known) {
+  return std::find(known.begin(), known.end(), 0) == known.end();
+}
+
+/// None if the column is absent; a view where all entries are known; else a copy in which NaN stands for
+/// unknown.
+/// @param owner the map, which the view keeps alive
+inline py::object with_nan(const OptionalColumn<double>& column, py::handle owner) {
   if (column.empty()) return py::none();
+  if (all_known(column.known())) {
+    return view(column.values().data(), {static_cast<py::ssize_t>(column.size())}, owner);
+  }
   std::vector<double> values;
   values.reserve(column.size());
-  for (const auto& entry : column) {
+  for (const std::optional<double> entry : column) {
     values.push_back(entry.value_or(std::numeric_limits<double>::quiet_NaN()));
   }
   py::array array = copied(values);
@@ -25,41 +40,33 @@ inline py::object with_nan(const std::vector<std::optional<double>>& column) {
   return array;
 }
 
-/// None if the column is absent; else a masked copy (numpy.ma), in which unknown entries are masked.
-/// @param width how many numbers an entry is; 1: the array has one dimension
-/// @param put   writes the numbers of an entry
-template <class Scalar, class Entry, class Put>
-py::object masked(const std::vector<std::optional<Entry>>& column, py::ssize_t width,
-                  const Put& put) {
+/// None if the column is absent; else a masked array (numpy.ma) over the column's own values, in which
+/// unknown entries are masked.
+/// @param owner the map, which the array keeps alive
+template <class Scalar, class Entry>
+py::object masked(const OptionalColumn<Entry>& column, py::handle owner) {
+  static_assert(sizeof(Entry) % sizeof(Scalar) == 0 && std::is_trivially_copyable_v<Entry>);
+  constexpr auto kWidth = static_cast<py::ssize_t>(sizeof(Entry) / sizeof(Scalar));
   if (column.empty()) return py::none();
-  const auto size = static_cast<py::ssize_t>(column.size());
-  std::vector<Scalar> values(column.size() * static_cast<std::size_t>(width), Scalar{});
-  std::vector<std::uint8_t> unknown(values.size(), 0);
-  for (std::size_t i = 0; i < column.size(); ++i) {
-    const std::size_t at = i * static_cast<std::size_t>(width);
-    if (column[i]) {
-      put(*column[i], &values[at]);
-    } else {
-      std::fill_n(&unknown[at], width, std::uint8_t{1});
-    }
+  std::vector<py::ssize_t> shape = {static_cast<py::ssize_t>(column.size())};
+  if (kWidth > 1) shape.push_back(kWidth);
+  std::vector<std::uint8_t> unknown;
+  unknown.reserve(column.size() * static_cast<std::size_t>(kWidth));
+  for (const std::uint8_t known : column.known()) {
+    unknown.insert(unknown.end(), static_cast<std::size_t>(kWidth), known == 0 ? 1 : 0);
   }
-  std::vector<py::ssize_t> shape = {size};
-  if (width > 1) shape.push_back(width);
   const py::array mask = copied(unknown, shape).attr("view")("bool");
   return py::module_::import("numpy.ma")
-      .attr("MaskedArray")(copied(values, shape), py::arg("mask") = mask);
-}
-
-template <class Integer>
-py::object masked(const std::vector<std::optional<Integer>>& column) {
-  return masked<Integer>(column, 1, [](Integer value, Integer* out) { *out = value; });
+      .attr("MaskedArray")(
+          view(reinterpret_cast<const Scalar*>(column.values().data()), shape, owner),
+          py::arg("mask") = mask);
 }
 
 /// The entries of an array that may be masked.
 template <class Entry, class Scalar, class Get>
-std::vector<std::optional<Entry>> from_masked(py::handle given, const py::array_t<Scalar>& values,
-                                              const Get& get) {
-  std::vector<std::optional<Entry>> column(static_cast<std::size_t>(values.shape(0)));
+OptionalColumn<Entry> from_masked(py::handle given, const py::array_t<Scalar>& values,
+                                  const Get& get) {
+  OptionalColumn<Entry> column(static_cast<std::size_t>(values.shape(0)));
   const auto mask = py::cast<py::array_t<bool, py::array::c_style | py::array::forcecast>>(
       py::module_::import("numpy.ma").attr("getmaskarray")(given));
   const py::ssize_t width = values.ndim() > 1 ? values.shape(1) : 1;
@@ -74,8 +81,8 @@ std::vector<std::optional<Entry>> from_masked(py::handle given, const py::array_
 }
 
 /// Numbers of which NaN is unknown.
-inline std::vector<std::optional<double>> from_nan(const py::array_t<double>& values) {
-  std::vector<std::optional<double>> column(static_cast<std::size_t>(values.size()));
+inline OptionalColumn<double> from_nan(const py::array_t<double>& values) {
+  OptionalColumn<double> column(static_cast<std::size_t>(values.size()));
   for (std::size_t i = 0; i < column.size(); ++i) {
     if (!std::isnan(values.data()[i])) column[i] = values.data()[i];
   }
