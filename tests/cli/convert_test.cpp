@@ -64,6 +64,7 @@ TEST_F(ConvertTest, StrictRefusesWhatWouldBeLeftOut) {
   EXPECT_FALSE(std::filesystem::exists(path("out.npz")));
   MapTables tables = full_tables();
   tables.frames.cameras.assign(3, CameraIndex{0});
+  tables.frames.image_names = {"a.png", "b.png", "c.png"};
   write_map(LandmarkMap(tables), path("cameras.map"));
   for (const char* name : {"colmap/", "out.msg", "out.out", "new/reconstruction.json"}) {
     std::filesystem::create_directories(path("new"));
