@@ -14,7 +14,7 @@ endfunction()
 # cairn_unity(TARGET): with CAIRN_UNITY_BUILD, compiles the sources of a target up to twelve at a time. Most of the time
 # goes into what they share (Eigen, CLI11, GoogleTest, and the templates of all three), so this halves it.
 function(cairn_unity target)
-  if(NOT CAIRN_UNITY_BUILD)
+  if(NOT CAIRN_UNITY_BUILD OR target IN_LIST CAIRN_UNITY_NOT)
     return()
   endif()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
@@ -27,12 +27,15 @@ function(cairn_unity target)
     foreach(apart IN LISTS CAIRN_UNITY_APART)
       string(REPLACE " " ";" apart "${apart}")
       if(path IN_LIST apart)
+        list(LENGTH apart group_size)
         list(GET apart 0 group)
         string(MAKE_C_IDENTIFIER "${group}" group)
       endif()
     endforeach()
     if(group STREQUAL "")
       list(APPEND ordinary "${source}")
+    elseif(group_size EQUAL 1)
+      set_source_files_properties("${source}" PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
     else()
       set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "${group}")
     endif()
@@ -47,6 +50,9 @@ function(cairn_unity target)
   endforeach()
 endfunction()
 
+# Targets whose sources each have helpers of the same names.
+set(CAIRN_UNITY_NOT cairn_interchange cairn_interchange_test)
+
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
@@ -54,8 +60,6 @@ set(CAIRN_UNITY_APART
     "apps/cairn/experiment_paper.cpp apps/cairn/evaluate_trajectory.cpp apps/cairn/report.cpp"
     "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"
     "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
-    "src/cairn/interchange/bundle_files.cpp"
-    "src/cairn/interchange/openmvg.cpp"
     "src/cairn/map/io/binary.cpp src/cairn/map/io/pcd.cpp"
     "src/cairn/map/io/point_columns.cpp"
     "src/cairn/map/camera_test.cpp"
@@ -79,7 +83,12 @@ set(CAIRN_UNITY_APART
     "src/cairn/registration/estimation/point_to_point_test.cpp src/cairn/registration/neighbors/batch_tree_test.cpp"
     "src/cairn/report/figures/clouds.cpp src/cairn/report/map_builder.cpp"
     "src/cairn/report/figures/figures_test.cpp"
-    "src/cairn/simulation/canvas.cpp src/cairn/simulation/environment.cpp")
+    "src/cairn/sequence/image_codec.cpp"
+    "src/cairn/sequence/sequence_test.cpp"
+    "src/cairn/sequence/tum_layout_test.cpp"
+    "src/cairn/placement/verdict_test.cpp"
+    "src/cairn/simulation/canvas.cpp src/cairn/simulation/environment.cpp"
+    "src/cairn/trajectory/trajectory_evaluation_test.cpp")
 
 # cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ...)
 #

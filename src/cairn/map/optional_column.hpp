@@ -120,6 +120,10 @@ class OptionalColumn {
   void emplace_back(Arguments&&... arguments) {
     push_back(value_type(std::forward<Arguments>(arguments)...));
   }
+  void pop_back() {
+    values_.pop_back();
+    known_.pop_back();
+  }
   void assign(std::size_t size, const value_type& value) {
     values_.assign(size, value.value_or(Value()));
     known_.assign(size, value ? 1 : 0);
