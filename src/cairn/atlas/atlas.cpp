@@ -56,12 +56,16 @@ Pair pair_of(NodeId a, NodeId b) {
   return a < b ? Pair(a, b) : Pair(b, a);
 }
 
-// Maps that were read last, for any number of threads.
+// Maps that were read last, prepared, for any number of threads.
 class MapCache {
  public:
-  explicit MapCache(Atlas& atlas, std::size_t capacity) : atlas_(atlas), capacity_(capacity) {}
+  MapCache(Atlas& atlas, std::size_t capacity, const LinkOptions& how)
+      : atlas_(atlas), capacity_(capacity), how_(how) {
+    // One that waits for others while it holds the mutex may be given work that waits for the mutex.
+    how_.execution.executor = Executor(1);
+  }
 
-  std::shared_ptr<const LandmarkMap> get(const AtlasNode& node) {
+  PreparedMap get(const AtlasNode& node) {
     const std::lock_guard lock(mutex_);
     const auto found = std::find_if(maps_.begin(), maps_.end(),
                                     [&](const auto& one) { return one.first == node.id; });
@@ -69,7 +73,7 @@ class MapCache {
       maps_.splice(maps_.begin(), maps_, found);
       return maps_.front().second;
     }
-    maps_.emplace_front(node.id, std::make_shared<const LandmarkMap>(atlas_.map(node)));
+    maps_.emplace_front(node.id, prepared_to_link(atlas_.map(node), how_));
     if (maps_.size() > capacity_) maps_.pop_back();
     return maps_.front().second;
   }
@@ -79,8 +83,9 @@ class MapCache {
  private:
   Atlas& atlas_;
   std::size_t capacity_;
+  LinkOptions how_;
   std::mutex mutex_;
-  std::list<std::pair<NodeId, std::shared_ptr<const LandmarkMap>>> maps_;  // last used first
+  std::list<std::pair<NodeId, PreparedMap>> maps_;  // last used first
 };
 
 // Pairs of maps that may show one place: what recognition finds, neighbours in a session, and everything
@@ -247,7 +252,7 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   const bool by_pairs = pairs.size() >= executor.threads();
   how.execution = whole.without_progress();
   if (by_pairs) how.execution.executor = Executor(1);
-  MapCache cache(*this, 64);
+  MapCache cache(*this, 64, how);
   std::vector<AtlasLink> pending;
   auto last_flush = std::chrono::steady_clock::now();
   const auto flush = [&] {
@@ -287,9 +292,9 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
     last_flush = std::chrono::steady_clock::now();
   };
   const auto make = [&](std::size_t i) {
-    const auto target = cache.get(state.nodes.at(pairs[i].first));
-    const auto source = cache.get(state.nodes.at(pairs[i].second));
-    return link_of(link_pair(*target, *source, how), pairs[i]);
+    const PreparedMap target = cache.get(state.nodes.at(pairs[i].first));
+    const PreparedMap source = cache.get(state.nodes.at(pairs[i].second));
+    return link_of(link_pair(target, source, how), pairs[i]);
   };
   const auto use = [&](std::size_t i, AtlasLink link) {
     const std::lock_guard lock(cache.mutex());

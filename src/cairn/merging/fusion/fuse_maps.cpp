@@ -85,7 +85,8 @@ class Fusion {
   const FusionOptions& options_;
   FusionResult result_;
   MapTables tables_;
-  std::vector<std::uint8_t> known_;           // whether all parts have a covariance
+  std::vector<std::uint8_t> known_;  // whether all parts have a covariance
+  bool has_colors_ = false;
   std::vector<std::uint32_t> best_observed_;  // observations of the part that gave the descriptor
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
   std::vector<std::uint32_t> first_frame_;               // by map
@@ -98,11 +99,10 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
     : maps_(maps), options_(options), landmark_of_(maps.size()) {
   std::size_t landmarks = 0;
   std::size_t frames = 0;
-  bool colors = false;
   for (const PlacedMap& placed : maps) {
     landmarks += placed.map->landmark_count();
     frames += placed.map->frame_count();
-    colors = colors || !placed.map->landmarks().colors.empty();
+    has_colors_ = has_colors_ || !placed.map->landmarks().colors.empty();
     const auto& descriptors = placed.map->landmarks().descriptors;
     if (!descriptors) continue;
     auto& kept = tables_.landmarks.descriptors;
@@ -120,8 +120,7 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
                 fmt::format("{} landmarks, {} frames", landmarks, frames),
                 fmt::format("at most {} of each", kMost));
   }
-  if (!colors) return;
-  tables_.landmarks.colors.reserve(landmarks);
+  if (has_colors_) tables_.landmarks.colors.reserve(landmarks);
 }
 
 FusionResult Fusion::run() {
@@ -221,7 +220,7 @@ void Fusion::append(std::size_t m, std::uint32_t i, const WorldLandmarks& world)
   from_map_.push_back(static_cast<std::uint32_t>(m));
   from_landmark_.push_back(i);
   parts_.push_back(1);
-  if (landmarks.colors.capacity() > 0) landmarks.colors.emplace_back();
+  if (has_colors_) landmarks.colors.emplace_back();
   if (landmarks.descriptors) {
     landmarks.descriptors->known.push_back(0);
     landmarks.descriptors->bytes.resize(landmarks.descriptors->bytes.size() +

@@ -41,7 +41,14 @@ MapLink linked(const PreparedMap& target, const PreparedMap& source, AlignOption
 
 }  // namespace
 
-MapLink link_pair(const LandmarkMap& target, const LandmarkMap& source,
+PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options) {
+  return PreparedMap(map, {.confidence = {},
+                           .points = options.points,
+                           .seed = options.seed,
+                           .executor = options.execution.executor});
+}
+
+MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
                   const LinkOptions& options) {
   return linked(target, source, align_options(options));
 }
@@ -61,12 +68,7 @@ std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
   const Executor& executor = options.execution.executor;
   std::vector<PreparedMap> prepared;
   prepared.reserve(maps.size());
-  for (const LandmarkMap* map : maps) {
-    prepared.emplace_back(*map, PrepareOptions{.confidence = {},
-                                               .points = options.points,
-                                               .seed = options.seed,
-                                               .executor = executor});
-  }
+  for (const LandmarkMap* map : maps) prepared.push_back(prepared_to_link(*map, options));
   // Many pairs are the better work to share out.
   const bool by_pairs = pairs.size() >= executor.threads();
   AlignOptions align = align_options(options);

@@ -37,9 +37,12 @@ struct LinkOptions {
   void validate() const;
 };
 
+/// A map made ready for any number of link_pair() with these options.
+PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {});
+
 /// Aligns one map with another; the link's indices are left 0.
 /// @throws Error as link_maps()
-MapLink link_pair(const LandmarkMap& target, const LandmarkMap& source,
+MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
                   const LinkOptions& options = {});
 
 /// Aligns every map with every map before it, which is the target. Where one of the two is of free scale,

@@ -60,7 +60,7 @@ TEST(MapIndex, FindsTheMapOfTheSamePlaceAmongOthers) {
     EXPECT_GT(found.front().score, 20.0);
   }
   const auto of_another = index.find(seen(place(7, 300), 100, 200, 0.05, 9), 2);
-  EXPECT_THAT((std::vector{of_another[0].map / 2, of_another[1].map / 2}), testing::Each(7U));
+  EXPECT_THAT((std::vector{of_another[0].map / 2, of_another[1].map / 2}), ::testing::Each(7U));
 }
 
 TEST(MapIndex, FindsNothingBeyondTheDifferenceAllowed) {
