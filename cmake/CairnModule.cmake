@@ -56,9 +56,6 @@ set(CAIRN_UNITY_NOT cairn_interchange cairn_interchange_test)
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
-    "apps/cairn/atlas_changes.cpp"
-    "apps/cairn/atlas_maps.cpp"
-    "apps/cairn/atlas_queries.cpp"
     "apps/cairn/demo.cpp apps/cairn/evaluate.cpp apps/cairn/experiment_sweep.cpp"
     "apps/cairn/experiment_paper.cpp apps/cairn/evaluate_trajectory.cpp apps/cairn/report.cpp"
     "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"

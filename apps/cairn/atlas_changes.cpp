@@ -379,54 +379,45 @@ struct SalvageArguments : AtlasArguments {
   }
 };
 
-template <class Arguments>
-Run add(CLI::App& atlas, const char* name, const char* what, const char* footer = nullptr) {
-  auto* const command = atlas.add_subcommand(name, what);
-  auto arguments = std::make_shared<Arguments>();
-  arguments->add_to(*command);
-  if (footer != nullptr) command->footer(footer);
-  return [arguments] { return arguments->run(); };
-}
-
 }  // namespace
 
 Run add_atlas_remove(CLI::App& atlas) {
-  return add<RemoveArguments>(atlas, "remove", "Take maps out of it");
+  return add_atlas_verb<RemoveArguments>(atlas, "remove", "Take maps out of it");
 }
 
 Run add_atlas_split(CLI::App& atlas) {
-  return add<SplitArguments>(atlas, "split", "Make several maps of one");
+  return add_atlas_verb<SplitArguments>(atlas, "split", "Make several maps of one");
 }
 
 Run add_atlas_unlink(CLI::App& atlas) {
-  return add<UnlinkArguments>(atlas, "unlink", "State that two maps are not linked");
+  return add_atlas_verb<UnlinkArguments>(atlas, "unlink", "State that two maps are not linked");
 }
 
 Run add_atlas_log(CLI::App& atlas) {
-  return add<LogArguments>(atlas, "log", "List its commits, the last first");
+  return add_atlas_verb<LogArguments>(atlas, "log", "List its commits, the last first");
 }
 
 Run add_atlas_undo(CLI::App& atlas) {
-  return add<UndoArguments>(atlas, "undo", "Take back what a command did");
+  return add_atlas_verb<UndoArguments>(atlas, "undo", "Take back what a command did");
 }
 
 Run add_atlas_diff(CLI::App& atlas) {
-  return add<DiffArguments>(atlas, "diff", "What changed between two commits");
+  return add_atlas_verb<DiffArguments>(atlas, "diff", "What changed between two commits");
 }
 
 Run add_atlas_verify(CLI::App& atlas) {
-  return add<VerifyArguments>(atlas, "verify", "Read all of it and check it",
-                              "Exit code 3: it is damaged.\n"
-                              "Example: cairn atlas verify --atlas town.atlas");
+  return add_atlas_verb<VerifyArguments>(atlas, "verify", "Read all of it and check it",
+                                         "Exit code 3: it is damaged.\n"
+                                         "Example: cairn atlas verify --atlas town.atlas");
 }
 
 Run add_atlas_compact(CLI::App& atlas) {
-  return add<CompactArguments>(atlas, "compact", "Drop what only old commits need");
+  return add_atlas_verb<CompactArguments>(atlas, "compact", "Drop what only old commits need");
 }
 
 Run add_atlas_salvage(CLI::App& atlas) {
-  return add<SalvageArguments>(atlas, "salvage",
-                               "Take what is sound in a damaged atlas into a new one");
+  return add_atlas_verb<SalvageArguments>(atlas, "salvage",
+                                          "Take what is sound in a damaged atlas into a new one");
 }
 
 }  // namespace cairn::cli

@@ -369,40 +369,33 @@ struct MergeAtlasArguments : AtlasArguments {
   }
 };
 
-template <class Arguments>
-Run add(CLI::App& atlas, const char* name, const char* what, const char* footer = nullptr) {
-  auto* const command = atlas.add_subcommand(name, what);
-  auto arguments = std::make_shared<Arguments>();
-  arguments->add_to(*command);
-  if (footer != nullptr) command->footer(footer);
-  return [arguments] { return arguments->run(); };
-}
-
 }  // namespace
 
 Run add_atlas_init(CLI::App& atlas) {
-  return add<InitArguments>(atlas, "init", "Make an atlas without maps",
-                            "Example: cairn atlas init --atlas town.atlas");
+  return add_atlas_verb<InitArguments>(atlas, "init", "Make an atlas without maps",
+                                       "Example: cairn atlas init --atlas town.atlas");
 }
 
 Run add_atlas_add(CLI::App& atlas) {
-  return add<AddArguments>(atlas, "add", "Put maps into it");
+  return add_atlas_verb<AddArguments>(atlas, "add", "Put maps into it");
 }
 
 Run add_atlas_link(CLI::App& atlas) {
-  return add<LinkArguments>(atlas, "link", "Align pairs of maps that were not tried yet");
+  return add_atlas_verb<LinkArguments>(atlas, "link",
+                                       "Align pairs of maps that were not tried yet");
 }
 
 Run add_atlas_optimize(CLI::App& atlas) {
-  return add<OptimizeArguments>(atlas, "optimize", "Give maps poses that agree with the links",
-                                "Each group of linked maps is in the frame of the first that was "
-                                "added. Links that the others\n"
-                                "contradict are named and not used.\n"
-                                "Example: cairn atlas optimize --atlas town.atlas");
+  return add_atlas_verb<OptimizeArguments>(
+      atlas, "optimize", "Give maps poses that agree with the links",
+      "Each group of linked maps is in the frame of the first that was "
+      "added. Links that the others\n"
+      "contradict are named and not used.\n"
+      "Example: cairn atlas optimize --atlas town.atlas");
 }
 
 Run add_atlas_merge(CLI::App& atlas) {
-  return add<MergeAtlasArguments>(atlas, "merge", "Write the placed maps as one map");
+  return add_atlas_verb<MergeAtlasArguments>(atlas, "merge", "Write the placed maps as one map");
 }
 
 }  // namespace cairn::cli

@@ -301,26 +301,20 @@ struct ExportArguments : AtlasArguments {
   }
 };
 
-template <class Arguments>
-Run add(CLI::App& atlas, const char* name, const char* what) {
-  auto* const command = atlas.add_subcommand(name, what);
-  auto arguments = std::make_shared<Arguments>();
-  arguments->add_to(*command);
-  return [arguments] { return arguments->run(); };
-}
-
 }  // namespace
 
 Run add_atlas_show(CLI::App& atlas) {
-  return add<ShowArguments>(atlas, "show", "List its maps and links");
+  return add_atlas_verb<ShowArguments>(atlas, "show", "List its maps and links");
 }
 
 Run add_atlas_path(CLI::App& atlas) {
-  return add<PathArguments>(atlas, "path", "How one map lies to another, over which links");
+  return add_atlas_verb<PathArguments>(atlas, "path",
+                                       "How one map lies to another, over which links");
 }
 
 Run add_atlas_export(CLI::App& atlas) {
-  return add<ExportArguments>(atlas, "export", "Write its graph, keyframes, landmarks or maps");
+  return add_atlas_verb<ExportArguments>(atlas, "export",
+                                         "Write its graph, keyframes, landmarks or maps");
 }
 
 }  // namespace cairn::cli

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -8,6 +9,7 @@
 
 #include "cairn/atlas/atlas.hpp"
 
+#include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 
@@ -32,6 +34,17 @@ struct AtlasArguments {
   /// The head of a document.
   Json head(const std::string& verb, Json options = Json::object()) const;
 };
+
+/// Adds a verb of atlas. @param footer may be null
+template <class Arguments>
+Run add_atlas_verb(CLI::App& atlas, const char* name, const char* what,
+                   const char* footer = nullptr) {
+  auto* const command = atlas.add_subcommand(name, what);
+  auto arguments = std::make_shared<Arguments>();
+  arguments->add_to(*command);
+  if (footer != nullptr) command->footer(footer);
+  return [arguments] { return arguments->run(); };
+}
 
 /// The map that people call so: by its name, or "#" and its id.
 /// @throws Error (misuse) naming what was asked for and what there is
