@@ -143,8 +143,8 @@ TEST_F(MergeTest, RefusesWhatCannotBeMerged) {
                  {"are one file"});
   expect_refusal({"merge", "target.map", "source.map", "-o", "source.map"}, kWrongUsage,
                  {"source.map is one of the maps"});
-  expect_refusal({"merge", "target.map", "source.map", "-o", "a.xyz"}, kWrongUsage,
-                 {"--output", "a.xyz names no map format"});
+  expect_refusal({"merge", "target.map", "source.map", "-o", "a.foo"}, kWrongUsage,
+                 {"--output", "a.foo names no map format"});
   expect_refusal({"merge", "target.map", "gone.map", "-o", "a.map"}, kBadInput, {"gone.map"});
   expect_refusal({"merge", "target.map", "source.map", "-o", "a.map", "--min-probability", "0.3"},
                  kWrongUsage, {"--min-probability: 0.3"});

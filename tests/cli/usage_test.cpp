@@ -225,9 +225,9 @@ TEST_F(UsageTest, CameraIsChecked) {
 }
 
 TEST_F(UsageTest, OutputOfUnknownFormatIsRefusedBeforeAnythingIsRead) {
-  expect_refusal({"convert", "missing.map", "out.xyz"}, kWrongUsage, {"out.xyz", ".ply"});
+  expect_refusal({"convert", "missing.map", "out.foo"}, kWrongUsage, {"out.foo", ".ply"});
   expect_refusal({"convert", "missing.map", "out"}, kWrongUsage, {"out", ".ply"});
-  expect_refusal({"align", "missing.map", "b.map", "-o", "out.xyz"}, kWrongUsage, {"out.xyz"});
+  expect_refusal({"align", "missing.map", "b.map", "-o", "out.foo"}, kWrongUsage, {"out.foo"});
 }
 
 TEST_F(UsageTest, OutputOfSeveralStrategiesIsRefused) {

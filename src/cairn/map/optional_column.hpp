@@ -100,6 +100,8 @@ class OptionalColumn {
   Entry operator[](std::size_t i) { return {*this, i}; }
   value_type front() const { return (*this)[0]; }
   value_type back() const { return (*this)[size() - 1]; }
+  Entry front() { return (*this)[0]; }
+  Entry back() { return (*this)[size() - 1]; }
   Iterator begin() const { return {*this, 0}; }
   Iterator end() const { return {*this, size()}; }
 
