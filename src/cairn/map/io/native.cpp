@@ -955,7 +955,7 @@ class NativeWriter {
     const LandmarkTable& landmarks = map_.landmarks();
     const std::uint64_t id = landmarks.ids[i].value;
     if (!landmarks.colors.empty() && landmarks.colors[i]) {
-      const Color& color = *landmarks.colors[i];
+      const Color color = *landmarks.colors[i];
       line("COLOR", id, std::uint64_t{color.red}, std::uint64_t{color.green},
            std::uint64_t{color.blue});
     }

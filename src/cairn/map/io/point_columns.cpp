@@ -904,12 +904,12 @@ void PointRows::visit(std::size_t field, std::size_t row, Put&& put) const {
       break;
     }
     case Content::kChannel: {
-      const Color& color = *landmarks.colors[row];
+      const Color color = *landmarks.colors[row];
       put(index == 0 ? color.red : index == 1 ? color.green : color.blue);
       break;
     }
     case Content::kPackedColor: {
-      const Color& color = *landmarks.colors[row];
+      const Color color = *landmarks.colors[row];
       put(std::uint32_t{color.red} << 16 | std::uint32_t{color.green} << 8 |
           std::uint32_t{color.blue});
       break;
