@@ -10,8 +10,9 @@
 #include <type_traits>
 #include <utility>
 
-// For users of ORB-SLAM3: writes a map in Cairn's text format, version 2. Needs nothing of Cairn and names
-// nothing of ORB-SLAM3 but the members it calls. In your own code, after the run, for each map of the atlas:
+// For users of ORB-SLAM3: writes a map in Cairn's text format, version 2. This header stands alone: it includes no
+// part of Cairn, and uses only those members of ORB-SLAM3's classes that it calls. Call it in your own code, after
+// the run, for each map of the atlas:
 //
 //   #include "cairn_orbslam3.hpp"
 //   std::ofstream file("orbslam3.map");

@@ -21,6 +21,7 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
+#include "support/link_documents.hpp"
 #include "support/map_lists.hpp"
 
 namespace cairn::cli {
@@ -136,18 +137,8 @@ Json link_json(const MapLink& link, bool used) {
                {"status", to_string(link.verdict)},
                {"probability", link.probability},
                {"used", used},
-               {"reason", link.reason},
-               {"target_from_source", nullptr},
-               {"scale", nullptr},
-               {"covariance", nullptr}};
-  if (!link.target_from_source) return json;
-  json["target_from_source"] = to_json(link.target_from_source->matrix());
-  json["scale"] = link.target_from_source->scale();
-  if (link.covariance_with_scale) {
-    json["covariance"] = to_json(*link.covariance_with_scale);
-  } else if (link.covariance) {
-    json["covariance"] = to_json(*link.covariance);
-  }
+               {"reason", link.reason}};
+  add_pose(link, json);
   return json;
 }
 

@@ -16,6 +16,7 @@
 #include "cairn/core/number_text.hpp"
 
 #include "support/interrupt.hpp"
+#include "support/link_documents.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -122,18 +123,8 @@ Json to_json(const AtlasLink& link, const AtlasState& state) {
                {"status", cairn::to_string(link.verdict)},
                {"probability", to_json(link.probability)},
                {"agrees", agrees == state.agrees.end() ? Json(nullptr) : Json(agrees->second)},
-               {"reason", text_or_null(link.reason)},
-               {"target_from_source", nullptr},
-               {"scale", nullptr},
-               {"covariance", nullptr}};
-  if (!link.target_from_source) return json;
-  json["target_from_source"] = to_json(link.target_from_source->matrix());
-  json["scale"] = link.target_from_source->scale();
-  if (link.covariance_with_scale) {
-    json["covariance"] = to_json(*link.covariance_with_scale);
-  } else if (link.covariance) {
-    json["covariance"] = to_json(*link.covariance);
-  }
+               {"reason", text_or_null(link.reason)}};
+  add_pose(link, json);
   return json;
 }
 

@@ -14,7 +14,7 @@ struct AtlasRoute {
   std::vector<AtlasLinkId> links;  ///< one fewer
   Similarity3 target_from_source;  ///< along the links
   /// Left perturbation in the target's frame, (δt, δφ, δ log s), to first order, the links' errors taken as
-  /// independent; nothing if a link states none.
+  /// independent. Empty if a link has no covariance.
   std::optional<Matrix7d> covariance;
   /// As optimisation placed them, which all links take part in; nothing unless both are in one frame.
   std::optional<Similarity3> optimised;
