@@ -207,8 +207,7 @@ std::string_view unit_of(LengthUnit unit) {
 
 PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
                        const AlignOptions& options) {
-  cloud.validate(name);
-  return PreparedCloud(cloud, options.seed, options.execution.executor);
+  return PreparedCloud(cloud, options.seed, options.execution.executor, name);
 }
 
 PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {

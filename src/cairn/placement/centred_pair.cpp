@@ -24,6 +24,13 @@ Rigid3 translation(const Eigen::Vector3d& by) {
 CentredCloud::CentredCloud(LandmarkCloud cloud)
     : centre(central_part(cloud.positions).centre), landmarks(moved(std::move(cloud), -centre)) {}
 
+std::shared_ptr<const CentredCloud> scaled(const CentredCloud& cloud, double scale) {
+  auto result = std::make_shared<CentredCloud>(cloud);
+  result->centre *= scale;
+  result->landmarks = scaled(std::move(result->landmarks), scale);
+  return result;
+}
+
 CentredPair::CentredPair(LandmarkCloud source, LandmarkCloud target)
     : CentredPair(std::make_shared<const CentredCloud>(std::move(source)),
                   std::make_shared<const CentredCloud>(std::move(target))) {}

@@ -16,6 +16,9 @@ struct CentredCloud {
   LandmarkCloud landmarks;
 };
 
+/// The same landmarks, all lengths times the scale.
+std::shared_ptr<const CentredCloud> scaled(const CentredCloud& cloud, double scale);
+
 /// Two centred clouds. Poses between them are called centred.
 class CentredPair {
  public:

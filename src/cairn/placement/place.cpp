@@ -822,8 +822,7 @@ PreparedPair::PreparedPair(const LandmarkCloud& source, const LandmarkCloud& tar
                            const PlaceOptions& options) {
   options.validate();
   const auto prepared = [&](const LandmarkCloud& cloud, std::string_view name) {
-    cloud.validate(name);
-    return PreparedCloud(cloud, options.seed, options.execution.executor);
+    return PreparedCloud(cloud, options.seed, options.execution.executor, name);
   };
   parts_ = std::make_unique<Parts>(prepared(source, "source"), prepared(target, "target"), options);
 }

@@ -82,8 +82,9 @@ PreparedCloud::Parts::Parts(const LandmarkCloud& landmarks, const Executor& exec
       groups(spatial_groups(sample_of(landmarks), kGroups)),
       views(landmarks) {}
 
-PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Executor& executor) {
-  cloud.validate("cloud");
+PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Executor& executor,
+                             std::string_view name) {
+  cloud.validate(name);
   auto order = random_order(cloud, random_of(cloud, seed));
   centred_ = std::make_shared<const CentredCloud>(ordered(std::move(cloud), order));
   order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
@@ -93,10 +94,7 @@ PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Exec
 PreparedCloud PreparedCloud::scaled(double scale, const Executor& executor) const {
   if (scale == 1.0) return *this;
   PreparedCloud result;
-  auto cloud = std::make_shared<CentredCloud>(*centred_);
-  cloud->centre *= scale;
-  cloud->landmarks = cairn::scaled(std::move(cloud->landmarks), scale);
-  result.centred_ = std::move(cloud);
+  result.centred_ = cairn::scaled(*centred_, scale);
   result.order_ = order_;
   result.parts_ = std::make_shared<const Parts>(result.centred_->landmarks, executor);
   return result;

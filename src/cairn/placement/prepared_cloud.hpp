@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
@@ -25,9 +26,10 @@ class PreparedCloud {
   static constexpr std::size_t kGroups = Proximity::kGroups;  ///< spatial parts of these
 
   /// @param seed of the random order, which depends on the landmarks too
+  /// @param name of the cloud, for messages
   /// @throws Error (misuse) as LandmarkCloud::validate()
   explicit PreparedCloud(LandmarkCloud cloud, std::uint64_t seed = 0,
-                         const Executor& executor = Executor());
+                         const Executor& executor = Executor(), std::string_view name = "cloud");
 
   std::size_t size() const { return landmarks().size(); }
   /// Centred, and in random order, the likelier early the more they weigh: the first n are a sample.

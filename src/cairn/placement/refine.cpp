@@ -103,10 +103,7 @@ struct Side {
   Side scaled(double scale) const {
     if (scale == 1.0) return *this;
     Side result = *this;
-    auto copy = std::make_shared<CentredCloud>(*cloud);
-    copy->centre *= scale;
-    copy->landmarks = cairn::scaled(std::move(copy->landmarks), scale);
-    result.cloud = std::move(copy);
+    result.cloud = cairn::scaled(*cloud, scale);
     result.tree = std::make_shared<const BatchTree>(result.cloud->landmarks.positions);
     result.extent *= scale;
     return result;
