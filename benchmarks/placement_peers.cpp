@@ -22,7 +22,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/scales.hpp"
 #include "cairn/registration/icp.hpp"

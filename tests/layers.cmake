@@ -39,12 +39,17 @@ set(HIGHEST_adapters 4)
 # Modules whose subfolders may not include each other's headers, only those of the module itself.
 set(BLIND_SUBFOLDERS registration)
 
+# Modules whose detail/ is for all of the library: small tools and costs, which are not installed.
+set(SHARED_DETAIL core geometry adjustment)
+
 # Libraries that only the modules named may include: "start of the header's name" "modules".
 set(HEAVY
   "opencv2/" "sequence odometry"
   "boost/" "experiments"
   "ceres/" "adjustment merging odometry"
   "embree" "simulation"
+  "jpeglib.h" "sequence"
+  "png.h" "sequence"
   "sqlite3" "sqlite"
   "zlib.h" "interchange report"
   "pcl/" ""
@@ -100,6 +105,9 @@ function(check_own_header file line included)
     breach("${file}" ${line} "includes ${included}: module ${to} is not in the layer table")
     return()
   endif()
+  if(to_path MATCHES "^detail/" AND NOT to IN_LIST SHARED_DETAIL AND NOT file MATCHES "^(src/cairn/${to}|benchmarks)/")
+    breach("${file}" ${line} "includes ${included}: what is in detail/ belongs to its module")
+  endif()
 
   if(file MATCHES "^src/cairn/([^/]+)/(.+)$")
     set(from "${CMAKE_MATCH_1}")
@@ -107,7 +115,8 @@ function(check_own_header file line included)
     if(from STREQUAL to)
       if(from IN_LIST BLIND_SUBFOLDERS AND from_path MATCHES "^([^/]+)/")
         set(from_folder "${CMAKE_MATCH_1}")
-        if(to_path MATCHES "^([^/]+)/" AND NOT CMAKE_MATCH_1 STREQUAL from_folder)
+        if(to_path MATCHES "^([^/]+)/" AND NOT CMAKE_MATCH_1 STREQUAL from_folder
+           AND NOT CMAKE_MATCH_1 STREQUAL "detail" AND NOT from_folder STREQUAL "detail")
           breach("${file}" ${line} "includes ${included}: ${from}'s subfolders are blind to each other")
         endif()
       endif()

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "cairn/core/detail/task_arena.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/task_arena.hpp"
 
 namespace cairn {
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "cairn/geometry/central_part.hpp"
+#include "cairn/geometry/detail/central_part.hpp"
 
 namespace cairn {
 

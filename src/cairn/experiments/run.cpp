@@ -7,7 +7,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/refine.hpp"
 

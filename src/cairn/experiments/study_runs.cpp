@@ -20,7 +20,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/experiments/runs_file.hpp"
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 
 namespace cairn {
 namespace {

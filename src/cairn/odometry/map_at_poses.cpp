@@ -10,9 +10,9 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
-#include "cairn/odometry/bundle_adjustment.hpp"
-#include "cairn/odometry/keyframe_map.hpp"
-#include "cairn/odometry/landmark_covariance.hpp"
+#include "cairn/odometry/detail/bundle_adjustment.hpp"
+#include "cairn/odometry/detail/keyframe_map.hpp"
+#include "cairn/odometry/detail/landmark_covariance.hpp"
 
 namespace cairn {
 namespace {

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/odometry/tracker.hpp"
+#include "cairn/odometry/detail/tracker.hpp"
 
 namespace cairn {
 

@@ -3,8 +3,8 @@
 
 #include <utility>
 
-#include "cairn/geometry/central_part.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/detail/central_part.hpp"
 
 namespace cairn {
 namespace {

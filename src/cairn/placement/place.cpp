@@ -12,22 +12,22 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/alarm.hpp"
+#include "cairn/core/detail/alarm.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/geometry/moved_points.hpp"
-#include "cairn/geometry/pose_distance.hpp"
-#include "cairn/placement/constellation_poses.hpp"
-#include "cairn/placement/descriptor_matches.hpp"
-#include "cairn/placement/descriptor_poses.hpp"
-#include "cairn/placement/probability.hpp"
+#include "cairn/placement/detail/constellation_poses.hpp"
+#include "cairn/placement/detail/descriptor_matches.hpp"
+#include "cairn/placement/detail/descriptor_poses.hpp"
+#include "cairn/placement/detail/probability.hpp"
+#include "cairn/placement/detail/robust_alignment.hpp"
+#include "cairn/placement/detail/rotations.hpp"
+#include "cairn/placement/detail/search.hpp"
+#include "cairn/placement/detail/support_counter.hpp"
 #include "cairn/placement/proximity.hpp"
 #include "cairn/placement/refine.hpp"
-#include "cairn/placement/robust_alignment.hpp"
-#include "cairn/placement/rotations.hpp"
 #include "cairn/placement/scales.hpp"
-#include "cairn/placement/search.hpp"
-#include "cairn/placement/support_counter.hpp"
 
 namespace cairn {
 namespace {

@@ -13,7 +13,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/geometry/centroid.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"

@@ -10,7 +10,7 @@
 #include "cairn/core/hash.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/placement/spatial_groups.hpp"
+#include "cairn/placement/detail/spatial_groups.hpp"
 
 namespace cairn {
 namespace {

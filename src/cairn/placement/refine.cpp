@@ -16,7 +16,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
-#include "cairn/placement/robust_alignment.hpp"
+#include "cairn/placement/detail/robust_alignment.hpp"
 #include "cairn/placement/scales.hpp"
 #include "cairn/registration/score/fitness.hpp"
 

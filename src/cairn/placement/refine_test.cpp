@@ -13,8 +13,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/geometry/centroid.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"

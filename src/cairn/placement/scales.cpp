@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cairn/geometry/central_part.hpp"
+#include "cairn/geometry/detail/central_part.hpp"
 
 namespace cairn {
 namespace {

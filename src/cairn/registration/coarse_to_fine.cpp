@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/core/detail/sampling.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/core/sampling.hpp"
-#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp_loop.hpp"
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cairn/geometry/pose_distance.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/icp.hpp"
 

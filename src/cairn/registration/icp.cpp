@@ -8,8 +8,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/geometry/central_part.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/coarse_to_fine.hpp"

@@ -20,8 +20,8 @@
 #include "cairn/core/json_text.hpp"
 #include "cairn/core/plain_text.hpp"
 #include "cairn/core/version_number.hpp"
-#include "cairn/report/gzip_base64.hpp"
-#include "cairn/report/markup.hpp"
+#include "cairn/report/detail/gzip_base64.hpp"
+#include "cairn/report/detail/markup.hpp"
 #include "cairn/report/viewer_page.hpp"
 
 namespace cairn::report {

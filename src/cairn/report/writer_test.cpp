@@ -11,7 +11,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/report/gzip_base64.hpp"
+#include "cairn/report/detail/gzip_base64.hpp"
 #include "cairn/report/machine.hpp"
 #include "cairn/report/map_builder.hpp"
 #include "cairn/report/run_builder.hpp"

@@ -11,7 +11,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/sequence/image_codec.hpp"
+#include "cairn/sequence/detail/image_codec.hpp"
 
 namespace cairn {
 namespace {

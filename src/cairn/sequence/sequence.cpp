@@ -7,8 +7,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/sequence/detail/tum_layout.hpp"
 #include "cairn/sequence/image_file.hpp"
-#include "cairn/sequence/tum_layout.hpp"
 
 namespace cairn {
 namespace {

@@ -14,8 +14,8 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/simulation/furniture.hpp"
-#include "cairn/simulation/paintings.hpp"
+#include "cairn/simulation/detail/furniture.hpp"
+#include "cairn/simulation/detail/paintings.hpp"
 
 namespace cairn {
 namespace {

@@ -12,8 +12,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/simulation/detail/scene_builder.hpp"
 #include "cairn/simulation/path.hpp"
-#include "cairn/simulation/scene_builder.hpp"
 
 namespace cairn {
 namespace {

@@ -14,7 +14,7 @@
 #include <sys/vfs.h>
 #include <unistd.h>
 
-#include "cairn/atlas/store/row_bytes.hpp"
+#include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/hash.hpp"

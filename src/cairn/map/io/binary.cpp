@@ -15,9 +15,9 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
-#include "cairn/core/memory.hpp"
 
 namespace cairn {
 namespace {

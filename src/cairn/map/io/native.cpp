@@ -15,8 +15,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/memory.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"

@@ -12,7 +12,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/merging/fusion/association.hpp"
+#include "cairn/merging/detail/association.hpp"
 
 namespace cairn {
 namespace {

@@ -8,7 +8,7 @@
 #include <numeric>
 #include <utility>
 
-#include "cairn/registration/neighbors/batch_kernel.hpp"
+#include "cairn/registration/detail/batch_kernel.hpp"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error_statistics.hpp"
-#include "cairn/report/figures/frame.hpp"
+#include "cairn/report/detail/frame.hpp"
 
 namespace cairn::report {
 namespace {

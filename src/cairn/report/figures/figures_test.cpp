@@ -12,8 +12,8 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/report/figures/axis.hpp"
-#include "cairn/report/figures/svg.hpp"
+#include "cairn/report/detail/axis.hpp"
+#include "cairn/report/detail/svg.hpp"
 
 namespace cairn::report {
 namespace {

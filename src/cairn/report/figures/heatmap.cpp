@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/report/figures/frame.hpp"
+#include "cairn/report/detail/frame.hpp"
 
 namespace cairn::report {
 namespace {

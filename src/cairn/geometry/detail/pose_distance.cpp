@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/geometry/detail/pose_distance.hpp"
+
+#include <cmath>
+
+#include "cairn/geometry/detail/central_part.hpp"
+
+namespace cairn {
+
+PoseDistance PoseDistance::of(std::span<const Eigen::Vector3d> points) {
+  PoseDistance distance;
+  const CentralPart part = central_part(points);
+  distance.centroid = part.centre;
+  distance.radius = part.radius;
+  return distance;
+}
+
+double PoseDistance::operator()(const Similarity3& a, const Similarity3& b) const {
+  // Of a ball: a turn by φ moves its points by 2·sin(φ/2) of their distance to the axis.
+  const double angle = a.rigid().quaternion().angularDistance(b.rigid().quaternion());
+  const double turned = 2.0 * std::sin(0.5 * angle) * radius;
+  const double grown = (a.scale() - b.scale()) * radius;
+  return std::sqrt((a * centroid - b * centroid).squaredNorm() + grown * grown +
+                   2.0 / 3.0 * a.scale() * b.scale() * turned * turned);
+}
+
+}  // namespace cairn

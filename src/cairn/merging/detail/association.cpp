@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/detail/association.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include <Eigen/LU>
+
+#include "cairn/core/hamming.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/placement/descriptors.hpp"
+#include "cairn/registration/neighbors/kd_tree.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kCandidates = 4;   // nearest landmarks that may be the partner
+constexpr std::size_t kSurrounding = 8;  // nearest landmarks that tell the density
+constexpr std::size_t kBlock = 512;
+constexpr std::size_t kSample = 20'000;  // landmarks that share and deviation are estimated from
+constexpr int kRounds = 12;
+constexpr double kAlikeByChance = 0.02;  // share of random pairs whose descriptors count as alike
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+// How unlike descriptors are, and from where on two are not of one landmark.
+class Likeness {
+ public:
+  Likeness(const DescriptorColumn& first, const DescriptorColumn& second, std::uint64_t seed)
+      : first_(first), second_(second), binary_(is_binary(first.kind)) {
+    const auto known = [](const DescriptorColumn& column) {
+      std::vector<std::uint32_t> rows;
+      for (std::uint32_t i = 0; i < column.known.size(); ++i) {
+        if (column.known[i] != 0) rows.push_back(i);
+      }
+      return rows;
+    };
+    const std::vector<std::uint32_t> a = known(first);
+    const std::vector<std::uint32_t> b = known(second);
+    if (a.empty() || b.empty()) return;
+    constexpr std::size_t kPairs = 4000;
+    Random random(seed);
+    std::vector<double> distances(kPairs);
+    for (double& each : distances)
+      each = distance(a[random.index(a.size())], b[random.index(b.size())]);
+    const auto place = distances.begin() + static_cast<std::ptrdiff_t>(kAlikeByChance * kPairs);
+    std::nth_element(distances.begin(), place, distances.end());
+    most_ = *place;
+  }
+
+  bool knows_second(std::uint32_t second) const { return second_.known[second] != 0; }
+  /// False only where both are known and differ.
+  bool may_be_one(std::uint32_t first, std::uint32_t second) const {
+    if (first_.known[first] == 0 || second_.known[second] == 0) return true;
+    return distance(first, second) <= most_;
+  }
+
+ private:
+  double distance(std::uint32_t first, std::uint32_t second) const {
+    const std::size_t size = first_.bytes_each;
+    const std::uint8_t* a = first_.bytes.data() + first * size;
+    const std::uint8_t* b = second_.bytes.data() + second * size;
+    if (!binary_) {
+      double sum = 0.0;
+      for (std::size_t i = 0; i < size; ++i) {
+        const int difference = int{a[i]} - int{b[i]};
+        sum += difference * difference;
+      }
+      return sum;
+    }
+    int bits = 0;
+    for (std::size_t i = 0; i < size; i += 8) {
+      std::uint64_t word_a = 0;
+      std::uint64_t word_b = 0;
+      std::memcpy(&word_a, a + i, std::min<std::size_t>(8, size - i));
+      std::memcpy(&word_b, b + i, std::min<std::size_t>(8, size - i));
+      bits += hamming_distance({&word_a, 1}, {&word_b, 1});
+    }
+    return bits;
+  }
+
+  const DescriptorColumn& first_;
+  const DescriptorColumn& second_;
+  bool binary_;
+  double most_ = 0.0;
+};
+
+bool comparable(const LandmarkSet& first, const LandmarkSet& second) {
+  return first.descriptors != nullptr && second.descriptors != nullptr &&
+         first.descriptors->kind == second.descriptors->kind &&
+         first.descriptors->bytes_each == second.descriptors->bytes_each;
+}
+
+// What is near a landmark of the second set.
+struct Surroundings {
+  std::array<std::uint32_t, kCandidates> candidates;  // kNone: fewer, or their descriptors differ
+  float farthest = 0.0F;     // distance of the last of so many neighbours; 0: there are too few
+  std::uint16_t others = 0;  // how many that are
+};
+
+struct Model {
+  double share = 0.5;
+  double variance = 0.0;  // that the covariances do not explain
+};
+
+// Of one candidate.
+struct Hypothesis {
+  double likelihood = 0.0;
+  double mahalanobis = 0.0;  // squared
+  double squared_distance = 0.0;
+  double stated = 0.0;  // trace of the stated covariance of the difference
+};
+
+class Associator {
+ public:
+  Associator(const LandmarkSet& first, const LandmarkSet& second, const AssociationOptions& options)
+      : first_(first), second_(second), options_(options) {
+    if (comparable(first, second)) {
+      likeness_.emplace(*first.descriptors, *second.descriptors, options.seed);
+    }
+    look_around();
+  }
+
+  Model estimate() const;
+  // Of each landmark of the second set; probability 0: none.
+  std::vector<Association> likeliest(const Model& model) const;
+
+ private:
+  void look_around();
+  Hypothesis hypothesis(std::uint32_t candidate, std::uint32_t second, double variance) const;
+  // Median distance of the second set's landmarks from their nearest.
+  double spacing() const;
+  // Likelihood that a landmark of the first set is where a candidate is by chance.
+  double by_chance(std::uint32_t second, double trace) const;
+  double nearest_distance(double quantile) const;
+
+  const LandmarkSet& first_;
+  const LandmarkSet& second_;
+  const AssociationOptions& options_;
+  std::optional<Likeness> likeness_;
+  std::vector<Surroundings> around_;
+};
+
+void Associator::look_around() {
+  const KdTree tree(first_.positions);
+  around_.resize(second_.positions.size());
+  options_.execution.executor.for_blocks(
+      around_.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+        std::array<Neighbor, kSurrounding> nearest;
+        for (std::size_t i = begin; i < end; ++i) {
+          Surroundings& around = around_[i];
+          around.candidates.fill(kNone);
+          const std::size_t found = tree.nearest(second_.positions[i], nearest);
+          if (found > 1) {
+            around.farthest = static_cast<float>(std::sqrt(nearest[found - 1].squared_distance));
+            around.others = static_cast<std::uint16_t>(found - 1);
+          }
+          for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
+            const std::uint32_t candidate = nearest[j].index;
+            if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
+              around.candidates[j] = candidate;
+            }
+          }
+        }
+      });
+}
+
+Hypothesis Associator::hypothesis(std::uint32_t candidate, std::uint32_t second,
+                                  double variance) const {
+  const Eigen::Vector3d apart = second_.positions[second] - first_.positions[candidate];
+  Eigen::Matrix3d covariance = first_.covariances[candidate] + second_.covariances[second];
+  Hypothesis result;
+  result.stated = covariance.trace();
+  result.squared_distance = apart.squaredNorm();
+  covariance.diagonal().array() += variance;
+  const double determinant = covariance.determinant();
+  if (!(determinant > 0.0)) {
+    result.mahalanobis = std::numeric_limits<double>::infinity();
+    return result;
+  }
+  result.mahalanobis = apart.dot(covariance.inverse() * apart);
+  constexpr double kTwoPi = 2.0 * std::numbers::pi;
+  result.likelihood =
+      std::exp(-0.5 * result.mahalanobis) / std::sqrt(kTwoPi * kTwoPi * kTwoPi * determinant);
+  return result;
+}
+
+// Landmarks lie on surfaces: the fewer of them within a small ball, the smaller it is, by its square only.
+double Associator::by_chance(std::uint32_t second, double trace) const {
+  const Surroundings& around = around_[second];
+  if (around.others == 0 || !(around.farthest > 0.0F)) return 0.0;
+  const double r = around.farthest;
+  const double reach = std::min(r, 2.0 * std::sqrt(trace / 3.0));
+  const double density = around.others / (4.0 / 3.0 * std::numbers::pi * r * r * reach);
+  const bool compared = likeness_ && likeness_->knows_second(second);
+  return compared ? kAlikeByChance * density : density;
+}
+
+double Associator::nearest_distance(double quantile) const {
+  std::vector<double> distances;
+  for (std::uint32_t i = 0; i < around_.size(); ++i) {
+    const std::uint32_t nearest = around_[i].candidates[0];
+    if (nearest == kNone) continue;
+    distances.push_back((second_.positions[i] - first_.positions[nearest]).norm());
+  }
+  if (distances.empty()) return 0.0;
+  const auto place = distances.begin() + static_cast<std::ptrdiff_t>(
+                                             quantile * static_cast<double>(distances.size() - 1));
+  std::nth_element(distances.begin(), place, distances.end());
+  return *place;
+}
+
+double Associator::spacing() const {
+  const KdTree tree(second_.positions);
+  const std::size_t stride = std::max<std::size_t>(1, around_.size() / kSample);
+  std::vector<double> distances;
+  std::array<Neighbor, 2> nearest;
+  for (std::size_t i = 0; i < around_.size(); i += stride) {
+    if (tree.nearest(second_.positions[i], nearest) < 2) return 0.0;
+    distances.push_back(std::sqrt(nearest[1].squared_distance));
+  }
+  const auto place = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), place, distances.end());
+  return *place;
+}
+
+Model Associator::estimate() const {
+  // Landmarks that are one are among the quarter that is nearest, where so many are; and if they lay
+  // farther apart than others, nothing would tell them. Where they are exact, rounding remains.
+  const double most = spacing();
+  const double near = std::min(nearest_distance(0.25), most);
+  double scale = 0.0;
+  for (const Surroundings& around : around_) scale = std::max(scale, double{around.farthest});
+  const double least = 1e-16 * scale * scale + std::numeric_limits<double>::min();
+  Model model;
+  model.variance = std::max(least, near * near);
+  const std::size_t stride = std::max<std::size_t>(1, around_.size() / kSample);
+  const std::size_t count = (around_.size() + stride - 1) / stride;
+  struct Sums {
+    double same = 0.0;
+    double weight = 0.0;
+    double excess = 0.0;
+  };
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Sums> sums((count + kBlock - 1) / kBlock);
+    options_.execution.executor.for_blocks(count, kBlock, [&](std::size_t begin, std::size_t end) {
+      Sums& sum = sums[begin / kBlock];
+      for (std::size_t k = begin; k < end; ++k) {
+        const auto i = static_cast<std::uint32_t>(k * stride);
+        std::array<Hypothesis, kCandidates> all;
+        double any = 0.0;
+        double trace = 0.0;
+        for (std::size_t j = 0; j < kCandidates; ++j) {
+          const std::uint32_t candidate = around_[i].candidates[j];
+          if (candidate == kNone) continue;
+          all[j] = hypothesis(candidate, i, model.variance);
+          any += all[j].likelihood;
+          trace = std::max(trace, all[j].stated + 3.0 * model.variance);
+        }
+        const double none = (1.0 - model.share) * by_chance(i, trace);
+        const double total = model.share * any + none;
+        if (!(total > 0.0)) continue;
+        for (const Hypothesis& each : all) {
+          const double probability = model.share * each.likelihood / total;
+          if (probability <= 0.0) continue;
+          sum.same += probability;
+          const double t = each.stated + 3.0 * model.variance;
+          const double weight = probability / (t * t);
+          sum.weight += weight;
+          sum.excess += weight * (each.squared_distance - each.stated);
+        }
+      }
+    });
+    Sums sum;
+    for (const Sums& each : sums) {
+      sum.same += each.same;
+      sum.weight += each.weight;
+      sum.excess += each.excess;
+    }
+    model.share =
+        std::clamp(sum.same / static_cast<double>(std::max<std::size_t>(count, 1)), 1e-3, 0.999);
+    if (sum.weight > 0.0) model.variance = sum.excess / (3.0 * sum.weight);
+    model.variance = std::max(least, std::min(most * most, model.variance));
+  }
+  return model;
+}
+
+std::vector<Association> Associator::likeliest(const Model& model) const {
+  std::vector<Association> best(around_.size());
+  options_.execution.executor.for_blocks(
+      around_.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k) {
+          const auto i = static_cast<std::uint32_t>(k);
+          double any = 0.0;
+          double trace = 0.0;
+          double highest = 0.0;
+          bool within = false;
+          for (const std::uint32_t candidate : around_[k].candidates) {
+            if (candidate == kNone) continue;
+            const Hypothesis each = hypothesis(candidate, i, model.variance);
+            any += each.likelihood;
+            trace = std::max(trace, each.stated + 3.0 * model.variance);
+            if (each.likelihood <= highest) continue;
+            highest = each.likelihood;
+            best[k] = {candidate, i, 0.0};
+            within = each.mahalanobis <= options_.gate;
+          }
+          const double total = model.share * any + (1.0 - model.share) * by_chance(i, trace);
+          if (within && total > 0.0) best[k].probability = model.share * highest / total;
+        }
+      });
+  return best;
+}
+
+}  // namespace
+
+AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
+                            const AssociationOptions& options) {
+  AssociationResult result;
+  if (first.positions.empty() || second.positions.empty()) return result;
+  const Associator associator(first, second, options);
+  const Model model = associator.estimate();
+  result.deviation = std::sqrt(model.variance);
+  result.share = model.share;
+  const std::vector<Association> best = associator.likeliest(model);
+  // Each landmark of the first set keeps the likeliest of those that chose it, of equals the first.
+  std::vector<std::uint32_t> chosen(first.positions.size(), kNone);
+  for (std::uint32_t i = 0; i < best.size(); ++i) {
+    if (best[i].probability <= 0.0) continue;
+    std::uint32_t& other = chosen[best[i].first];
+    if (other == kNone || best[i].probability > best[other].probability) other = i;
+  }
+  for (std::uint32_t i = 0; i < best.size(); ++i) {
+    if (best[i].probability < options.min_probability) continue;
+    if (chosen[best[i].first] == i) result.pairs.push_back(best[i]);
+  }
+  return result;
+}
+
+}  // namespace cairn

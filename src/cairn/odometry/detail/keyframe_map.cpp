@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/detail/keyframe_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/odometry/detail/noise_estimation.hpp"
+#include "cairn/odometry/detail/residual_limits.hpp"
+
+namespace cairn {
+namespace {
+
+std::vector<double> octave_scales(const FeatureExtractor& extractor) {
+  std::vector<double> scales;
+  for (int octave = 0; octave < extractor.levels(); ++octave) {
+    scales.push_back(extractor.scale(octave));
+  }
+  return scales;
+}
+
+// Whether a landmark of the keyframe is so near that another would look the same: corners are found
+// again a little aside, or on the next octave.
+bool crowded(const Keyframe& keyframe, std::uint32_t keypoint, double scale) {
+  const Keypoint& at = keyframe.features.keypoints()[keypoint];
+  constexpr double kNear = 3.0;  // pixels of the octave
+  bool found = false;
+  keyframe.features.visit_near(at.pixel.cast<double>(), kNear * scale, [&](std::uint32_t other) {
+    if (other == keypoint || !keyframe.landmarks[other]) return;
+    const int octaves = std::abs(keyframe.features.keypoints()[other].octave - at.octave);
+    found = found || octaves <= 1;
+  });
+  return found;
+}
+
+}  // namespace
+
+bool is_new_view(const Rigid3& motion) {
+  constexpr double kTurn = 0.17;         // rad
+  constexpr double kTranslation = 0.15;  // m
+  return motion.angle() > kTurn || motion.translation().norm() > kTranslation;
+}
+
+KeyframeMap::KeyframeMap(const Camera& camera, const FeatureOptions& features,
+                         const SensorNoise& noise)
+    : camera_(camera),
+      image_(static_cast<int>(camera.width), static_cast<int>(camera.height)),
+      extractor_(camera, features),
+      sensor_(noise, extractor_.pinhole(), octave_scales(extractor_)),
+      graph_(sensor_) {}
+
+ExpectedLandmarks KeyframeMap::expected_in(const TrackedFrame& frame) const {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  ExpectedLandmarks expected;
+  for (std::uint32_t i = 0; i < graph_.landmarks().size(); ++i) {
+    const TrackedLandmark& landmark = graph_.landmarks()[i];
+    if (landmark.gone()) continue;
+    const auto appearance = expected_appearance(sensor_, image_, landmark, camera_from_world,
+                                                frame.world_from_camera.translation());
+    if (!appearance) continue;
+    expected.landmarks.push_back({i});
+    expected.appearances.push_back(*appearance);
+  }
+  return expected;
+}
+
+std::vector<LandmarkMatch> KeyframeMap::match_corners(const TrackedFrame& frame,
+                                                      const ExpectedLandmarks& expected,
+                                                      double radius) const {
+  std::vector<LandmarkMatch> matches;
+  std::vector<bool> taken(frame.features.size(), false);
+  std::vector<bool> matched(graph_.landmarks().size(), false);
+  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (!frame.landmarks[i]) continue;
+    matches.push_back({i, *frame.landmarks[i], 0});
+    taken[i] = true;
+    matched[frame.landmarks[i]->value] = true;
+  }
+  ExpectedLandmarks others;
+  for (std::size_t i = 0; i < expected.landmarks.size(); ++i) {
+    if (matched[expected.landmarks[i].value]) continue;
+    others.landmarks.push_back(expected.landmarks[i]);
+    others.appearances.push_back(expected.appearances[i]);
+  }
+  const auto more = match_near(graph_, frame.features, others.landmarks, others.appearances, taken,
+                               {.radius_pixels = radius});
+  matches.insert(matches.end(), more.begin(), more.end());
+  return matches;
+}
+
+std::vector<LandmarkMatch> KeyframeMap::align(TrackedFrame& frame,
+                                              std::span<const LandmarkMatch> matches) const {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  std::vector<LandmarkMatch> aligned;
+  for (const LandmarkMatch& match : matches) {
+    const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
+    const auto found = find_patch(frame.features, match.landmark, camera_from_world, keypoint.raw);
+    if (!found) continue;
+    frame.features.move_keypoint(match.keypoint, found->raw, extractor_.undistorted(found->raw));
+    aligned.push_back(match);
+  }
+  return aligned;
+}
+
+void KeyframeMap::note_found(const TrackedFrame& frame, const ExpectedLandmarks& expected) {
+  for (const LandmarkIndex index : expected.landmarks) ++graph_.landmark(index).expected;
+  for (const auto& index : frame.landmarks) {
+    if (!index) continue;
+    TrackedLandmark& landmark = graph_.landmark(*index);
+    ++landmark.found;
+    landmark.last_seen = frame.number;
+  }
+}
+
+void KeyframeMap::adopt_estimated_noise() {
+  sensor_ = SensorModel(estimated_noise(graph_), extractor_.pinhole(), octave_scales(extractor_));
+}
+
+std::optional<KeyframeMap::FoundPatch> KeyframeMap::find_patch(const Features& features,
+                                                               LandmarkIndex landmark,
+                                                               const Rigid3& camera_from_world,
+                                                               const Pixel& start) const {
+  const TrackedLandmark& seen = graph_.landmark(landmark);
+  const auto patch_from_image = graph_.patch_from_image(seen, camera_from_world);
+  if (!patch_from_image) return std::nullopt;
+  // The level on which the patch has about its own resolution.
+  const double octave = sensor_.octave_of(1.0 / std::sqrt(patch_from_image->determinant()));
+  const auto levels = static_cast<int>(features.pyramid().size());
+  const int level = std::clamp(static_cast<int>(std::lround(octave)), 0, levels - 1);
+  const cv::Mat& image = features.pyramid()[static_cast<std::size_t>(level)];
+  const Eigen::Vector2d level_scale(static_cast<double>(image_.width) / image.cols,
+                                    static_cast<double>(image_.height) / image.rows);
+  const Eigen::Vector2d at((start.u + 0.5) / level_scale.x() - 0.5,
+                           (start.v + 0.5) / level_scale.y() - 0.5);
+  constexpr double kMostAway = 2.5;  // pixels of the level
+  const auto found = align_patch(seen.appearance->patch, image,
+                                 *patch_from_image * level_scale.asDiagonal(), at, kMostAway);
+  if (!found) return std::nullopt;
+  return FoundPatch{
+      {(found->x() + 0.5) * level_scale.x() - 0.5, (found->y() + 0.5) * level_scale.y() - 0.5},
+      level};
+}
+
+// Those expected but not matched, without those that are seldom found.
+std::vector<LandmarkIndex> KeyframeMap::worth_seeking(
+    const ExpectedLandmarks& expected, std::span<const LandmarkMatch> matches) const {
+  std::vector<bool> matched(graph_.landmarks().size(), false);
+  for (const LandmarkMatch& match : matches) matched[match.landmark.value] = true;
+  std::vector<LandmarkIndex> sought;
+  for (const LandmarkIndex index : expected.landmarks) {
+    const TrackedLandmark& landmark = graph_.landmark(index);
+    if (!matched[index.value] && 4 * landmark.found >= landmark.expected) sought.push_back(index);
+  }
+  constexpr std::size_t kMostSought = 500;
+  if (sought.size() > kMostSought) {
+    // Those seen most often are the most likely to be seen again.
+    std::stable_sort(sought.begin(), sought.end(), [&](LandmarkIndex a, LandmarkIndex b) {
+      return graph_.landmark(a).found > graph_.landmark(b).found;
+    });
+    sought.resize(kMostSought);
+  }
+  return sought;
+}
+
+std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
+    TrackedFrame& frame, const ExpectedLandmarks& expected,
+    std::span<const LandmarkMatch> matches) const {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  std::vector<Keypoint> keypoints;
+  std::vector<Descriptor> descriptors;
+  std::vector<LandmarkMatch> added;
+  for (const LandmarkIndex index : worth_seeking(expected, matches)) {
+    const TrackedLandmark& landmark = graph_.landmark(index);
+    const Eigen::Vector3d x_in_camera = camera_from_world * landmark.position;
+    const auto start = project(camera_, x_in_camera);
+    if (!start) continue;
+    const auto found = find_patch(frame.features, index, camera_from_world, *start);
+    if (!found) continue;
+    Keypoint keypoint;
+    keypoint.raw = found->raw;
+    keypoint.pixel = extractor_.undistorted(found->raw);
+    keypoint.octave = static_cast<std::uint8_t>(found->octave);
+    keypoint.source = PixelSource::kAligned;
+    keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
+    // Something else in front of it, or behind.
+    if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
+                                       5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
+      continue;
+    }
+    const auto number = static_cast<std::uint32_t>(frame.features.size() + keypoints.size());
+    added.push_back({number, index, 0});
+    keypoints.push_back(keypoint);
+    descriptors.push_back(landmark.descriptor);
+  }
+  frame.features.add(keypoints, descriptors);
+  frame.landmarks.resize(frame.features.size());
+  return added;
+}
+
+void KeyframeMap::cut_patch(const KeypointReference& reference) {
+  Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
+  const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
+  const cv::Mat& image = keyframe.features.pyramid()[keypoint.octave];
+  const Eigen::Vector2d center((keypoint.raw.u + 0.5) * image.cols / image_.width - 0.5,
+                               (keypoint.raw.v + 0.5) * image.rows / image_.height - 0.5);
+  const LandmarkIndex landmark = *keyframe.landmarks[reference.keypoint];
+  if (const auto patch = ReferencePatch::cut(image, center)) {
+    graph_.landmark(landmark).appearance =
+        LandmarkAppearance{reference, *patch,
+                           FeatureExtractor::depth_slope(keyframe.features.depth_m(), keypoint.raw,
+                                                         4.0 * sensor_.scale(keypoint.octave))};
+    keyframe.features.set_source(reference.keypoint, PixelSource::kReference);
+  }
+}
+
+std::uint32_t KeyframeMap::add_keyframe(const TrackedFrame& frame) {
+  Keyframe keyframe;
+  keyframe.frame = frame.number;
+  keyframe.timestamp_s = frame.timestamp_s;
+  keyframe.image_name = frame.image_name;
+  keyframe.world_from_camera = frame.world_from_camera;
+  keyframe.features = frame.features;
+  const std::uint32_t index = graph_.add_keyframe(std::move(keyframe));
+  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (frame.landmarks[i] && !graph_.landmark(*frame.landmarks[i]).gone()) {
+      graph_.observe(*frame.landmarks[i], {index, i});
+      graph_.refresh(*frame.landmarks[i]);
+      if (!graph_.landmark(*frame.landmarks[i]).appearance) cut_patch({index, i});
+    }
+  }
+  const auto keypoints = frame.features.keypoints();
+  for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
+    if (graph_.keyframes()[index].landmarks[i] || keypoints[i].depth_m <= 0.0F) continue;
+    if (crowded(graph_.keyframes()[index], i, sensor_.scale(keypoints[i].octave))) continue;
+    graph_.add_landmark({index, i});
+    cut_patch({index, i});
+  }
+  if (index > 0) merge_known_landmarks(index);
+  graph_.keyframes()[index].features.drop_images();
+  return index;
+}
+
+// Landmarks that are new to a keyframe may be known already, but were not recognised.
+void KeyframeMap::merge_known_landmarks(std::uint32_t keyframe) {
+  constexpr std::size_t kNeighbours = 8;
+  auto neighbours = graph_.covisible(keyframe);
+  if (neighbours.size() > kNeighbours) neighbours.resize(kNeighbours);
+  for (const auto& [neighbour, shared] : neighbours) {
+    const Rigid3& pose = graph_.keyframes()[neighbour].world_from_camera;
+    const Rigid3 camera_from_world = pose.inverse();
+    std::vector<LandmarkIndex> landmarks;
+    std::vector<ExpectedAppearance> appearances;
+    for (const auto& index : graph_.keyframes()[keyframe].landmarks) {
+      if (!index || graph_.observes(neighbour, *index)) continue;
+      const auto appearance = expected_appearance(sensor_, image_, graph_.landmark(*index),
+                                                  camera_from_world, pose.translation());
+      if (!appearance) continue;
+      landmarks.push_back(*index);
+      appearances.push_back(*appearance);
+    }
+    const std::vector<bool> taken(graph_.keyframes()[neighbour].features.size(), false);
+    const auto matches =
+        match_near(graph_, graph_.keyframes()[neighbour].features, landmarks, appearances, taken,
+                   {.radius_pixels = 3.0, .max_distance = 60, .max_ratio = 1.0});
+    for (const LandmarkMatch& match : matches) {
+      if (graph_.landmark(match.landmark).gone()) continue;
+      const PointMeasurement measured =
+          sensor_.measurement(graph_.keyframes()[neighbour].features.keypoints()[match.keypoint]);
+      const PointResidual residual =
+          point_residual(sensor_.pinhole(), measured,
+                         camera_from_world * graph_.landmark(match.landmark).position);
+      constexpr double kMostDepth = 9.0;  // three standard deviations
+      if (residual.squared_pixel() > kPixel95 || residual.squared_depth() > kMostDepth) continue;
+      const auto there = graph_.keyframes()[neighbour].landmarks[match.keypoint];
+      if (!there || *there == match.landmark) continue;
+      // The older one stays: its patch is what its observations were aligned with.
+      const LandmarkIndex older = std::min(*there, match.landmark);
+      const LandmarkIndex newer = std::max(*there, match.landmark);
+      graph_.merge(newer, older);
+    }
+  }
+}
+
+void KeyframeMap::cull(std::uint32_t newest) {
+  const std::size_t now = graph_.keyframes()[newest].frame;
+  for (std::uint32_t i = 0; i < graph_.landmarks().size(); ++i) {
+    const TrackedLandmark& landmark = graph_.landmarks()[i];
+    if (landmark.gone()) continue;
+    constexpr std::uint32_t kFewestExpected = 8;
+    constexpr double kLeastShare = 0.2;
+    if (landmark.observations.size() < 2 && landmark.expected >= kFewestExpected &&
+        landmark.found < kLeastShare * landmark.expected && landmark.last_seen < now) {
+      graph_.remove({i});
+    }
+  }
+}
+
+LandmarkMap KeyframeMap::to_map(const MapOptions& options,
+                                const std::vector<Eigen::Matrix3d>& covariances) const {
+  MapTables tables;
+  tables.cameras = {camera_};
+  for (const Keyframe& keyframe : graph_.keyframes()) {
+    tables.frames.ids.push_back({keyframe.frame});
+    const Eigen::Quaterniond q = keyframe.world_from_camera.quaternion();
+    tables.frames.translations.push_back(keyframe.world_from_camera.translation());
+    tables.frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+    tables.frames.cameras.emplace_back(CameraIndex{0});
+    tables.frames.timestamps_s.emplace_back(keyframe.timestamp_s);
+    tables.frames.image_names.push_back(keyframe.image_name);
+  }
+  LandmarkTable& landmarks = tables.landmarks;
+  ObservationTable& observations = tables.observations;
+  if (options.descriptors) landmarks.descriptors = {"ORB", sizeof(Descriptor), {}, {}};
+  observations.offsets.push_back(0);
+  for (std::size_t i = 0; i < graph_.landmarks().size(); ++i) {
+    const TrackedLandmark& landmark = graph_.landmarks()[i];
+    if (landmark.gone() || landmark.observations.size() < options.min_observations) continue;
+    landmarks.ids.push_back({i});
+    landmarks.positions.push_back(landmark.position);
+    landmarks.covariances.push_back(covariances[i]);
+    if (landmarks.descriptors) {
+      landmarks.descriptors->known.push_back(1);
+      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
+      landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
+                                          bytes + sizeof(Descriptor));
+    }
+    for (const KeypointReference& reference : landmark.observations) {
+      const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
+      const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
+      observations.frames.push_back({reference.keyframe});
+      observations.pixels.push_back(keypoint.raw);
+      observations.keypoints.emplace_back(reference.keypoint);
+      observations.octaves.emplace_back(keypoint.octave);
+      const bool has_depth =
+          keypoint.depth_m > 0.0F && !keyframe.depth_disagrees[reference.keypoint];
+      observations.depths.push_back(has_depth ? std::optional<double>(keypoint.depth_m)
+                                              : std::nullopt);
+    }
+    observations.offsets.push_back(observations.frames.size());
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+}  // namespace cairn

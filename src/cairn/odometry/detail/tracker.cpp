@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/detail/tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/core/error.hpp"
+#include "cairn/odometry/detail/bundle_adjustment.hpp"
+#include "cairn/odometry/detail/landmark_covariance.hpp"
+#include "cairn/odometry/detail/link_covariance.hpp"
+#include "cairn/odometry/detail/marginal_covariance.hpp"
+
+namespace cairn {
+namespace {
+
+// Whether a map can be built from the frame alone.
+bool can_start_map(const Features& features) {
+  constexpr std::ptrdiff_t kFewest = 50;  // corners with depth
+  const auto keypoints = features.keypoints();
+  return std::count_if(keypoints.begin(), keypoints.end(),
+                       [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }) >= kFewest;
+}
+
+// How much the camera turned, all told.
+double turn_of(const Trajectory& trajectory) {
+  double turn = 0.0;
+  const auto poses = trajectory.poses();
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    turn += (poses[i - 1].world_from_camera.inverse() * poses[i].world_from_camera).angle();
+  }
+  return turn;
+}
+
+}  // namespace
+
+Odometry::Tracker::Tracker(const Camera& camera, const OdometryOptions& options)
+    : options_(options), map_(camera, options.features, options.noise), graph_(map_.graph()) {
+  options_.validate();
+}
+
+FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
+                                     std::string image_name) {
+  TrackedFrame frame;
+  frame.number = frames_++;
+  frame.timestamp_s = timestamp_s;
+  frame.image_name = std::move(image_name);
+  frame.features = std::move(features);
+  frame.landmarks.assign(frame.features.size(), std::nullopt);
+
+  FrameReport report;
+  if (graph_.keyframes().empty()) {
+    if (!start(frame)) return report;
+    report.status = FrameStatus::kTracked;
+    report.keyframe = true;
+    report.landmarks = graph_.landmarks().size();
+    return report;
+  }
+
+  std::optional<PoseEstimate> located;
+  double radius = 4.0;
+  if (!lost_) {
+    for (const double window : {15.0, 35.0}) {
+      located = locate_by_previous(frame, window);
+      if (located) break;
+    }
+    if (!located) located = locate_by_keyframe(frame, reference_);
+  }
+  if (!located) {
+    located = locate_anywhere(frame);
+    radius = 8.0;
+  }
+  if (located) located = locate_in_map(frame, radius);
+  if (!located || located->inlier_count < options_.min_tracked) {
+    lost_ = true;
+    motion_.reset();
+    report.status = FrameStatus::kLost;
+    return report;
+  }
+  report.status = FrameStatus::kTracked;
+  report.landmarks = located->inlier_count;
+  report.reprojection_errors = reprojection_errors(frame);
+
+  const bool was_lost = lost_;
+  lost_ = false;
+  if (frame.features.has_depth() && wants_keyframe(frame, located->inlier_count)) {
+    make_keyframe(frame);
+    report.keyframe = true;
+  }
+  const Rigid3& reference_pose = graph_.keyframes()[reference_].world_from_camera;
+  recorded_.push_back(
+      {frame.timestamp_s, reference_, reference_pose.inverse() * frame.world_from_camera});
+  const bool consecutive = previous_ && !was_lost && previous_->number + 1 == frame.number;
+  if (consecutive) {
+    motion_ = previous_->world_from_camera.inverse() * frame.world_from_camera;
+  } else {
+    motion_.reset();
+  }
+  previous_ = std::move(frame);
+  return report;
+}
+
+bool Odometry::Tracker::start(TrackedFrame& frame) {
+  if (!can_start_map(frame.features)) return false;
+  if (options_.start) frame.world_from_camera = options_.start(frame.timestamp_s);
+  make_keyframe(frame);
+  recorded_.push_back({frame.timestamp_s, 0, Rigid3()});
+  previous_ = std::move(frame);
+  return true;
+}
+
+std::vector<PointMatch> Odometry::Tracker::points_of(const TrackedFrame& frame,
+                                                     std::span<const LandmarkMatch> matches) const {
+  std::vector<PointMatch> points;
+  points.reserve(matches.size());
+  for (const LandmarkMatch& match : matches) {
+    points.push_back({graph_.landmark(match.landmark).position,
+                      map_.sensor().measurement(frame.features.keypoints()[match.keypoint])});
+  }
+  return points;
+}
+
+PoseEstimate Odometry::Tracker::solve(TrackedFrame& frame,
+                                      std::span<const LandmarkMatch> matches) const {
+  PoseEstimate estimate =
+      refine_pose(map_.sensor().pinhole(), points_of(frame, matches), frame.world_from_camera);
+  take(frame, matches, estimate);
+  return estimate;
+}
+
+void Odometry::Tracker::take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
+                             const PoseEstimate& estimate) {
+  frame.world_from_camera = estimate.world_from_camera;
+  std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (estimate.inliers[i]) frame.landmarks[matches[i].keypoint] = matches[i].landmark;
+  }
+}
+
+std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(TrackedFrame& frame,
+                                                                  double radius) const {
+  if (!previous_) return std::nullopt;
+  const Rigid3 predicted =
+      motion_ ? previous_->world_from_camera * *motion_ : previous_->world_from_camera;
+  const Rigid3 camera_from_world = predicted.inverse();
+  std::vector<LandmarkIndex> landmarks;
+  std::vector<ExpectedAppearance> appearances;
+  std::vector<float> angle_of(graph_.landmarks().size(), 0.0F);
+  for (std::size_t i = 0; i < previous_->landmarks.size(); ++i) {
+    const auto& index = previous_->landmarks[i];
+    if (!index || graph_.landmark(*index).gone()) continue;
+    const auto appearance =
+        expected_appearance(map_.sensor(), map_.image(), graph_.landmark(*index), camera_from_world,
+                            predicted.translation());
+    if (!appearance) continue;
+    landmarks.push_back(*index);
+    appearances.push_back(*appearance);
+    angle_of[index->value] = previous_->features.keypoints()[i].angle;
+  }
+  const std::vector<bool> taken(frame.features.size(), false);
+  std::vector<LandmarkMatch> matches =
+      match_near(graph_, frame.features, landmarks, appearances, taken,
+                 {.radius_pixels = radius, .max_distance = 90, .max_ratio = 0.9});
+  std::vector<float> turns;
+  for (const LandmarkMatch& match : matches) {
+    turns.push_back(frame.features.keypoints()[match.keypoint].angle -
+                    angle_of[match.landmark.value]);
+  }
+  matches = keep_common_turn(std::move(matches), turns);
+  if (matches.size() < options_.min_tracked) return std::nullopt;
+  PoseEstimate estimate =
+      refine_pose(map_.sensor().pinhole(), points_of(frame, matches), predicted);
+  constexpr double kLeastShare = 0.3;  // of matches that agree with one motion
+  if (estimate.inlier_count < options_.min_tracked ||
+      static_cast<double>(estimate.inlier_count) <
+          kLeastShare * static_cast<double>(matches.size())) {
+    return std::nullopt;
+  }
+  take(frame, matches, estimate);
+  return estimate;
+}
+
+std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(TrackedFrame& frame,
+                                                                  std::uint32_t keyframe) const {
+  const std::vector<LandmarkMatch> matches = match_by_descriptor(graph_, keyframe, frame.features);
+  if (matches.size() < options_.min_tracked) return std::nullopt;
+  auto estimate = find_pose(map_.sensor().pinhole(), points_of(frame, matches),
+                            options_.min_tracked, frame.number);
+  if (estimate) take(frame, matches, *estimate);
+  return estimate;
+}
+
+std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(TrackedFrame& frame) const {
+  // The latest keyframes, then an even sample of the others: bounded work in any map.
+  constexpr std::uint32_t kLatest = 5;
+  constexpr std::uint32_t kSampled = 30;
+  const auto count = static_cast<std::uint32_t>(graph_.keyframes().size());
+  std::vector<std::uint32_t> candidates;
+  for (std::uint32_t i = 0; i < std::min(kLatest, count); ++i) candidates.push_back(count - 1 - i);
+  const std::uint32_t others = count - std::min(kLatest, count);
+  const std::uint32_t step = std::max(1U, others / kSampled);
+  // Shifted from frame to frame, so that in the end all are tried.
+  for (auto i = static_cast<std::uint32_t>(frame.number % step); i < others; i += step) {
+    candidates.push_back(i);
+  }
+  for (const std::uint32_t keyframe : candidates) {
+    if (auto estimate = locate_by_keyframe(frame, keyframe)) return estimate;
+  }
+  return std::nullopt;
+}
+
+PoseEstimate Odometry::Tracker::locate_in_map(TrackedFrame& frame, double radius) {
+  const ExpectedLandmarks expected = map_.expected_in(frame);
+  std::vector<LandmarkMatch> matches = map_.match_corners(frame, expected, radius);
+  // A match whose patch looks different is often of the corner next to the right one: done without
+  // where enough are better.
+  std::vector<LandmarkMatch> aligned = map_.align(frame, matches);
+  if (aligned.size() >= 6 * options_.min_tracked) matches = std::move(aligned);
+  PoseEstimate estimate = solve(frame, matches);
+  if (estimate.inlier_count < options_.min_tracked) return estimate;
+
+  const auto found = map_.find_without_corners(frame, expected, matches);
+  if (!found.empty()) {
+    matches.insert(matches.end(), found.begin(), found.end());
+    estimate = solve(frame, matches);
+    if (estimate.inlier_count < options_.min_tracked) return estimate;
+  }
+  map_.note_found(frame, expected);
+  return estimate;
+}
+
+bool Odometry::Tracker::wants_keyframe(const TrackedFrame& frame, std::size_t found) const {
+  const Keyframe& latest = graph_.keyframes().back();
+  const std::size_t since = frame.number - latest.frame;
+  const Rigid3 moved = latest.world_from_camera.inverse() * frame.world_from_camera;
+  const bool thinned = static_cast<double>(found) < 0.7 * static_cast<double>(reference_found_);
+  const bool nearly_lost = found < 5 * options_.min_tracked;
+  if (nearly_lost) return true;
+  return since >= 3 && (is_new_view(moved) || thinned);
+}
+
+void Odometry::Tracker::make_keyframe(TrackedFrame& frame) {
+  const std::uint32_t index = map_.add_keyframe(frame);
+  if (index > 0) {
+    std::vector<std::uint32_t> moving = {index};
+    for (const auto& [neighbour, shared] : graph_.covisible(index)) {
+      constexpr std::size_t kFewestShared = 15;
+      if (moving.size() >= options_.adjusted_keyframes || shared < kFewestShared) break;
+      if (neighbour != 0) moving.push_back(neighbour);  // the first fixes the map in the world
+    }
+    adjust(graph_, moving);
+    map_.cull(index);
+  }
+  frame.landmarks = graph_.keyframes()[index].landmarks;
+  frame.world_from_camera = graph_.keyframes()[index].world_from_camera;
+  reference_ = index;
+  reference_found_ = static_cast<std::size_t>(
+      std::count_if(frame.landmarks.begin(), frame.landmarks.end(),
+                    [](const auto& landmark) { return landmark.has_value(); }));
+}
+
+std::vector<float> Odometry::Tracker::reprojection_errors(const TrackedFrame& frame) const {
+  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+  std::vector<float> errors;
+  for (std::size_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (!frame.landmarks[i]) continue;
+    const Eigen::Vector2d pixel = map_.sensor().pinhole().project(
+        camera_from_world * graph_.landmark(*frame.landmarks[i]).position);
+    errors.push_back(
+        static_cast<float>((pixel - frame.features.keypoints()[i].pixel.cast<double>()).norm()));
+  }
+  return errors;
+}
+
+Trajectory Odometry::Tracker::trajectory() const {
+  std::vector<TimedPose> poses;
+  for (const RecordedPose& recorded : recorded_) {
+    poses.push_back({recorded.timestamp_s, graph_.keyframes()[recorded.keyframe].world_from_camera *
+                                               recorded.keyframe_from_camera});
+  }
+  return Trajectory(std::move(poses));
+}
+
+// What the last frames saw would else be observed once at most.
+void Odometry::Tracker::end_at_last_frame() {
+  if (!last_pose() || graph_.keyframes().back().frame == previous_->number) return;
+  recorded_.pop_back();
+  make_keyframe(*previous_);
+  recorded_.push_back({previous_->timestamp_s, reference_, Rigid3()});
+}
+
+void Odometry::Tracker::complete() {
+  end_at_last_frame();
+  if (graph_.keyframes().size() < 2 || options_.final_iterations == 0) return;
+  map_.adopt_estimated_noise();
+  std::vector<std::uint32_t> moving;
+  for (std::uint32_t i = 1; i < graph_.keyframes().size(); ++i) moving.push_back(i);
+  adjust(graph_, moving, {.max_iterations = options_.final_iterations});
+}
+
+std::optional<Rigid3> Odometry::Tracker::last_pose() const {
+  if (!previous_ || lost_) return std::nullopt;
+  return previous_->world_from_camera;
+}
+
+bool Odometry::Tracker::can_begin_new_map() const {
+  return last_pose().has_value() && can_start_map(previous_->features);
+}
+
+FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
+  if (!can_begin_new_map()) {
+    throw Error(ErrorKind::kMisuse, "begin_new_map",
+                last_pose() ? "the last frame has too few corners with depth"
+                            : "the last frame was not tracked",
+                "a call where can_begin_new_map()");
+  }
+  complete();
+  options.validate();
+  MiniMapLink link;
+  link.previous_from_next = graph_.keyframes().back().world_from_camera;
+  std::vector<Eigen::Matrix3d> covariances;
+  if (graph_.keyframes().size() <= kMostMarginalKeyframes) {
+    MarginalCovariances marginal = marginal_covariances(graph_);
+    link.covariance = marginal.keyframes.back();
+    if (options.covariance == LandmarkCovariance::kMarginal) {
+      covariances = std::move(marginal.landmarks);
+    }
+  } else {
+    link.covariance = keyframe_pose_covariances(graph_).back();
+  }
+  if (covariances.empty()) covariances = landmark_covariances(options.covariance);
+  FinishedMap finished{map_.to_map(options, covariances), trajectory(), link};
+  finished.to_next.covariance = link_covariance(link.covariance, turn_of(finished.trajectory));
+
+  TrackedFrame frame = std::move(*previous_);
+  map_.clear();
+  recorded_.clear();
+  std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
+  for (std::uint32_t i = 0; i < frame.features.size(); ++i) {
+    frame.features.set_source(i, PixelSource::kCorner);  // patches were the old map's
+  }
+  frame.world_from_camera = Rigid3();
+  make_keyframe(frame);
+  recorded_.push_back({frame.timestamp_s, 0, Rigid3()});
+  previous_ = std::move(frame);
+  return finished;
+}
+
+std::vector<Eigen::Matrix3d> Odometry::Tracker::landmark_covariances(
+    LandmarkCovariance kind) const {
+  return kind == LandmarkCovariance::kMarginal
+             ? marginal_covariances(graph_).landmarks
+             : recursive_covariances(graph_, keyframe_pose_covariances(graph_));
+}
+
+LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
+  options.validate();
+  return map_.to_map(options, landmark_covariances(options.covariance));
+}
+
+}  // namespace cairn

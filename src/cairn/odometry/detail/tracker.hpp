@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/odometry/detail/keyframe_map.hpp"
+#include "cairn/odometry/detail/pose_estimation.hpp"
+#include "cairn/odometry/odometry.hpp"
+
+namespace cairn {
+
+/// What Odometry does, frame by frame.
+class Odometry::Tracker {
+ public:
+  Tracker(const Camera& camera, const OdometryOptions& options);
+  Tracker(const Tracker&) = delete;
+  Tracker& operator=(const Tracker&) = delete;
+
+  const FeatureExtractor& extractor() const { return map_.extractor(); }
+  FrameReport track(double timestamp_s, Features features, std::string image_name);
+  void complete();
+  Trajectory trajectory() const;
+  LandmarkMap map(const MapOptions& options) const;
+  std::optional<Rigid3> last_pose() const;
+  bool can_begin_new_map() const;
+  FinishedMap begin_new_map(const MapOptions& options);
+
+ private:
+  // Where a frame was, relative to a keyframe, so that it follows when that moves.
+  struct RecordedPose {
+    double timestamp_s = 0.0;
+    std::uint32_t keyframe = 0;
+    Rigid3 keyframe_from_camera;
+  };
+
+  bool start(TrackedFrame& frame);
+  std::optional<PoseEstimate> locate_by_previous(TrackedFrame& frame, double radius) const;
+  std::optional<PoseEstimate> locate_by_keyframe(TrackedFrame& frame, std::uint32_t keyframe) const;
+  std::optional<PoseEstimate> locate_anywhere(TrackedFrame& frame) const;
+  PoseEstimate locate_in_map(TrackedFrame& frame, double radius);
+  std::vector<PointMatch> points_of(const TrackedFrame& frame,
+                                    std::span<const LandmarkMatch> matches) const;
+  // Refines the frame's pose and keeps the matches that fit.
+  PoseEstimate solve(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
+  static void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
+                   const PoseEstimate& estimate);
+  bool wants_keyframe(const TrackedFrame& frame, std::size_t found) const;
+  void make_keyframe(TrackedFrame& frame);
+  void end_at_last_frame();
+  std::vector<Eigen::Matrix3d> landmark_covariances(LandmarkCovariance kind) const;
+  std::vector<float> reprojection_errors(const TrackedFrame& frame) const;
+
+  OdometryOptions options_;
+  KeyframeMap map_;
+  LandmarkGraph& graph_;  // of map_
+  std::size_t frames_ = 0;
+  bool lost_ = false;
+  std::optional<TrackedFrame> previous_;  // the last tracked one
+  std::optional<Rigid3> motion_;          // previous_from_next, taken to go on
+  std::uint32_t reference_ = 0;           // keyframe that shares most with the last tracked frame
+  std::size_t reference_found_ = 0;
+  std::vector<RecordedPose> recorded_;
+};
+
+}  // namespace cairn

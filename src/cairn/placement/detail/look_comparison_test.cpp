@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/detail/look_comparison.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
+#include "cairn/placement/likeness.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kBytes = 32;
+constexpr std::size_t kCount = 2000;
+constexpr std::size_t kOthers = Likeness::kOthers;
+constexpr double kChance = Likeness::kChance;
+
+// Landmarks on a wall of 2 m by 2 m that look like nothing else, but for those that are copied.
+LandmarkCloud wall(std::uint64_t seed, const std::string& kind = "ORB") {
+  Random random(seed);
+  LandmarkCloud cloud;
+  cloud.descriptors = DescriptorColumn{kind, kBytes, std::vector<std::uint8_t>(kCount, 1), {}};
+  for (std::size_t i = 0; i < kCount; ++i) {
+    cloud.positions.emplace_back(random.uniform(0, 2), random.uniform(0, 2), 0.0);
+  }
+  for (std::size_t i = 0; i < kCount * kBytes; ++i) {
+    cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  return cloud;
+}
+
+// As seen another time: one bit in ten differs, or one byte in ten by a little.
+LandmarkCloud seen_again(LandmarkCloud cloud) {
+  Random random(77);
+  const bool binary = cloud.descriptors->kind == "ORB";
+  for (std::uint8_t& byte : cloud.descriptors->bytes) {
+    if (binary) {
+      for (int bit = 0; bit < 8; ++bit) {
+        if (random.index(10) == 0) byte = static_cast<std::uint8_t>(byte ^ (1 << bit));
+      }
+    } else if (random.index(10) == 0) {
+      byte = static_cast<std::uint8_t>(byte / 2 + 60);
+    }
+  }
+  return cloud;
+}
+
+std::optional<bool> alike(const LookComparison& looks, std::uint32_t source,
+                          const std::vector<std::uint32_t>& targets) {
+  return looks.alike(source, targets);
+}
+
+// Of landmarks and so many of the target's, that `shift` farther on and those after it.
+double share_alike(const LandmarkCloud& source, const LandmarkCloud& target, std::uint32_t shift,
+                   std::uint32_t partners = 1) {
+  const CentredPair pair(source, target);
+  const LookComparison looks(pair, source.size(), Random(1));
+  EXPECT_TRUE(looks.possible());
+  Likeness likeness;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    std::vector<std::uint32_t> targets;
+    for (std::uint32_t j = 0; j < partners; ++j) targets.push_back((i + shift + j) % kCount);
+    if (const auto does = looks.alike(i, targets)) likeness += {1, *does ? 1U : 0U};
+  }
+  EXPECT_EQ(likeness.compared, kCount);
+  return static_cast<double>(likeness.alike) / static_cast<double>(likeness.compared);
+}
+
+TEST(LookComparison, LandmarksThatAreOneLookAlikeAndOthersOnlyByChance) {
+  for (const std::string kind : {"ORB", "SIFT"}) {
+    const LandmarkCloud cloud = wall(1, kind);
+    EXPECT_GT(share_alike(cloud, seen_again(cloud), 0), 0.99) << kind;
+    // Five standard deviations.
+    EXPECT_NEAR(share_alike(cloud, seen_again(cloud), 1), kChance,
+                5.0 * std::sqrt(kChance / kCount))
+        << kind;
+    EXPECT_NEAR(share_alike(cloud, wall(2, kind), 0), kChance, 5.0 * std::sqrt(kChance / kCount))
+        << kind;
+  }
+}
+
+TEST(LookComparison, OfSeveralPartnersTheOneThatLooksMostAlikeCounts) {
+  const LandmarkCloud cloud = wall(1);
+  const LandmarkCloud again = seen_again(cloud);
+  for (const std::uint32_t partners : {2U, 5U, 8U}) {
+    EXPECT_GT(share_alike(cloud, again, kCount + 1 - partners, partners), 0.99) << partners;
+    // As often by chance as of one: there are as many times the others to be beaten.
+    EXPECT_NEAR(share_alike(cloud, again, 1, partners), kChance, 5.0 * std::sqrt(kChance / kCount))
+        << partners;
+  }
+  // More are not looked at.
+  EXPECT_NEAR(share_alike(cloud, again, kCount - 8, 9), kChance, 5.0 * std::sqrt(kChance / kCount));
+}
+
+TEST(LookComparison, IsUnknownWhereADescriptorIs) {
+  LandmarkCloud source = wall(1);
+  LandmarkCloud target = seen_again(source);
+  source.descriptors->known[100] = 0;
+  target.descriptors->known[200] = 0;
+  const CentredPair pair(source, target);
+  const LookComparison looks(pair, source.size(), Random(1));
+  EXPECT_FALSE(alike(looks, 100, {100}));
+  EXPECT_FALSE(alike(looks, 200, {200}));
+  EXPECT_TRUE(alike(looks, 300, {300}).value());
+  EXPECT_TRUE(alike(looks, 300, {200, 300}).value());
+  EXPECT_FALSE(alike(looks, 300, {}));
+}
+
+TEST(LookComparison, IsPossibleOnlyWhereMostDescriptorsAreKnownAndOfOneKind) {
+  const LandmarkCloud cloud = wall(1);
+  const auto expect_possible = [&](const LandmarkCloud& other, bool expected) {
+    for (const bool there : {true, false}) {
+      const CentredPair pair = there ? CentredPair(cloud, other) : CentredPair(other, cloud);
+      EXPECT_EQ(LookComparison(pair, kCount, Random(1)).possible(), expected) << there;
+    }
+  };
+  expect_possible(wall(2), true);
+  expect_possible(wall(2, "BRISK"), false);
+  LandmarkCloud without = wall(2);
+  without.descriptors.reset();
+  expect_possible(without, false);
+  LandmarkCloud few = wall(2);
+  for (std::size_t i = 0; i < kCount; i += 3) few.descriptors->known[i] = 0;
+  expect_possible(few, true);
+  for (std::size_t i = 1; i < kCount; i += 3) few.descriptors->known[i] = 0;
+  expect_possible(few, false);
+}
+
+// Of small maps too, where many a partner is among the others that its source is compared with.
+TEST(LookComparison, NeedsMoreDescriptorsThanItComparesWith) {
+  const LandmarkCloud source = wall(1);
+  const LandmarkCloud again = seen_again(source);
+  const auto with_known = [&](std::size_t count) {
+    LandmarkCloud target = again;
+    target.positions.resize(count);
+    target.descriptors->known.resize(count);
+    target.descriptors->bytes.resize(count * kBytes);
+    return target;
+  };
+  EXPECT_FALSE(
+      LookComparison(CentredPair(source, with_known(kOthers)), kCount, Random(1)).possible());
+  for (const std::size_t count : {kOthers + 1, kOthers + 2, 2 * kOthers}) {
+    const LookComparison looks(CentredPair(source, with_known(count)), kCount, Random(1));
+    ASSERT_TRUE(looks.possible()) << count;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      EXPECT_EQ(alike(looks, i, {i}), std::optional(true)) << i << " of " << count;
+    }
+    std::size_t by_chance = 0;
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+      // None of these is the other again.
+      if (alike(looks, i, {(i + 1) % static_cast<std::uint32_t>(count)}).value()) ++by_chance;
+    }
+    EXPECT_NEAR(static_cast<double>(by_chance) / kCount, kChance,
+                5.0 * std::sqrt(kChance / kCount));
+  }
+}
+
+TEST(LookComparison, IsDrawnByItsSeedAlone) {
+  const CentredPair pair(wall(1), wall(2));
+  const auto all = [&](std::uint64_t seed) {
+    const LookComparison looks(pair, kCount, Random(seed));
+    std::vector<bool> result;
+    for (std::uint32_t i = 0; i < kCount; ++i) result.push_back(alike(looks, i, {i}).value());
+    return result;
+  };
+  EXPECT_EQ(all(1), all(1));
+  EXPECT_NE(all(1), all(2));
+}
+
+}  // namespace
+}  // namespace cairn

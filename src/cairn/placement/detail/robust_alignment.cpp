@@ -1,0 +1,451 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/detail/robust_alignment.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "cairn/core/detail/sampling.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
+#include "cairn/geometry/moved_points.hpp"
+#include "cairn/placement/detail/spatial_groups.hpp"
+#include "cairn/registration/icp_loop.hpp"
+
+namespace cairn {
+namespace {
+
+template <int kFreedoms>
+using Vector = Eigen::Matrix<double, kFreedoms, 1>;
+
+// The scale falls by this a step: slower gains nothing, faster leaves the basin now and then.
+constexpr double kCooling = 0.85;
+// Below the fine scale matches are one to one and hardly change.
+constexpr double kFineCooling = 0.75;
+// It falls when a step is shorter than this share of it, or after so many longer ones.
+constexpr double kSettled = 0.05;
+constexpr int kMostUnsettled = 8;
+// A step below this share of the fine scale changes nothing worth knowing.
+constexpr double kStill = 1e-4;
+constexpr double kDamping = 1e-9;
+// In units of the fine scale: under a wider kernel, matches of what the maps do not share would blow the
+// source up or shrink it.
+constexpr double kScaleFreed = 2.0;
+constexpr double kMostGrowth = 0.25;  // of the logarithm of the scale, in one step
+// A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
+constexpr double kNegligible = 1.0 / 26.0;
+constexpr double kFarthest = 1.0 / kNegligible;  // its squared distance, and one more for rounding
+// Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does,
+// and the covariance comes out too small; by more, too large.
+constexpr double kStiffnessStep = 0.25;
+constexpr std::size_t kErrorGroups = 16;  // parts of the matched landmarks, which err apart
+constexpr std::size_t kGainGroups = 64;   // parts, each of which witnesses a gain
+constexpr double kSignificant = 2.0;      // standard errors
+
+// Whether landmarks gain by more than what differs between parts of the map, each of which is one
+// witness. One gain a place.
+bool gain_is_significant(std::span<const Eigen::Vector3d> places, std::span<const double> gains) {
+  const std::vector<std::size_t> group_of = spatial_groups(places, kGainGroups);
+  std::array<double, kGainGroups> gain{};
+  std::array<bool, kGainGroups> known{};
+  for (std::size_t i = 0; i < gains.size(); ++i) {
+    gain[group_of[i]] += gains[i];
+    known[group_of[i]] = true;
+  }
+  double count = 0.0;
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < kGainGroups; ++i) {
+    if (!known[i]) continue;
+    ++count;
+    sum += gain[i];
+    squares += gain[i] * gain[i];
+  }
+  if (count < 2.0) return false;
+  const double mean = sum / count;
+  const double variance = std::max(squares - sum * mean, 0.0) / (count - 1.0);
+  return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
+}
+
+// How much larger the covariance has to be for the 95 % ellipsoid to hold as many errors, the scatter
+// being of a few parts only: about the quantile of Hotelling's distribution over that of the chi-squared
+// one, for 16 parts and 6 or 7 freedoms; for fewer parts it is larger than that. Nothing for fewer than 12
+// parts, 14 with a scale: so few would need an ellipsoid that says nothing.
+std::optional<double> correction_for_few(std::size_t parts, int freedoms) {
+  const double spent = 1.57 * freedoms;
+  const auto count = static_cast<double>(parts);
+  if (count < 1.2 * spent) return std::nullopt;
+  return count / (count - spent);
+}
+
+// The pose after a small motion about a pivot in the target frame: a shift, a turn and, of seven
+// freedoms, the logarithm of a scale; the last two times the length.
+template <int kFreedoms>
+Similarity3 moved_about(const Similarity3& pose, const Vector<kFreedoms>& delta,
+                        const Eigen::Vector3d& pivot, double length) {
+  double scale = 1.0;
+  if constexpr (kFreedoms == 7) {
+    scale = std::exp(std::clamp(delta[6] / length, -kMostGrowth, kMostGrowth));
+  }
+  const Rigid3 turn(rotation_exp(delta.template segment<3>(3) / length), Eigen::Vector3d::Zero());
+  const Rigid3 about_pivot(turn.quaternion(),
+                           pivot - scale * (turn * pivot) + delta.template head<3>());
+  return Similarity3(scale, about_pivot) * pose;
+}
+
+// How a point at the arm's end moves with the freedoms.
+template <int kFreedoms>
+Eigen::Matrix<double, 3, kFreedoms> jacobian_at(const Eigen::Vector3d& arm, double length) {
+  Eigen::Matrix<double, 3, kFreedoms> jacobian;
+  if constexpr (kFreedoms == 7) {
+    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length, arm / length;
+  } else {
+    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length;
+  }
+  return jacobian;
+}
+
+}  // namespace
+
+RobustAlignment::RobustAlignment(const CentredPair& pair, const BatchTree& target_tree,
+                                 bool use_covariances, bool one_to_one, const Executor& executor)
+    : pair_(pair),
+      target_tree_(target_tree),
+      use_covariances_(use_covariances),
+      one_to_one_(one_to_one),
+      executor_(executor) {}
+
+template <int kFreedoms>
+RobustAlignment::Equations<kFreedoms>& RobustAlignment::Equations<kFreedoms>::operator+=(
+    const Equations& other) {
+  information += other.information;
+  gradient += other.gradient;
+  weight += other.weight;
+  count += other.count;
+  return *this;
+}
+
+double RobustAlignment::radius(std::size_t points) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < points; ++i) sum += pair_.source().positions[i].squaredNorm();
+  const double radius = std::sqrt(sum / static_cast<double>(points));
+  return radius > 0.0 ? radius : 1.0;
+}
+
+std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d> moved,
+                                                 BatchTree::Batch& queries, bool one_to_one) const {
+  std::vector<Match> matches(moved.size());
+  queries.for_each(moved, executor_, [&](std::size_t i, const NearestList auto& nearest) {
+    matches[i] = {static_cast<std::uint32_t>(i), nearest.index(0), nearest.squared_distance(0)};
+  });
+  if (!one_to_one) return matches;
+  // Whom each target landmark keeps: the closest; of equally close ones, the first.
+  constexpr auto kNobody = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> owner(target_tree_.size(), kNobody);
+  for (const Match& match : matches) {
+    std::uint32_t& kept = owner[match.target];
+    if (kept == kNobody || match.squared_distance < matches[kept].squared_distance) {
+      kept = match.source;
+    }
+  }
+  std::erase_if(matches, [&](const Match& match) { return owner[match.target] != match.source; });
+  return matches;
+}
+
+std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d& moved,
+                                                           const Match& match,
+                                                           const Eigen::Matrix3d& linear,
+                                                           double scale) const {
+  const LandmarkCloud& source = pair_.source();
+  const LandmarkCloud& target = pair_.target();
+  const Eigen::Matrix3d* const of_source =
+      use_covariances_ && !source.covariances.empty() ? &source.covariances[match.source] : nullptr;
+  const Eigen::Matrix3d* const of_target =
+      use_covariances_ && !target.covariances.empty() ? &target.covariances[match.target] : nullptr;
+  const Eigen::Vector3d residual = target.positions[match.target] - moved;
+  // No direction has a larger variance than this sum: most matches far apart are seen to be negligible by
+  // that alone.
+  double variance = scale * scale;
+  if (of_source != nullptr) variance += linear.col(0).squaredNorm() * of_source->trace();
+  if (of_target != nullptr) variance += of_target->trace();
+  if (residual.squaredNorm() > kFarthest * variance) return std::nullopt;
+  Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
+  if (of_source != nullptr) spread += linear * *of_source * linear.transpose();
+  if (of_target != nullptr) spread += *of_target;
+  const Eigen::Matrix3d information = spread.inverse();
+  const Eigen::Vector3d force = information * residual;
+  const double kernel = 1.0 / (1.0 + residual.dot(force));
+  if (kernel < kNegligible) return std::nullopt;
+  const double trust = source.weight(match.source) * target.weight(match.target);
+  return Term{information, force, trust * kernel * kernel, trust * kernel};
+}
+
+template <int kFreedoms>
+RobustAlignment::Equations<kFreedoms> RobustAlignment::equations(
+    std::span<const Eigen::Vector3d> moved, std::span<const Match> matches, const Similarity3& pose,
+    double scale, const Arm& arm) const {
+  constexpr std::size_t kBlock = 1024;
+  const Eigen::Matrix3d linear = pose.linear();
+  std::vector<Equations<kFreedoms>> parts((matches.size() + kBlock - 1) / kBlock);
+  executor_.for_blocks(matches.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    Equations<kFreedoms>& part = parts[begin / kBlock];
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Vector3d& point = moved[matches[i].source];
+      const std::optional<Term> one = term(point, matches[i], linear, scale);
+      if (!one) continue;
+      const auto jacobian = jacobian_at<kFreedoms>(point - arm.pivot, arm.length);
+      part.information += one->weight * jacobian.transpose() * one->information * jacobian;
+      part.gradient += one->weight * jacobian.transpose() * one->force;
+      part.weight += one->weight;
+      ++part.count;
+    }
+  });
+  // In the order of the blocks, so that rounding does not depend on the threads.
+  Equations<kFreedoms> sum;
+  for (const Equations<kFreedoms>& part : parts) sum += part;
+  return sum;
+}
+
+RobustAlignment::Run RobustAlignment::run(const Similarity3& initial, const Schedule& schedule,
+                                          const std::stop_token& stop,
+                                          const std::function<void(Iteration)>& observe) const {
+  return schedule.free_scale ? run_with<7>(initial, schedule, stop, observe)
+                             : run_with<6>(initial, schedule, stop, observe);
+}
+
+template <int kFreedoms>
+RobustAlignment::Run RobustAlignment::run_with(
+    const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop,
+    const std::function<void(Iteration)>& observe) const {
+  const std::size_t count = std::min(schedule.points, pair_.source().size());
+  const std::span<const Eigen::Vector3d> source = std::span(pair_.source().positions).first(count);
+  const double length = initial.scale() * radius(count);
+  BatchTree::Batch queries = target_tree_.batch(1);
+  Run run;
+  run.target_from_source = initial;
+  double scale = schedule.coarse;
+  int unsettled = 0;  // steps at this scale
+  const double last =
+      schedule.finest > 0.0 ? std::min(schedule.finest, schedule.fine) : schedule.fine;
+  while (run.iterations < schedule.max_iterations) {
+    if (stop.stop_requested()) {
+      run.stop_reason = StopReason::kCancelled;
+      break;
+    }
+    const std::vector<Eigen::Vector3d> moved = moved_points(source, run.target_from_source);
+    std::vector<Match> matches = find_matches(moved, queries, one_to_one_ || scale < schedule.fine);
+    // The pivot is the moved centroid, which the centred source has at its origin.
+    const Eigen::Vector3d pivot = run.target_from_source.translation();
+    Equations<kFreedoms> sum =
+        equations<kFreedoms>(moved, matches, run.target_from_source, scale, {pivot, length});
+    // Fewer matches than these would be free to turn.
+    if (sum.count < kFewestMatches || !(sum.weight > 0.0)) {
+      run.stop_reason = StopReason::kTooFewMatches;
+      break;
+    }
+    if constexpr (kFreedoms == 7) {
+      if (scale > kScaleFreed * schedule.fine) {
+        sum.information.row(6).setZero();
+        sum.information.col(6).setZero();
+        sum.gradient[6] = 0.0;
+      }
+    }
+    // What the matches leave open does not move.
+    sum.information.diagonal().array() += kDamping * sum.information.trace();
+    const Vector<kFreedoms> delta = sum.information.ldlt().solve(sum.gradient);
+    const double motion = delta.norm();
+    run.target_from_source = moved_about<kFreedoms>(run.target_from_source, delta, pivot, length);
+    ++run.iterations;
+    if (observe) {
+      observe({run.target_from_source, mean_squared_distance(matches), std::move(matches)});
+    }
+    if (scale <= last && motion < kStill * last) {
+      run.stop_reason = StopReason::kNoMotion;
+      break;
+    }
+    if (scale > schedule.fine) {
+      scale = std::max(kCooling * scale, schedule.fine);
+    } else if (motion < kSettled * scale || ++unsettled == kMostUnsettled) {
+      scale = std::max(kFineCooling * scale, last);
+      unsettled = 0;
+    }
+  }
+  return run;
+}
+
+std::vector<Match> RobustAlignment::matches(const Similarity3& pose) const {
+  BatchTree::Batch queries = target_tree_.batch(1);
+  return find_matches(moved_points(pair_.source().positions, pose), queries, one_to_one_);
+}
+
+double RobustAlignment::value(const Similarity3& pose, double scale,
+                              std::span<const Match> matches) const {
+  const Eigen::Matrix3d linear = pose.linear();
+  double sum = 0.0;
+  for (const Match& match : matches) {
+    const Eigen::Vector3d moved = pose * pair_.source().positions[match.source];
+    if (const auto one = term(moved, match, linear, scale)) sum += one->value;
+  }
+  return sum;
+}
+
+// Tries motions out on some thousands of source landmarks, which stand for all.
+template <int kFreedoms>
+class RobustAlignment::Trial {
+ public:
+  using Direction = Vector<kFreedoms>;
+  using Matrix = typename Equations<kFreedoms>::Matrix;
+
+  Trial(const RobustAlignment& alignment, const Similarity3& pose, double scale, const Arm& arm)
+      : alignment_(alignment),
+        pose_(pose),
+        scale_(scale),
+        arm_(arm),
+        queries_(alignment.target_tree_.batch(1)),
+        moved_(all()),
+        here_(terms(pose)) {}
+
+  // How the gradient of all landmarks answers small motions, each finding its match anew. With the
+  // matches held it would seem much stiffer: a landmark that is none of the target's is not held by
+  // its neighbour.
+  Matrix stiffness() {
+    const double step = kStiffnessStep * scale_;
+    const double share = static_cast<double>(tried_.size()) / static_cast<double>(all().size());
+    Matrix result;
+    for (int i = 0; i < kFreedoms; ++i) {
+      const Direction direction = Direction::Unit(i);
+      result.col(i) = (gradient(moved(-step * direction)) - gradient(moved(step * direction))) /
+                      (2.0 * step * share);
+    }
+    return 0.5 * (result + result.transpose());
+  }
+
+  // Whether landmarks fit better here than a little way along the direction, on both sides.
+  bool holds(const Direction& direction) {
+    return is_better_than(moved(-kProbe * scale_ * direction)) &&
+           is_better_than(moved(kProbe * scale_ * direction));
+  }
+
+ private:
+  static constexpr std::size_t kTried = 16384;
+  static constexpr double kProbe = 2.0;  // of the kernel's scale
+
+  const std::vector<Eigen::Vector3d>& all() const { return alignment_.pair_.source().positions; }
+
+  Similarity3 moved(const Direction& direction) const {
+    return moved_about<kFreedoms>(pose_, direction, arm_.pivot, arm_.length);
+  }
+
+  // Of the landmarks tried, at a pose; moved_ has their places then.
+  std::vector<Match> matches(const Similarity3& pose) {
+    std::vector<Eigen::Vector3d> places;
+    places.reserve(tried_.size());
+    for (const std::size_t landmark : tried_) {
+      places.push_back(moved_[landmark] = pose * all()[landmark]);
+    }
+    std::vector<Match> found = alignment_.find_matches(places, queries_, alignment_.one_to_one_);
+    for (Match& match : found) match.source = static_cast<std::uint32_t>(tried_[match.source]);
+    return found;
+  }
+
+  Direction gradient(const Similarity3& pose) {
+    const std::vector<Match> found = matches(pose);
+    const Arm arm = {pose * (pose_.inverse() * arm_.pivot), arm_.length};
+    return alignment_.template equations<kFreedoms>(moved_, found, pose, scale_, arm).gradient;
+  }
+
+  // What each landmark adds to the objective, one a landmark of the source; 0 of those not tried.
+  std::vector<double> terms(const Similarity3& pose) {
+    std::vector<double> values(all().size(), 0.0);
+    const Eigen::Matrix3d linear = pose.linear();
+    for (const Match& match : matches(pose)) {
+      const auto one = alignment_.term(moved_[match.source], match, linear, scale_);
+      if (one) values[match.source] = one->value;
+    }
+    return values;
+  }
+
+  bool is_better_than(const Similarity3& other) {
+    const std::vector<double> there = terms(other);
+    // Landmarks that meet nothing at either pose say nothing. Those that do at the other alone count:
+    // without them, every pose would seem better than its neighbours.
+    std::vector<Eigen::Vector3d> places;
+    std::vector<double> gains;
+    for (const std::size_t landmark : tried_) {
+      if (here_[landmark] == 0.0 && there[landmark] == 0.0) continue;
+      places.push_back(pose_ * all()[landmark]);
+      gains.push_back(here_[landmark] - there[landmark]);
+    }
+    return gain_is_significant(places, gains);
+  }
+
+  const RobustAlignment& alignment_;
+  Similarity3 pose_;
+  double scale_;
+  Arm arm_;
+  BatchTree::Batch queries_;
+  std::vector<std::size_t> tried_ =
+      one_of_each((all().size() + kTried - 1) / kTried, all().size(), Random(0));
+  std::vector<Eigen::Vector3d> moved_;  // one a landmark of the source
+  std::vector<double> here_;            // terms at the pose
+};
+
+PoseUncertainty RobustAlignment::uncertainty(const Similarity3& pose, double scale,
+                                             std::vector<Match> matches, bool free_scale) const {
+  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches))
+                    : uncertainty_with<6>(pose, scale, std::move(matches));
+}
+
+template <int kFreedoms>
+PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, double scale,
+                                                  std::vector<Match> matches) const {
+  const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
+  const Eigen::Matrix3d linear = pose.linear();
+  std::erase_if(matches, [&](const Match& match) {
+    return !term(moved[match.source], match, linear, scale);
+  });
+  if (matches.size() < kFewestMatches) return {};
+  std::vector<Eigen::Vector3d> places;
+  for (const Match& match : matches) places.push_back(moved[match.source]);
+  // Of what is matched: elsewhere a turn moves it much or hardly at all.
+  const PoseDistance spread = PoseDistance::of(places);
+  const Arm arm = {spread.centroid, spread.radius > 0.0 ? spread.radius : 1.0};
+  PoseEvidence<kFreedoms> evidence;
+  evidence.pivot = arm.pivot;
+  evidence.length = arm.length;
+  Trial<kFreedoms> trial(*this, pose, scale, arm);
+  evidence.information = trial.stiffness();
+
+  PoseUncertainty open;
+  const Eigen::SelfAdjointEigenSolver<typename Equations<kFreedoms>::Matrix> eigen(
+      evidence.information);
+  for (int i = 0; i < kFreedoms; ++i) {
+    const Vector<kFreedoms> direction = eigen.eigenvectors().col(i);
+    if (trial.holds(direction)) continue;
+    open.unobservable.push_back(open_direction<kFreedoms>(direction, evidence.length));
+  }
+  if (!open.unobservable.empty()) return open;
+
+  // Landmarks next to each other err alike: of one keyframe, or matched to the same landmark; and
+  // maps are bent by drift. Few parts are large enough to show that.
+  const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
+  std::vector<std::vector<Match>> groups(kErrorGroups);
+  for (std::size_t i = 0; i < matches.size(); ++i) groups[group_of[i]].push_back(matches[i]);
+  std::erase_if(groups, [](const auto& group) { return group.empty(); });
+  for (const std::vector<Match>& group : groups) {
+    const Vector<kFreedoms> pull = equations<kFreedoms>(moved, group, pose, scale, arm).gradient;
+    evidence.scatter += pull * pull.transpose();
+  }
+  const std::optional<double> correction = correction_for_few(groups.size(), kFreedoms);
+  if (!correction) return {};
+  evidence.scatter *= *correction;
+  return pose_uncertainty(pose, evidence);
+}
+
+}  // namespace cairn
