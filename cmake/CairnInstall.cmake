@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# find_package(cairn) for consumers: cairn::cairn is the whole library, cairn::pcl the PCL adapter.
-# Components: tool, dev and python, each of which is a Debian package (CairnPackages.cmake).
+# find_package(cairn) for consumers: cairn::cairn and, as components, the modules that need more (cairn-config.cmake.in).
+# What is installed is in parts, tool, dev and python, each of which is a Debian package (CairnPackages.cmake).
 include(CMakePackageConfigHelpers)
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
 
@@ -23,6 +23,8 @@ install(FILES LICENSE THIRD_PARTY DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT 
 if(TARGET cairn_app)
   install(FILES packaging/cairn.bash RENAME cairn COMPONENT tool
           DESTINATION "${CMAKE_INSTALL_DATADIR}/bash-completion/completions")
+  install(FILES packaging/cairn.zsh RENAME _cairn COMPONENT tool
+          DESTINATION "${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions")
   # The manual pages are the tool's own help.
   set(man "${PROJECT_BINARY_DIR}/man")
   install(CODE "execute_process(COMMAND_ERROR_IS_FATAL ANY
@@ -31,7 +33,8 @@ if(TARGET cairn_app)
 endif()
 
 # pkg-config, for cairn::cairn. A static library precedes those that it needs.
-get_property(core GLOBAL PROPERTY CAIRN_CORE_MODULES)
+get_property(core_modules GLOBAL PROPERTY CAIRN_CORE_MODULES)
+set(core ${core_modules})
 list(REVERSE core)
 list(TRANSFORM core PREPEND "-l")
 list(JOIN core " " CAIRN_PC_LIBRARIES)
@@ -54,6 +57,15 @@ if(TARGET cairn_python)
           FILES_MATCHING PATTERN "*.py" PATTERN "*.pyi" PATTERN "py.typed")
 endif()
 
+# Modules that a consumer asks for by name, beside what always comes.
+set(CAIRN_COMPONENTS core pcl)
+foreach(module IN LISTS modules)
+  if(NOT module IN_LIST core_modules)
+    string(REGEX REPLACE "^cairn_" "" component ${module})
+    list(APPEND CAIRN_COMPONENTS ${component})
+  endif()
+endforeach()
+set_property(GLOBAL PROPERTY CAIRN_COMPONENTS ${CAIRN_COMPONENTS})
 configure_package_config_file(cmake/cairn-config.cmake.in "${PROJECT_BINARY_DIR}/cairn-config.cmake"
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/cairn)
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/cairn-config-version.cmake"

@@ -97,7 +97,8 @@ set(CAIRN_UNITY_APART
 # cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ...)
 #
 # One static library cairn_NAME (alias cairn::NAME) for the current folder, and one test program of
-# its x_test.cpp files. OPTIONAL modules need heavy libraries: they are not part of cairn::cairn.
+# its x_test.cpp files. OPTIONAL modules are not part of cairn::cairn: a
+# consumer asks for them as components (cairn-config.cmake.in).
 function(cairn_module name)
   cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS" ${ARGN})
   add_library(cairn_${name} STATIC ${ARG_SOURCES})

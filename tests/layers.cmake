@@ -44,7 +44,7 @@ set(SHARED_DETAIL core geometry adjustment)
 
 # Libraries that only the modules named may include: "start of the header's name" "modules".
 set(HEAVY
-  "opencv2/" "sequence odometry"
+  "opencv2/" "odometry"
   "boost/" "experiments"
   "ceres/" "adjustment merging odometry"
   "embree" "simulation"

@@ -273,7 +273,7 @@ report::Report AlignArguments::make_report(const LoadedMap& source_map, const Lo
   pair.source = &source_map.map;
   pair.target = &target_map.map;
   pair.unit = unit;
-  pair.point_options = point_options;
+  pair.points = point_options;
   pair.initial = options.initial;
   pair.truth = true_pose;
   pair.results = alignments;

@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -23,7 +22,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/g2o.hpp"
 #include "cairn/pose_graph/graph_json.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #ifdef CAIRN_HAS_ADJUSTMENT
 #include "cairn/adjustment/estimate_covariances.hpp"
@@ -62,7 +61,9 @@ struct ConvertArguments {
  private:
   const MapFormat& output_format() const;
   LandmarkMap with_estimated_covariances(const LandmarkMap& map, Json& json) const;
-  bool carry_along() const;
+  std::optional<std::string> beginning() const;
+  bool move_points() const;
+  bool convert_trajectory() const;
   bool write_graph() const;
 };
 
@@ -84,14 +85,17 @@ FrameRange parse_frames(const std::string& text) {
 }
 
 void ConvertArguments::add_to(CLI::App& command) {
-  add_text(command, "input", input, "Map to read: " + all_formats().titles_text() + "; - for stdin")
+  add_text(command, "input", input,
+           "Map to read: " + all_formats().titles_text() +
+               "; - for stdin; or a trajectory of TUM, EuRoC or KITTI")
       ->required();
   add_text(command, "output", output,
            "Map to write; its ending names the format: " + all_formats().endings_text() +
                "; - for stdout, which takes --format")
       ->required();
   add_text(command, "--format", format,
-           "Format to write, whatever the output's ending: " + all_formats().written_names_text(),
+           "Format to write, whatever the output's ending: " + all_formats().written_names_text() +
+               "; of a trajectory tum (the default), euroc (.csv) or kitti",
            "FORMAT");
   add_text(
       command, "--frames", frames,
@@ -104,7 +108,7 @@ void ConvertArguments::add_to(CLI::App& command) {
   add_text(
       command, "--apply", apply,
       "Move what belongs to an aligned map by the alignment: a result of cairn align --json, or 16 "
-      "numbers, row-major. A PLY cloud or mesh keeps all else as it is; a file of TUM poses stays "
+      "numbers, row-major. A PLY cloud or mesh keeps all else as it is; a trajectory stays "
       "one; "
       "maps in any format move whole, with their scale",
       "FILE");
@@ -200,53 +204,53 @@ LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map,
   return estimated.map;
 }
 #endif
-// Whether a file's first record is a TUM pose: eight numbers, of which the last four have norm 1.
-bool looks_like_tum(std::string_view text) {
-  while (!text.empty()) {
-    const std::size_t end = text.find('\n');
-    const std::string line(text.substr(0, end));
-    text = end == std::string_view::npos ? std::string_view() : text.substr(end + 1);
-    if (trimmed(line).empty() || line.front() == '#') continue;
-    std::istringstream words(line);
-    std::vector<double> numbers;
-    for (std::string word; words >> word;) {
-      const auto number = parse_number(word);
-      if (!number) return false;
-      numbers.push_back(*number);
-    }
-    if (numbers.size() != 8) return false;
-    const double norm =
-        std::hypot(std::hypot(numbers[4], numbers[5]), std::hypot(numbers[6], numbers[7]));
-    return std::abs(norm - 1.0) < 0.01;
+// The first bytes of a file, or nothing where the input is none.
+std::optional<std::string> ConvertArguments::beginning() const {
+  std::error_code ignored;
+  if (input == "-" || output == "-" || !std::filesystem::is_regular_file(input, ignored)) {
+    return std::nullopt;
   }
-  return false;
-}
-
-// Moves a PLY file or a trajectory as what it is. @return false for what is read as a map
-bool ConvertArguments::carry_along() const {
-  if (input == "-" || output == "-" || std::filesystem::is_directory(input)) return false;
   FileReader file(input);
   std::string first(4096, '\0');
   first.resize(file.read(first.data(), first.size()));
-  file.rewind();
+  return first;
+}
+
+// Moves a PLY file as what it is. @return false for what is read as a map
+bool ConvertArguments::move_points() const {
+  const auto first = beginning();
+  if (!first || !(first->starts_with("ply\n") || first->starts_with("ply\r")) ||
+      std::filesystem::path(output).extension() != ".ply") {
+    return false;
+  }
+  FileReader file(input);
   const Similarity3 new_from_old = read_similarity_file(apply);
-  const bool is_ply = first.starts_with("ply\n") || first.starts_with("ply\r");
-  if (is_ply && std::filesystem::path(output).extension() == ".ply") {
-    write_file(output, [&](const ByteSink& sink) { move_ply(file, new_from_old, sink); });
-    return true;
+  write_file(output, [&](const ByteSink& sink) { move_ply(file, new_from_old, sink); });
+  common.console().print(fmt::format("{}: moved\n", output));
+  return true;
+}
+
+// Converts a trajectory, moved if that is asked for. @return false for what is read as a map
+bool ConvertArguments::convert_trajectory() const {
+  const auto first = beginning();
+  if (!first || !recognised_trajectory(*first)) return false;
+  TrajectoryFormat written = TrajectoryFormat::kTum;
+  if (!format.empty()) {
+    const auto named = trajectory_format(format);
+    if (!named) {
+      throw Error(ErrorKind::kMisuse, "--format", printable(format) + " of a trajectory",
+                  "tum, euroc or kitti");
+    }
+    written = *named;
+  } else if (std::filesystem::path(output).extension() == ".csv") {
+    written = TrajectoryFormat::kEuroc;
   }
-  if (!looks_like_tum(first)) return false;
-  std::vector<TimedPose> poses;
-  const Trajectory read = read_tum_trajectory(file);
-  for (const TimedPose& pose : read.poses()) {
-    TimedPose moved = pose;
-    moved.world_from_camera =
-        Rigid3(new_from_old.rigid().quaternion() * pose.world_from_camera.quaternion(),
-               new_from_old * pose.world_from_camera.translation());
-    poses.push_back(moved);
-  }
-  const Trajectory moved(std::move(poses));
-  write_file(output, [&](const ByteSink& sink) { write_tum_trajectory(moved, sink); });
+  Trajectory trajectory = read_trajectory(input);
+  if (!apply.empty()) trajectory = transformed(trajectory, read_similarity_file(apply));
+  if (transform.given()) trajectory = transformed(trajectory, transform.pose());
+  write_file(output, [&](const ByteSink& sink) { write_trajectory(trajectory, written, sink); });
+  common.console().print(fmt::format("{}: {} poses{}\n", output, trajectory.size(),
+                                     apply.empty() && !transform.given() ? "" : ", moved"));
   return true;
 }
 
@@ -280,10 +284,8 @@ int ConvertArguments::run() {
   if (!apply.empty() && transform.given()) {
     throw Error(ErrorKind::kMisuse, "--apply", "stands beside --transform", "one of them");
   }
-  if (!apply.empty() && carry_along()) {
-    common.console().print(fmt::format("{}: moved\n", output));
-    return kDone;
-  }
+  if (!apply.empty() && move_points()) return kDone;
+  if (convert_trajectory()) return kDone;
   if (write_graph()) return kDone;
   const MapFormat& written = output_format();
   require_one_stdout({{"--json", &common.json_path}, {"output", &output}});

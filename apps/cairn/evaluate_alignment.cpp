@@ -20,7 +20,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -155,11 +155,6 @@ bool EvaluateAlignmentArguments::has_trajectories() const {
                 "--source-trajectory, --source-truth, --target-trajectory and --target-truth");
   }
   return given == 4;
-}
-
-Trajectory read_trajectory(const std::string& path) {
-  FileReader file(path);
-  return read_tum_trajectory(file);
 }
 
 // By orientations and positions: where a path is short or straight, positions leave a turn open.

@@ -19,7 +19,7 @@
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/sequence/sequence.hpp"
 #endif
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -124,8 +124,7 @@ std::vector<std::optional<Eigen::Vector3d>> EvaluateMapArguments::true_positions
   if (truth_trajectory.empty()) {
     poses = keyframe_poses(map, truth->map);
   } else {
-    FileReader file(truth_trajectory);
-    poses = keyframe_poses(map, read_tum_trajectory(file), max_time_difference_s);
+    poses = keyframe_poses(map, read_trajectory(truth_trajectory), max_time_difference_s);
   }
   return true_positions_in_first_keyframe(map, truth->map, poses);
 }

@@ -15,7 +15,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/trajectory/hand_eye.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -59,8 +59,7 @@ struct LoadedTrajectory {
 };
 
 LoadedTrajectory load_trajectory(const std::string& path) {
-  FileReader file(path);
-  return {path, read_tum_trajectory(file)};
+  return {path, read_trajectory(path)};
 }
 
 struct EvaluateTrajectoryArguments {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <new>
+#include <span>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -30,6 +31,7 @@
 #include "support/distinct_files.hpp"
 #include "support/help.hpp"
 #include "support/interrupt.hpp"
+#include "support/suggestion.hpp"
 
 namespace {
 
@@ -49,12 +51,18 @@ int exit_code_of(cairn::ErrorKind kind) {
   return ExitCode::kInternalError;
 }
 
+bool asks_for_version(int argc, char** argv) {
+  if (argc != 2) return false;
+  const std::string_view word = argv[1];
+  return word == "--version" || word == "-V";
+}
+
 #ifdef CAIRN_WHOLE_TOOL
 // Whether the command needs no more than this executable, which has the quick verbs only.
 bool is_quick(int argc, char** argv) {
   if (argc < 2) return false;
   const std::string_view verb = argv[1];
-  return verb == "align" || verb == "info" || (argc == 2 && verb == "--version");
+  return verb == "align" || verb == "info" || asks_for_version(argc, argv);
 }
 
 // Goes on as the whole tool; returns only if that cannot be started.
@@ -88,6 +96,19 @@ std::vector<const CLI::App*> parsed_verbs(const CLI::App& program) {
   return verbs;
 }
 
+std::string did_you_mean(const std::string& word, std::span<const std::string> names) {
+  const auto meant = cairn::cli::likely_meant(word, names);
+  return meant ? fmt::format("; did you mean {}?", *meant) : "";
+}
+
+std::vector<std::string> option_names(const CLI::App& verb) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : verb.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
 // What is wrong with the command line, for people.
 std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = program.remaining(true);
@@ -96,9 +117,19 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
     names.push_back(verb->get_name());
   }
   if (!names.empty()) {
-    return fmt::format("{}; expected a verb: {}",
-                       unexpected.empty() ? "nothing to do" : cairn::printable(unexpected.front()),
-                       fmt::join(names, ", "));
+    if (unexpected.empty()) {
+      return fmt::format("nothing to do; expected a verb: {}", fmt::join(names, ", "));
+    }
+    const std::string& word = unexpected.front();
+    return fmt::format("{}; expected a verb: {}{}", cairn::printable(word), fmt::join(names, ", "),
+                       did_you_mean(word, names));
+  }
+  // An option that is none is the mistake, whatever is missing for it.
+  for (const std::string& word : unexpected) {
+    if (!word.starts_with("--")) continue;
+    const std::string name = word.substr(0, word.find('='));
+    return fmt::format("there is no option {}{}", cairn::printable(name),
+                       did_you_mean(name, option_names(*parsed_verbs(program).back())));
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr) return error.what();
   const bool has_number =
@@ -110,19 +141,19 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
 
 int run(int argc, char** argv) {
   // Setting up all options takes longer than the answer.
-  if (argc == 2 && std::string_view(argv[1]) == "--version") {
+  if (asks_for_version(argc, argv)) {
     fmt::print("cairn {}\n", cairn::kVersion);
     return ExitCode::kDone;
   }
   CLI::App program("Aligns, links and merges the landmark maps of visual SLAM.", "cairn");
   program.formatter(std::make_shared<cairn::cli::HelpFormatter>());
-  program.set_version_flag("--version", std::string("cairn ") + cairn::kVersion,
+  program.set_version_flag("-V,--version", std::string("cairn ") + cairn::kVersion,
                            "Print the version and exit");
   program.set_help_flag("-h,--help", "Print this text and exit");
   program.option_defaults()->take_last();
   program.require_subcommand(1);
   program.footer(
-      "Try 'cairn demo', then 'cairn <verb> --help'.\n\n"
+      "Try 'cairn demo', then 'cairn help <verb>'.\n\n"
       "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
       "4 no trustworthy alignment; 130 interrupted.");
   std::vector<std::pair<std::string, cairn::cli::Run>> verbs = {
@@ -158,7 +189,14 @@ int run(int argc, char** argv) {
     return ExitCode::kWrongUsage;
   }
   try {
-    program.parse(argc, argv);
+    if (argc > 1 && std::string_view(argv[1]) == "help") {
+      // "help align" is "align --help". CLI11 takes the words last first.
+      std::vector<std::string> words = {"--help"};
+      for (int i = argc - 1; i > 1; --i) words.emplace_back(argv[i]);
+      program.parse(std::move(words));
+    } else {
+      program.parse(argc, argv);
+    }
   } catch (const CLI::Success& asked) {
     program.exit(asked);  // prints the help or the version
     return ExitCode::kDone;

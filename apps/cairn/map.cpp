@@ -21,6 +21,7 @@
 #include "cairn/pose_graph/g2o.hpp"
 #include "cairn/pose_graph/graph_json.hpp"
 #include "cairn/sequence/sequence.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 #include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
@@ -221,8 +222,7 @@ MapSequenceOptions MapArguments::options() const {
     options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
   }
   if (!start_from.empty()) {
-    FileReader file(start_from);
-    options.odometry.start = [truth = read_tum_trajectory(file), path = start_from](double time) {
+    options.odometry.start = [truth = read_trajectory(start_from), path = start_from](double time) {
       const auto pose = interpolated(truth, time);
       if (pose) return *pose;
       throw Error(ErrorKind::kInput, path,
@@ -536,8 +536,7 @@ MapAtPosesOptions MapArguments::options_at_poses() const {
 
 MapAtPoses MapArguments::map_at_given_poses(const Camera& model,
                                             const SequenceOptions& sequence_options) const {
-  FileReader file(poses);
-  const Trajectory given = read_tum_trajectory(file);
+  const Trajectory given = read_trajectory(poses);
   const RgbdSequence images(sequence, sequence_options, common.console().log());
   std::optional<MapAtPoses> mapped;
   with_option_names({{"FeatureOptions.count", "--features"},

@@ -73,8 +73,8 @@ void ReportArguments::add_to(CLI::App& command) {
 
 // Every match must be one of landmarks that are there.
 void check_matches(const SavedResult& result, const ReportedPair& pair) {
-  const std::size_t source = landmarks_to_align(*pair.source, pair.point_options).size();
-  const std::size_t target = landmarks_to_align(*pair.target, pair.point_options).size();
+  const std::size_t source = landmarks_to_align(*pair.source, pair.points).size();
+  const std::size_t target = landmarks_to_align(*pair.target, pair.points).size();
   for (std::size_t i = 0; i < pair.results.size(); ++i) {
     const auto& history = pair.results[i].alignment.registration.history;
     for (std::size_t k = 0; k < history.size(); ++k) {
@@ -182,7 +182,7 @@ void Assembly::add_file(const std::string& path) {
 void Assembly::add_single_map(const std::string& path) {
   const LoadedMap loaded = load_map(path, common_);
   add_input(role("map"), loaded.description);
-  add_map(report_, loaded.map, file_name(path), prefix());
+  report::add_map(report_, loaded.map, file_name(path), prefix());
   if (several_) return;
   if (report_.title.empty()) report_.title = file_name(path);
   report_.subtitle = fmt::format("{} landmarks seen from {} keyframes", loaded.map.landmark_count(),
@@ -232,7 +232,7 @@ void Assembly::add_alignment(const std::string& text, const std::string& path) {
   pair.source = source ? &source->map : nullptr;
   pair.target = target ? &target->map : nullptr;
   pair.unit = saved.unit;
-  pair.point_options.min_observations = saved.min_observations;
+  pair.points.min_observations = saved.min_observations;
   pair.initial = saved.initial;
   pair.truth = saved.truth;
   pair.results = saved.results;

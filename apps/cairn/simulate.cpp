@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <opencv2/core/mat.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -19,6 +18,7 @@
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 #include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
@@ -155,8 +155,7 @@ void SimulateArguments::refuse_existing() const {
 Trajectory SimulateArguments::make_trajectory(const Environment& place) const {
   if (!path_is_file()) return make_path(place, path_options);
   FileReader file(path);
-  Trajectory result =
-      resampled(read_tum_trajectory(file), path_options.rate_hz, frames.value_or(0));
+  Trajectory result = resampled(read_trajectory(file), path_options.rate_hz, frames.value_or(0));
   constexpr double kTouching = 0.05;
   const auto near =
       std::count_if(result.poses().begin(), result.poses().end(), [&](const TimedPose& pose) {
@@ -182,10 +181,8 @@ void SimulateArguments::write(const RgbdSimulator& simulator, SequenceWriter& wr
     executor.for_blocks(std::min(batch, count - begin), 1, [&](std::size_t i, std::size_t) {
       if (stop.stop_requested()) return;
       RgbdFrame frame = simulator.frame(begin + i);
-      const int rows = static_cast<int>(frame.height);
-      const int columns = static_cast<int>(frame.width);
-      writer.add(frame.timestamp_s, cv::Mat(rows, columns, CV_8UC3, frame.bgr.data()),
-                 cv::Mat(rows, columns, CV_32FC1, frame.depth_m.data()));
+      writer.add(frame.timestamp_s, ColorImage(frame.width, frame.height, std::move(frame.bgr)),
+                 DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
     });
     if (stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, folder, "the simulation was cancelled", "");

@@ -11,6 +11,7 @@
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/trajectory/trajectory.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 #include "cairn/trajectory/tum.hpp"
 
 #include "bindings/support.hpp"
@@ -128,13 +129,11 @@ void bind_trajectory(py::module_& module) {
         return Trajectory(std::move(poses));
       });
   module.def(
-      "read_trajectory",
-      [](const std::filesystem::path& path) {
-        FileReader file(path);
-        return read_tum_trajectory(file);
-      },
+      "read_trajectory", [](const std::filesystem::path& path) { return read_trajectory(path); },
       py::arg("path"),
-      "read_trajectory(path)\n--\n\nReads a trajectory in the format of the TUM RGB-D benchmark.");
+      "read_trajectory(path)\n--\n\nReads a trajectory in the format of the TUM RGB-D benchmark, "
+      "EuRoC or "
+      "KITTI.");
 }
 
 void bind_statistics(py::module_& module) {

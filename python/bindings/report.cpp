@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/report/report.hpp"
 
-#include <cctype>
 #include <filesystem>
 
 #include <fmt/format.h>
 
 #include "cairn/report/machine.hpp"
-#include "cairn/report/map_builder.hpp"
-#include "cairn/report/run_builder.hpp"
+#include "cairn/report/pair_sections.hpp"
 #include "cairn/report/viewer_page.hpp"
 #include "cairn/report/writer.hpp"
 
@@ -27,83 +25,32 @@ std::string run_name(const AlignmentRecord& record) {
   return record.confidence == "none" ? method : method + " " + record.confidence;
 }
 
-report::AlignmentRun run_of(const AlignmentResult& result, const report::ShownPoints& source,
-                            const report::ShownPoints& target,
-                            const std::optional<Similarity3>& truth) {
-  const Alignment& alignment = result.alignment();
-  RegistrationResult registration = alignment.registration;
-  registration.reason = alignment.reason;
-  registration.duration_s = alignment.duration_s;
-  if (alignment.verdict == Verdict::kRejected) registration.status = RegistrationStatus::kFailed;
-  return report::make_run(registration, source, target,
-                          {.name = run_name(result.record),
-                           .initial = result.initial,
-                           .k = result.record.k,
-                           .truth = truth,
-                           .status = std::string(status_of(alignment))});
+std::string subtitle_of(const std::vector<SharedAlignment>& results) {
+  std::string text;
+  for (const SharedAlignment& result : results) {
+    if (!text.empty()) text += " ";
+    if (results.size() > 1) text += run_name(result->record) + ": ";
+    text += report::verdict_sentence(result->alignment());
+  }
+  return text;
 }
 
 void add_pair(report::Report& report, const LandmarkMap& source, const LandmarkMap& target,
               const std::vector<SharedAlignment>& results,
               const std::optional<Similarity3>& truth) {
-  const PointSetOptions points = results.empty() ? PointSetOptions{} : results.front()->points;
-  const auto from = report::ShownPoints::only_aligned(source, points);
-  const auto to = report::ShownPoints::only_aligned(target, points);
-  std::vector<report::AlignmentRun> runs;
-  for (const SharedAlignment& result : results) runs.push_back(run_of(*result, from, to, truth));
-  const LengthUnit unit = target.info().length_unit;
-  for (const auto& [id, map] : {std::pair{"source", &source}, {"target", &target}}) {
-    report.maps.push_back(report::make_map(
-        *map, {.id = id, .name = id, .landmarks = landmarks_to_align(*map, points)}));
+  report::ShownPair pair;
+  pair.source = &source;
+  pair.target = &target;
+  pair.unit = target.info().length_unit;
+  pair.truth = truth;
+  if (!results.empty()) {
+    pair.points = results.front()->points;
+    pair.initial = results.front()->initial;
   }
-  report.sections.push_back({.id = "scene",
-                             .title = "Alignment",
-                             .text = std::nullopt,
-                             .content = report::Scene{.source = "source",
-                                                      .target = "target",
-                                                      .truth = truth,
-                                                      .up = report::up_of(target),
-                                                      .runs = runs}});
-  if (runs.empty()) return;
-  report.sections.push_back({.id = "strategies",
-                             .title = "Results",
-                             .text = std::nullopt,
-                             .content = report::run_table(runs, unit)});
-  const auto add_chart = [&](const char* id, const char* title, report::LinesChart chart) {
-    if (chart.series.empty()) return;
-    report.sections.push_back({.id = id,
-                               .title = title,
-                               .text = std::nullopt,
-                               .content = report::Chart(std::move(chart))});
-  };
-  add_chart("convergence", "Convergence", report::convergence_chart(runs, unit));
-  add_chart("translation-error", "Translation error", report::error_chart(runs, unit, true));
-  add_chart("rotation-error", "Rotation error", report::error_chart(runs, unit, false));
-}
-
-void add_map(report::Report& report, const LandmarkMap& map) {
-  report.maps.push_back(
-      report::make_map(map, {.id = "map", .name = "map", .landmarks = std::nullopt}));
-  report.sections.push_back({.id = "scene",
-                             .title = "Map",
-                             .text = std::nullopt,
-                             .content = report::Scene{.source = std::nullopt,
-                                                      .target = "map",
-                                                      .truth = std::nullopt,
-                                                      .up = report::up_of(map),
-                                                      .runs = {}}});
-}
-
-std::string subtitle_of(const std::vector<SharedAlignment>& results) {
-  std::string text;
   for (const SharedAlignment& result : results) {
-    std::string status(status_of(result->alignment()));
-    status.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(status.front())));
-    if (!text.empty()) text += " ";
-    text += (results.size() > 1 ? run_name(result->record) + ": " : "") + status + ": " +
-            result->alignment().reason + ".";
+    pair.alignments.push_back({&result->alignment(), run_name(result->record), result->record.k});
   }
-  return text;
+  report::add_pair(report, pair, report::runs_of(pair));
 }
 
 Page make_page(const SharedMap& source, const SharedMap& target,
@@ -127,7 +74,7 @@ Page make_page(const SharedMap& source, const SharedMap& target,
       report.provenance.options_json = results.front()->options_json;
     }
     if (target == nullptr) {
-      add_map(report, *source);
+      report::add_map(report, *source, "map");
     } else {
       add_pair(report, *source, *target, results, true_pose);
     }

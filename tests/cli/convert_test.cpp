@@ -101,6 +101,23 @@ TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
                  {"none.json"});
 }
 
+TEST_F(ConvertTest, TrajectoriesGoFromFormatToFormat) {
+  write("poses.txt", "# a comment\n10.5 1 2 3 0 0 0 1\n10.75 1 2 4 0 0 1 0\n");
+  EXPECT_EQ(answer({"convert", "poses.txt", "poses.csv"}), "poses.csv: 2 poses\n");
+  EXPECT_THAT(content("poses.csv"),
+              HasSubstr("\n10500000000,1,2,3,1,0,0,0\n10750000000,1,2,4,0,0,0,1\n"));
+  EXPECT_EQ(answer({"convert", "poses.csv", "kitti.txt", "--format", "kitti", "--transform",
+                    "10 0 0 0 0 0"}),
+            "kitti.txt: 2 poses, moved\n");
+  EXPECT_EQ(content("kitti.txt"), "1 0 0 11 0 1 0 2 0 0 1 3\n-1 0 0 11 0 -1 0 2 0 0 1 4\n");
+  answer({"convert", "kitti.txt", "back.txt"});
+  EXPECT_THAT(content("back.txt"), HasSubstr("\n1 11 2 4 "));
+  expect_refusal({"convert", "poses.txt", "poses.ply", "--format", "ply"}, kWrongUsage,
+                 {"--format", "ply", "tum, euroc or kitti"});
+  write("broken.txt", "10.5 1 2 3 0 0 0 1\n10.75 1 2 4 0 0 1\n");
+  expect_refusal({"convert", "broken.txt", "out.csv"}, kBadInput, {"broken.txt:2"});
+}
+
 TEST_F(ConvertTest, DamagedBinaryMapIsRefused) {
   write_plain();
   answer({"convert", "plain.map", "plain.cairn"});

@@ -10,6 +10,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::MatchesRegex;
+using ::testing::Not;
 
 constexpr const char* kVerbs[] = {
     "demo",     "info", "convert", "align", "report",
@@ -88,6 +89,25 @@ TEST_F(UsageTest, UnknownVerbIsNamedBesideThoseThereAre) {
   expect_refusal({"alignn", "a", "b"}, kWrongUsage,
                  {"'alignn'", "demo, info, convert, align, evaluate, experiment, report"});
   expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected a verb"});
+}
+
+TEST_F(UsageTest, WhatWasMeantIsSuggested) {
+  expect_refusal({"aling", "a", "b"}, kWrongUsage, {"did you mean align?"});
+  expect_refusal({"evaluate", "trajectroy", "a"}, kWrongUsage, {"did you mean trajectory?"});
+  // Whatever else is missing: the option is the mistake.
+  expect_refusal({"align", "a.map", "--intial", "x"}, kWrongUsage,
+                 {"'--intial'", "did you mean --initial?"});
+  expect_refusal({"align", "a.map", "b.map", "--min-probabilty=0.9"}, kWrongUsage,
+                 {"did you mean --min-probability?"});
+  EXPECT_THAT(cairn({"zzzzzzzz"}).errors, Not(HasSubstr("did you mean")));
+}
+
+TEST_F(UsageTest, HelpIsAVerbToo) {
+  EXPECT_EQ(answer({"help"}), answer({"--help"}));
+  EXPECT_EQ(answer({"help", "align"}), answer({"align", "--help"}));
+  EXPECT_EQ(answer({"help", "evaluate", "map"}), answer({"evaluate", "map", "--help"}));
+  expect_refusal({"help", "aling"}, kWrongUsage, {"did you mean align?"});
+  EXPECT_EQ(answer({"-V"}), answer({"--version"}));
 }
 
 TEST_F(UsageTest, MissingArgumentIsNamed) {

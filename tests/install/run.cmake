@@ -32,9 +32,16 @@ endif()
 # The adapter is included as in this tree: adapters/pcl/x.hpp.
 list(TRANSFORM pcl_headers REPLACE "^cairn/" "")
 
+file(GLOB_RECURSE config "${prefix}/*/cairn-config.cmake")
+file(STRINGS "${config}" components REGEX "^set\\(cairn_components ")
+string(REGEX REPLACE "^set\\(cairn_components (.*)\\)$" "\\1" components "${components}")
+if(NOT "pcl" IN_LIST components)
+  message(FATAL_ERROR "no components in ${config}: ${components}")
+endif()
+
 # A cache file, for lists do not survive a command line.
 file(WRITE "${WORK}/consumer_cache.cmake"
-     "set(CAIRN_HEADERS [[${headers}]] CACHE STRING \"\")\nset(CAIRN_PCL_HEADERS [[${pcl_headers}]] CACHE STRING \"\")\n")
+     "set(CAIRN_COMPONENTS [[${components}]] CACHE STRING \"\")\nset(CAIRN_HEADERS [[${headers}]] CACHE STRING \"\")\nset(CAIRN_PCL_HEADERS [[${pcl_headers}]] CACHE STRING \"\")\n")
 set(each_header OFF)
 if(DEFINED ENV{CAIRN_TEST_FULL})
   set(each_header ON)

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <opencv2/core.hpp>
-
 #include "cairn/core/error.hpp"
 #include "cairn/core/time_association.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
@@ -16,10 +14,13 @@ namespace cairn::cli {
 namespace {
 
 // Between the four pixels around, where they show one surface: there inverse depth is linear.
-std::optional<double> depth_between_pixels(const cv::Mat& depth, const Pixel& at) {
+std::optional<double> depth_between_pixels(const StoredDepthImage& depth, const Pixel& at) {
   const int x = static_cast<int>(std::floor(at.u));
   const int y = static_cast<int>(std::floor(at.v));
-  if (x < 0 || y < 0 || x + 1 >= depth.cols || y + 1 >= depth.rows) return std::nullopt;
+  if (x < 0 || y < 0 || x + 1 >= static_cast<int>(depth.width) ||
+      y + 1 >= static_cast<int>(depth.height)) {
+    return std::nullopt;
+  }
   const double right = at.u - x;
   const double down = at.v - y;
   double inverse = 0.0;
@@ -27,7 +28,8 @@ std::optional<double> depth_between_pixels(const cv::Mat& depth, const Pixel& at
   double farthest = 0.0;
   for (int row = 0; row < 2; ++row) {
     for (int column = 0; column < 2; ++column) {
-      const double z = depth.at<std::uint16_t>(y + row, x + column);
+      const double z =
+          depth.at(static_cast<std::size_t>(x + column), static_cast<std::size_t>(y + row));
       if (z <= 0.0) return std::nullopt;
       nearest = std::min(nearest, z);
       farthest = std::max(farthest, z);
@@ -55,7 +57,7 @@ std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
   std::vector<double> sequence_times;
   for (const SequenceFrame& frame : sequence.frames()) sequence_times.push_back(frame.timestamp_s);
   constexpr double kSameTime = 1e-3;
-  std::vector<cv::Mat> depths(map.frame_count());
+  std::vector<StoredDepthImage> depths(map.frame_count());
   for (const auto& [frame, at] : associate_times(map_times, sequence_times, kSameTime)) {
     if (const auto& path = sequence.frames()[at].depth) depths[frame] = read_depth_image(*path);
   }

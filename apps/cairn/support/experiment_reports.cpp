@@ -13,8 +13,6 @@
 #include "cairn/report/experiment_sections.hpp"
 #include "cairn/report/figures/figures.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
-#include <opencv2/core.hpp>
-
 #include "cairn/sequence/image_file.hpp"
 #include "cairn/sequence/sequence.hpp"
 #endif
@@ -54,6 +52,20 @@ std::optional<std::filesystem::path> image_of(const LandmarkMap& map, FrameIndex
     if (std::abs(candidate.timestamp_s - *times[frame.value]) < kSameFrame) return candidate.color;
   }
   return std::nullopt;
+}
+
+ColorImage side_by_side(const ColorImage& left, const ColorImage& right) {
+  constexpr std::uint32_t kGap = 8;
+  constexpr std::uint8_t kWhite = 255;
+  ColorImage both(left.width + kGap + right.width, std::max(left.height, right.height), kWhite);
+  const auto place = [&](const ColorImage& image, std::size_t column) {
+    for (std::size_t row = 0; row < image.height; ++row) {
+      std::copy_n(&image.at(0, row), image.width * ColorImage::kPixelValues, &both.at(column, row));
+    }
+  };
+  place(left, 0);
+  place(right, left.width + kGap);
+  return both;
 }
 #endif
 
@@ -99,7 +111,7 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
   pair.target_name = shown.target_name;
   pair.source = &shown.pair->source;
   pair.target = &shown.pair->target;
-  pair.point_options = shown.points;
+  pair.points = shown.points;
   pair.initial = align.initial;
   pair.truth = shown.pair->truth;
   pair.results = align_by_all(shown.pair->source, shown.pair->target, strategies,
@@ -182,13 +194,8 @@ std::string write_common_view([[maybe_unused]] const std::string& folder,
     return fmt::format("Figure 1: the {} has no image of the time of the map's keyframe",
                        source_image ? target_sequence : source_sequence);
   }
-  cv::Mat left = read_color_image(*source_image);
-  cv::Mat right = read_color_image(*target_image);
-  const int height = std::max(left.rows, right.rows);
-  constexpr int kGap = 8;
-  cv::Mat both(height, left.cols + kGap + right.cols, CV_8UC3, cv::Scalar(255, 255, 255));
-  left.copyTo(both(cv::Rect(0, 0, left.cols, left.rows)));
-  right.copyTo(both(cv::Rect(left.cols + kGap, 0, right.cols, right.rows)));
+  const ColorImage both =
+      side_by_side(read_color_image(*source_image), read_color_image(*target_image));
   std::filesystem::create_directories(std::filesystem::path(folder) / "figures");
   write_png(std::filesystem::path(folder) / "figures/figure1.png", both);
   return fmt::format("Figure 1: {} and {} see {} landmarks in common",

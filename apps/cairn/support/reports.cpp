@@ -2,7 +2,6 @@
 #include "support/reports.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <utility>
 
@@ -10,8 +9,6 @@
 
 #include "cairn/experiments/run.hpp"
 #include "cairn/report/machine.hpp"
-#include "cairn/report/map_builder.hpp"
-#include "cairn/report/run_builder.hpp"
 #include "cairn/report/writer.hpp"
 
 #include "support/command_line.hpp"
@@ -33,12 +30,6 @@ std::string name_of(const StrategyResult& result) {
   return approach_name(method_of(result), weighs ? result.confidence : "base");
 }
 
-std::string verdict_text(const Alignment& alignment) {
-  std::string verdict(to_string(*alignment.verdict));
-  verdict.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(verdict.front())));
-  return fmt::format("{}: {}.", verdict, alignment.reason);
-}
-
 std::string text_of(const Json& json) {
   // Text from files may be any bytes; JSON must be UTF-8.
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -49,36 +40,6 @@ std::optional<std::string> taken(Json& object, const char* key) {
   const Json value = object.at(key);
   object.erase(key);
   return value.is_string() ? std::optional(value.get<std::string>()) : std::nullopt;
-}
-
-std::vector<report::AlignmentRun> runs_of(const ReportedPair& pair,
-                                          const report::ShownPoints& source,
-                                          const report::ShownPoints& target) {
-  std::vector<report::AlignmentRun> runs;
-  for (const StrategyResult& one : pair.results) {
-    const bool has_points = pair.source != nullptr && pair.target != nullptr;
-    RegistrationResult result = one.alignment.registration;
-    result.reason = one.alignment.reason;
-    result.duration_s = one.alignment.duration_s;
-    if (one.alignment.verdict == Verdict::kRejected) result.status = RegistrationStatus::kFailed;
-    if (!has_points) {  // neither can matches be shown nor errors measured at the landmarks
-      for (IterationRecord& iteration : result.history) iteration.matches.clear();
-    }
-    report::AlignmentRun run = report::make_run(result, source, target,
-                                                {.name = name_of(one),
-                                                 .initial = pair.initial,
-                                                 .k = one.k,
-                                                 .truth = has_points ? pair.truth : std::nullopt,
-                                                 .status = std::string(status_of(one.alignment))});
-    if (!has_points && one.error) {
-      for (auto& [name, value] : run.summary) {
-        if (name == "rotation_error_deg") value = degrees(one.error->rotation_rad);
-        if (name == "translation_error_m") value = one.error->translation;
-      }
-    }
-    runs.push_back(std::move(run));
-  }
-  return runs;
 }
 
 }  // namespace
@@ -93,63 +54,21 @@ report::Report begin_report(std::string title, const CommonArguments& common) {
 }
 
 void add_pair(report::Report& report, const ReportedPair& pair, const std::string& prefix) {
-  report::ShownPoints source;
-  report::ShownPoints target;
+  report::ShownPair shown = pair;
+  for (const StrategyResult& result : pair.results) {
+    shown.alignments.push_back({&result.alignment, name_of(result), result.k});
+  }
+  std::vector<report::AlignmentRun> runs = report::runs_of(shown);
+  // Without maps errors cannot be measured, but the results may know them.
   const bool has_maps = pair.source != nullptr && pair.target != nullptr;
-  if (has_maps) {
-    source = report::ShownPoints::only_aligned(*pair.source, pair.point_options);
-    target = report::ShownPoints::only_aligned(*pair.target, pair.point_options);
+  for (std::size_t i = 0; !has_maps && i < runs.size(); ++i) {
+    if (!pair.results[i].error) continue;
+    for (auto& [name, value] : runs[i].summary) {
+      if (name == "rotation_error_deg") value = degrees(pair.results[i].error->rotation_rad);
+      if (name == "translation_error_m") value = pair.results[i].error->translation;
+    }
   }
-  const std::vector<report::AlignmentRun> runs = runs_of(pair, source, target);
-  if (has_maps) {
-    report.maps.push_back(report::make_map(
-        *pair.source, {.id = prefix + "source",
-                       .name = pair.source_name,
-                       .landmarks = landmarks_to_align(*pair.source, pair.point_options)}));
-    report.maps.push_back(report::make_map(
-        *pair.target, {.id = prefix + "target",
-                       .name = pair.target_name,
-                       .landmarks = landmarks_to_align(*pair.target, pair.point_options)}));
-    report.sections.push_back(
-        {.id = prefix + "scene",
-         .title = prefix.empty() ? "Alignment" : pair.source_name + " to " + pair.target_name,
-         .text = pair.story,
-         .content = report::Scene{.source = prefix + "source",
-                                  .target = prefix + "target",
-                                  .truth = pair.truth,
-                                  .up = report::up_of(*pair.target),
-                                  .runs = runs}});
-  }
-  report.sections.push_back(
-      {.id = prefix + "strategies",
-       .title = "Strategies",
-       .text = "The score is the mean squared distance of the source landmarks to the nearest "
-               "target landmark. A lower one is a closer fit, not always a better pose.",
-       .content = report::run_table(runs, pair.unit)});
-  const auto add_chart = [&](const char* id, const char* title, report::LinesChart chart) {
-    if (chart.series.empty()) return;
-    report.sections.push_back({.id = prefix + id,
-                               .title = title,
-                               .text = std::nullopt,
-                               .content = report::Chart(std::move(chart))});
-  };
-  add_chart("convergence", "Convergence", report::convergence_chart(runs, pair.unit));
-  add_chart("translation-error", "Translation error", report::error_chart(runs, pair.unit, true));
-  add_chart("rotation-error", "Rotation error", report::error_chart(runs, pair.unit, false));
-}
-
-void add_map(report::Report& report, const LandmarkMap& map, const std::string& name,
-             const std::string& prefix) {
-  report.maps.push_back(
-      report::make_map(map, {.id = prefix + "map", .name = name, .landmarks = std::nullopt}));
-  report.sections.push_back({.id = prefix + "scene",
-                             .title = prefix.empty() ? "Map" : name,
-                             .text = std::nullopt,
-                             .content = report::Scene{.source = std::nullopt,
-                                                      .target = prefix + "map",
-                                                      .truth = std::nullopt,
-                                                      .up = report::up_of(map),
-                                                      .runs = {}}});
+  report::add_pair(report, shown, std::move(runs), prefix);
 }
 
 std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit) {
@@ -162,7 +81,7 @@ std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit u
       if (!result.alignment.verdict) continue;
       if (!text.empty()) text += " ";
       if (judged > 1) text += name_of(result) + ": ";
-      text += verdict_text(result.alignment);
+      text += report::verdict_sentence(result.alignment);
     }
     return text;
   }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/registration/point_set.hpp"
+#include "cairn/report/pair_sections.hpp"
 #include "cairn/report/report.hpp"
 
 #include "support/alignments.hpp"
@@ -15,17 +15,8 @@
 namespace cairn::cli {
 
 /// A pair of maps aligned by several strategies, as a report shows it.
-struct ReportedPair {
-  std::string source_name;  ///< for people
-  std::string target_name;
-  const LandmarkMap* source = nullptr;  ///< null: not to be had; then there is no scene
-  const LandmarkMap* target = nullptr;
-  LengthUnit unit = LengthUnit::kMetres;
-  PointSetOptions point_options = {};
-  Rigid3 initial = {};
-  std::optional<Similarity3> truth = {};
+struct ReportedPair : report::ShownPair {
   std::vector<StrategyResult> results = {};  ///< with a trace: also scores and matches
-  std::optional<std::string> story = {};     ///< a paragraph above the scene
 };
 
 /// A report that names this run of the tool: command, version, machine, seed.
@@ -35,10 +26,6 @@ report::Report begin_report(std::string title, const CommonArguments& common);
 /// @param prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
 /// @throws Error (misuse) if a match names a landmark that is not there
 void add_pair(report::Report& report, const ReportedPair& pair, const std::string& prefix = {});
-
-/// Adds a scene with this map alone.
-void add_map(report::Report& report, const LandmarkMap& map, const std::string& name,
-             const std::string& prefix = {});
 
 /// A sentence or some: the verdicts, or which strategy did best, and by what.
 std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit);

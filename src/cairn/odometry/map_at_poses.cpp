@@ -12,6 +12,7 @@
 #include "cairn/map/io/content_uuid.hpp"
 #include "cairn/odometry/detail/bundle_adjustment.hpp"
 #include "cairn/odometry/detail/keyframe_map.hpp"
+#include "cairn/odometry/detail/landmark_colors.hpp"
 #include "cairn/odometry/detail/landmark_covariance.hpp"
 
 namespace cairn {
@@ -233,7 +234,9 @@ MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, c
   const auto read = [&](std::size_t frame) {
     return frame_images(sequence, frame, camera, options.skip_unreadable);
   };
-  return map_keyframes(posed, read, camera, options, std::move(result));
+  result = map_keyframes(posed, read, camera, options, std::move(result));
+  result.map = with_colors(std::move(result.map), sequence, options.executor, options.stop);
+  return result;
 }
 
 }  // namespace cairn

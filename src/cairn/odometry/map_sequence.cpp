@@ -10,6 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
+#include "cairn/odometry/detail/landmark_colors.hpp"
 
 namespace cairn {
 namespace {
@@ -25,6 +26,14 @@ struct PreparedFrame {
   std::optional<float> depth_reach_m;  // which one depth in 20 exceeds
   std::optional<Features> features;    // nothing: unreadable
 };
+
+// A copy of an image, as OpenCV holds it.
+template <class T>
+cv::Mat matrix_of(int type, const Image<T>& image) {
+  cv::Mat matrix(static_cast<int>(image.height), static_cast<int>(image.width), type);
+  std::copy(image.values.begin(), image.values.end(), matrix.ptr<T>());
+  return matrix;
+}
 
 // Of one pixel in 64; std::nullopt where no depth is known.
 std::optional<float> depth_reach(const cv::Mat& depth_m) {
@@ -241,14 +250,13 @@ FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const 
   result.name = entry.color.filename().string();
   try {
     RgbdSequence::Images images = sequence.read(frame);
-    if (images.gray.cols != static_cast<int>(camera.width) ||
-        images.gray.rows != static_cast<int>(camera.height)) {
+    if (images.gray.width != camera.width || images.gray.height != camera.height) {
       throw Error(ErrorKind::kInput, entry.color.string(),
-                  fmt::format("{} x {} pixels", images.gray.cols, images.gray.rows),
+                  fmt::format("{} x {} pixels", images.gray.width, images.gray.height),
                   fmt::format("{} x {}, as the camera has", camera.width, camera.height));
     }
-    result.gray = std::move(images.gray);
-    result.depth_m = std::move(images.depth);
+    result.gray = matrix_of(CV_8UC1, images.gray);
+    if (!images.depth.empty()) result.depth_m = matrix_of(CV_32FC1, images.depth);
   } catch (const Error& error) {
     if (!skip_unreadable || error.kind() != ErrorKind::kInput) throw;
     result.defect = error.what();
@@ -278,7 +286,11 @@ MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
   const auto read = [&](std::size_t frame) {
     return frame_images(sequence, frame, camera, options.skip_unreadable);
   };
-  return map_frames(sequence.frames().size(), read, camera, options);
+  MappedSequence mapped = map_frames(sequence.frames().size(), read, camera, options);
+  for (LandmarkMap& map : mapped.maps) {
+    map = with_colors(std::move(map), sequence, options.executor, options.stop);
+  }
+  return mapped;
 }
 
 }  // namespace cairn

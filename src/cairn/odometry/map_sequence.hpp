@@ -112,7 +112,7 @@ MappedSequence map_frames(std::size_t frames,
                           const std::function<FrameImages(std::size_t frame)>& read_frame,
                           const Camera& camera, const MapSequenceOptions& options = {});
 
-/// The same for a sequence on disk.
+/// The same for a sequence on disk, whose landmarks get the colours of its images.
 /// @throws Error (input) naming an image that cannot be read or has another size than the camera;
 ///         (misuse); (cancelled)
 MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,

@@ -7,7 +7,6 @@
 #include <string_view>
 
 #include <fmt/format.h>
-#include <opencv2/core.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -47,7 +46,25 @@ std::string kind_of(codec::Format format, const codec::Header& header) {
                      color, header.bits, header.channels % 2 == 0 ? " with alpha" : "");
 }
 
-cv::Mat read_image(const std::filesystem::path& path, codec::Pixels pixels) {
+// How the codecs call the pixels of an image.
+constexpr codec::Pixels pixels_of(const GrayImage*) {
+  return codec::Pixels::kGray8;
+}
+constexpr codec::Pixels pixels_of(const ColorImage*) {
+  return codec::Pixels::kBgr8;
+}
+constexpr codec::Pixels pixels_of(const StoredDepthImage*) {
+  return codec::Pixels::kGray16;
+}
+
+template <class ImageOf>
+std::size_t row_bytes(const ImageOf& image) {
+  return image.width * ImageOf::kPixelValues * sizeof(image.values[0]);
+}
+
+template <class ImageOf>
+ImageOf read_image(const std::filesystem::path& path) {
+  constexpr codec::Pixels kPixels = pixels_of(static_cast<const ImageOf*>(nullptr));
   const std::string bytes = read_file(path);
   const codec::Format format = check_complete(path, bytes);
   codec::Decoder decoder(format, bytes);
@@ -63,46 +80,29 @@ cv::Mat read_image(const std::filesystem::path& path, codec::Pixels pixels) {
            fmt::format("at most {} pixels a side and {} in all", codec::kLargestSide,
                        codec::kMostPixels));
   }
-  if (pixels == codec::Pixels::kGray16 &&
+  if (kPixels == codec::Pixels::kGray16 &&
       (format != codec::Format::kPng || header.channels != 1 || header.bits != 16)) {
     refuse(path, kind_of(format, header), "one channel of 16 bits");
   }
-  constexpr auto type = [](codec::Pixels asked) {
-    switch (asked) {
-      case codec::Pixels::kGray8:
-        return CV_8UC1;
-      case codec::Pixels::kBgr8:
-        return CV_8UC3;
-      case codec::Pixels::kGray16:
-        break;
-    }
-    return CV_16UC1;
-  };
-  cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), type(pixels));
-  check(decoder.read_pixels(pixels, image.data, image.step[0]));
+  ImageOf image(header.width, header.height);
+  auto* const first = reinterpret_cast<unsigned char*>(image.values.data());
+  check(decoder.read_pixels(kPixels, first, row_bytes(image)));
   return image;
 }
 
-codec::Rows rows_of(const std::filesystem::path& path, const cv::Mat& image) {
-  codec::Rows rows;
-  rows.first = image.data;
-  rows.stride = image.step[0];
-  rows.width = static_cast<std::uint32_t>(image.cols);
-  rows.height = static_cast<std::uint32_t>(image.rows);
-  switch (image.type()) {
-    case CV_8UC1:
-      rows.pixels = codec::Pixels::kGray8;
-      return rows;
-    case CV_8UC3:
-      rows.pixels = codec::Pixels::kBgr8;
-      return rows;
-    case CV_16UC1:
-      rows.pixels = codec::Pixels::kGray16;
-      return rows;
-    default:
-      throw Error(ErrorKind::kMisuse, path.string(), cv::typeToString(image.type()) + " pixels",
-                  "8-bit grey or colour, or 16-bit grey");
+template <class ImageOf>
+codec::Rows rows_of(const std::filesystem::path& path, const ImageOf& image) {
+  if (image.empty() || !image.consistent()) {
+    throw Error(ErrorKind::kMisuse, path.string(),
+                fmt::format("{} x {} pixels with {} values", image.width, image.height,
+                            image.values.size()),
+                "an image with a value for each channel of each pixel");
   }
+  return {.first = reinterpret_cast<const unsigned char*>(image.values.data()),
+          .stride = row_bytes(image),
+          .width = image.width,
+          .height = image.height,
+          .pixels = pixels_of(&image)};
 }
 
 void write_image(const std::filesystem::path& path, const codec::Fault& fault,
@@ -114,35 +114,56 @@ void write_image(const std::filesystem::path& path, const codec::Fault& fault,
       path, [&](const ByteSink& sink) { sink(bytes); }, durability);
 }
 
-}  // namespace
-
-cv::Mat read_gray_image(const std::filesystem::path& path) {
-  return read_image(path, codec::Pixels::kGray8);
-}
-
-cv::Mat read_color_image(const std::filesystem::path& path) {
-  return read_image(path, codec::Pixels::kBgr8);
-}
-
-cv::Mat read_depth_image(const std::filesystem::path& path) {
-  return read_image(path, codec::Pixels::kGray16);
-}
-
-void write_png(const std::filesystem::path& path, const cv::Mat& image, Durability durability) {
+template <class ImageOf>
+void write_as_png(const std::filesystem::path& path, const ImageOf& image, Durability durability) {
   std::string bytes;
   const codec::Fault fault = codec::encode_png(rows_of(path, image), bytes);
   write_image(path, fault, bytes, durability);
 }
 
-void write_jpeg(const std::filesystem::path& path, const cv::Mat& image, int quality,
-                Durability durability) {
-  const codec::Rows rows = rows_of(path, image);
-  if (rows.pixels == codec::Pixels::kGray16) {
-    throw Error(ErrorKind::kMisuse, path.string(), "16-bit pixels", "8-bit grey or colour");
-  }
+template <class ImageOf>
+void write_as_jpeg(const std::filesystem::path& path, const ImageOf& image, int quality,
+                   Durability durability) {
   std::string bytes;
-  const codec::Fault fault = codec::encode_jpeg(rows, quality, bytes);
+  const codec::Fault fault = codec::encode_jpeg(rows_of(path, image), quality, bytes);
   write_image(path, fault, bytes, durability);
+}
+
+}  // namespace
+
+GrayImage read_gray_image(const std::filesystem::path& path) {
+  return read_image<GrayImage>(path);
+}
+
+ColorImage read_color_image(const std::filesystem::path& path) {
+  return read_image<ColorImage>(path);
+}
+
+StoredDepthImage read_depth_image(const std::filesystem::path& path) {
+  return read_image<StoredDepthImage>(path);
+}
+
+void write_png(const std::filesystem::path& path, const GrayImage& image, Durability durability) {
+  write_as_png(path, image, durability);
+}
+
+void write_png(const std::filesystem::path& path, const ColorImage& image, Durability durability) {
+  write_as_png(path, image, durability);
+}
+
+void write_png(const std::filesystem::path& path, const StoredDepthImage& image,
+               Durability durability) {
+  write_as_png(path, image, durability);
+}
+
+void write_jpeg(const std::filesystem::path& path, const GrayImage& image, int quality,
+                Durability durability) {
+  write_as_jpeg(path, image, quality, durability);
+}
+
+void write_jpeg(const std::filesystem::path& path, const ColorImage& image, int quality,
+                Durability durability) {
+  write_as_jpeg(path, image, quality, durability);
 }
 
 }  // namespace cairn

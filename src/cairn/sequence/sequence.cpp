@@ -2,6 +2,7 @@
 #include "cairn/sequence/sequence.hpp"
 
 #include <algorithm>
+#include <cstdint>
 
 #include <fmt/format.h>
 
@@ -60,13 +61,18 @@ RgbdSequence::Images RgbdSequence::read(std::size_t frame) const {
   Images images;
   images.gray = read_gray_image(frames_[frame].color);
   if (const auto& path = frames_[frame].depth) {
-    const cv::Mat raw = read_depth_image(*path);
-    if (raw.size() != images.gray.size()) {
-      throw Error(ErrorKind::kInput, path->string(),
-                  fmt::format("{} x {} pixels", raw.cols, raw.rows),
-                  fmt::format("{} x {}, as its colour image", images.gray.cols, images.gray.rows));
+    const StoredDepthImage stored = read_depth_image(*path);
+    if (!same_size(stored, images.gray)) {
+      throw Error(
+          ErrorKind::kInput, path->string(),
+          fmt::format("{} x {} pixels", stored.width, stored.height),
+          fmt::format("{} x {}, as its colour image", images.gray.width, images.gray.height));
     }
-    raw.convertTo(images.depth, CV_32F, 1.0 / depth_units_per_metre_);
+    const auto metres_per_unit = static_cast<float>(1.0 / depth_units_per_metre_);
+    images.depth = DepthImage(stored.width, stored.height);
+    std::transform(
+        stored.values.begin(), stored.values.end(), images.depth.values.begin(),
+        [&](std::uint16_t units) { return static_cast<float>(units) * metres_per_unit; });
   }
   return images;
 }

@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include <opencv2/core/mat.hpp>
-
 #include "cairn/core/log.hpp"
+#include "cairn/sequence/image.hpp"
 
 namespace cairn {
 
@@ -44,9 +43,8 @@ class RgbdSequence {
 
   /// Images of one frame.
   struct Images {
-    cv::Mat gray;  ///< 8 bit
-    cv::Mat
-        depth;  ///< 32-bit float, metres, 0 where there is no reading; empty if the frame has none
+    GrayImage gray;
+    DepthImage depth;  ///< empty if the frame has none
   };
   /// Thread-safe.
   /// @throws Error (input) naming the file: missing, cut off, damaged, colour and depth of different

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/sequence/sequence.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -9,7 +10,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <opencv2/core.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/sequence/image_file.hpp"
@@ -24,7 +24,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::TemporaryFolder;
 
-const cv::Mat kGray(24, 32, CV_8UC1, cv::Scalar(50));
+const ColorImage kColor(32, 24, 50);
 
 std::string message_of(auto&& action) {
   try {
@@ -37,14 +37,14 @@ std::string message_of(auto&& action) {
 
 TEST(RgbdSequence, ComesBackAsWritten) {
   const TemporaryFolder folder;
-  cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
-  depth.at<float>(0, 0) = 0.0F;
-  depth.at<float>(0, 1) = std::numeric_limits<float>::quiet_NaN();
-  depth.at<float>(0, 2) = 20.0F;  // beyond what 16 bits hold
-  depth.at<float>(0, 3) = -1.0F;
+  DepthImage depth(32, 24, 1.5F);
+  depth.at(0, 0) = 0.0F;
+  depth.at(1, 0) = std::numeric_limits<float>::quiet_NaN();
+  depth.at(2, 0) = 20.0F;  // beyond what 16 bits hold
+  depth.at(3, 0) = -1.0F;
   SequenceWriter writer(folder / "s");
-  writer.add(1.0, kGray, depth);
-  writer.add(1.04, kGray, depth);
+  writer.add(1.0, kColor, depth);
+  writer.add(1.04, kColor, depth);
   EXPECT_THROW(RgbdSequence(folder / "s"), Error) << "unfinished";
   writer.finish();
   const RgbdSequence sequence(folder / "s");
@@ -52,9 +52,9 @@ TEST(RgbdSequence, ComesBackAsWritten) {
   EXPECT_EQ(sequence.frames()[1].timestamp_s, 1.04);
   EXPECT_EQ(sequence.frames_without_depth(), 0U);
   const RgbdSequence::Images images = sequence.read(1);
-  EXPECT_EQ(cv::norm(images.gray, kGray, cv::NORM_INF), 0.0);
-  EXPECT_FLOAT_EQ(images.depth.at<float>(5, 5), 1.5F);
-  for (int column = 0; column < 4; ++column) EXPECT_EQ(images.depth.at<float>(0, column), 0.0F);
+  EXPECT_EQ(images.gray, GrayImage(32, 24, 50));
+  EXPECT_FLOAT_EQ(images.depth.at(5, 5), 1.5F);
+  for (std::size_t column = 0; column < 4; ++column) EXPECT_EQ(images.depth.at(column, 0), 0.0F);
 }
 
 TEST(RgbdSequence, CountsFramesWithoutDepthAndDepthWithoutFrames) {
@@ -76,8 +76,8 @@ TEST(RgbdSequence, NamesWhatIsMissingOrDoesNotFit) {
               HasSubstr("rgb.txt: cannot be read"));
   folder.write("rgb.txt", "1 a.png\n2 b.png\n");
   folder.write("depth.txt", "1 d.png\n");
-  write_png(folder / "a.png", kGray);
-  write_png(folder / "d.png", cv::Mat(10, 10, CV_16UC1, cv::Scalar(1)));
+  write_png(folder / "a.png", kColor);
+  write_png(folder / "d.png", StoredDepthImage(10, 10, 1));
   const RgbdSequence sequence(folder.path());
   EXPECT_THAT(message_of([&] { sequence.read(0); }),
               HasSubstr("d.png: 10 x 10 pixels; expected 32 x 24"));
@@ -95,12 +95,12 @@ TEST(SequenceWriter, DoesNotOverwriteASequence) {
 
 TEST(SequenceWriter, ListsFramesInTheOrderOfTimeHoweverTheyCame) {
   const TemporaryFolder folder;
-  const cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
+  const DepthImage depth(32, 24, 1.5F);
   SequenceWriter writer(folder / "s", {.color_format = ColorFormat::kJpeg});
   std::thread other([&] {
-    for (int i = 9; i > 0; i -= 2) writer.add(i, kGray, depth);
+    for (int i = 9; i > 0; i -= 2) writer.add(i, kColor, depth);
   });
-  for (int i = 8; i > 0; i -= 2) writer.add(i, kGray, depth);
+  for (int i = 8; i > 0; i -= 2) writer.add(i, kColor, depth);
   other.join();
   writer.finish();
   const RgbdSequence sequence(folder / "s");
@@ -108,7 +108,7 @@ TEST(SequenceWriter, ListsFramesInTheOrderOfTimeHoweverTheyCame) {
   for (std::size_t i = 0; i < 9; ++i) {
     EXPECT_EQ(sequence.frames()[i].timestamp_s, static_cast<double>(i + 1));
     EXPECT_EQ(sequence.frames()[i].color.extension(), ".jpg");
-    EXPECT_NEAR(cv::mean(sequence.read(i).gray)[0], 50.0, 1.0);
+    EXPECT_NEAR(sequence.read(i).gray.at(16, 12), 50.0, 1.0);
   }
 }
 
@@ -116,12 +116,12 @@ TEST(SequenceWriter, UnfinishedLeavesNothingOfItsOwn) {
   const TemporaryFolder folder;
   std::filesystem::create_directory(folder / "s");
   folder.write("s/notes.txt", "mine");
-  const cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
+  const DepthImage depth(32, 24, 1.5F);
   {
     SequenceWriter writer(folder / "s");
-    writer.add(1.0, kGray, depth);
+    writer.add(1.0, kColor, depth);
     SequenceWriter another(folder / "t");
-    another.add(1.0, kGray, depth);
+    another.add(1.0, kColor, depth);
   }
   EXPECT_FALSE(std::filesystem::exists(folder / "t"));
   EXPECT_FALSE(std::filesystem::exists(folder / "s/rgb"));
@@ -130,10 +130,10 @@ TEST(SequenceWriter, UnfinishedLeavesNothingOfItsOwn) {
 
 TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {
   const TemporaryFolder folder;
-  const cv::Mat depth(24, 32, CV_32FC1, cv::Scalar(1.5F));
+  const DepthImage depth(32, 24, 1.5F);
   SequenceWriter writer(folder / "s");
-  writer.add(1.0, kGray, depth);
-  EXPECT_THAT(message_of([&] { writer.add(1.0, kGray, depth); }), HasSubstr("added before"));
+  writer.add(1.0, kColor, depth);
+  EXPECT_THAT(message_of([&] { writer.add(1.0, kColor, depth); }), HasSubstr("added before"));
   EXPECT_THAT(message_of([&] { SequenceWriter(folder / "t", {.depth_units_per_metre = 0.0}); }),
               HasSubstr("depth_units_per_metre"));
 }
@@ -141,8 +141,9 @@ TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {
 TEST(SequenceWriter, RefusesImagesThatDoNotGoTogether) {
   const TemporaryFolder folder;
   SequenceWriter writer(folder / "s");
-  EXPECT_THROW(writer.add(1.0, kGray, cv::Mat(3, 3, CV_32FC1)), Error);
-  EXPECT_THROW(writer.add(1.0, kGray, cv::Mat(24, 32, CV_16UC1)), Error);
+  EXPECT_THROW(writer.add(1.0, kColor, DepthImage(3, 3)), Error);
+  EXPECT_THROW(writer.add(1.0, kColor, DepthImage(32, 24, std::vector<float>{1.0F})), Error);
+  EXPECT_THROW(writer.add(1.0, ColorImage(), DepthImage()), Error);
 }
 
 TEST(RgbdSequence, ReadsTheBenchmark) {
@@ -155,8 +156,11 @@ TEST(RgbdSequence, ReadsTheBenchmark) {
       sequence.frames().size() - sequence.frames_without_depth() + sequence.unused_depth_images(),
       595U);
   const RgbdSequence::Images images = sequence.read(300);
-  EXPECT_EQ(images.gray.size(), cv::Size(640, 480));
-  EXPECT_GT(cv::countNonZero(images.depth), 640 * 480 / 2);
+  EXPECT_EQ(images.gray.width, 640U);
+  EXPECT_EQ(images.gray.height, 480U);
+  EXPECT_GT(std::count_if(images.depth.values.begin(), images.depth.values.end(),
+                          [](float depth_m) { return depth_m > 0.0F; }),
+            640 * 480 / 2);
 }
 
 }  // namespace

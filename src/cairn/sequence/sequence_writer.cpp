@@ -22,17 +22,13 @@ void write_text(const std::filesystem::path& path, std::string_view text) {
   write_file(path, [&](const ByteSink& sink) { sink(text); });
 }
 
-cv::Mat stored_depth(const cv::Mat& depth_m, double units_per_metre) {
+StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre) {
   constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
-  cv::Mat stored(depth_m.size(), CV_16UC1);
-  for (int row = 0; row < depth_m.rows; ++row) {
-    const auto* const from = depth_m.ptr<float>(row);
-    auto* const to = stored.ptr<std::uint16_t>(row);
-    for (int column = 0; column < depth_m.cols; ++column) {
-      const double units = from[column] * units_per_metre + 0.5;
-      // What the format cannot hold is no reading, as with the camera itself.
-      to[column] = units > 0.0 && units < kMost + 1.0 ? static_cast<std::uint16_t>(units) : 0;
-    }
+  StoredDepthImage stored(depth_m.width, depth_m.height);
+  for (std::size_t i = 0; i < stored.values.size(); ++i) {
+    const double units = depth_m.values[i] * units_per_metre + 0.5;
+    // What the format cannot hold is no reading, as with the camera itself.
+    if (units > 0.0 && units < kMost + 1.0) stored.values[i] = static_cast<std::uint16_t>(units);
   }
   return stored;
 }
@@ -78,10 +74,9 @@ SequenceWriter::~SequenceWriter() {
   for (const auto& made : made_) std::filesystem::remove(made, ignored);
 }
 
-void SequenceWriter::add(double timestamp_s, const cv::Mat& color, const cv::Mat& depth_m) {
-  if (color.empty() || color.size() != depth_m.size() || depth_m.type() != CV_32FC1) {
-    throw Error(ErrorKind::kMisuse, "image", "colour and depth do not go together",
-                "one size, and depth as 32-bit float");
+void SequenceWriter::add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m) {
+  if (color.empty() || !same_size(color, depth_m) || !color.consistent() || !depth_m.consistent()) {
+    throw Error(ErrorKind::kMisuse, "image", "colour and depth do not go together", "one size");
   }
   const std::string time = fmt::format("{:.6f}", timestamp_s);
   const bool png = options_.color_format == ColorFormat::kPng;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include <opencv2/core/mat.hpp>
+#include "cairn/sequence/image.hpp"
 
 namespace cairn {
 
@@ -38,11 +38,10 @@ class SequenceWriter {
   SequenceWriter& operator=(const SequenceWriter&) = delete;
 
   /// Thread-safe: frames may come in any order, and several at once.
-  /// @param color   8-bit grey or blue, green, red
-  /// @param depth_m 32-bit float of the same size, metres; 0 or not finite where there is no reading
+  /// @param depth_m of the colour image's size; what is not finite is no reading either
   /// @throws Error (storage) naming the file; (misuse) for images that do not go together or a
   ///         timestamp that was there before, to the microsecond
-  void add(double timestamp_s, const cv::Mat& color, const cv::Mat& depth_m);
+  void add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m);
   /// Writes the lists, in the order of time.
   void finish();
 

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/detail/keyframe_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "cairn/geometry/angles.hpp"
+
+#include "support/textured_wall.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::TexturedWall;
+
+class KeyframeMapTest : public ::testing::Test {
+ protected:
+  TrackedFrame frame_at(std::size_t number, int right) const {
+    TrackedFrame frame;
+    frame.number = number;
+    frame.timestamp_s = static_cast<double>(number);
+    frame.features = map_.extractor().extract(wall_.gray(right), TexturedWall::depth_m());
+    frame.landmarks.resize(frame.features.size());
+    frame.world_from_camera =
+        Rigid3(Eigen::Matrix3d::Identity(), {right * TexturedWall::kMetresPerPixel, 0.0, 0.0});
+    return frame;
+  }
+
+  const TexturedWall wall_;
+  KeyframeMap map_{TexturedWall::camera(), FeatureOptions(), SensorNoise()};
+};
+
+TEST_F(KeyframeMapTest, AFirstKeyframesLandmarksLieWhereItsCornersAre) {
+  const TrackedFrame frame = frame_at(0, 0);
+  ASSERT_GT(frame.features.size(), 300U);
+  EXPECT_EQ(map_.add_keyframe(frame), 0U);
+  const LandmarkGraph& graph = map_.graph();
+  ASSERT_EQ(graph.keyframes().size(), 1U);
+  EXPECT_GT(graph.landmarks().size(), frame.features.size() / 2);
+  for (const TrackedLandmark& landmark : graph.landmarks()) {
+    ASSERT_EQ(landmark.observations.size(), 1U);
+    const auto keypoint = landmark.observations.front().keypoint;
+    EXPECT_NEAR(landmark.position.z(), TexturedWall::kDepthM, 1e-5);
+    const Eigen::Vector2d pixel = map_.extractor().pinhole().project(landmark.position);
+    EXPECT_LT((pixel - frame.features.keypoints()[keypoint].pixel.cast<double>()).norm(), 1e-3);
+  }
+}
+
+TEST_F(KeyframeMapTest, ExpectsInAFrameWhatIsInItsViewAndFindsItThere) {
+  map_.add_keyframe(frame_at(0, 0));
+  const TrackedFrame next = frame_at(1, 16);
+  const ExpectedLandmarks expected = map_.expected_in(next);
+  // The camera moved to the right: a fortieth of the wall went out of its view.
+  EXPECT_LT(expected.landmarks.size(), map_.graph().landmarks().size());
+  EXPECT_GT(expected.landmarks.size(), map_.graph().landmarks().size() * 8 / 10);
+  const auto matches = map_.match_corners(next, expected, 8.0);
+  EXPECT_GT(matches.size(), expected.landmarks.size() / 2);
+  std::size_t right = 0;
+  for (const LandmarkMatch& match : matches) {
+    const Eigen::Vector3d in_camera =
+        next.world_from_camera.inverse() * map_.graph().landmark(match.landmark).position;
+    const Eigen::Vector2d pixel = map_.extractor().pinhole().project(in_camera);
+    const auto& keypoint = next.features.keypoints()[match.keypoint];
+    if ((pixel - keypoint.pixel.cast<double>()).norm() < 2.5) ++right;
+  }
+  EXPECT_GT(right, matches.size() * 95 / 100);
+}
+
+TEST_F(KeyframeMapTest, ExpectsNothingBehindTheCamera) {
+  map_.add_keyframe(frame_at(0, 0));
+  TrackedFrame back = frame_at(1, 0);
+  back.world_from_camera = Rigid3(rotation_exp({0.0, radians(180.0), 0.0}), {0.0, 0.0, 0.0});
+  EXPECT_TRUE(map_.expected_in(back).landmarks.empty());
+}
+
+TEST_F(KeyframeMapTest, ASecondKeyframeObservesWhatIsKnownAndAddsWhatIsNew) {
+  map_.add_keyframe(frame_at(0, 0));
+  const std::size_t before = map_.graph().landmarks().size();
+  TrackedFrame next = frame_at(1, 120);
+  const ExpectedLandmarks expected = map_.expected_in(next);
+  const auto matches = map_.match_corners(next, expected, 8.0);
+  for (const LandmarkMatch& match : matches) next.landmarks[match.keypoint] = match.landmark;
+  map_.note_found(next, expected);
+  map_.add_keyframe(next);
+  const auto& landmarks = map_.graph().landmarks();
+  EXPECT_GT(landmarks.size(), before) << "what came into view";
+  const auto twice = std::count_if(landmarks.begin(), landmarks.end(), [](const auto& landmark) {
+    return landmark.observations.size() == 2;
+  });
+  EXPECT_GE(twice, static_cast<std::ptrdiff_t>(matches.size()));
+}
+
+TEST_F(KeyframeMapTest, GivesItsLandmarksAsAMap) {
+  map_.add_keyframe(frame_at(0, 0));
+  const std::vector<Eigen::Matrix3d> covariances(map_.graph().landmarks().size(),
+                                                 1e-4 * Eigen::Matrix3d::Identity());
+  const LandmarkMap map = map_.to_map({}, covariances);
+  EXPECT_EQ(map.frame_count(), 1U);
+  EXPECT_EQ(map.landmark_count(), map_.graph().landmarks().size());
+  EXPECT_EQ(map.observation_count(), map.landmark_count());
+  ASSERT_TRUE(map.landmarks().descriptors);
+  MapOptions twice;
+  twice.min_observations = 2;
+  EXPECT_EQ(map_.to_map(twice, covariances).landmark_count(), 0U);
+}
+
+TEST(IsNewView, IsFarEnoughAwayOrTurned) {
+  EXPECT_FALSE(is_new_view(Rigid3()));
+  EXPECT_FALSE(is_new_view(Rigid3(rotation_exp({0.0, radians(1.0), 0.0}), {0.01, 0.0, 0.0})));
+  EXPECT_TRUE(is_new_view(Rigid3(Eigen::Matrix3d::Identity(), {1.0, 0.0, 0.0})));
+  EXPECT_TRUE(is_new_view(Rigid3(rotation_exp({0.0, radians(60.0), 0.0}), {0.0, 0.0, 0.0})));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/placement/scales.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
+
+namespace cairn {
+namespace {
+
+LandmarkCloud ball(std::size_t count, double radius, std::uint64_t seed) {
+  Random random(seed);
+  LandmarkCloud cloud;
+  while (cloud.size() < count) {
+    const Eigen::Vector3d at(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+    if (at.norm() <= 1.0) cloud.positions.push_back(radius * at);
+  }
+  return cloud;
+}
+
+CloudScales scales_of(const LandmarkCloud& cloud) {
+  return cloud_scales(cloud, BatchTree(cloud.positions), Executor());
+}
+
+TEST(CloudScales, AreThoseOfABallAndGrowWithIt) {
+  const CloudScales one = scales_of(ball(3000, 1.0, 1));
+  // Half of a ball's volume is within this share of its radius.
+  EXPECT_NEAR(one.extent, std::cbrt(0.5), 0.02);
+  EXPECT_EQ(one.noise, 0.0);
+  const CloudScales seven = scales_of(ball(3000, 7.0, 1));
+  EXPECT_NEAR(seven.extent, 7.0 * one.extent, 1e-9);
+  EXPECT_NEAR(seven.spacing, 7.0 * one.spacing, 1e-9);
+}
+
+TEST(CloudScales, ExtentDoesNotSeeAFewStrays) {
+  LandmarkCloud cloud = ball(1000, 1.0, 2);
+  const double extent = cloud_extent(cloud);
+  for (int i = 0; i < 5; ++i) cloud.positions.emplace_back(1e6 + i, 0.0, 0.0);
+  EXPECT_NEAR(cloud_extent(cloud), extent, 0.02 * extent);
+}
+
+TEST(CloudScales, NoiseIsAlongOneAxis) {
+  LandmarkCloud cloud = ball(500, 1.0, 3);
+  cloud.covariances.assign(500, 0.04 * 0.04 * Eigen::Matrix3d::Identity());
+  EXPECT_NEAR(scales_of(cloud).noise, 0.04, 1e-12);
+}
+
+TEST(LandmarkSpacings, ReachTheEighthNeighbourAsBruteForceDoes) {
+  const LandmarkCloud cloud = ball(200, 1.0, 4);
+  const auto spacings = landmark_spacings(cloud.positions, BatchTree(cloud.positions), Executor(2));
+  ASSERT_EQ(spacings.size(), cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    std::vector<double> distances;
+    for (const auto& other : cloud.positions) {
+      distances.push_back((other - cloud.positions[i]).norm());
+    }
+    std::sort(distances.begin(), distances.end());
+    EXPECT_NEAR(spacings[i], distances[kSpacingNeighbors], 1e-12);
+  }
+}
+
+TEST(LandmarkSpacings, ReachTheFarthestWhereThereAreFewer) {
+  const std::vector<Eigen::Vector3d> three = {{0, 0, 0}, {1, 0, 0}, {0, 3, 0}};
+  const auto spacings = landmark_spacings(three, BatchTree(three), Executor());
+  EXPECT_NEAR(spacings[0], 3.0, 1e-12);
+  EXPECT_NEAR(spacings[1], std::sqrt(10.0), 1e-12);
+}
+
+TEST(KernelScales, BeginWithTheSmallerCloudAndEndWithTheFinerSpacingOrTheNoise) {
+  const CloudScales wide{.extent = 10.0, .spacing = 0.2, .noise = 0.0};
+  const CloudScales narrow{.extent = 2.0, .spacing = 0.5, .noise = 0.0};
+  const KernelScales scales = kernel_scales(wide, narrow);
+  EXPECT_DOUBLE_EQ(scales.coarse, 1.0);
+  EXPECT_DOUBLE_EQ(scales.fine, 0.3);
+  EXPECT_DOUBLE_EQ(kernel_scales(narrow, wide).fine, scales.fine);
+  const CloudScales blurred{.extent = 2.0, .spacing = 0.5, .noise = 0.4};
+  EXPECT_DOUBLE_EQ(kernel_scales(wide, blurred).fine, 1.5 * 0.4);
+}
+
+TEST(KernelScales, AreUsableWhereLandmarksCoincide) {
+  const KernelScales scales = kernel_scales({}, {});
+  EXPECT_GT(scales.coarse, 0.0);
+  EXPECT_GT(scales.fine, 0.0);
+  EXPECT_LE(scales.fine, scales.coarse);
+}
+
+}  // namespace
+}  // namespace cairn
