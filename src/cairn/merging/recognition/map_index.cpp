@@ -2,9 +2,12 @@
 #include "cairn/merging/recognition/map_index.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <numeric>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -30,7 +33,9 @@ void RecognitionOptions::validate() const {
     refuse("max_difference", max_difference, "0 to below 0.5");
   }
   if (tables < 1 || tables > 64) refuse("tables", static_cast<double>(tables), "1 to 64");
-  if (key_bits < 8 || key_bits > 24) refuse("key_bits", static_cast<double>(key_bits), "8 to 24");
+  if (key_bits != 0 && (key_bits < 8 || key_bits > 24)) {
+    refuse("key_bits", static_cast<double>(key_bits), "0, or 8 to 24");
+  }
 }
 
 MapIndex::MapIndex(const RecognitionOptions& options) : options_(options) {
@@ -72,33 +77,101 @@ std::size_t MapIndex::add(const LandmarkMap& map) {
     kind_ = descriptors->kind;
     bytes_each_ = descriptors->bytes_each;
     words_each_ = (bytes_each_ + 7) / 8;
-    Random random(options_.seed);
-    const std::size_t bits = std::min(8 * bytes_each_, std::size_t{65536});
-    std::vector<std::uint16_t> order(bits);
-    for (std::size_t table = 0; table < options_.tables; ++table) {
-      // The first of a random permutation, anew for each table.
-      std::iota(order.begin(), order.end(), std::uint16_t{0});
-      for (std::size_t i = 0; i < options_.key_bits; ++i) {
-        if (i < bits) std::swap(order[i], order[i + random.index(bits - i)]);
-        bits_.push_back(order[std::min(i, bits - 1)]);
-      }
-    }
   }
   const std::vector<std::uint64_t> words =
       words_each_ == 0 ? std::vector<std::uint64_t>() : words_of(map);
   const std::size_t count = words_each_ == 0 ? 0 : words.size() / words_each_;
   const std::size_t number = entries_of_.size();
-  first_of_.push_back(map_of_.size());
+  if (this->descriptors() + count > std::numeric_limits<std::uint32_t>::max()) {
+    throw Error(ErrorKind::kMisuse, "MapIndex", "more than 2^32 descriptors", "fewer maps");
+  }
+  first_of_.push_back(static_cast<std::uint32_t>(this->descriptors()));
   entries_of_.push_back(count);
   words_.insert(words_.end(), words.begin(), words.end());
-  map_of_.insert(map_of_.end(), count, static_cast<std::uint32_t>(number));
   return number;
+}
+
+std::size_t MapIndex::map_of(std::uint32_t descriptor) const {
+  // Of maps without descriptors several begin at one: the last of them has it.
+  const auto after = std::upper_bound(first_of_.begin(), first_of_.end(), descriptor);
+  return static_cast<std::size_t>(after - first_of_.begin()) - 1;
+}
+
+// What the bits of a descriptor are like in these maps.
+namespace {
+
+class BitStatistics {
+ public:
+  BitStatistics(std::span<const std::uint64_t> words, std::size_t words_each) {
+    constexpr std::size_t kSample = 2048;
+    const std::size_t count = words.size() / words_each;
+    const std::size_t step = std::max<std::size_t>(1, count / kSample);
+    for (std::size_t i = 0; i < count; i += step) {
+      sample_.push_back(words.subspan(i * words_each, words_each));
+    }
+  }
+
+  // How much the mean of ±1 is off zero: 0 for a bit that is as often 1 as 0, 1 for one that never changes.
+  double bias(std::size_t bit) const {
+    double sum = 0.0;
+    for (const auto& words : sample_) sum += sign(words, bit);
+    return std::abs(sum) / static_cast<double>(sample_.size());
+  }
+  // How far two bits say the same, or the opposite.
+  double likeness(std::size_t a, std::size_t b) const {
+    double sum = 0.0;
+    for (const auto& words : sample_) sum += sign(words, a) * sign(words, b);
+    return std::abs(sum) / static_cast<double>(sample_.size());
+  }
+
+ private:
+  static double sign(std::span<const std::uint64_t> words, std::size_t bit) {
+    return ((words[bit / 64] >> (bit % 64)) & 1) != 0 ? 1.0 : -1.0;
+  }
+
+  std::vector<std::span<const std::uint64_t>> sample_;
+};
+
+}  // namespace
+
+void MapIndex::choose_bits() const {
+  const std::size_t bits = std::min(8 * bytes_each_, std::size_t{65536});
+  key_bits_ = options_.key_bits;
+  if (key_bits_ == 0) {
+    // More would leave most keys empty, and a query has to look under each of its neighbours.
+    const auto log2 = static_cast<std::size_t>(std::bit_width(descriptors()));
+    key_bits_ = std::clamp<std::size_t>(log2 - 1, 14, 22);
+  }
+  key_bits_ = std::min(key_bits_, bits);
+  const BitStatistics statistics(words_, words_each_);
+  std::vector<double> bias(bits);
+  for (std::size_t bit = 0; bit < bits; ++bit) bias[bit] = statistics.bias(bit);
+
+  Random random(options_.seed);
+  bits_.clear();
+  std::vector<std::uint16_t> order(bits);
+  for (std::size_t table = 0; table < options_.tables; ++table) {
+    std::iota(order.begin(), order.end(), std::uint16_t{0});
+    for (std::size_t i = 0; i < bits; ++i) std::swap(order[i], order[i + random.index(bits - i)]);
+    std::vector<std::uint16_t> chosen;
+    // Anything goes in the end, where there are no better bits.
+    for (double worst = 0.3; chosen.size() < key_bits_; worst += 0.2) {
+      for (const std::uint16_t bit : order) {
+        if (chosen.size() == key_bits_) break;
+        const bool is_own = std::none_of(chosen.begin(), chosen.end(), [&](std::uint16_t other) {
+          return other == bit || statistics.likeness(bit, other) > worst;
+        });
+        if (bias[bit] <= worst && is_own) chosen.push_back(bit);
+      }
+    }
+    bits_.insert(bits_.end(), chosen.begin(), chosen.end());
+  }
 }
 
 std::uint32_t MapIndex::key(std::size_t table, std::span<const std::uint64_t> descriptor) const {
   std::uint32_t key = 0;
-  const std::uint16_t* const bits = bits_.data() + table * options_.key_bits;
-  for (std::size_t i = 0; i < options_.key_bits; ++i) {
+  const std::uint16_t* const bits = bits_.data() + table * key_bits_;
+  for (std::size_t i = 0; i < key_bits_; ++i) {
     key |= static_cast<std::uint32_t>((descriptor[bits[i] / 64] >> (bits[i] % 64)) & 1) << i;
   }
   return key;
@@ -106,29 +179,32 @@ std::uint32_t MapIndex::key(std::size_t table, std::span<const std::uint64_t> de
 
 // By counting: entries with one key lie together, in their order.
 void MapIndex::prepare() const {
-  if (prepared_ == map_of_.size() && !starts_.empty()) return;
+  if (words_each_ == 0 || (prepared_ == descriptors() && !starts_.empty())) return;
+  words_.shrink_to_fit();
+  choose_bits();
   starts_.assign(options_.tables, {});
   entries_.assign(options_.tables, {});
-  const std::size_t keys = std::size_t{1} << options_.key_bits;
-  std::vector<std::uint32_t> key_of(map_of_.size());
+  const std::size_t keys = std::size_t{1} << key_bits_;
+  std::vector<std::uint32_t> key_of(descriptors());
   for (std::size_t table = 0; table < options_.tables; ++table) {
     std::vector<std::uint32_t>& starts = starts_[table];
     starts.assign(keys + 1, 0);
-    for (std::size_t i = 0; i < map_of_.size(); ++i) {
+    for (std::size_t i = 0; i < key_of.size(); ++i) {
       key_of[i] = key(table, {words_.data() + i * words_each_, words_each_});
       ++starts[key_of[i] + 1];
     }
     std::partial_sum(starts.begin(), starts.end(), starts.begin());
     std::vector<std::uint32_t> next(starts.begin(), starts.end() - 1);
-    entries_[table].resize(map_of_.size());
-    for (std::size_t i = 0; i < map_of_.size(); ++i) {
+    entries_[table].resize(key_of.size());
+    for (std::size_t i = 0; i < key_of.size(); ++i) {
       entries_[table][next[key_of[i]]++] = static_cast<std::uint32_t>(i);
     }
   }
-  prepared_ = map_of_.size();
+  prepared_ = descriptors();
 }
 
 std::vector<RecognitionCandidate> MapIndex::find(std::size_t map, std::size_t most) const {
+  prepare();  // which may move the words
   return find(
       std::span(words_).subspan(first_of_[map] * words_each_, entries_of_[map] * words_each_), most,
       map);
@@ -141,40 +217,76 @@ std::vector<RecognitionCandidate> MapIndex::find(const LandmarkMap& map, std::si
 
 std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> words,
                                                  std::size_t most, std::size_t except) const {
-  if (words_each_ > 0) prepare();
+  prepare();
   if (words.empty()) return {};
   const auto limit = static_cast<int>(
       std::floor(options_.max_difference * 8.0 * static_cast<double>(bytes_each_)));
+  // Everything lies anywhere in memory: what comes next is fetched while the rest is looked at.
+  constexpr std::size_t kAhead = 12;
+  const std::size_t landmarks = words.size() / words_each_;
+  const std::size_t probes = 1 + key_bits_;
+  const std::size_t most_filed =
+      32 + 16 * descriptors() / (std::size_t{1} << std::min<std::size_t>(key_bits_, 63));
+  std::vector<std::uint32_t> buckets(landmarks * options_.tables * probes);
+  for (std::size_t i = 0, at = 0; i < landmarks; ++i) {
+    for (std::size_t table = 0; table < options_.tables; ++table) {
+      const std::uint32_t exact = key(table, words.subspan(i * words_each_, words_each_));
+      buckets[at++] = exact;
+      for (std::size_t bit = 0; bit < key_bits_; ++bit) {
+        buckets[at++] = exact ^ (std::uint32_t{1} << bit);
+      }
+    }
+  }
+  struct Filed {
+    std::uint32_t landmark;
+    std::uint32_t begin;
+    std::uint32_t end;
+    std::uint32_t table;
+  };
+  std::vector<Filed> filed;
+  for (std::size_t at = 0; at < buckets.size(); ++at) {
+    const auto table_of = [&](std::size_t probe) { return probe / probes % options_.tables; };
+    if (const std::size_t next = at + kAhead; next < buckets.size()) {
+      __builtin_prefetch(&starts_[table_of(next)][buckets[next]]);
+    }
+    const std::size_t table = table_of(at);
+    const std::uint32_t* const starts = &starts_[table][buckets[at]];
+    if (starts[0] == starts[1] || starts[1] - starts[0] > most_filed) continue;
+    filed.push_back({static_cast<std::uint32_t>(at / (probes * options_.tables)), starts[0],
+                     starts[1], static_cast<std::uint32_t>(table)});
+  }
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs;  // landmark of the query, descriptor
+  for (std::size_t at = 0; at < filed.size(); ++at) {
+    if (const std::size_t next = at + kAhead; next < filed.size()) {
+      __builtin_prefetch(&entries_[filed[next].table][filed[next].begin]);
+    }
+    for (std::uint32_t entry = filed[at].begin; entry < filed[at].end; ++entry) {
+      pairs.emplace_back(filed[at].landmark, entries_[filed[at].table][entry]);
+    }
+  }
   std::vector<double> scores(size(), 0.0);
   std::vector<std::uint32_t> voted(size(), 0);  // landmark that last voted for the map, from 1
-  std::vector<std::uint32_t> found;
-  for (std::size_t i = 0; i * words_each_ < words.size(); ++i) {
-    const std::span descriptor = words.subspan(i * words_each_, words_each_);
-    const auto landmark = static_cast<std::uint32_t>(i + 1);
+  std::vector<std::size_t> found;
+  for (std::size_t at = 0; at < pairs.size();) {
+    const std::uint32_t landmark = pairs[at].first;
+    const std::span descriptor = words.subspan(landmark * words_each_, words_each_);
     found.clear();
-    const auto look = [&](std::size_t table, std::uint32_t bucket) {
-      const std::vector<std::uint32_t>& entries = entries_[table];
-      for (std::uint32_t at = starts_[table][bucket]; at < starts_[table][bucket + 1]; ++at) {
-        const std::uint32_t entry = entries[at];
-        const std::uint32_t map = map_of_[entry];
-        if (map == except || voted[map] == landmark) continue;
-        const std::span other(words_.data() + entry * words_each_, words_each_);
-        if (hamming_distance(descriptor, other) > limit) continue;
-        voted[map] = landmark;
-        found.push_back(map);
+    for (; at < pairs.size() && pairs[at].first == landmark; ++at) {
+      if (const std::size_t next = at + kAhead; next < pairs.size()) {
+        __builtin_prefetch(words_.data() + pairs[next].second * words_each_);
       }
-    };
-    for (std::size_t table = 0; table < options_.tables; ++table) {
-      const std::uint32_t exact = key(table, descriptor);
-      look(table, exact);
-      for (std::size_t bit = 0; bit < options_.key_bits; ++bit) {
-        look(table, exact ^ (std::uint32_t{1} << bit));
-      }
+      const std::uint32_t entry = pairs[at].second;
+      const std::span other(words_.data() + entry * words_each_, words_each_);
+      if (hamming_distance(descriptor, other) > limit) continue;
+      const std::size_t map = map_of(entry);
+      if (map == except || voted[map] == landmark + 1) continue;
+      voted[map] = landmark + 1;
+      found.push_back(map);
     }
     if (found.empty()) continue;
     const double weight =
         std::log(static_cast<double>(size() + 1) / static_cast<double>(found.size()));
-    for (const std::uint32_t map : found) scores[map] += weight;
+    for (const std::size_t map : found) scores[map] += weight;
   }
   std::vector<RecognitionCandidate> candidates;
   for (std::size_t map = 0; map < scores.size(); ++map) {
@@ -192,8 +304,8 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
 
 std::size_t MapIndex::memory() const {
   std::size_t bytes = words_.capacity() * sizeof(std::uint64_t) +
-                      map_of_.capacity() * sizeof(std::uint32_t) +
-                      entries_of_.capacity() * 2 * sizeof(std::size_t);
+                      first_of_.capacity() * sizeof(std::uint32_t) +
+                      entries_of_.capacity() * sizeof(std::size_t);
   for (std::size_t table = 0; table < entries_.size(); ++table) {
     bytes += (entries_[table].capacity() + starts_[table].capacity()) * sizeof(std::uint32_t);
   }

@@ -14,10 +14,11 @@ namespace cairn {
 struct RecognitionOptions {
   std::size_t landmarks = 600;  ///< most of a map that take part: the most observed
   double max_difference =
-      0.1953;                 ///< share of bits in which descriptors of one landmark may differ
-  std::size_t tables = 4;     ///< of the index
-  std::size_t key_bits = 16;  ///< of each table; 8 to 24
-  std::uint64_t seed = 0;     ///< of the choice of bits
+      0.1953;              ///< share of bits in which descriptors of one landmark may differ
+  std::size_t tables = 3;  ///< of the index
+  /// Of each table, 8 to 24; 0: as many as leave a few descriptors under a key, at least 14.
+  std::size_t key_bits = 0;
+  std::uint64_t seed = 0;  ///< of the choice of bits
 
   /// @throws Error (misuse) naming the field, its value and what it may be
   void validate() const;
@@ -32,11 +33,12 @@ struct RecognitionCandidate {
 /// Which of many maps may show the place that a map shows, without aligning any: an inverted index over
 /// binary descriptors.
 ///
-/// A descriptor is filed in each table under a key of `key_bits` of its bits, drawn at random (Indyk and
-/// Motwani 1998), so that nothing is trained. A query looks under its key and those that differ in one bit
-/// (Lv et al. 2007), and keeps what differs in few bits altogether. Each landmark of the query votes for the
-/// maps it is found in, with log(maps / maps it is found in): what is everywhere tells nothing. Same maps in
-/// the same order and seed, same result.
+/// A descriptor is filed in each table under a key of a few of its bits, drawn at random (Indyk and Motwani
+/// 1998) from those that are about as often 1 as 0 in these maps and go their own way: bits that mostly say the
+/// same would file everything under few keys. A query looks under its key and those that differ in one bit (Lv
+/// et al. 2007), passes over keys under which far more is filed than under others, and keeps what differs in few
+/// bits altogether. Each landmark of the query votes for the maps it is found in, with log(maps / maps it is found
+/// in): what is everywhere tells nothing. Same maps in the same order and seed, same result.
 class MapIndex {
  public:
   explicit MapIndex(const RecognitionOptions& options = {});
@@ -59,6 +61,9 @@ class MapIndex {
 
  private:
   std::vector<std::uint64_t> words_of(const LandmarkMap& map) const;
+  std::size_t descriptors() const { return words_each_ == 0 ? 0 : words_.size() / words_each_; }
+  std::size_t map_of(std::uint32_t descriptor) const;
+  void choose_bits() const;
   std::uint32_t key(std::size_t table, std::span<const std::uint64_t> descriptor) const;
   void prepare() const;
   std::vector<RecognitionCandidate> find(std::span<const std::uint64_t> words, std::size_t most,
@@ -68,12 +73,13 @@ class MapIndex {
   std::string kind_;            // of the descriptors; empty until there are some
   std::size_t bytes_each_ = 0;  // of a descriptor
   std::size_t words_each_ = 0;
-  std::vector<std::uint16_t> bits_;      // key_bits of each table
-  std::vector<std::uint64_t> words_;     // of all descriptors
-  std::vector<std::uint32_t> map_of_;    // of each
+  // Of all descriptors; without room to spare once the tables are made.
+  mutable std::vector<std::uint64_t> words_;
   std::vector<std::size_t> entries_of_;  // of each map
-  std::vector<std::size_t> first_of_;
+  std::vector<std::uint32_t> first_of_;  // descriptor of each map, ascending
   // Tables as lists by key, made when first asked after an add().
+  mutable std::size_t key_bits_ = 0;
+  mutable std::vector<std::uint16_t> bits_;  // key_bits_ of each table
   mutable std::vector<std::vector<std::uint32_t>> starts_;
   mutable std::vector<std::vector<std::uint32_t>> entries_;
   mutable std::size_t prepared_ = 0;
