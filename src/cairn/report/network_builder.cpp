@@ -244,10 +244,10 @@ IntervalsChart residual_chart(const Network& network) {
   for (const LinkUse use : {LinkUse::kUsed, LinkUse::kContradicted}) {
     IntervalSeries series{std::string(use == LinkUse::kUsed ? "used" : "contradicted"), {}};
     for (const NetworkLink& link : network.links) {
-      // A link that alone places a map agrees with it to rounding: below this it is none.
-      constexpr double kNone = 1e-7;
-      if (link.use != use || !link.residual) continue;
-      const double value = std::max(*link.residual, kNone);
+      // A link that alone places a map agrees with it to rounding.
+      constexpr double kRounding = 1e-7;
+      if (link.use != use || !link.residual || *link.residual < kRounding) continue;
+      const double value = *link.residual;
       series.items.push_back({fmt::format("{} ← {}", network.nodes[link.target].name,
                                           network.nodes[link.source].name),
                               value, value, value});
@@ -298,8 +298,8 @@ void add_network(Report& report, std::span<const NetworkMap> maps,
         {.id = "residuals",
          .title = "Residual per link",
          .text = "Distance between where a link and where the optimised poses put the centre of the "
-                 "source's landmarks. A map that a single link places agrees with it exactly; such "
-                 "links stand at the left end.",
+                 "source's landmarks. Where a single link places a map there is no such distance, and "
+                 "the link is not shown.",
          .content = Chart(std::move(residuals))});
   }
   if (!sessions.series.empty()) {

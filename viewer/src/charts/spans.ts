@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import * as Plot from "@observablehq/plot";
 import type { SpansChart } from "../document/report";
-import { formatCount } from "../math/format";
+import { durationText, formatCount } from "../math/format";
 import { seriesColor } from "../series_style";
 import { compose, fitText, plotStyle, textWidth, type DrawOptions } from "./shared";
 
@@ -16,26 +16,6 @@ interface Bar {
   x1: Date | number;
   x2: Date | number;
   marks: number;
-}
-
-/** "3 min 20 s" */
-export function durationText(seconds: number): string {
-  if (seconds < 60) {
-    return `${Number(seconds.toPrecision(3))} s`;
-  }
-  const whole = Math.round(seconds);
-  const parts: [number, string][] = [
-    [Math.floor(whole / 86400), "d"],
-    [Math.floor(whole / 3600) % 24, "h"],
-    [Math.floor(whole / 60) % 60, "min"],
-    [whole % 60, "s"],
-  ];
-  const first = parts.findIndex(([count]) => count > 0);
-  return parts
-    .slice(first, first + 2)
-    .filter(([count]) => count > 0)
-    .map(([count, unit]) => `${count} ${unit}`)
-    .join(" ");
 }
 
 /** Bars over time, a row for each name; marks are ticks within a bar. */

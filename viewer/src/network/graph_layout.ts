@@ -12,7 +12,7 @@ export function fromAbove(points: Vector3[], up: Vector3): Place[] {
   const side = unit(cross(up, Math.abs(up[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0])) ?? [1, 0, 0];
   const right: Vector3 = [-side[0], -side[1], -side[2]];
   const away = cross(up, right);
-  return points.map((p) => ({ x: -dot(p, right), y: dot(p, away) }));
+  return points.map((p) => ({ x: dot(p, right), y: -dot(p, away) }));
 }
 
 /**

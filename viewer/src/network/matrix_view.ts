@@ -96,20 +96,19 @@ export class MatrixView {
       );
       if (size >= kNumbersFrom && link.probability !== null) {
         const percent = 100 * link.probability;
+        const text =
+          percent > 99 && percent < 100 ? formatNumber(Math.floor(100 * percent) / 100, 4) : formatNumber(percent, 2);
+        const half = textWidth(text, 11) / 2 + 3;
+        if (!counts(link)) {
+          group.append(
+            s("rect", { x: x + size / 2 - half, y: y + size / 2 - 8, width: 2 * half, height: 16, rx: 3, fill: color }),
+          );
+        }
         group.append(
           s(
             "text",
-            {
-              x: x + size / 2,
-              y: y + size / 2 + 4,
-              "text-anchor": "middle",
-              "font-size": 11,
-              fill: readableOn(color),
-              stroke: color,
-              "stroke-width": counts(link) ? 0 : 4,
-              "paint-order": "stroke",
-            },
-            percent > 99 && percent < 100 ? formatNumber(Math.floor(100 * percent) / 100, 4) : formatNumber(percent, 2),
+            { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", "font-size": 11, fill: readableOn(color) },
+            text,
           ),
         );
       }

@@ -166,7 +166,7 @@ export class NetworkStage {
       );
     }
     for (const lines of this.#things.values()) {
-      lines.visible = layers.changes;
+      lines.visible = this.#showsThings();
     }
     this.#grid.object.visible = layers.grid;
     const name = model.section.stages[Math.round(stage)] ?? "";
@@ -177,6 +177,11 @@ export class NetworkStage {
     const link = this.#model.links[index];
     const { layers, hidden } = this.#view;
     return (counts(link) ? layers.links : layers.rejected) && !hidden.has(link.target) && !hidden.has(link.source);
+  }
+
+  /** Changes are places in the result: before it they would lie beside the landmarks. */
+  #showsThings(): boolean {
+    return this.#view.layers.changes && this.#view.stage > this.#model.lastStage - 0.02;
   }
 
   #inScene(p: readonly number[]): [number, number, number] {
@@ -272,7 +277,7 @@ export class NetworkStage {
         }
       }
     }
-    if (layers.changes) {
+    if (this.#showsThings()) {
       context.font = "600 11px system-ui, sans-serif";
       for (const index of this.#things.keys()) {
         const thing = model.section.things[index];
@@ -340,7 +345,7 @@ export class NetworkStage {
         best = selection;
       }
     };
-    if (layers.changes) {
+    if (this.#showsThings()) {
       for (const index of this.#things.keys()) {
         const { low, high } = model.section.things[index].boxes[0];
         const middle = [0, 1, 2].map((i) => (low[i] + high[i]) / 2);
