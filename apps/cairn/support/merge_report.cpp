@@ -36,10 +36,9 @@ std::string answer_of(std::span<const MergeInput> maps, const MergeResult& resul
     if (!map.placed) left_out.push_back(fmt::format("{} ({})", maps[i].name, map.reason));
   }
   if (!result.map) return "No two of the maps belong together; nothing is written.";
-  std::string text =
-      fmt::format("Placed {} of {} maps in the frame of {}: {} landmarks became {}.",
-                  result.placed(), maps.size(), frame, with_commas(before),
-                  with_commas(result.map->landmark_count()));
+  std::string text = fmt::format("Placed {} of {} maps in the frame of {}: {} landmarks became {}.",
+                                 result.placed(), maps.size(), frame, with_commas(before),
+                                 with_commas(result.map->landmark_count()));
   if (!left_out.empty()) text += fmt::format(" Left out: {}.", fmt::join(left_out, "; "));
   return text;
 }

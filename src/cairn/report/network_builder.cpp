@@ -64,7 +64,8 @@ std::vector<Similarity3> chained_poses(std::span<const NetworkMap> maps,
   std::vector<const NetworkEdge*> order;
   for (const NetworkEdge& edge : edges) {
     const bool usable = edge.use == LinkUse::kUsed && edge.target_from_source &&
-                        maps[edge.target].frame && maps[edge.target].frame == maps[edge.source].frame;
+                        maps[edge.target].frame &&
+                        maps[edge.target].frame == maps[edge.source].frame;
     if (usable) order.push_back(&edge);
   }
   std::stable_sort(order.begin(), order.end(), [](const auto* a, const auto* b) {
@@ -89,7 +90,8 @@ std::vector<Similarity3> chained_poses(std::span<const NetworkMap> maps,
 }
 
 double rotation_between(const Similarity3& a, const Similarity3& b) {
-  const Eigen::AngleAxisd turn(Eigen::Matrix3d(a.rigid().rotation().transpose() * b.rigid().rotation()));
+  const Eigen::AngleAxisd turn(
+      Eigen::Matrix3d(a.rigid().rotation().transpose() * b.rigid().rotation()));
   return std::abs(turn.angle());
 }
 
@@ -212,8 +214,7 @@ Network make_network(std::span<const NetworkMap> maps, std::span<const NetworkEd
     if (!map.frame || group_of_frame[*map.frame]) continue;
     const NetworkMap& frame = maps[*map.frame];
     group_of_frame[*map.frame] = network.groups.size();
-    network.groups.push_back(
-        {frame.name, frame.map == nullptr ? std::nullopt : up_of(*frame.map)});
+    network.groups.push_back({frame.name, frame.map == nullptr ? std::nullopt : up_of(*frame.map)});
   }
   const std::vector<Similarity3> chained = chained_poses(maps, edges);
   for (std::size_t i = 0; i < maps.size(); ++i) {
@@ -248,9 +249,9 @@ IntervalsChart residual_chart(const Network& network) {
       constexpr double kRounding = 1e-7;
       if (link.use != use || !link.residual || *link.residual < kRounding) continue;
       const double value = *link.residual;
-      series.items.push_back({fmt::format("{} ← {}", network.nodes[link.target].name,
-                                          network.nodes[link.source].name),
-                              value, value, value});
+      series.items.push_back(
+          {fmt::format("{} ← {}", network.nodes[link.target].name, network.nodes[link.source].name),
+           value, value, value});
     }
     if (!series.items.empty()) chart.series.push_back(std::move(series));
   }
@@ -280,7 +281,8 @@ void add_network(Report& report, std::span<const NetworkMap> maps,
   for (const NetworkMap& map : maps) {
     if (map.map != nullptr) landmarks += map.map->landmark_count();
   }
-  const std::size_t stride = (landmarks + shown_landmarks - 1) / std::max<std::size_t>(shown_landmarks, 1);
+  const std::size_t stride =
+      (landmarks + shown_landmarks - 1) / std::max<std::size_t>(shown_landmarks, 1);
   const auto ids = add_maps(report, maps, stride);
   for (std::size_t i = 0; i < maps.size(); ++i) network.nodes[i].map = ids[i];
   IntervalsChart residuals = residual_chart(network);
@@ -297,9 +299,10 @@ void add_network(Report& report, std::span<const NetworkMap> maps,
     report.sections.push_back(
         {.id = "residuals",
          .title = "Residual per link",
-         .text = "Distance between where a link and where the optimised poses put the centre of the "
-                 "source's landmarks. Where a single link places a map there is no such distance, and "
-                 "the link is not shown.",
+         .text =
+             "Distance between where a link and where the optimised poses put the centre of the "
+             "source's landmarks. Where a single link places a map there is no such distance, and "
+             "the link is not shown.",
          .content = Chart(std::move(residuals))});
   }
   if (!sessions.series.empty()) {

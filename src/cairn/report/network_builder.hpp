@@ -23,7 +23,7 @@ struct NetworkMap {
   Similarity3 frame_from_map = {};
   std::size_t landmarks = 0;
   std::size_t keyframes = 0;
-  std::optional<std::size_t> fused = {};  ///< landmarks that were one with those of other maps
+  std::optional<std::size_t> fused = {};     ///< landmarks that were one with those of other maps
   Eigen::Vector3d centre = {0.0, 0.0, 0.0};  ///< of the landmarks
   LengthUnit length_unit = LengthUnit::kMetres;
 };

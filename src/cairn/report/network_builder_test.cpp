@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/report/network_builder.hpp"
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -44,8 +45,10 @@ NetworkEdge edge(std::size_t target, std::size_t source, const Similarity3& tran
 // Three maps in a row, 1 m apart, whose links are each off by some millimetres; a fourth is left out.
 struct Row {
   std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0)),
-                                  placed("c", shift(2.0)), NetworkMap{.name = "d", .reason = "far"}};
-  std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.001), 0.999), edge(1, 2, shift(1.002), 0.998),
+                                  placed("c", shift(2.0)),
+                                  NetworkMap{.name = "d", .reason = "far"}};
+  std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.001), 0.999),
+                                    edge(1, 2, shift(1.002), 0.998),
                                     edge(0, 2, shift(2.3), 0.9999, LinkUse::kContradicted),
                                     NetworkEdge{.target = 0, .source = 3, .probability = 0.1}};
 };
@@ -111,7 +114,7 @@ TEST(ResidualChart, LeavesOutLinksThatAloneSayWhereAMapIs) {
 }
 
 TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {
-  const MapPair pair = make_map_pair({});
+  const SyntheticPair pair = synthetic_pair({});
   std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
   maps[0].map = &pair.target;
   maps[1].map = &pair.source;

@@ -265,8 +265,8 @@ struct NetworkNode {
   std::optional<std::size_t> group = {};  ///< index of a NetworkGroup; nothing: no pose
   std::size_t landmarks = 0;
   std::size_t keyframes = 0;
-  std::optional<std::size_t> fused = {};         ///< landmarks that another map has, too
-  Eigen::Vector3d centre = {0.0, 0.0, 0.0};      ///< of its landmarks, in its own frame
+  std::optional<std::size_t> fused = {};          ///< landmarks that another map has, too
+  Eigen::Vector3d centre = {0.0, 0.0, 0.0};       ///< of its landmarks, in its own frame
   std::vector<Similarity3> group_from_node = {};  ///< one a stage if it has a group, else empty
 };
 
@@ -304,7 +304,8 @@ struct NetworkThing {
   std::size_t group = 0;
   Eigen::Vector3d low = {0.0, 0.0, 0.0};  ///< corners of its box, in the group's frame
   Eigen::Vector3d high = {0.0, 0.0, 0.0};
-  std::optional<std::array<Eigen::Vector3d, 2>> moved_to = {};  ///< of a moved thing: the box it went to
+  std::optional<std::array<Eigen::Vector3d, 2>> moved_to =
+      {};  ///< of a moved thing: the box it went to
 };
 
 /// Maps, how they lie to each other, and the links that say so: as graph, matrix and in 3D.

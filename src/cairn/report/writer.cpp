@@ -634,8 +634,8 @@ void Document::add(Json& json, const Text& /*text*/, const std::string& where) {
 
 Json Document::node_json(const NetworkNode& node, const Network& network,
                          const std::string& where) {
-  require(!node.map || find_map(*node.map) != nullptr, where, "no map '" + node.map.value_or("") + "'",
-          "one of the report's maps");
+  require(!node.map || find_map(*node.map) != nullptr, where,
+          "no map '" + node.map.value_or("") + "'", "one of the report's maps");
   require(!node.group || *node.group < network.groups.size(), where, "a group that is not there",
           "one of the groups");
   require_size(node.group_from_node.size(), node.group ? network.stages.size() : 0, where,
@@ -689,8 +689,8 @@ void Document::add(Json& json, const Network& network, const std::string& where)
             "one of the groups");
     Json boxes = {{{"low", to_json(thing.low)}, {"high", to_json(thing.high)}}};
     if (thing.moved_to) {
-      boxes.push_back({{"low", to_json((*thing.moved_to)[0])},
-                       {"high", to_json((*thing.moved_to)[1])}});
+      boxes.push_back(
+          {{"low", to_json((*thing.moved_to)[0])}, {"high", to_json((*thing.moved_to)[1])}});
     }
     json["things"].push_back({{"name", thing.name},
                               {"kind", thing.kind},
