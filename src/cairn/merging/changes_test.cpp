@@ -64,10 +64,12 @@ LandmarkMap visit(const std::vector<Spot>& spots, std::uint64_t seed, double fou
                   double shift = 0.0) {
   Random random(seed);
   MapTables tables;
-  tables.cameras.push_back({.model = "PINHOLE",
-                            .width = kWidth,
-                            .height = kHeight,
-                            .parameters = {kFocal, kFocal, 320.0, 240.0}});
+  Camera camera;
+  camera.model = "PINHOLE";
+  camera.width = kWidth;
+  camera.height = kHeight;
+  camera.parameters = {kFocal, kFocal, 320.0, 240.0};
+  tables.cameras.push_back(camera);
   constexpr std::uint32_t kFrames = 8;
   for (std::uint32_t f = 0; f < kFrames; ++f) {
     tables.frames.ids.push_back(FrameId{f});

@@ -130,7 +130,7 @@ TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {
   EXPECT_THAT(*report.sections[0].text, HasSubstr("one in"));
   std::vector<std::string> ids;
   for (const Section& section : report.sections) ids.push_back(section.id);
-  EXPECT_THAT(ids, ElementsAre("network", "maps", "links"));
+  EXPECT_THAT(ids, ElementsAre("network", "sessions", "maps", "links"));
 }
 
 TEST(AddNetwork, WritesEvenWhatHasNoPoseAndNoLandmarks) {
