@@ -10,12 +10,14 @@
 #include <fmt/format.h>
 
 #include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
 #include "atlas_verbs.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
+#include "support/change_documents.hpp"
 #include "support/map_lists.hpp"
 #include "support/table.hpp"
 
@@ -197,39 +199,93 @@ struct UndoArguments : AtlasArguments {
 };
 
 struct DiffArguments : AtlasArguments {
-  std::uint64_t before = 0;
-  std::optional<std::uint64_t> after;
+  std::string first;
+  std::string second;
+  bool world = false;
+  ChangeOptions changes;
 
   void add_to(CLI::App& command) {
-    command
-        .add_option(
-            "before",
-            [this](const CLI::results_t& words) {
-              before = parse_as<std::uint64_t>(words.back(), "before");
-              return true;
-            },
-            "A commit")
+    command.add_option("before", first, "A commit; with --world a session or a map")
         ->required()
         ->type_name("COMMIT");
     command
-        .add_option(
-            "after",
-            [this](const CLI::results_t& words) {
-              after = parse_as<std::uint64_t>(words.back(), "after");
-              return true;
-            },
-            "Another commit; the last if not given")
+        .add_option("after", second,
+                    "Another commit, the last if not given; with --world the other")
         ->type_name("COMMIT");
+    command.add_flag("--world", world,
+                     "What the two sessions or maps show differently: things that appeared, "
+                     "vanished or moved");
+    add_number(command, "--min-size", changes.min_size,
+               "With --world: longest side of a thing, at least, in the map's unit");
+    add_number(command, "--min-confidence", changes.min_confidence,
+               "With --world: from which confidence a thing is reported, between 0 and 1");
     AtlasArguments::add_to(command);
+    add_at_to(command);
     command.footer(
-        "Example: what changed since commit 12\n  cairn atlas diff 12 --atlas town.atlas");
+        "A session is all maps that were added under it. Both must be placed in one frame.\n"
+        "Example: what changed since commit 12; what is elsewhere on Tuesday\n"
+        "  cairn atlas diff 12 --atlas town.atlas\n"
+        "  cairn atlas diff --world monday tuesday --atlas town.atlas");
+  }
+
+  // The maps of a session of that name, else the map.
+  std::vector<NodeId> side(const AtlasState& state, const std::string& name) const {
+    std::vector<NodeId> nodes;
+    for (const auto& [id, node] : state.nodes) {
+      if (node.session == name && state.poses.contains(id)) nodes.push_back(id);
+    }
+    if (nodes.empty()) nodes.push_back(node_named(state, name, *this).id);
+    return nodes;
+  }
+
+  int compare_worlds() {
+    if (second.empty()) {
+      throw Error(ErrorKind::kMisuse, "--world", "one session or map", "two of them");
+    }
+    changes.seed = common.seed;
+    with_option_names({{"ChangeOptions.min_size", "--min-size"},
+                       {"ChangeOptions.min_confidence", "--min-confidence"}},
+                      [&] { changes.validate(); });
+    Atlas atlas = open_to_read();
+    const AtlasState state = atlas.state(commit());
+    const std::vector<NodeId> before = side(state, first);
+    const std::vector<NodeId> after = side(state, second);
+    const ChangeResult result = world_difference(atlas, state, before, after, changes);
+    const NodeId frame = state.poses.at(before.front()).frame;
+    Json json = head("diff_world",
+                     {{"min_size", changes.min_size}, {"min_confidence", changes.min_confidence}});
+    json["commit"] = state.commit.value;
+    json["first"] = first;
+    json["second"] = second;
+    json["frame"] = state.nodes.at(frame).name;
+    json.update(to_json(result));
+    write_document(json, common);
+    const Console console = common.console();
+    if (result.comparable_first + result.comparable_second == 0) {
+      console.print("nothing to compare: no keyframe of one saw what the other holds\n");
+    } else {
+      console.print(fmt::format(
+          "{} and {} landmarks should be in the other, {} of them are; in the frame of {}\n",
+          with_commas(result.comparable_first), with_commas(result.comparable_second),
+          percent(result.repeated), state.nodes.at(frame).name));
+      const std::string text = changes_text(result, state.nodes.at(frame).length_unit);
+      console.print(text.empty() ? "no thing appeared, vanished or moved\n" : text);
+    }
+    return kDone;
   }
 
   int run() {
+    if (world) return compare_worlds();
+    if (at) {
+      throw Error(ErrorKind::kMisuse, "--at", "given without --world", "two commits to compare");
+    }
+    const auto before = parse_as<std::uint64_t>(first, "before");
+    const auto after =
+        second.empty() ? std::nullopt : std::optional(parse_as<std::uint64_t>(second, "after"));
     Atlas atlas = open_to_read();
     const AtlasState old = atlas.state(CommitId{before});
     const AtlasState now = atlas.state(after ? std::optional(CommitId{*after}) : std::nullopt);
-    const AtlasDifference changes = difference(old, now);
+    const AtlasDifference found = difference(old, now);
     const Console console = common.console();
     Json json = head("diff");
     json["before"] = old.commit.value;
@@ -253,14 +309,14 @@ struct DiffArguments : AtlasArguments {
         json[key].push_back(to_json(link, state));
       }
     };
-    nodes("added_maps", "added", changes.added_nodes, now);
-    nodes("removed_maps", "removed", changes.removed_nodes, old);
-    links("added_links", "linked", changes.added_links, now);
-    links("removed_links", "no longer linked", changes.removed_links, old);
-    nodes("placed", "placed", changes.placed, now);
-    nodes("no_longer_placed", "no longer placed", changes.no_longer_placed, old);
+    nodes("added_maps", "added", found.added_nodes, now);
+    nodes("removed_maps", "removed", found.removed_nodes, old);
+    links("added_links", "linked", found.added_links, now);
+    links("removed_links", "no longer linked", found.removed_links, old);
+    nodes("placed", "placed", found.placed, now);
+    nodes("no_longer_placed", "no longer placed", found.no_longer_placed, old);
     json["moved"] = Json::array();
-    for (const MovedNode& moved : changes.moved) {
+    for (const MovedNode& moved : found.moved) {
       const AtlasNode& node = now.nodes.at(moved.node);
       const NodeId frame = now.poses.at(moved.node).frame;
       if (moved.frame_changed) {
@@ -276,9 +332,9 @@ struct DiffArguments : AtlasArguments {
                                {"shift", moved.shift},
                                {"turn_deg", degrees(moved.turn_rad)}});
     }
-    links("now_contradicted", "now contradicted:", changes.now_contradicted, now);
-    links("no_longer_contradicted", "no longer contradicted:", changes.no_longer_contradicted, now);
-    if (changes.empty()) console.print("no difference\n");
+    links("now_contradicted", "now contradicted:", found.now_contradicted, now);
+    links("no_longer_contradicted", "no longer contradicted:", found.no_longer_contradicted, now);
+    if (found.empty()) console.print("no difference\n");
     write_document(json, common);
     return kDone;
   }

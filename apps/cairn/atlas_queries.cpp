@@ -21,7 +21,9 @@
 #include "atlas_verbs.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
+#include "support/atlas_report.hpp"
 #include "support/map_lists.hpp"
+#include "support/reports.hpp"
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -45,9 +47,11 @@ struct ShowArguments : AtlasArguments {
 
   void add_to(CLI::App& command) {
     command.add_flag("--all", all, "Also pairs that were tried and not aligned");
+    common.add_report_to(command,
+                         "graph and matrix of the maps and links, all of it in 3D, the log");
     AtlasArguments::add_to(command);
     add_at_to(command);
-    command.footer("Example: cairn atlas show --atlas town.atlas");
+    command.footer("Example: cairn atlas show --atlas town.atlas --report town.html");
   }
 
   Json nodes_json(const AtlasState& state) const {
@@ -107,6 +111,12 @@ struct ShowArguments : AtlasArguments {
     json["maps"] = nodes_json(state);
     json["links"] = std::move(links);
     write_document(json, common);
+    if (!common.report_path.empty()) {
+      report::Report report = begin_report(fs::path(location).filename().string(), common);
+      add_atlas_state(report, atlas, state, location);
+      set_provenance(report, json);
+      write_report(report, common);
+    }
     return kDone;
   }
 };

@@ -23,6 +23,8 @@
 #include "support/interrupt.hpp"
 #include "support/link_documents.hpp"
 #include "support/map_lists.hpp"
+#include "support/merge_report.hpp"
+#include "support/reports.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -72,6 +74,7 @@ void MergeArguments::add_to(CLI::App& command) {
       ->needs(adjust);
   add_number(command, "--min-observations", options.links.points.min_observations,
              "Align by landmarks observed at least so often; all landmarks are merged");
+  common.add_report_to(command, "graph and matrix of the maps and links, and all of it in 3D");
   common.add_to(command);
   command.footer(
       "Every map is aligned with every other, from no initial pose. Only pairs that are judged\n"
@@ -79,7 +82,7 @@ void MergeArguments::add_to(CLI::App& command) {
       "nothing\n"
       "connects with the largest group are named and left out; the exit code is then 4.\n"
       "Example: two sessions, and a folder of mini-maps, become one map\n"
-      "  cairn merge monday.map tuesday.map robot2/ -o building.map");
+      "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
 }
 
 void MergeArguments::check_options() const {
@@ -243,6 +246,14 @@ int MergeArguments::run() {
                           {"final_rms_px", adjustment->final_rms_px}};
   }
   write_document(json, common);
+  if (!common.report_path.empty()) {
+    report::Report report = begin_report(file_name(output), common);
+    add_merge(report, inputs, result);
+    Json by_role = Json::object();
+    for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
+    set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});
+    write_report(report, common);
+  }
 
   console.print(placement_text(result, names));
   for (std::size_t i = 0; i < names.size(); ++i) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -218,6 +219,26 @@ Json SimulateArguments::options_json() const {
           {"depth_units_per_metre", depth_units_per_metre}};
 }
 
+// What stands where: the box about each thing, in the world's frame.
+Json things_json(const Scene& scene) {
+  std::vector<Eigen::AlignedBox3d> boxes(scene.objects.size());
+  for (const Surface& surface : scene.surfaces) {
+    for (const Eigen::Vector3d& corner : surface.corners()) boxes[surface.object].extend(corner);
+  }
+  Json things = Json::array();
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    if (boxes[i].isEmpty()) continue;
+    const Eigen::Vector3d& low = boxes[i].min();
+    const Eigen::Vector3d& high = boxes[i].max();
+    things.push_back({{"name", scene.objects[i].name},
+                      {"movable", scene.objects[i].movable},
+                      {"moved", scene.objects[i].moved},
+                      {"low", {low.x(), low.y(), low.z()}},
+                      {"high", {high.x(), high.y(), high.z()}}});
+  }
+  return things;
+}
+
 int SimulateArguments::run() {
   check();
   require_folder_of(common.json_path);
@@ -265,7 +286,8 @@ int SimulateArguments::run() {
                       {"path_length_m", simulator.trajectory().length()}};
   json["objects"] = {{"all", objects.size()},
                      {"movable", count_of(&SceneObject::movable)},
-                     {"moved", count_of(&SceneObject::moved)}};
+                     {"moved", count_of(&SceneObject::moved)},
+                     {"things", things_json(simulator.scene())}};
   write_document(json, common);
   const auto seconds = [](auto duration) {
     return std::chrono::duration<double>(duration).count();

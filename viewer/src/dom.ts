@@ -71,3 +71,23 @@ export function announce(text: string): void {
     region.textContent = text;
   }
 }
+
+/** A button that copies the text of `shown`, or selects it where the browser refuses. */
+export function copyButton(shown: HTMLElement, label = "Copy"): HTMLButtonElement {
+  const copy = button(
+    "Copy",
+    async () => {
+      try {
+        await navigator.clipboard.writeText(shown.textContent ?? "");
+        announce("Command copied.");
+        copy.textContent = "Copied";
+        setTimeout(() => (copy.textContent = "Copy"), 2000);
+      } catch {
+        getSelection()?.selectAllChildren(shown);
+        announce("Command selected.");
+      }
+    },
+    { "aria-label": label },
+  );
+  return copy;
+}

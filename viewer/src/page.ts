@@ -3,6 +3,7 @@ import { chartFigure } from "./charts/chart_figure";
 import { h, paragraphs, s } from "./dom";
 import type { Report, Section } from "./document/report";
 import { imagesFigure } from "./images";
+import { networkFigure } from "./network/network_figure";
 import { licencesDisclosure, provenanceSection } from "./provenance";
 import { sceneFigure } from "./scene/scene_figure";
 import { tableFigure } from "./table";
@@ -43,6 +44,8 @@ function sectionContent(section: Section, settled: () => void): HTMLElement[] {
       return [tableFigure(section.table, section.title, section.id)];
     case "images":
       return [imagesFigure(section.images)];
+    case "network":
+      return [networkFigure(section, settled)];
     case "text":
       return [];
     case "notice":
@@ -92,7 +95,7 @@ function followReading(nav: HTMLElement, main: HTMLElement): void {
 /** Builds the page; resolves once the first scene, if there is one in view, has drawn its first picture. */
 export async function buildPage(page: HTMLElement, report: Report): Promise<void> {
   let settle: () => void = () => {};
-  const firstScene = report.sections.find((section) => section.kind === "scene");
+  const firstScene = report.sections.find(({ kind }) => kind === "scene" || kind === "network");
   const drawn = new Promise<void>((resolve) => (settle = resolve));
   const nav = contents(report);
   const main = h(

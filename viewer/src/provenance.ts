@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, h } from "./dom";
+import { copyButton, h } from "./dom";
 import type { Provenance } from "./document/report";
 import { formatNumber } from "./math/format";
 
@@ -60,18 +60,8 @@ export function provenanceSection(provenance: Provenance | null, version: string
   const card = h("div", { class: "card provenance" });
   if (provenance.command) {
     const text = shellCommand(provenance.command);
-    const copy = button("Copy", async () => {
-      try {
-        await navigator.clipboard.writeText(text);
-        announce("Command copied.");
-        copy.textContent = "Copied";
-      } catch {
-        getSelection()?.selectAllChildren(code);
-        announce("Command selected.");
-      }
-    });
     const code = h("code", null, text);
-    card.append(h("div", { class: "command" }, h("pre", { tabindex: 0 }, code), copy));
+    card.append(h("div", { class: "command" }, h("pre", { tabindex: 0 }, code), copyButton(code)));
   }
   card.append(facts);
   if (provenance.inputs.length > 0) {

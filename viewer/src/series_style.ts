@@ -12,7 +12,18 @@ export function seriesIndex(name: string): number {
   return known >= 0 ? known : order.push(name) - 1;
 }
 
+const given = new Map<string, (colors: Palette) => string>();
+
+/** Has series of this name drawn in a colour that something else on the page has given it. */
+export function giveSeriesColor(name: string, color: (colors: Palette) => string): void {
+  given.set(name, color);
+}
+
 export function seriesColor(name: string, colors: Palette): string {
+  const own = given.get(name);
+  if (own) {
+    return own(colors);
+  }
   return colors.series[seriesIndex(name) % colors.series.length];
 }
 

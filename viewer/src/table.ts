@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, download, h } from "./dom";
+import { announce, button, copyButton, download, h } from "./dom";
 import type { Cell, Table } from "./document/report";
 import { csvBlob } from "./export";
 import { formatFixed, formatNumber } from "./math/format";
@@ -46,6 +46,12 @@ function cellText(cell: Cell, digits: number | null): string {
     return cell;
   }
   return digits === null ? formatNumber(cell, 5) : formatFixed(cell, digits);
+}
+
+/** A command with a button that copies it. */
+function copyCell(command: string): HTMLElement {
+  const code = h("code", null, command);
+  return h("div", { class: "copy-cell" }, code, copyButton(code, `Copy ${command}`));
 }
 
 export function csvRows(table: Table): Cell[][] {
@@ -105,6 +111,8 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
           data.classList.add("best");
           data.append(h("span", { class: "best-mark", title: "best in this column" }, "★"), h("strong", null, text));
           data.append(h("span", { class: "visually-hidden" }, " (best)"));
+        } else if (type === "command" && typeof cell === "string") {
+          data.append(copyCell(cell));
         } else {
           data.append(text);
         }

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { gzipSync } from "node:zlib";
-import { BufferWriter, encodeMatches, hostileSample, random, smallSample } from "./sample.mjs";
+import { BufferWriter, encodeMatches, hostileSample, networkSample, random, smallSample } from "./sample.mjs";
 import { loadModule } from "./support/load_module.mjs";
 
 const { parseReport } = await loadModule("src/document/parse.ts");
@@ -152,4 +152,32 @@ test("base64 and gzip decode, and damage is reported", async () => {
   const packed = new Uint8Array(gzipSync(bytes));
   assert.deepEqual(Buffer.from(await gunzip(packed, "It")), bytes);
   await assert.rejects(gunzip(packed.slice(0, 40), "The report's buffers"), /The report's buffers cannot be decompressed.*complete/);
+});
+
+test("a network reads back, and what is wrong with one is said by name", () => {
+  const { document, buffers } = networkSample();
+  const bytes = toArrayBuffer(buffers);
+  const report = parse(document, bytes);
+  const network = report.sections[0];
+  assert.equal(network.kind, "network");
+  assert.equal(network.nodes[1].cloud.name, "tuesday");
+  assert.equal(network.nodes[1].poses.length, 7 * network.stages.length);
+  assert.equal(network.nodes[4].group, null);
+  assert.equal(network.nodes[4].poses, null);
+  assert.equal(network.links[3].use, "contradicted");
+  assert.equal(network.things[0].boxes.length, 2);
+  assert.equal(report.sections[1].chart.xScale, "log");
+  assert.equal(report.sections[3].table.columns[2].type, "command");
+  const broken = (change) => {
+    const copy = structuredClone(document);
+    change(copy.sections[0]);
+    const section = parse(copy, bytes).sections[0];
+    return section.kind === "notice" ? section.message : null;
+  };
+  assert.match(broken((one) => (one.links[0].target = 5)), /links\[0\]\.target: expected one of 5 maps, found 5/);
+  assert.match(broken((one) => (one.nodes[0].group = 1)), /nodes\[0\]\.group: expected one of 1 groups/);
+  assert.match(broken((one) => one.stages.pop()), /poses: expected 14 elements, found 21/);
+  assert.match(broken((one) => (one.stages = [])), /at least one stage/);
+  assert.match(broken((one) => (one.nodes[0].map = "nowhere")), /there is no map "nowhere"/);
+  assert.match(broken((one) => (one.links[0].use = "maybe")), /use: expected "used" or/);
 });

@@ -11,6 +11,8 @@ const { toCsv } = await loadModule("src/export.ts");
 const { shellCommand } = await loadModule("src/provenance.ts");
 const { columnScale, levelOf, scaleTicks } = await loadModule("src/scene/coloring.ts");
 const { pickLandmark } = await loadModule("src/scene/picking.ts");
+const { fromAbove, spread } = await loadModule("src/network/graph_layout.ts");
+const { durationText } = await loadModule("src/math/format.ts");
 
 const near = (actual, expected, tolerance = 1e-12) => assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
 
@@ -132,4 +134,27 @@ test("picking prefers the point drawn in front, then the closest", () => {
   assert.equal(at(5, 95), null);
   const depth = elements.map((entry, i) => (i === 11 ? 1e-9 : entry));
   assert.equal(pickLandmark([{ ...layers[0], clipFromStored: { elements: depth } }], 50.4, 50, 100, 100, 3, 6).index, 1);
+});
+
+test("places in a graph keep their proportions and stand apart", () => {
+  const far = spread([{ x: 0, y: 0 }, { x: 4, y: 0 }, { x: 4, y: 2 }], 400, 300, 50);
+  assert.deepEqual(far.map(({ x, y }) => [Math.round(x), Math.round(y)]), [[0, 50], [400, 50], [400, 250]]);
+  const near = spread(Array.from({ length: 9 }, () => ({ x: 1, y: 1 })), 400, 300, 50);
+  for (const [i, a] of near.entries()) {
+    assert.ok(a.x >= 0 && a.x <= 400 && a.y >= 0 && a.y <= 300);
+    for (const b of near.slice(i + 1)) {
+      assert.ok(Math.hypot(a.x - b.x, a.y - b.y) > 40);
+    }
+  }
+  assert.deepEqual(spread([], 10, 10, 1), []);
+});
+
+test("seen from above, x points right and y away", () => {
+  const [east, north] = fromAbove([[1, 0, 5], [0, 1, -2]], [0, 0, 1]);
+  assert.ok(Math.abs(east.x - 1) < 1e-12 && Math.abs(east.y) < 1e-12, JSON.stringify(east));
+  assert.ok(Math.abs(north.x) < 1e-12 && Math.abs(north.y + 1) < 1e-12, JSON.stringify(north));
+});
+
+test("durations are read at a glance", () => {
+  assert.deepEqual([0.25, 59.94, 60, 200, 3600, 90061].map(durationText), ["0.25 s", "59.9 s", "1 min", "3 min 20 s", "1 h", "1 d 1 h"]);
 });

@@ -369,6 +369,68 @@ test("without WebGL the page says so and the rest works", onSamples, async () =>
   }
 });
 
+test("a network: the slider moves maps, and one selection shows in graph, matrix and record", onSamples, async () => {
+  await withReport(sampleFile("network"), {}, async ({ page }) => {
+    await scrollThrough(page);
+    await page.evaluate(() => scrollTo({ top: 0, behavior: "instant" }));
+    await settled(page);
+    const after = await drawing(page);
+    assert.ok(after.inked > 1000, `something is drawn (${after.inked} pixels)`);
+    assert.equal(await page.locator(".stage-name").textContent(), "Optimised");
+    await page.getByRole("button", { name: "Own frames" }).click();
+    await settled(page);
+    assert.equal(await page.locator(".stage-name").textContent(), "Own frames");
+    assert.notEqual((await drawing(page)).sum, after.sum);
+    await page.keyboard.press("End");
+    await settled(page);
+    assert.equal((await drawing(page)).sum, after.sum, "the same stage is the same picture");
+
+    const link = page.locator(".graph-link[data-use=contradicted]");
+    await link.focus();
+    await page.keyboard.press("Enter");
+    const record = page.locator(".record");
+    assert.match(await record.innerText(), /monday ← robot2[^]*contradicted[^]*99\.21 %[^]*388 landmarks agree/);
+    assert.equal(await page.locator(".matrix-cell[aria-pressed=true]").count(), 1);
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-pressed")), "true", "the focus stays");
+    await page.keyboard.press("Escape");
+    assert.ok(!(await record.isVisible()));
+    await page.locator(".matrix-cell").first().click();
+    assert.match(await record.innerText(), /monday ← tuesday/);
+    await record.getByRole("button", { name: "tuesday" }).click();
+    assert.match(await record.innerText(), /Its links/);
+    await page.locator(".map-list").getByRole("button", { name: "cellar" }).click();
+    assert.match(await record.innerText(), /Left out: aligned with none/);
+
+    const dashed = await page.locator(".graph-link line[stroke-dasharray]").count();
+    assert.equal(dashed, 6, "what is not used is dashed");
+    await page.locator("[data-layer=rejected]").click();
+    assert.equal(await page.locator(".graph-link").count(), 4);
+    await settled(page);
+    const withAll = (await drawing(page)).sum;
+    await page.getByLabel("Show tuesday").uncheck();
+    await settled(page);
+    assert.notEqual((await drawing(page)).sum, withAll);
+    const command = page.locator("#section-log .copy-cell");
+    assert.equal(await command.locator("code").textContent(), "cairn atlas undo --commit 2 --atlas town.atlas");
+    assert.equal(await command.getByRole("button").count(), 1);
+    assert.equal(await page.locator("#section-sessions .chart-svg rect[fill]").count() >= 5, true);
+  });
+});
+
+test("a click in the 3D view of a network picks a map or a link", onSamples, async () => {
+  await withReport(sampleFile("network"), {}, async ({ page }) => {
+    await page.locator(".pane-surface").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    const surface = page.locator(".pane-overlay").first();
+    const box = await surface.boundingBox();
+    for (let i = 0; i < 120 && !(await page.locator(".record h4").count()); ++i) {
+      const [u, v] = [(i * 0.618034) % 1, (i * 0.754878) % 1];
+      await surface.click({ position: { x: box.width * (0.2 + 0.6 * u), y: box.height * (0.2 + 0.6 * v) }, force: true });
+    }
+    assert.match(await page.locator(".record").innerText(), /(Landmark|Keyframe|Its links|Reason)/);
+  });
+});
+
 test("names that hold markup or script are shown and do nothing", onSamples, async () => {
   await withReport(sampleFile("hostile"), {}, async ({ page }) => {
     await scrollThrough(page);
@@ -384,7 +446,7 @@ test("names that hold markup or script are shown and do nothing", onSamples, asy
     assert.equal(await page.locator("#page script").count(), before);
     const [width, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
     assert.ok(width <= screen, `${width} of ${screen}`);
-    for (const id of ["violin", "lines", "heat", "dots", "cloud"]) {
+    for (const id of ["violin", "lines", "heat", "dots", "cloud", "spans"]) {
       const svg = await saved(page, () => page.locator(`#section-${id} .exports button`).first().click());
       const parsed = await page.evaluate((text) => {
         const document_ = new DOMParser().parseFromString(text, "image/svg+xml");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Sample documents for tests and for looking at the page: node test/sample.mjs NAME OUT.html, where NAME is
-// small, paper, million or hostile. Seeded: the same every time.
+// small, paper, million, network or hostile. Seeded: the same every time.
 import { readFileSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -532,6 +532,79 @@ export function millionSample(count = 1_000_000) {
   return { document, buffers: writer.bytes() };
 }
 
+/** Five sessions of an office, one of them elsewhere: links of every use, changes, times and a log. */
+export function networkSample() {
+  const writer = new BufferWriter();
+  const rng = random(23);
+  const names = ["monday", "tuesday", "wednesday", "robot2", "cellar"];
+  const seen = office(2400, rng);
+  const shown = [[0, 1400], [500, 1900], [900, 2400], [200, 1500], [0, 600]];
+  const optimised = [
+    { q: [1, 0, 0, 0], t: [0, 0, 0] },
+    { q: rotation([0, 0.02, 1], 0.7), t: [2.4, 0.4, 0.02] },
+    { q: rotation([0.03, 0, 1], -0.5), t: [-1.8, 1.1, -0.04] },
+    { q: rotation([0, 0, 1], 2.4), t: [0.6, 3.1, 0.1] },
+  ];
+  const maps = names.map((name, i) => {
+    const points = seen.slice(...shown[i]).map((p) => p.map((value) => value + 0.006 * normal(rng)));
+    const back = optimised[i] ? inverse(optimised[i]) : { q: [1, 0, 0, 0], t: [0, 0, 0] };
+    const map = mapOf(`map-${i}`, name, points.map((p) => move(back, p)), writer, rng, { frames: 14, colors: false });
+    const poses = cameraPath(14, 0.15 * i - 0.2, rng);
+    for (let k = 0; k < 14; ++k) {
+      const one = { t: [...poses.slice(7 * k, 7 * k + 3)], q: [...poses.slice(7 * k + 3, 7 * k + 7)] };
+      poses.set([...move(back, one.t), ...multiply(back.q, one.q)], 7 * k);
+    }
+    map.columns = [];
+    map.frames.poses = writer.add(poses);
+    const start = 1790000000 + 86400 * i;
+    map.frames.timestamps = writer.add(Float64Array.from({ length: 14 }, (_, k) => start + 2 * k));
+    const middle = [0, 1, 2].map((axis) => points.reduce((sum, p) => sum + p[axis], 0) / points.length);
+    return { map, centre: move(back, middle) };
+  });
+  const off = (pose) => ({ q: multiply(rotation([0, 0, 1], 0.02), pose.q), t: pose.t.map((value) => value + 0.02) });
+  const section = {
+    kind: "network", id: "network", title: "Maps and links", text: null, length_unit: "m",
+    stages: ["Own frames", "Along the links", "Optimised"],
+    groups: [{ frame: "monday", up: [0, 0, 1] }],
+    nodes: names.map((name, i) => ({
+      name, map: `map-${i}`, session: null, reason: i === 4 ? "aligned with none; likeliest with robot2 (2.31 %): rejected: too few landmarks agree" : null,
+      group: i < 4 ? 0 : null, landmarks: maps[i].map.count, keyframes: 14, fused: i < 4 ? 300 * i : null, centre: maps[i].centre,
+      poses: i < 4 ? writer.add(Float64Array.from([[1, 0, 0, 0], 1, 2].flatMap((_, stage) => numbers(stage === 0 ? { t: [0, 0, 0], q: [1, 0, 0, 0] } : stage === 1 && i > 0 ? off(optimised[i]) : optimised[i])))) : null,
+      scales: null,
+    })),
+    links: [[0, 1, "used", 0.9999], [0, 2, "used", 0.9987], [1, 2, "used", 0.9999], [0, 3, "contradicted", 0.9921], [1, 3, "used", 0.9975], [2, 3, "ambiguous", 0.62], [0, 4, "rejected", 0.004], [1, 4, "rejected", 0.01], [2, 4, "rejected", 0], [3, 4, "rejected", 0.0231]].map(([target, source, use, probability]) => ({
+      target, source, use, kind: "placement", probability,
+      reason: use === "used" ? "412 landmarks agree, and nothing stands where keyframes saw through" : use === "ambiguous" ? "two poses fit nearly as well" : use === "contradicted" ? "388 landmarks agree" : "too few landmarks agree",
+      residual: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 0.41 : 0.002 + 0.002 * target) : null,
+      residual_deg: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 9 : 0.04) : null,
+    })),
+    things: [
+      { name: "moved 1", kind: "moved", group: 0, boxes: [{ low: [-0.5, 1, 0.74], high: [-0.25, 1.2, 1] }, { low: [0.4, 1.3, 0.74], high: [0.65, 1.5, 1] }] },
+      { name: "vanished 1", kind: "vanished", group: 0, boxes: [{ low: [1.6, 0.6, 0.7], high: [1.9, 0.9, 1] }] },
+      { name: "appeared 1", kind: "appeared", group: 0, boxes: [{ low: [-1, 2.1, 0.3], high: [-0.7, 2.35, 0.7] }] },
+    ],
+  };
+  const document = {
+    schema: { name: "cairn.report", version: 1 },
+    cairn_version: "0.4.0",
+    title: "building.map",
+    subtitle: "Placed 4 of 5 maps in the frame of monday: 5 900 landmarks became 3 100. Left out: cellar (aligned with none).",
+    provenance: kProvenance,
+    maps: maps.map(({ map }) => map),
+    sections: [
+      section,
+      { kind: "chart", id: "residuals", title: "Residual per link", text: null, chart: "intervals", x_label: "Distance from the poses (m)", x_scale: "log",
+        series: ["used", "contradicted"].map((use) => ({ name: use, items: section.links.filter((link) => link.use === use).map((link) => ({ name: `${names[link.target]} ← ${names[link.source]}`, value: link.residual, low: link.residual, high: link.residual })) })) },
+      { kind: "chart", id: "sessions", title: "Sessions", text: "When the keyframes of each map were taken.", chart: "spans", x_label: "Time",
+        series: names.map((name, i) => ({ name, spans: [{ name, start: 1790000000 + 30000 * i, end: 1790000000 + 30000 * i + 6000 + 5000 * i, marks: [0, 1, 2, 3].map((k) => 1790000000 + 30000 * i + 1500 * k) }] })) },
+      { kind: "table", id: "log", title: "Log", text: null,
+        columns: [{ name: "Commit", unit: null, type: "number", digits: 0 }, { name: "What", unit: null, type: "text", digits: null }, { name: "To undo it", unit: null, type: "command", digits: null }],
+        rows: [[2, "linked tuesday", "cairn atlas undo --commit 2 --atlas town.atlas"], [1, "added monday", null]], best: null },
+    ],
+  };
+  return { document, buffers: writer.bytes() };
+}
+
 /** Names that would be markup, script or trouble if anything took them for more than text. */
 export function hostileSample() {
   const writer = new BufferWriter();
@@ -576,6 +649,14 @@ export function hostileSample() {
       chart("heat", { chart: "heatmap", ...axes, value_label: evil, x: [0, 1, 2], y: [0, 1], panels: names.map((name) => ({ name, values: [[1, null]], counts: null })), range: null }),
       chart("dots", { chart: "intervals", x_label: evil, series: names.map((name) => ({ name, items: [{ name: close, value: 0.5, low: null, high: 0.7 }] })) }),
       chart("cloud", { chart: "scatter", ...axes, x_scale: "linear", y_scale: "linear", x_threshold: null, y_threshold: null, series: names.map((name) => ({ name, x: some(), y: some(), labels: [evil, close, long, "", ""] })) }),
+      {
+        kind: "network", id: "network", title: evil, text: close, length_unit: "mapunits", stages: [evil, long], groups: [{ frame: long, up: null }],
+        nodes: names.map((name, i) => ({ name, map: i < 2 ? "ab"[i] : null, session: evil, reason: close, group: i < 2 ? 0 : null, landmarks: 300, keyframes: 8, fused: null, centre: [0, 0, 0], poses: i < 2 ? writer.add(Float64Array.from([0, 0, 0, 1, 0, 0, 0, 0.1 * i, 0, 0, 1, 0, 0, 0])) : null, scales: null })),
+        links: [{ target: 0, source: 1, use: "used", kind: evil, probability: null, reason: close, residual: null, residual_deg: null }, { target: 2, source: 1, use: "rejected", kind: null, probability: 0.2, reason: long, residual: null, residual_deg: null }],
+        things: [{ name: evil, kind: "vanished", group: 0, boxes: [{ low: [0, 0, 0], high: [1, 1, 1] }] }],
+      },
+      chart("spans", { chart: "spans", x_label: evil, series: names.map((name) => ({ name, spans: [{ name: close, start: 1, end: 1, marks: [] }] })) }),
+      { kind: "table", id: "commands", title: evil, text: null, columns: [{ name: evil, unit: null, type: "command", digits: null }], rows: [[evil], [long]], best: null },
       { kind: "table", id: "table", title: evil, text: long, columns: [{ name: evil, unit: close, type: "text", digits: null }, { name: long, unit: null, type: "number", digits: 2 }], rows: [[evil, 1], [close, null], [unicode, 3], ["=HYPERLINK(\"x\")", 4]], best: [null, "low"] },
       { kind: "text", id: "text", title: unicode, text: `${evil}\n\n${close}` },
       { kind: evil, id: "unknown", title: evil, text: null },
@@ -585,7 +666,7 @@ export function hostileSample() {
   return { document, buffers: writer.bytes() };
 }
 
-export const kSamples = { small: smallSample, paper: paperSample, million: millionSample, hostile: hostileSample };
+export const kSamples = { small: smallSample, paper: paperSample, million: millionSample, network: networkSample, hostile: hostileSample };
 
 if (process.argv[1] === fileURLToPath(import.meta.url)) {
   const [name, path] = process.argv.slice(2);

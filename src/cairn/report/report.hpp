@@ -196,6 +196,7 @@ struct IntervalSeries {
 struct IntervalsChart {
   std::string x_label = {};
   std::vector<IntervalSeries> series = {};
+  AxisScale x_scale = AxisScale::kLinear;
 };
 
 struct ScatterSeries {
@@ -215,10 +216,29 @@ struct ScatterChart {
   std::vector<ScatterSeries> series = {};
 };
 
-using Chart =
-    std::variant<DistributionChart, LinesChart, HeatmapChart, IntervalsChart, ScatterChart>;
+struct Span {
+  std::string name = {};  ///< spans of one name share a row
+  double start = 0.0;
+  double end = 0.0;
+  std::vector<double> marks = {};  ///< e.g. times of keyframes
+};
 
-enum class CellType { kText, kNumber };
+struct SpanSeries {
+  std::string name = {};
+  std::vector<Span> spans = {};
+};
+
+/// Bars over time, in seconds since 1970 or since any start.
+struct SpansChart {
+  std::string x_label = {};
+  std::vector<SpanSeries> series = {};
+};
+
+using Chart = std::variant<DistributionChart, LinesChart, HeatmapChart, IntervalsChart,
+                           ScatterChart, SpansChart>;
+
+/// A command is text to copy into a shell.
+enum class CellType { kText, kNumber, kCommand };
 
 struct TableColumn {
   std::string name = {};
@@ -234,6 +254,68 @@ struct Table {
   std::vector<TableColumn> columns = {};
   std::vector<std::vector<Scalar>> rows = {};  ///< one value a column each
   std::vector<Best> best = {};                 ///< one a column, or empty
+};
+
+/// One of several maps.
+struct NetworkNode {
+  std::string name = {};
+  std::optional<std::string> map = {};    ///< id of a map of the report: its landmarks are shown
+  std::string session = {};               ///< empty: unknown
+  std::string reason = {};                ///< why it has no pose
+  std::optional<std::size_t> group = {};  ///< index of a NetworkGroup; nothing: no pose
+  std::size_t landmarks = 0;
+  std::size_t keyframes = 0;
+  std::optional<std::size_t> fused = {};          ///< landmarks that another map has, too
+  Eigen::Vector3d centre = {0.0, 0.0, 0.0};       ///< of its landmarks, in its own frame
+  std::vector<Similarity3> group_from_node = {};  ///< one a stage if it has a group, else empty
+};
+
+/// Maps that have poses in one frame.
+struct NetworkGroup {
+  std::string frame = {};                  ///< name of the map whose frame it is
+  std::optional<Eigen::Vector3d> up = {};  ///< unit vector in that frame
+};
+
+enum class LinkUse {
+  kUsed,
+  kContradicted,  ///< aligned, but other links say otherwise
+  kUndecided,     ///< aligned, but no poses were found since
+  kAmbiguous,
+  kRejected,
+};
+
+struct NetworkLink {
+  std::size_t target = 0;  ///< index of a node
+  std::size_t source = 0;
+  LinkUse use = LinkUse::kRejected;
+  std::string kind = {};  ///< e.g. "placement"
+  std::optional<double> probability = {};
+  std::string reason = {};
+  /// By how much the link disagrees with the poses: distance between where the two put the source's
+  /// centre, in the target's unit, and angle.
+  std::optional<double> residual = {};
+  std::optional<double> residual_deg = {};
+};
+
+/// A place where two maps differ.
+struct NetworkThing {
+  std::string name = {};  ///< e.g. "moved 1"
+  std::string kind = {};  ///< "appeared", "vanished" or "moved"
+  std::size_t group = 0;
+  Eigen::Vector3d low = {0.0, 0.0, 0.0};  ///< corners of its box, in the group's frame
+  Eigen::Vector3d high = {0.0, 0.0, 0.0};
+  std::optional<std::array<Eigen::Vector3d, 2>> moved_to =
+      {};  ///< of a moved thing: the box it went to
+};
+
+/// Maps, how they lie to each other, and the links that say so: as graph, matrix and in 3D.
+struct Network {
+  LengthUnit length_unit = LengthUnit::kMetres;
+  std::vector<std::string> stages = {};  ///< at least one; names of the poses, the result last
+  std::vector<NetworkGroup> groups = {};
+  std::vector<NetworkNode> nodes = {};
+  std::vector<NetworkLink> links = {};
+  std::vector<NetworkThing> things = {};
 };
 
 enum class ImageType { kPng, kJpeg };
@@ -257,7 +339,7 @@ struct Section {
   std::string id = {};  ///< unique among the report's sections; lower-case letters, digits and '-'
   std::string title = {};
   std::optional<std::string> text = {};  ///< a paragraph; of Text, blank lines separate several
-  std::variant<Scene, Chart, Table, Images, Text> content = Text();
+  std::variant<Scene, Chart, Table, Images, Text, Network> content = Text();
 };
 
 struct Report {

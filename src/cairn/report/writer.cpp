@@ -152,6 +152,34 @@ Json to_json(AxisScale scale) {
   return scale == AxisScale::kLog ? "log" : "linear";
 }
 
+Json to_json(CellType type) {
+  switch (type) {
+    case CellType::kNumber:
+      return "number";
+    case CellType::kCommand:
+      return "command";
+    case CellType::kText:
+      break;
+  }
+  return "text";
+}
+
+Json to_json(LinkUse use) {
+  switch (use) {
+    case LinkUse::kUsed:
+      return "used";
+    case LinkUse::kContradicted:
+      return "contradicted";
+    case LinkUse::kUndecided:
+      return "undecided";
+    case LinkUse::kAmbiguous:
+      return "ambiguous";
+    case LinkUse::kRejected:
+      break;
+  }
+  return "rejected";
+}
+
 Json to_json(const Threshold& threshold) {
   return {{"value", to_json(threshold.value)}, {"label", threshold.label}};
 }
@@ -293,6 +321,8 @@ class Document {
   static void add(Json& json, const Table& table, const std::string& where);
   void add(Json& json, const Images& images, const std::string& where);
   static void add(Json& json, const Text& text, const std::string& where);
+  void add(Json& json, const Network& network, const std::string& where);
+  Json node_json(const NetworkNode& node, const Network& network, const std::string& where);
 
   const Map* find_map(const std::string& id) const {
     const auto found = std::find_if(report_.maps.begin(), report_.maps.end(),
@@ -356,7 +386,7 @@ Json Document::frames_json(const Frames& frames, const std::string& where) {
 }
 
 Json Document::section_json(const Section& section) {
-  static constexpr const char* kKinds[] = {"scene", "chart", "table", "images", "text"};
+  static constexpr const char* kKinds[] = {"scene", "chart", "table", "images", "text", "network"};
   static_assert(std::size(kKinds) == std::variant_size_v<decltype(section.content)>);
   Json json = {{"kind", kKinds[section.content.index()]},
                {"id", section.id},
@@ -510,6 +540,7 @@ void add_chart(Json& json, const HeatmapChart& chart, const std::string& where) 
 void add_chart(Json& json, const IntervalsChart& chart, const std::string& /*where*/) {
   json["chart"] = "intervals";
   json["x_label"] = chart.x_label;
+  json["x_scale"] = to_json(chart.x_scale);
   json["series"] = Json::array();
   for (const IntervalSeries& series : chart.series) {
     Json items = Json::array();
@@ -542,6 +573,22 @@ void add_chart(Json& json, const ScatterChart& chart, const std::string& where) 
   }
 }
 
+void add_chart(Json& json, const SpansChart& chart, const std::string& /*where*/) {
+  json["chart"] = "spans";
+  json["x_label"] = chart.x_label;
+  json["series"] = Json::array();
+  for (const SpanSeries& series : chart.series) {
+    Json spans = Json::array();
+    for (const Span& span : series.spans) {
+      spans.push_back({{"name", span.name},
+                       {"start", to_json(span.start)},
+                       {"end", to_json(span.end)},
+                       {"marks", to_json(span.marks)}});
+    }
+    json["series"].push_back({{"name", series.name}, {"spans", std::move(spans)}});
+  }
+}
+
 void Document::add(Json& json, const Chart& chart, const std::string& where) {
   std::visit([&](const auto& one) { add_chart(json, one, where); }, chart);
 }
@@ -551,7 +598,7 @@ void Document::add(Json& json, const Table& table, const std::string& where) {
   for (const TableColumn& column : table.columns) {
     json["columns"].push_back({{"name", column.name},
                                {"unit", to_json(column.unit)},
-                               {"type", column.type == CellType::kNumber ? "number" : "text"},
+                               {"type", to_json(column.type)},
                                {"digits", column.digits ? Json(*column.digits) : Json(nullptr)}});
   }
   json["rows"] = Json::array();
@@ -583,6 +630,73 @@ void Document::add(Json& json, const Images& images, const std::string& /*where*
 
 void Document::add(Json& json, const Text& /*text*/, const std::string& where) {
   require(!json["text"].is_null(), where, "no text", "text, which is all that it shows");
+}
+
+Json Document::node_json(const NetworkNode& node, const Network& network,
+                         const std::string& where) {
+  require(!node.map || find_map(*node.map) != nullptr, where,
+          "no map '" + node.map.value_or("") + "'", "one of the report's maps");
+  require(!node.group || *node.group < network.groups.size(), where, "a group that is not there",
+          "one of the groups");
+  require_size(node.group_from_node.size(), node.group ? network.stages.size() : 0, where,
+               "group_from_node");
+  Json json = {{"name", node.name},
+               {"map", to_json(node.map)},
+               {"session", node.session.empty() ? Json(nullptr) : Json(node.session)},
+               {"reason", node.reason.empty() ? Json(nullptr) : Json(node.reason)},
+               {"group", node.group ? Json(*node.group) : Json(nullptr)},
+               {"landmarks", node.landmarks},
+               {"keyframes", node.keyframes},
+               {"fused", node.fused ? Json(*node.fused) : Json(nullptr)},
+               {"centre", to_json(node.centre)},
+               {"poses", nullptr},
+               {"scales", nullptr}};
+  if (!node.group) return json;
+  json["poses"] = buffers_.keep(numbers_of<double>(rigid_parts(node.group_from_node)));
+  std::vector<double> scales = scales_of(node.group_from_node);
+  if (!scales.empty()) json["scales"] = buffers_.keep(std::move(scales));
+  return json;
+}
+
+void Document::add(Json& json, const Network& network, const std::string& where) {
+  require(!network.stages.empty(), where, "no stage", "at least one");
+  json["length_unit"] = network.length_unit == LengthUnit::kMetres ? "m" : "mapunits";
+  json["stages"] = to_json(network.stages);
+  json["groups"] = Json::array();
+  for (const NetworkGroup& group : network.groups) {
+    json["groups"].push_back({{"frame", group.frame}, {"up", to_json(group.up)}});
+  }
+  json["nodes"] = Json::array();
+  for (const NetworkNode& node : network.nodes) {
+    json["nodes"].push_back(node_json(node, network, where + ", map " + node.name));
+  }
+  json["links"] = Json::array();
+  for (const NetworkLink& link : network.links) {
+    require(link.target < network.nodes.size() && link.source < network.nodes.size(), where,
+            "a link of a map that is not there", "one of the maps");
+    json["links"].push_back({{"target", link.target},
+                             {"source", link.source},
+                             {"use", to_json(link.use)},
+                             {"kind", link.kind.empty() ? Json(nullptr) : Json(link.kind)},
+                             {"probability", to_json(link.probability)},
+                             {"reason", link.reason.empty() ? Json(nullptr) : Json(link.reason)},
+                             {"residual", to_json(link.residual)},
+                             {"residual_deg", to_json(link.residual_deg)}});
+  }
+  json["things"] = Json::array();
+  for (const NetworkThing& thing : network.things) {
+    require(thing.group < network.groups.size(), where, "a thing of a group that is not there",
+            "one of the groups");
+    Json boxes = {{{"low", to_json(thing.low)}, {"high", to_json(thing.high)}}};
+    if (thing.moved_to) {
+      boxes.push_back(
+          {{"low", to_json((*thing.moved_to)[0])}, {"high", to_json((*thing.moved_to)[1])}});
+    }
+    json["things"].push_back({{"name", thing.name},
+                              {"kind", thing.kind},
+                              {"group", thing.group},
+                              {"boxes", std::move(boxes)}});
+  }
 }
 
 std::size_t position_of(std::string_view page, std::string_view mark) {

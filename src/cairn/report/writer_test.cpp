@@ -188,7 +188,7 @@ TEST(WriteReport, DocumentSaysWhatTheReportSays) {
       {"name": "base", "values": [[1, null]], "counts": [[3, 0]]},
       {"name": "bare", "values": [[0.5, 0.25]], "counts": null}]})");
   expect_section(5, R"({"kind": "chart", "id": "rates", "title": "Rates", "text": null,
-    "chart": "intervals", "x_label": "rate", "series": [{"name": "base", "items":
+    "chart": "intervals", "x_label": "rate", "x_scale": "linear", "series": [{"name": "base", "items":
       [{"name": "desk", "value": 0.5, "low": 0.25, "high": 0.75}]}]})");
   expect_section(6, R"({"kind": "chart", "id": "scatter", "title": "Score and error", "text": null,
     "chart": "scatter", "x_label": "score", "y_label": "error", "x_scale": "log", "y_scale": "log",

@@ -49,6 +49,13 @@ export function chartRows(chart: Chart): Cell[][] {
           series.items.map((item): Cell[] => [series.name, item.name, item.value, item.low, item.high]),
         ),
       ];
+    case "spans":
+      return [
+        ["series", "row", "start", "end", "marks"],
+        ...chart.series.flatMap((series) =>
+          series.spans.map((span): Cell[] => [series.name, span.name, span.start, span.end, span.marks.length]),
+        ),
+      ];
     case "scatter":
       return [
         ["series", "label", chart.xLabel ?? "x", chart.yLabel ?? "y"],

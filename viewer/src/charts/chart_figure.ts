@@ -9,6 +9,7 @@ import { drawHeatmap } from "./heatmap";
 import { drawIntervals } from "./intervals";
 import { drawLines, drawScatter } from "./lines";
 import type { DrawOptions } from "./shared";
+import { drawSpans } from "./spans";
 import { describeViolin, drawViolin } from "./violin";
 
 const kExportWidth = 960;
@@ -27,6 +28,8 @@ export function drawChart(chart: Chart, options: DrawOptions): SVGSVGElement {
       return drawIntervals(chart, options);
     case "scatter":
       return drawScatter(chart, options);
+    case "spans":
+      return drawSpans(chart, options);
   }
 }
 
@@ -37,6 +40,7 @@ const kKinds: Record<Chart["chart"], string> = {
   heatmap: "Heat map",
   intervals: "Chart of values with intervals",
   scatter: "Scatter chart",
+  spans: "Timeline",
 };
 
 function describe(section: ChartSection): string {
@@ -58,6 +62,9 @@ function hiddenOnLogAxis(chart: Chart): number {
     return chart.series
       .flatMap((series) => series.x.map((x, i) => [x, series.y[i]]))
       .filter(([x, y]) => (chart.xScale === "log" && x <= 0) || (chart.yScale === "log" && y <= 0)).length;
+  }
+  if (chart.chart === "intervals" && chart.xScale === "log") {
+    return chart.series.flatMap((series) => series.items).filter((item) => item.value <= 0).length;
   }
   return 0;
 }

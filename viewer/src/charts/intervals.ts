@@ -3,7 +3,7 @@ import * as Plot from "@observablehq/plot";
 import type { IntervalsChart } from "../document/report";
 import { formatNumber } from "../math/format";
 import { seriesColor, seriesSymbol } from "../series_style";
-import { compose, extent, fitText, plotStyle, textWidth, tickFormat, type DrawOptions } from "./shared";
+import { compose, drawable, extent, fitText, plotStyle, textWidth, tickFormat, type DrawOptions } from "./shared";
 
 const kRow = 19;
 const kGap = 16;
@@ -40,10 +40,15 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
   const nameWidth = Math.min(narrow ? 110 : 220, Math.max(40, ...labels.map((label) => textWidth(label.name))) + 8);
   const numbersWidth = narrow ? 8 : 150;
   const all = rows.flatMap((row) => [row.value, row.low, row.high]);
-  const isShare = all.every((value) => !Number.isFinite(value) || (value >= 0 && value <= 1));
-  const domain: [number, number] = isShare ? [0, 1] : extent(all, "linear");
+  const isShare =
+    chart.xScale === "linear" && all.every((value) => !Number.isFinite(value) || (value >= 0 && value <= 1));
+  const domain: [number, number] = isShare ? [0, 1] : extent(all, chart.xScale);
+  const shown = rows.filter((row) => drawable(row.value, chart.xScale));
+  const hasIntervals = rows.some((row) => row.low !== row.high);
   const text = (row: IntervalRow) =>
-    `${formatNumber(row.value, 3)} [${formatNumber(row.low, 3)}, ${formatNumber(row.high, 3)}]`;
+    !hasIntervals
+      ? formatNumber(row.value, 3)
+      : `${formatNumber(row.value, 3)} [${formatNumber(row.low, 3)}, ${formatNumber(row.high, 3)}]`;
   const color = (row: IntervalRow) => seriesColor(row.key, colors);
   const keys = [...new Set(rows.map((row) => row.key))];
   const plot = Plot.plot({
@@ -54,7 +59,7 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
     marginTop: 8,
     marginBottom: 48,
     style: plotStyle(colors),
-    x: { domain, label: null },
+    x: { domain, label: null, type: chart.xScale },
     y: { domain: [0, y], range: [8, y + 8], axis: null },
     symbol: { domain: keys, range: keys.map(seriesSymbol) },
     marks: [
@@ -62,7 +67,7 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
       Plot.axisX({
         label: chart.xLabel,
         tickSize: 0,
-        tickFormat: tickFormat("linear", domain),
+        tickFormat: tickFormat(chart.xScale, domain),
         color: colors.muted,
         ticks: narrow ? 4 : 7,
         labelArrow: "none",
@@ -76,8 +81,8 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
         fill: colors.ink,
         text: (d) => fitText(d.name, nameWidth),
       }),
-      Plot.ruleY(rows, { y: "y", x1: "low", x2: "high", stroke: color, strokeWidth: 2 }),
-      Plot.dot(rows, {
+      Plot.ruleY(shown, { y: "y", x1: "low", x2: "high", stroke: color, strokeWidth: 2 }),
+      Plot.dot(shown, {
         x: "value",
         y: "y",
         fill: color,

@@ -9,6 +9,10 @@ import type {
   Frames,
   ImagesSection,
   LandmarkCloud,
+  NetworkLink,
+  NetworkNode,
+  NetworkSection,
+  NetworkThing,
   Provenance,
   Report,
   Run,
@@ -171,6 +175,8 @@ function parseSection(field: Field, buffers: Buffers, lookUp: MapLookup, taken: 
         return { ...head, kind, table: parseTable(field) };
       case "images":
         return { ...head, kind, images: parseImages(field.get("images"), buffers) };
+      case "network":
+        return { ...head, ...parseNetwork(field, buffers, lookUp) };
       case "text":
         return { ...head, kind };
       default:
@@ -204,6 +210,92 @@ function parseScene(
       .get("runs")
       .listOrEmpty()
       .map((run) => parseRun(run, buffers, source, target)),
+  };
+}
+
+function parseNetwork(
+  field: Field,
+  buffers: Buffers,
+  lookUp: MapLookup,
+): Omit<NetworkSection, "id" | "title" | "text"> {
+  const stages = field.get("stages").texts();
+  if (stages.length === 0) {
+    field.get("stages").fail("at least one stage");
+  }
+  const groups = field
+    .get("groups")
+    .list()
+    .map((group) => ({
+      frame: group.get("frame").text(),
+      up: group.get("up").isNull ? null : (group.get("up").finiteNumbers(3) as unknown as Vector3),
+    }));
+  const groupOf = (index: Field) => {
+    const value = index.count();
+    return value < groups.length ? value : index.fail(`one of ${groups.length} groups`);
+  };
+  const nodes = field
+    .get("nodes")
+    .list()
+    .map((node): NetworkNode => {
+      const group = node.get("group").isNull ? null : groupOf(node.get("group"));
+      return {
+        name: node.get("name").text(),
+        cloud: node.get("map").isNull ? null : lookUp(node.get("map")),
+        session: node.get("session").textOrNull(),
+        reason: node.get("reason").textOrNull(),
+        group,
+        landmarks: node.get("landmarks").count(),
+        keyframes: node.get("keyframes").count(),
+        fused: node.get("fused").isNull ? null : node.get("fused").count(),
+        centre: node.get("centre").finiteNumbers(3) as unknown as Vector3,
+        poses: group === null ? null : buffers.read(node.get("poses"), ["f64"], 7 * stages.length),
+        scales: group === null ? null : buffers.readOrNull(node.get("scales"), ["f64"], stages.length),
+      };
+    });
+  const nodeAt = (index: Field) => {
+    const value = index.count();
+    return value < nodes.length ? value : index.fail(`one of ${nodes.length} maps`);
+  };
+  const links = field
+    .get("links")
+    .list()
+    .map(
+      (link): NetworkLink => ({
+        target: nodeAt(link.get("target")),
+        source: nodeAt(link.get("source")),
+        use: link.get("use").oneOf("used", "contradicted", "undecided", "ambiguous", "rejected"),
+        kind: link.get("kind").textOrNull(),
+        probability: link.get("probability").numberOrNull(),
+        reason: link.get("reason").textOrNull(),
+        residual: link.get("residual").numberOrNull(),
+        residualDeg: link.get("residual_deg").numberOrNull(),
+      }),
+    );
+  const things = field
+    .get("things")
+    .listOrEmpty()
+    .map(
+      (thing): NetworkThing => ({
+        name: thing.get("name").text(),
+        kind: thing.get("kind").oneOf("appeared", "vanished", "moved"),
+        group: groupOf(thing.get("group")),
+        boxes: thing
+          .get("boxes")
+          .list()
+          .map((box) => ({
+            low: box.get("low").finiteNumbers(3) as unknown as Vector3,
+            high: box.get("high").finiteNumbers(3) as unknown as Vector3,
+          })),
+      }),
+    );
+  return {
+    kind: "network",
+    lengthUnit: field.get("length_unit").oneOf("m", "mapunits"),
+    stages,
+    groups,
+    nodes,
+    links,
+    things,
   };
 }
 
@@ -271,7 +363,7 @@ function parseScale(field: Field): "linear" | "log" {
 }
 
 function parseChart(field: Field): Chart {
-  const chart = field.get("chart").oneOf("violin", "box", "lines", "heatmap", "intervals", "scatter");
+  const chart = field.get("chart").oneOf("violin", "box", "lines", "heatmap", "intervals", "scatter", "spans");
   const xLabel = field.get("x_label").textOrNull();
   const yLabel = field.get("y_label").textOrNull();
   switch (chart) {
@@ -341,6 +433,7 @@ function parseChart(field: Field): Chart {
       return {
         chart,
         xLabel,
+        xScale: parseScale(field.get("x_scale")),
         series: field
           .get("series")
           .list()
@@ -354,6 +447,26 @@ function parseChart(field: Field): Chart {
                 value: item.get("value").numberOrNull() ?? NaN,
                 low: item.get("low").numberOrNull() ?? NaN,
                 high: item.get("high").numberOrNull() ?? NaN,
+              })),
+          })),
+      };
+    case "spans":
+      return {
+        chart,
+        xLabel,
+        series: field
+          .get("series")
+          .list()
+          .map((series) => ({
+            name: series.get("name").text(),
+            spans: series
+              .get("spans")
+              .list()
+              .map((span) => ({
+                name: span.get("name").text(),
+                start: span.get("start").number(),
+                end: span.get("end").number(),
+                marks: span.get("marks").numbers(),
               })),
           })),
       };
@@ -397,7 +510,7 @@ function parseTable(field: Field): Table {
     .map((column) => ({
       name: column.get("name").text(),
       unit: column.get("unit").textOrNull(),
-      type: column.get("type").oneOf("text", "number"),
+      type: column.get("type").oneOf("text", "number", "command"),
       digits: column.get("digits").isNull ? null : column.get("digits").count(),
     }));
   const best = field.get("best");

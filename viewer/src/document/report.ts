@@ -127,6 +127,7 @@ export interface HeatmapChart {
 export interface IntervalsChart {
   chart: "intervals";
   xLabel: string | null;
+  xScale: Scale;
   series: { name: string; items: { name: string; value: number; low: number; high: number }[] }[];
 }
 
@@ -141,7 +142,14 @@ export interface ScatterChart {
   series: { name: string; x: number[]; y: number[]; labels: string[] | null }[];
 }
 
-export type Chart = ViolinChart | LinesChart | HeatmapChart | IntervalsChart | ScatterChart;
+export interface SpansChart {
+  chart: "spans";
+  xLabel: string | null;
+  /** Seconds since 1970, or since any start. */
+  series: { name: string; spans: { name: string; start: number; end: number; marks: number[] }[] }[];
+}
+
+export type Chart = ViolinChart | LinesChart | HeatmapChart | IntervalsChart | ScatterChart | SpansChart;
 
 export interface ChartSection extends SectionHead {
   kind: "chart";
@@ -151,7 +159,8 @@ export interface ChartSection extends SectionHead {
 export interface TableColumn {
   name: string;
   unit: string | null;
-  type: "text" | "number";
+  /** A command is text to copy into a shell. */
+  type: "text" | "number" | "command";
   digits: number | null;
 }
 
@@ -185,6 +194,59 @@ export interface TextSection extends SectionHead {
   kind: "text";
 }
 
+export interface NetworkNode {
+  name: string;
+  cloud: LandmarkCloud | null;
+  session: string | null;
+  /** Why it has no pose. */
+  reason: string | null;
+  /** Index of a group; null: no pose. */
+  group: number | null;
+  landmarks: number;
+  keyframes: number;
+  fused: number | null;
+  centre: Vector3;
+  /** Of group_from_node, one a stage; null without a group. */
+  poses: Float64Array | null;
+  scales: Float64Array | null;
+}
+
+export type LinkUse = "used" | "contradicted" | "undecided" | "ambiguous" | "rejected";
+
+export interface NetworkLink {
+  target: number;
+  source: number;
+  use: LinkUse;
+  kind: string | null;
+  probability: number | null;
+  reason: string | null;
+  residual: number | null;
+  residualDeg: number | null;
+}
+
+export interface Box {
+  low: Vector3;
+  high: Vector3;
+}
+
+export interface NetworkThing {
+  name: string;
+  kind: "appeared" | "vanished" | "moved";
+  group: number;
+  /** One box, or of a moved thing the one it left and the one it went to. */
+  boxes: Box[];
+}
+
+export interface NetworkSection extends SectionHead {
+  kind: "network";
+  lengthUnit: "m" | "mapunits";
+  stages: string[];
+  groups: { frame: string; up: Vector3 | null }[];
+  nodes: NetworkNode[];
+  links: NetworkLink[];
+  things: NetworkThing[];
+}
+
 /** A section that this viewer cannot show; the reason stands in its place. */
 export interface NoticeSection extends SectionHead {
   kind: "notice";
@@ -192,4 +254,11 @@ export interface NoticeSection extends SectionHead {
   message: string;
 }
 
-export type Section = SceneSection | ChartSection | TableSection | ImagesSection | TextSection | NoticeSection;
+export type Section =
+  | SceneSection
+  | ChartSection
+  | TableSection
+  | ImagesSection
+  | TextSection
+  | NetworkSection
+  | NoticeSection;

@@ -128,3 +128,23 @@ export function niceBelow(value: number): number {
   const mantissa = value / power;
   return (mantissa >= 5 ? 5 : mantissa >= 2 ? 2 : 1) * power;
 }
+
+/** "3 min 20 s": the two largest parts. */
+export function durationText(seconds: number): string {
+  if (seconds < 60) {
+    return `${Number(seconds.toPrecision(3))} s`;
+  }
+  const whole = Math.round(seconds);
+  const parts: [number, string][] = [
+    [Math.floor(whole / 86400), "d"],
+    [Math.floor(whole / 3600) % 24, "h"],
+    [Math.floor(whole / 60) % 60, "min"],
+    [whole % 60, "s"],
+  ];
+  const first = parts.findIndex(([count]) => count > 0);
+  return parts
+    .slice(first, first + 2)
+    .filter(([count]) => count > 0)
+    .map(([count, unit]) => `${count} ${unit}`)
+    .join(" ");
+}

@@ -1,10 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import type { LandmarkCloud, Vector3 } from "../document/report";
+import type { Frames, LandmarkCloud, Vector3 } from "../document/report";
 
 /** A rigid or similarity transform, rows of [R | t]: twelve numbers. */
 export type Affine = Float64Array;
 
 export const kIdentity: Affine = Float64Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0);
+
+export type Quaternion = readonly [number, number, number, number];
+
+/** x to scale * R * x + t. */
+export function poseOf(t: readonly number[], q: Quaternion, scale = 1): Affine {
+  const pose = poseAt([...t, ...q], 0);
+  return pose.map((value, i) => (i % 4 === 3 ? value : scale * value));
+}
 
 /** The transform stored as tx ty tz qw qx qy qz at `index`. */
 export function poseAt(poses: ArrayLike<number>, index: number): Affine {
@@ -96,4 +104,22 @@ export function dot(a: Vector3, b: Vector3): number {
 export function unit(v: Vector3): [number, number, number] | null {
   const length = Math.hypot(v[0], v[1], v[2]);
   return length > 1e-12 && Number.isFinite(length) ? [v[0] / length, v[1] / length, v[2] / length] : null;
+}
+
+/** Where the cameras look on average and what is up for them; cameras look along z, y points down. */
+export function meanViews(frames: Frames): {
+  forward: [number, number, number] | null;
+  up: [number, number, number] | null;
+} {
+  const forward: [number, number, number] = [0, 0, 0];
+  const up: [number, number, number] = [0, 0, 0];
+  const stride = Math.max(1, Math.floor(frames.count / 500));
+  for (let i = 0; i < frames.count; i += stride) {
+    const pose = poseAt(frames.poses, i);
+    for (let axis = 0; axis < 3; ++axis) {
+      forward[axis] += pose[4 * axis + 2];
+      up[axis] -= pose[4 * axis + 1];
+    }
+  }
+  return { forward: unit(forward), up: unit(up) };
 }

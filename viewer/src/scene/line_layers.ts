@@ -171,7 +171,7 @@ export class GridLayer {
   readonly cell: number;
   readonly #material = new LineBasicMaterial({ transparent: true, opacity: 0.9, depthWrite: false });
 
-  constructor(model: SceneModel) {
+  constructor(model: Pick<SceneModel, "reach" | "orbit" | "floor">) {
     this.cell = niceBelow(model.reach / 2.2);
     const { up } = model.orbit;
     const side = unit(cross(up, Math.abs(up[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0])) ?? [1, 0, 0];

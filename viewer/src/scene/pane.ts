@@ -7,6 +7,7 @@ import { apply, compose, dequantise, kIdentity, positionOf, scaleOf, type Affine
 import { symbolPath } from "../charts/shared";
 import { seriesColor, seriesSymbol } from "../series_style";
 import type { Palette } from "../theme";
+import { drawAxes, fitCanvas, label } from "./annotations";
 import { columnOf, columnValue, kNoLevel, levelOf, levelsOf, rampColor } from "./coloring";
 import { CameraLayer, GridLayer, MatchLayer } from "./line_layers";
 import type { OrbitState } from "./orbit";
@@ -285,7 +286,7 @@ export class Pane {
   draw(service: RenderService, quality: Quality): void {
     const { width, height } = this.#placeCamera();
     const shown = window.devicePixelRatio || 1;
-    fit(this.canvas, width, height, Math.min(shown, 2));
+    fitCanvas(this.canvas, width, height, Math.min(shown, 2));
     const context = this.canvas.getContext("2d");
     if (context) {
       this.#render(service, context, width, height, quality);
@@ -346,7 +347,7 @@ export class Pane {
 
   drawOverlay(): void {
     const { width, height } = this.#placeCamera();
-    fit(this.overlay, width, height, Math.min(window.devicePixelRatio || 1, 2));
+    fitCanvas(this.overlay, width, height, Math.min(window.devicePixelRatio || 1, 2));
     const context = this.overlay.getContext("2d");
     if (context) {
       this.#annotate(context, width, height, this.overlay.width / width);
@@ -357,7 +358,11 @@ export class Pane {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     if (this.#state.layers.grid) {
-      this.#drawAxes(context, height);
+      drawAxes(context, this.#camera.matrixWorldInverse.elements, height, this.#colors);
+      context.font = "12px system-ui, sans-serif";
+      context.fillStyle = this.#colors.muted;
+      const cell = formatLength(this.#grid.cell, this.#model.lengthUnit);
+      label(context, `Grid ${cell}`, 84, height - 14, this.#colors);
     }
     const { selected } = this.#state;
     if (selected) {
@@ -366,48 +371,6 @@ export class Pane {
     if (this.#hovered) {
       this.#markPick(context, this.#hovered, width, height, false);
     }
-  }
-
-  /** The target's axes, always in the corner, and the size of the grid's cells. */
-  #drawAxes(context: CanvasRenderingContext2D, height: number): void {
-    const view = this.#camera.matrixWorldInverse.elements;
-    const centre = [40, height - 40];
-    const axes = [
-      ["x", "#d55e00", 0],
-      ["y", "#009e73", 4],
-      ["z", this.#colors.name === "light" ? "#0072b2" : "#56a9e6", 8],
-    ] as const;
-    context.lineWidth = 1.75;
-    context.font = "600 11px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    for (const [name, color, column] of [...axes].sort((a, b) => view[a[2] + 2] - view[b[2] + 2])) {
-      const dx = view[column] * 22;
-      const dy = -view[column + 1] * 22;
-      context.strokeStyle = color;
-      context.fillStyle = color;
-      context.beginPath();
-      context.moveTo(centre[0], centre[1]);
-      context.lineTo(centre[0] + dx, centre[1] + dy);
-      context.stroke();
-      this.#label(context, name, centre[0] + dx * 1.42, centre[1] + dy * 1.42);
-    }
-    context.font = "12px system-ui, sans-serif";
-    context.textAlign = "left";
-    context.textBaseline = "alphabetic";
-    context.fillStyle = this.#colors.muted;
-    this.#label(context, `Grid ${formatLength(this.#grid.cell, this.#model.lengthUnit)}`, 84, height - 14);
-  }
-
-  /** Text that stays readable over landmarks. */
-  #label(context: CanvasRenderingContext2D, text: string, x: number, y: number): void {
-    context.save();
-    context.lineWidth = 4;
-    context.lineJoin = "round";
-    context.strokeStyle = this.#colors.background;
-    context.strokeText(text, x, y);
-    context.restore();
-    context.fillText(text, x, y);
   }
 
   #markPick(context: CanvasRenderingContext2D, pick: Pick, width: number, height: number, strong: boolean): void {
@@ -521,12 +484,12 @@ export class Pane {
   picture(service: RenderService, ratio: number): HTMLCanvasElement {
     const { width, height } = this.#placeCamera();
     const canvas = document.createElement("canvas");
-    fit(canvas, width, height, ratio);
+    fitCanvas(canvas, width, height, ratio);
     const context = canvas.getContext("2d");
     if (context) {
       this.#render(service, context, width, height, { resolution: ratio, preview: false });
       const layer = document.createElement("canvas");
-      fit(layer, width, height, ratio);
+      fitCanvas(layer, width, height, ratio);
       const onTop = layer.getContext("2d");
       if (onTop) {
         this.#annotate(onTop, width, height, ratio);
@@ -543,15 +506,6 @@ export class Pane {
     return [this.#iteration.textContent ? `Iteration ${this.#iteration.textContent}` : "", ...numbers]
       .join("   ")
       .trim();
-  }
-}
-
-function fit(canvas: HTMLCanvasElement, width: number, height: number, ratio: number): void {
-  const w = Math.max(1, Math.round(width * ratio));
-  const h2 = Math.max(1, Math.round(height * ratio));
-  if (canvas.width !== w || canvas.height !== h2) {
-    canvas.width = w;
-    canvas.height = h2;
   }
 }
 

@@ -3,19 +3,19 @@ import type { Matrix4 } from "three";
 import type { LandmarkCloud } from "../document/report";
 import type { Role } from "./scene_model";
 
-export interface Pick {
-  role: Role;
+export interface Pick<R = Role> {
+  role: R;
   index: number;
 }
 
-export interface PickLayer {
-  role: Role;
+export interface PickLayer<R = Role> {
+  role: R;
   cloud: LandmarkCloud;
   /** Maps the cloud's stored integers to clip space. */
   clipFromStored: Matrix4;
 }
 
-interface Candidate extends Pick {
+interface Candidate<R> extends Pick<R> {
   distance: number;
   depth: number;
 }
@@ -24,17 +24,17 @@ interface Candidate extends Pick {
  * The landmark under (`x`, `y`) in a view of `width` x `height`: of those whose drawn point is there the nearest to
  * the camera, else the closest within `slack` pixels. One pass over the stored integers; a million take about 20 ms.
  */
-export function pickLandmark(
-  layers: PickLayer[],
+export function pickLandmark<R>(
+  layers: PickLayer<R>[],
   x: number,
   y: number,
   width: number,
   height: number,
   pointRadius: number,
   slack: number,
-): Pick | null {
-  let direct: Candidate | null = null;
-  let near: Candidate | null = null;
+): Pick<R> | null {
+  let direct: Candidate<R> | null = null;
+  let near: Candidate<R> | null = null;
   for (const { role, cloud, clipFromStored } of layers) {
     const m = clipFromStored.elements;
     const q = cloud.positions;

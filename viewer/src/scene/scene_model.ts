@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import type { Frames, LandmarkCloud, Run, SceneSection } from "../document/report";
+import type { LandmarkCloud, Run, SceneSection } from "../document/report";
 import { MatchTimeline } from "../document/matches";
-import { apply, fromRowMajor, kIdentity, poseAt, positionOf, similarityAt, unit, type Affine } from "../math/pose";
-import { quantileSorted, robustRange } from "../math/statistics";
+import { apply, fromRowMajor, kIdentity, meanViews, positionOf, similarityAt, type Affine } from "../math/pose";
+import { quantileSorted } from "../math/statistics";
+import { lowest, rangeAlong } from "./extent";
 import { columnScale, type ColorMode, type ColorScale } from "./coloring";
 import { Orbit } from "./orbit";
 
@@ -45,19 +46,7 @@ export class SceneModel {
     this.reach = Math.hypot(...this.half);
     const views = this.target.frames ? meanViews(this.target.frames) : null;
     this.orbit = new Orbit(section.up ?? views?.up ?? [0, 0, 1], views?.forward ?? null);
-    this.floor = this.#lowest(placed);
-  }
-
-  #lowest(placed: [LandmarkCloud, Affine][]): number {
-    const up = this.orbit.up;
-    const heights = placed.flatMap(([cloud, pose]) => {
-      const range = robustRange((i) => {
-        const p = apply(pose, positionOf(cloud, i));
-        return p.reduce((sum, value, axis) => sum + (value - this.centre[axis]) * up[axis], 0);
-      }, cloud.count);
-      return range ? [range[0]] : [];
-    });
-    return heights.length ? Math.min(...heights) : -this.reach;
+    this.floor = lowest(placed, this.orbit.up, this.centre) ?? -this.reach;
   }
 
   get lengthUnit(): "m" | "mapunits" {
@@ -183,27 +172,4 @@ export class SceneModel {
     }
     return [...found].map(([name, label]) => ({ name, label }));
   }
-}
-
-function rangeAlong(placed: [LandmarkCloud, Affine][], axis: number): [number, number] {
-  const ranges = placed.flatMap(([cloud, pose]) => {
-    const range = robustRange((i) => apply(pose, positionOf(cloud, i))[axis], cloud.count);
-    return range ? [range] : [];
-  });
-  return ranges.length ? [Math.min(...ranges.map((r) => r[0])), Math.max(...ranges.map((r) => r[1]))] : [-1, 1];
-}
-
-/** Where the cameras look on average and what is up for them; cameras look along z, y points down. */
-function meanViews(frames: Frames): { forward: [number, number, number] | null; up: [number, number, number] | null } {
-  const forward: [number, number, number] = [0, 0, 0];
-  const up: [number, number, number] = [0, 0, 0];
-  const stride = Math.max(1, Math.floor(frames.count / 500));
-  for (let i = 0; i < frames.count; i += stride) {
-    const pose = poseAt(frames.poses, i);
-    for (let axis = 0; axis < 3; ++axis) {
-      forward[axis] += pose[4 * axis + 2];
-      up[axis] -= pose[4 * axis + 1];
-    }
-  }
-  return { forward: unit(forward), up: unit(up) };
 }

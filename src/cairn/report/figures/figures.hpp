@@ -53,6 +53,9 @@ std::string intervals_svg(const IntervalsChart& chart, const FigureOptions& opti
 
 std::string scatter_svg(const ScatterChart& chart, const FigureOptions& options = {});
 
+/// One row a name, each with its bars; marks are not drawn.
+std::string spans_svg(const SpansChart& chart, const FigureOptions& options = {});
+
 /// Any of the above.
 std::string chart_svg(const Chart& chart, const FigureOptions& options = {},
                       const DensityFunction& density = {});

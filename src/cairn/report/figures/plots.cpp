@@ -157,9 +157,10 @@ std::string intervals_svg(const IntervalsChart& chart, const FigureOptions& opti
     }
   }
   const bool is_share =
+      chart.x_scale == AxisScale::kLinear &&
       std::all_of(extent.begin(), extent.end(), [](double v) { return !(v < 0.0) && !(v > 1.0); });
   const Axis x =
-      is_share ? Axis::between(0.0, 1.0, AxisScale::kLinear) : Axis(extent, AxisScale::kLinear);
+      is_share ? Axis::between(0.0, 1.0, AxisScale::kLinear) : Axis(extent, chart.x_scale);
   const auto names = names_of(chart.series);
   const auto looks = looks_of(names);
   const double row =
@@ -194,12 +195,12 @@ std::string intervals_svg(const IntervalsChart& chart, const FigureOptions& opti
   draw_x_axis(svg, plot, x, chart.x_label, true);
   for (std::size_t k = 0; k < chart.series.size(); ++k) {
     for (const IntervalItem& item : chart.series[k].items) {
-      if (!std::isfinite(item.value)) continue;
+      if (!x.shows(item.value)) continue;
       const auto place = std::find(items.begin(), items.end(), item.name) - items.begin();
       const double y = plot.top + row * static_cast<double>(place) + 0.5 * kRowGap +
                        kRowHeight * (static_cast<double>(k) + 0.5);
-      const double low = std::isfinite(item.low) ? item.low : item.value;
-      const double high = std::isfinite(item.high) ? item.high : item.value;
+      const double low = x.shows(item.low) ? item.low : item.value;
+      const double high = x.shows(item.high) ? item.high : item.value;
       svg.line({x_at(low), y}, {x_at(high), y}, {.stroke = looks[k].color, .stroke_width = 2.2});
       for (const double end : {low, high}) {
         svg.line({x_at(end), y - 4.0}, {x_at(end), y + 4.0},
@@ -209,6 +210,20 @@ std::string intervals_svg(const IntervalsChart& chart, const FigureOptions& opti
     }
   }
   return svg.document(options.title.empty() ? chart.x_label : options.title);
+}
+
+std::string spans_svg(const SpansChart& chart, const FigureOptions& options) {
+  IntervalsChart intervals;
+  intervals.x_label = chart.x_label;
+  for (const SpanSeries& series : chart.series) {
+    IntervalSeries shown{series.name, {}};
+    for (const Span& span : series.spans) {
+      const double middle = span.start + 0.5 * (span.end - span.start);
+      shown.items.push_back({span.name, middle, span.start, span.end});
+    }
+    intervals.series.push_back(std::move(shown));
+  }
+  return intervals_svg(intervals, options);
 }
 
 std::string chart_svg(const Chart& chart, const FigureOptions& options,
@@ -223,6 +238,7 @@ std::string chart_svg(const Chart& chart, const FigureOptions& options,
     std::string operator()(const HeatmapChart& c) const { return heatmap_svg(c, options); }
     std::string operator()(const IntervalsChart& c) const { return intervals_svg(c, options); }
     std::string operator()(const ScatterChart& c) const { return scatter_svg(c, options); }
+    std::string operator()(const SpansChart& c) const { return spans_svg(c, options); }
   };
   return std::visit(Draw{options, density}, chart);
 }

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/atlas/world_difference.hpp"
+
+#include <algorithm>
+#include <deque>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/merging/fusion/fuse_maps.hpp"
+
+namespace cairn {
+namespace {
+
+// The maps as one; `kept` keeps what the result refers to.
+PlacedMap as_one(Atlas& atlas, const AtlasState& state, const std::vector<NodeId>& nodes,
+                 const ChangeOptions& options, std::deque<LandmarkMap>& kept) {
+  std::vector<PlacedMap> placed;
+  for (const NodeId id : nodes) {
+    const AtlasNode& node = state.nodes.at(id);
+    kept.push_back(atlas.map(node));
+    const AtlasPose& pose = state.poses.at(id);
+    placed.push_back({&kept.back(), node.name, pose.frame_from_node, pose.covariance});
+  }
+  if (placed.size() == 1) return placed.front();
+  FusionOptions fusion;
+  fusion.seed = options.seed;
+  fusion.execution = options.execution;
+  kept.push_back(fuse_maps(placed, fusion).map);
+  return {&kept.back(), "", Similarity3(), Matrix7d::Zero()};
+}
+
+}  // namespace
+
+ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
+                              const std::vector<NodeId>& first, const std::vector<NodeId>& second,
+                              const ChangeOptions& options) {
+  std::optional<NodeId> frame;
+  for (const auto* const nodes : {&first, &second}) {
+    if (nodes->empty()) {
+      throw Error(ErrorKind::kMisuse, atlas.store().name(), "no maps to compare",
+                  "at least one on each side");
+    }
+    for (const NodeId id : *nodes) {
+      const auto pose = state.poses.find(id);
+      const std::string& name = state.nodes.at(id).name;
+      if (pose == state.poses.end()) {
+        throw Error(ErrorKind::kMisuse, atlas.store().name(), fmt::format("{} has no pose", name),
+                    "maps that 'cairn atlas optimize' placed");
+      }
+      if (frame && pose->second.frame != *frame) {
+        throw Error(ErrorKind::kMisuse, atlas.store().name(),
+                    fmt::format("{} is not in the frame of the others", name),
+                    "maps that links connect");
+      }
+      frame = pose->second.frame;
+    }
+  }
+  for (const NodeId id : first) {
+    if (std::find(second.begin(), second.end(), id) == second.end()) continue;
+    throw Error(ErrorKind::kMisuse, atlas.store().name(),
+                fmt::format("{} is on both sides", state.nodes.at(id).name), "two different sides");
+  }
+  std::deque<LandmarkMap> kept;
+  const PlacedMap before = as_one(atlas, state, first, options, kept);
+  const PlacedMap after = as_one(atlas, state, second, options, kept);
+  return find_changes(before, after, options);
+}
+
+}  // namespace cairn

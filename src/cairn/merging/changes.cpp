@@ -1,0 +1,598 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/changes.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <span>
+#include <unordered_map>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/map/camera.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kBorderPx = 8.0;  // within which of the image's edge a view does not count
+constexpr double kLargestTurn =
+    0.71;                         // cosine: views of a landmark from directions within 45 degrees
+constexpr double kNearer = 0.5;   // ranges at which a landmark is seen again, as shares of the
+constexpr double kFarther = 1.6;  // least and of the greatest at which it was seen
+constexpr double kCell = 0.02;    // of the sight's grid: tangents, about one degree
+constexpr double kDepthShare = 0.04;   // by which depths along one direction may differ
+constexpr double kLikeShare = 0.25;    // of the bits of descriptors that look alike, at most
+constexpr double kChanceFound = 0.04;  // that a landmark that is gone has a counterpart
+constexpr double kSeenThroughIfGone = 0.5;
+constexpr double kDependence = 0.5;    // evidence of neighbours repeats itself
+constexpr double kPrior = 0.05;        // that a group is a change, before its evidence
+constexpr double kLeastMean = 0.35;    // evidence a landmark, about a landmark that is gone
+constexpr std::size_t kMotions = 400;  // rigid motions tried for a thing that may have moved
+constexpr double kMovedShare = 0.12;   // of the lesser side's landmarks that a motion explains
+constexpr std::size_t kMovedLeast = 5;
+
+// Points by cubes of a grid.
+class PointGrid {
+ public:
+  PointGrid(std::span<const Eigen::Vector3d> points, double size) : points_(points), size_(size) {
+    for (std::uint32_t i = 0; i < points.size(); ++i) cells_[key(cell_of(points[i]))].push_back(i);
+  }
+  template <class Visit>
+  void within(const Eigen::Vector3d& query, double radius, const Visit& visit) const {
+    const std::array<std::int64_t, 3> low = cell_of(query.array() - radius);
+    const std::array<std::int64_t, 3> high = cell_of(query.array() + radius);
+    for (std::int64_t x = low[0]; x <= high[0]; ++x) {
+      for (std::int64_t y = low[1]; y <= high[1]; ++y) {
+        for (std::int64_t z = low[2]; z <= high[2]; ++z) {
+          const auto found = cells_.find(key({x, y, z}));
+          if (found == cells_.end()) continue;
+          for (const std::uint32_t i : found->second) {
+            if ((points_[i] - query).squaredNorm() <= radius * radius) visit(i);
+          }
+        }
+      }
+    }
+  }
+
+ private:
+  std::array<std::int64_t, 3> cell_of(const Eigen::Vector3d& point) const {
+    std::array<std::int64_t, 3> cell = {};
+    for (int axis = 0; axis < 3; ++axis) {
+      constexpr double kMost = 1e6;  // cells: farther points share the last
+      cell[static_cast<std::size_t>(axis)] =
+          static_cast<std::int64_t>(std::floor(std::clamp(point[axis] / size_, -kMost, kMost)));
+    }
+    return cell;
+  }
+  static std::uint64_t key(const std::array<std::int64_t, 3>& cell) {
+    std::uint64_t sum = 0;
+    for (const std::int64_t one : cell) {
+      sum = (sum << 21U) | (static_cast<std::uint64_t>(one + (1 << 20)) & 0x1fffffU);
+    }
+    return sum;
+  }
+
+  std::span<const Eigen::Vector3d> points_;
+  double size_;
+  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells_;
+};
+
+// How far the keyframes of a map saw, by direction.
+class MapSights {
+ public:
+  enum class Sight { kNone, kHidden, kOpen, kAgrees, kThrough };
+
+  MapSights(const LandmarkMap& map, const Similarity3& world_from_map, double tolerance)
+      : map_(map), world_from_map_(world_from_map), tolerance_(tolerance) {
+    std::vector<std::vector<std::uint32_t>> seen(map.frame_count());
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      for (const FrameIndex frame : map.observing_frames(LandmarkIndex{i})) {
+        seen[frame.value].push_back(i);
+      }
+    }
+    for (std::uint32_t f = 0; f < map.frame_count(); ++f) {
+      View view;
+      view.camera_from_world =
+          (world_from_map * Similarity3(map.world_from_camera(FrameIndex{f}))).inverse();
+      view.centre = world_from_map * map.world_from_camera(FrameIndex{f}).translation();
+      const auto camera = map.frames().cameras.empty() ? std::nullopt : map.frames().cameras[f];
+      if (!camera) continue;
+      view.camera = camera->value;
+      view.unit = 1.0 / view.camera_from_world.scale();
+      for (const std::uint32_t i : seen[f]) {
+        const Eigen::Vector3d x =
+            view.camera_from_world * (world_from_map * map.landmarks().positions[i]);
+        if (x.z() <= 0.0) continue;
+        view.depths[cell(x.x() / x.z(), x.y() / x.z())].push_back(view.unit * x.z());
+      }
+      views_.push_back(std::move(view));
+    }
+  }
+
+  struct Count {
+    std::size_t views = 0;    // in which the point would be visible
+    std::size_t agrees = 0;   // of these: something is seen where it is
+    std::size_t through = 0;  // something is seen behind it, and nothing where it is
+  };
+
+  // Of a point in the world that was seen from `directions`, unit vectors to its cameras, at ranges.
+  Count count(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> directions,
+              double nearest, double farthest) const {
+    Count count;
+    for (const View& view : views_) {
+      const Eigen::Vector3d to_camera = view.centre - point;
+      const double range = to_camera.norm();
+      if (!(range >= kNearer * nearest && range <= kFarther * farthest)) continue;
+      const bool known_side =
+          std::any_of(directions.begin(), directions.end(), [&](const Eigen::Vector3d& direction) {
+            return direction.dot(to_camera) >= kLargestTurn * range;
+          });
+      if (!known_side) continue;
+      switch (sight(view, point)) {
+        case Sight::kNone:
+        case Sight::kHidden:
+          break;
+        case Sight::kOpen:
+          ++count.views;
+          break;
+        case Sight::kAgrees:
+          ++count.views;
+          ++count.agrees;
+          break;
+        case Sight::kThrough:
+          ++count.views;
+          ++count.through;
+          break;
+      }
+    }
+    return count;
+  }
+
+ private:
+  struct View {
+    Similarity3 camera_from_world;
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    std::uint32_t camera = 0;
+    double unit = 1.0;  // of the world, a unit of the camera
+    std::unordered_map<std::int64_t, std::vector<double>> depths;
+  };
+
+  static std::int64_t cell(double x, double y) {
+    constexpr std::int64_t kWide = 1 << 20;
+    return static_cast<std::int64_t>(std::floor(x / kCell)) * kWide +
+           static_cast<std::int64_t>(std::floor(y / kCell));
+  }
+
+  Sight sight(const View& view, const Eigen::Vector3d& point) const {
+    const Eigen::Vector3d x = view.camera_from_world * point;
+    const Camera& camera = map_.cameras()[view.camera];
+    const auto pixel = project(camera, x);
+    if (!pixel) return Sight::kNone;
+    const bool inside = pixel->u >= kBorderPx && pixel->v >= kBorderPx &&
+                        pixel->u <= camera.width - kBorderPx &&
+                        pixel->v <= camera.height - kBorderPx;
+    if (!inside) return Sight::kNone;
+    const double depth = view.unit * x.z();
+    const double margin = tolerance_ + kDepthShare * depth;
+    std::size_t before = 0;
+    std::size_t behind = 0;
+    for (int dx = -1; dx <= 1; ++dx) {
+      for (int dy = -1; dy <= 1; ++dy) {
+        const auto found =
+            view.depths.find(cell(x.x() / x.z() + dx * kCell, x.y() / x.z() + dy * kCell));
+        if (found == view.depths.end()) continue;
+        for (const double other : found->second) {
+          if (std::abs(other - depth) <= margin) return Sight::kAgrees;
+          ++(other < depth ? before : behind);
+        }
+      }
+    }
+    if (before > behind) return Sight::kHidden;
+    return behind > before ? Sight::kThrough : Sight::kOpen;
+  }
+
+  const LandmarkMap& map_;
+  Similarity3 world_from_map_;
+  double tolerance_;
+  std::vector<View> views_;
+};
+
+std::vector<Eigen::Vector3d> in_world(const PlacedMap& placed) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(placed.map->landmark_count());
+  for (const Eigen::Vector3d& position : placed.map->landmarks().positions) {
+    positions.push_back(placed.world_from_map * position);
+  }
+  return positions;
+}
+
+// Whether descriptors can be compared, and how unlike two are, as a share of their bits.
+class Looks {
+ public:
+  Looks(const LandmarkMap& first, const LandmarkMap& second) {
+    const auto& a = first.landmarks().descriptors;
+    const auto& b = second.landmarks().descriptors;
+    if (a && b && a->kind == b->kind && a->bytes_each == b->bytes_each) {
+      first_ = &*a;
+      second_ = &*b;
+    }
+  }
+  bool known() const { return first_ != nullptr; }
+  // 1 where either is unknown.
+  double difference(std::size_t i, std::size_t j) const {
+    if (first_->known[i] == 0 || second_->known[j] == 0) return 1.0;
+    const std::size_t size = first_->bytes_each;
+    int bits = 0;
+    for (std::size_t k = 0; k < size; ++k) {
+      unsigned both = first_->bytes[i * size + k] ^ second_->bytes[j * size + k];
+      for (; both != 0U; both &= both - 1U) ++bits;
+    }
+    return static_cast<double>(bits) / (8.0 * static_cast<double>(size));
+  }
+
+ private:
+  const DescriptorColumn* first_ = nullptr;
+  const DescriptorColumn* second_ = nullptr;
+};
+
+// A landmark that the other map should have.
+struct Comparable {
+  std::uint32_t landmark = 0;
+  bool found = false;     // the other map has it
+  bool through = false;   // the other map saw through where it would be
+  std::size_t bin = 0;    // of how often it was seen and could be seen again
+  double evidence = 0.0;  // log-likelihood ratio that it is gone
+};
+
+constexpr std::size_t kViewBins = 4;
+constexpr std::size_t kObservationBins = 3;
+
+std::size_t bin_of(std::size_t views, std::size_t observations) {
+  const std::size_t v = views <= 2 ? 0 : views <= 5 ? 1 : views <= 10 ? 2 : 3;
+  const std::size_t o = observations <= 3 ? 0 : observations <= 7 ? 1 : 2;
+  return v * kObservationBins + o;
+}
+
+// What the landmarks of one map have to say about the other.
+class OneSide {
+ public:
+  /// @param swapped whether `own` is the second map of `looks`
+  OneSide(const PlacedMap& own, const PlacedMap& other, const Looks& looks, bool swapped,
+          const ChangeOptions& options)
+      : options_(options), positions_(in_world(own)) {
+    const LandmarkMap& map = *own.map;
+    const std::vector<Eigen::Vector3d> others = in_world(other);
+    const PointGrid grid(others, options.tolerance);
+    const MapSights sights(*other.map, other.world_from_map, options.tolerance);
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      const auto frames = map.observing_frames(LandmarkIndex{i});
+      if (frames.size() < options.min_observations) continue;
+      std::vector<Eigen::Vector3d> directions;
+      double nearest = std::numeric_limits<double>::infinity();
+      double farthest = 0.0;
+      for (const FrameIndex frame : frames) {
+        const Eigen::Vector3d to_camera =
+            own.world_from_map * map.world_from_camera(frame).translation() - positions_[i];
+        const double range = to_camera.norm();
+        if (range > 0.0) directions.emplace_back(to_camera / range);
+        nearest = std::min(nearest, range);
+        farthest = std::max(farthest, range);
+      }
+      const MapSights::Count seen = sights.count(positions_[i], directions, nearest, farthest);
+      if (seen.views < 2) continue;
+      Comparable one;
+      one.landmark = i;
+      one.bin = bin_of(seen.views, frames.size());
+      one.through = seen.through > seen.agrees;
+      grid.within(positions_[i], options.tolerance, [&](std::uint32_t j) {
+        one.found = one.found || !looks.known() ||
+                    (swapped ? looks.difference(j, i) : looks.difference(i, j)) <= kLikeShare;
+      });
+      comparable_.push_back(one);
+    }
+  }
+
+  const std::vector<Comparable>& comparable() const { return comparable_; }
+
+  void weigh(const std::array<double, kViewBins * kObservationBins>& found,
+             double through_if_there) {
+    for (Comparable& one : comparable_) {
+      const double again = found[one.bin];
+      one.evidence = one.found ? std::log(kChanceFound / again)
+                               : std::log((1.0 - kChanceFound) / (1.0 - again));
+      one.evidence += one.through ? std::log(kSeenThroughIfGone / through_if_there)
+                                  : std::log((1.0 - kSeenThroughIfGone) / (1.0 - through_if_there));
+    }
+  }
+
+  struct Group {
+    ChangedPlace place;
+    double confidence = 0.0;
+  };
+
+  std::vector<Group> groups() const {
+    std::vector<Eigen::Vector3d> points;
+    for (const Comparable& one : comparable_) points.push_back(positions_[one.landmark]);
+    const PointGrid grid(points, options_.reach);
+    std::vector<bool> gone(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      double sum = 0.0;
+      std::size_t count = 0;
+      grid.within(points[i], options_.reach, [&](std::uint32_t j) {
+        sum += comparable_[j].evidence;
+        ++count;
+      });
+      gone[i] = !comparable_[i].found && sum > kLeastMean * static_cast<double>(count);
+    }
+    std::vector<bool> taken(points.size(), false);
+    std::vector<Group> groups;
+    for (std::uint32_t start = 0; start < points.size(); ++start) {
+      if (!gone[start] || taken[start]) continue;
+      std::vector<std::uint32_t> members = {start};
+      taken[start] = true;
+      for (std::size_t next = 0; next < members.size(); ++next) {
+        const Eigen::Vector3d at = points[members[next]];
+        grid.within(at, options_.reach, [&](std::uint32_t j) {
+          if (!gone[j] || taken[j]) return;
+          taken[j] = true;
+          members.push_back(j);
+        });
+      }
+      if (members.size() < options_.min_landmarks) continue;
+      std::sort(members.begin(), members.end());
+      Group group = group_of(members, points, grid);
+      const bool large = (group.place.high - group.place.low).maxCoeff() >= options_.min_size;
+      if (large && group.confidence >= options_.min_confidence) groups.push_back(std::move(group));
+    }
+    return groups;
+  }
+
+ private:
+  Group group_of(const std::vector<std::uint32_t>& members,
+                 const std::vector<Eigen::Vector3d>& points, const PointGrid& grid) const {
+    Group group;
+    for (int axis = 0; axis < 3; ++axis) {
+      std::vector<double> values;
+      for (const std::uint32_t i : members) values.push_back(points[i][axis]);
+      std::sort(values.begin(), values.end());
+      const std::size_t trim = values.size() / 20;
+      group.place.low[axis] = values[trim];
+      group.place.high[axis] = values[values.size() - 1 - trim];
+      group.place.centre[axis] = values[values.size() / 2];
+    }
+    // Landmarks among the group that are still there speak against it.
+    double evidence = 0.0;
+    std::vector<bool> counted(points.size(), false);
+    for (const std::uint32_t i : members) {
+      group.place.landmarks.push_back(LandmarkIndex{comparable_[i].landmark});
+      grid.within(points[i], 0.5 * options_.reach, [&](std::uint32_t j) {
+        if (counted[j]) return;
+        counted[j] = true;
+        evidence += comparable_[j].evidence;
+      });
+    }
+    const double odds = std::log(kPrior / (1.0 - kPrior)) + kDependence * evidence;
+    group.confidence = 1.0 / (1.0 + std::exp(-odds));
+    return group;
+  }
+
+  const ChangeOptions& options_;
+  std::vector<Eigen::Vector3d> positions_;
+  std::vector<Comparable> comparable_;
+};
+
+struct Motion {
+  std::size_t explained = 0;
+  Rigid3 after_from_before;
+};
+
+Rigid3 rigid_fit(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
+  Eigen::Matrix3Xd a(3, static_cast<Eigen::Index>(from.size()));
+  Eigen::Matrix3Xd b(3, static_cast<Eigen::Index>(to.size()));
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    a.col(static_cast<Eigen::Index>(i)) = from[i];
+    b.col(static_cast<Eigen::Index>(i)) = to[i];
+  }
+  return Rigid3::from_matrix(Eigen::umeyama(a, b, false), 1e-6);
+}
+
+// The rigid motion that explains the most landmarks of two places that look alike.
+Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, const Looks& looks,
+                      const std::vector<Eigen::Vector3d>& first,
+                      const std::vector<Eigen::Vector3d>& second, const ChangeOptions& options) {
+  Motion best;
+  std::vector<Eigen::Vector3d> from;
+  std::vector<Eigen::Vector3d> to;
+  const auto nearest_to = [&](const auto& difference, std::size_t count) {
+    std::pair<std::size_t, double> nearest = {count, kLikeShare};
+    for (std::size_t j = 0; j < count; ++j) {
+      if (difference(j) < nearest.second) nearest = {j, difference(j)};
+    }
+    return nearest.first;
+  };
+  for (std::size_t i = 0; i < before.landmarks.size(); ++i) {
+    const auto to_second = [&](std::size_t j) {
+      return looks.difference(before.landmarks[i].value, after.landmarks[j].value);
+    };
+    const std::size_t j = nearest_to(to_second, after.landmarks.size());
+    if (j == after.landmarks.size()) continue;
+    const auto to_first = [&](std::size_t k) {
+      return looks.difference(before.landmarks[k].value, after.landmarks[j].value);
+    };
+    if (nearest_to(to_first, before.landmarks.size()) != i) continue;
+    from.push_back(first[before.landmarks[i].value]);
+    to.push_back(second[after.landmarks[j].value]);
+  }
+  if (from.size() < kMovedLeast) return best;
+  Random random(options.seed);
+  for (std::size_t attempt = 0; attempt < kMotions; ++attempt) {
+    std::array<std::size_t, 3> pick = {random.index(from.size()), random.index(from.size()),
+                                       random.index(from.size())};
+    if (pick[0] == pick[1] || pick[0] == pick[2] || pick[1] == pick[2]) continue;
+    std::vector<Eigen::Vector3d> some_from;
+    std::vector<Eigen::Vector3d> some_to;
+    for (const std::size_t k : pick) {
+      some_from.push_back(from[k]);
+      some_to.push_back(to[k]);
+    }
+    bool rigid = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double was = (some_from[k] - some_from[(k + 1) % 3]).norm();
+      const double is = (some_to[k] - some_to[(k + 1) % 3]).norm();
+      rigid = rigid && std::abs(was - is) <= options.tolerance && was > 0.2 * options.tolerance;
+    }
+    if (!rigid) continue;
+    const Rigid3 motion = rigid_fit(some_from, some_to);
+    std::size_t explained = 0;
+    for (std::size_t k = 0; k < from.size(); ++k) {
+      explained += (motion * from[k] - to[k]).norm() <= 0.6 * options.tolerance ? 1 : 0;
+    }
+    if (explained > best.explained) best = {explained, motion};
+  }
+  if (best.explained < 3) return best;
+  std::vector<Eigen::Vector3d> inliers_from;
+  std::vector<Eigen::Vector3d> inliers_to;
+  for (std::size_t k = 0; k < from.size(); ++k) {
+    if ((best.after_from_before * from[k] - to[k]).norm() > 0.6 * options.tolerance) continue;
+    inliers_from.push_back(from[k]);
+    inliers_to.push_back(to[k]);
+  }
+  best.after_from_before = rigid_fit(inliers_from, inliers_to);
+  return best;
+}
+
+}  // namespace
+
+void ChangeOptions::validate() const {
+  const auto require = [](bool valid, const char* field, double value, const char* expected) {
+    if (!valid) throw Error(ErrorKind::kMisuse, field, fmt::format("{}", value), expected);
+  };
+  const auto positive = [](double value) { return value > 0.0 && std::isfinite(value); };
+  require(min_observations >= 1, "ChangeOptions.min_observations",
+          static_cast<double>(min_observations), "at least 1");
+  require(positive(tolerance), "ChangeOptions.tolerance", tolerance, "a positive length");
+  require(positive(reach), "ChangeOptions.reach", reach, "a positive length");
+  require(min_landmarks >= 3, "ChangeOptions.min_landmarks", static_cast<double>(min_landmarks),
+          "at least 3");
+  require(min_size >= 0.0 && std::isfinite(min_size), "ChangeOptions.min_size", min_size,
+          "a length, 0 or more");
+  require(min_confidence > 0.0 && min_confidence < 1.0, "ChangeOptions.min_confidence",
+          min_confidence, "between 0 and 1");
+}
+
+std::string_view to_string(ChangeKind kind) {
+  switch (kind) {
+    case ChangeKind::kAppeared:
+      return "appeared";
+    case ChangeKind::kMoved:
+      return "moved";
+    case ChangeKind::kVanished:
+      break;
+  }
+  return "vanished";
+}
+
+ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
+                          const ChangeOptions& options) {
+  options.validate();
+  const Looks looks(*first.map, *second.map);
+  OneSide vanished(first, second, looks, false, options);
+  OneSide appeared(second, first, looks, true, options);
+  ChangeResult result;
+  result.comparable_first = vanished.comparable().size();
+  result.comparable_second = appeared.comparable().size();
+
+  // How often what is still there is found again and is seen through by mistake. Most of it is there.
+  std::array<double, kViewBins* kObservationBins> found = {};
+  std::array<double, kViewBins* kObservationBins> total = {};
+  double all_found = 0.0;
+  double all = 0.0;
+  double through = 0.0;
+  for (const OneSide* const side : {&vanished, &appeared}) {
+    for (const Comparable& one : side->comparable()) {
+      total[one.bin] += 1.0;
+      all += 1.0;
+      if (!one.found) continue;
+      found[one.bin] += 1.0;
+      all_found += 1.0;
+      through += one.through ? 1.0 : 0.0;
+    }
+  }
+  if (all == 0.0) return result;
+  result.repeated = all_found / all;
+  constexpr double kSmoothing = 20.0;
+  for (std::size_t bin = 0; bin < found.size(); ++bin) {
+    found[bin] = std::clamp((found[bin] + kSmoothing * result.repeated) / (total[bin] + kSmoothing),
+                            2.0 * kChanceFound, 0.95);
+  }
+  const double through_if_there = std::clamp((through + 1.0) / (all_found + 2.0), 0.02, 0.4);
+  vanished.weigh(found, through_if_there);
+  appeared.weigh(found, through_if_there);
+  const std::vector<OneSide::Group> before = vanished.groups();
+  const std::vector<OneSide::Group> after = appeared.groups();
+
+  // Things that moved: the pairs with the most landmarks that a motion explains, first.
+  struct Pair {
+    std::size_t before;
+    std::size_t after;
+    Motion motion;
+  };
+  std::vector<Pair> pairs;
+  if (looks.known()) {
+    const std::vector<Eigen::Vector3d> first_positions = in_world(first);
+    const std::vector<Eigen::Vector3d> second_positions = in_world(second);
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      for (std::size_t j = 0; j < after.size(); ++j) {
+        const Motion motion = motion_between(before[i].place, after[j].place, looks,
+                                             first_positions, second_positions, options);
+        const std::size_t lesser =
+            std::min(before[i].place.landmarks.size(), after[j].place.landmarks.size());
+        const bool agrees =
+            motion.explained >= kMovedLeast &&
+            static_cast<double>(motion.explained) >= kMovedShare * static_cast<double>(lesser);
+        if (agrees) pairs.push_back({i, j, motion});
+      }
+    }
+  }
+  std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+    return a.motion.explained > b.motion.explained;
+  });
+  std::vector<bool> before_taken(before.size(), false);
+  std::vector<bool> after_taken(after.size(), false);
+  for (const Pair& pair : pairs) {
+    if (before_taken[pair.before] || after_taken[pair.after]) continue;
+    before_taken[pair.before] = true;
+    after_taken[pair.after] = true;
+    result.changes.push_back(
+        {ChangeKind::kMoved, before[pair.before].place, after[pair.after].place,
+         pair.motion.after_from_before,
+         std::min(before[pair.before].confidence, after[pair.after].confidence)});
+  }
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (before_taken[i]) continue;
+    result.changes.push_back(
+        {ChangeKind::kVanished, before[i].place, std::nullopt, std::nullopt, before[i].confidence});
+  }
+  for (std::size_t j = 0; j < after.size(); ++j) {
+    if (after_taken[j]) continue;
+    result.changes.push_back(
+        {ChangeKind::kAppeared, std::nullopt, after[j].place, std::nullopt, after[j].confidence});
+  }
+  const auto order = [](ChangeKind kind) {
+    return kind == ChangeKind::kMoved ? 0 : kind == ChangeKind::kVanished ? 1 : 2;
+  };
+  std::stable_sort(result.changes.begin(), result.changes.end(),
+                   [&](const Change& a, const Change& b) {
+                     if (a.kind != b.kind) return order(a.kind) < order(b.kind);
+                     return a.confidence > b.confidence;
+                   });
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/report/network_builder.hpp"
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/map/synthetic.hpp"
+#include "cairn/report/writer.hpp"
+
+namespace cairn::report {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+Similarity3 shift(double x, double yaw_deg = 0.0) {
+  return Rigid3::from_roll_pitch_yaw({x, 0.0, 0.0}, 0.0, 0.0, radians(yaw_deg));
+}
+
+NetworkMap placed(const std::string& name, const Similarity3& pose, std::size_t frame = 0) {
+  NetworkMap map;
+  map.name = name;
+  map.frame = frame;
+  map.frame_from_map = pose;
+  return map;
+}
+
+NetworkEdge edge(std::size_t target, std::size_t source, const Similarity3& transform,
+                 double probability, LinkUse use = LinkUse::kUsed) {
+  return {.target = target,
+          .source = source,
+          .use = use,
+          .probability = probability,
+          .target_from_source = transform};
+}
+
+// Three maps in a row, 1 m apart, whose links are each off by some millimetres; a fourth is left out.
+struct Row {
+  std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0)),
+                                  placed("c", shift(2.0)),
+                                  NetworkMap{.name = "d", .reason = "far"}};
+  std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.001), 0.999),
+                                    edge(1, 2, shift(1.002), 0.998),
+                                    edge(0, 2, shift(2.3), 0.9999, LinkUse::kContradicted),
+                                    NetworkEdge{.target = 0, .source = 3, .probability = 0.1}};
+};
+
+TEST(MakeNetwork, GoesFromOwnFramesAlongTheLinksToTheOptimisedPoses) {
+  const Row row;
+  const Network network = make_network(row.maps, row.edges);
+  ASSERT_THAT(network.stages, SizeIs(3));
+  ASSERT_THAT(network.nodes[2].group_from_node, SizeIs(3));
+  EXPECT_EQ(network.nodes[2].group_from_node[0].matrix(), Matrix4d::Identity());
+  EXPECT_NEAR(network.nodes[2].group_from_node[1].translation().x(), 2.003, 1e-12);
+  EXPECT_NEAR(network.nodes[2].group_from_node[2].translation().x(), 2.0, 1e-12);
+  EXPECT_EQ(network.nodes[3].group, std::nullopt);
+  EXPECT_THAT(network.nodes[3].group_from_node, IsEmpty());
+}
+
+TEST(MakeNetwork, ChainsTheSurestUsedLinks) {
+  Row row;
+  row.edges.push_back(edge(2, 0, shift(-2.5), 0.99));  // usable, but less sure than by way of b
+  const Network network = make_network(row.maps, row.edges);
+  EXPECT_NEAR(network.nodes[2].group_from_node[1].translation().x(), 2.003, 1e-12);
+}
+
+TEST(MakeNetwork, AGroupIsNamedByItsFrame) {
+  Row row;
+  row.maps.push_back(placed("e", shift(0.0), 4));
+  row.maps.push_back(placed("f", shift(5.0), 4));
+  const Network network = make_network(row.maps, row.edges);
+  ASSERT_THAT(network.groups, SizeIs(2));
+  EXPECT_EQ(network.groups[1].frame, "e");
+  EXPECT_EQ(network.nodes[5].group, 1U);
+}
+
+TEST(MakeNetwork, ResidualsAreDistanceAndAngleAtTheSourcesCentre) {
+  std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0, 90.0))};
+  maps[1].centre = {1.0, 0.0, 0.0};
+  const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0, 91.0), 1.0)};
+  const Network network = make_network(maps, edges);
+  EXPECT_NEAR(*network.links[0].residual_deg, 1.0, 1e-9);
+  EXPECT_NEAR(*network.links[0].residual, 2.0 * std::sin(radians(0.5)), 1e-9);
+}
+
+TEST(MakeNetwork, RefusesIndicesThatAreNoMaps) {
+  Row row;
+  row.edges.push_back(edge(0, 9, shift(0.0), 1.0));
+  EXPECT_THROW(make_network(row.maps, row.edges), Error);
+}
+
+TEST(ResidualChart, ShowsUsedAndContradictedLinksApart) {
+  const Row row;
+  const IntervalsChart chart = residual_chart(make_network(row.maps, row.edges));
+  ASSERT_THAT(chart.series, SizeIs(2));
+  EXPECT_EQ(chart.series[0].items.size(), 2U);
+  EXPECT_EQ(chart.series[1].name, "contradicted");
+  EXPECT_NEAR(chart.series[1].items[0].value, 0.3, 1e-12);
+  EXPECT_EQ(chart.series[0].items[0].name, "a ← b");
+}
+
+TEST(ResidualChart, LeavesOutLinksThatAloneSayWhereAMapIs) {
+  const std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
+  const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0), 1.0)};
+  EXPECT_THAT(residual_chart(make_network(maps, edges)).series, IsEmpty());
+}
+
+TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {
+  const SyntheticPair pair = synthetic_pair({});
+  std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
+  maps[0].map = &pair.target;
+  maps[1].map = &pair.source;
+  const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0), 1.0)};
+  Report report;
+  report.title = "t";
+  add_network(report, maps, edges, {}, 100);
+  std::size_t shown = 0;
+  for (const Map& map : report.maps) shown += map.count;
+  EXPECT_LE(shown, 102U);
+  EXPECT_GE(shown, 90U);
+  ASSERT_TRUE(report.sections[0].text.has_value());
+  EXPECT_THAT(*report.sections[0].text, HasSubstr("one in"));
+  std::vector<std::string> ids;
+  for (const Section& section : report.sections) ids.push_back(section.id);
+  EXPECT_THAT(ids, ElementsAre("network", "sessions", "maps", "links"));
+}
+
+TEST(AddNetwork, WritesEvenWhatHasNoPoseAndNoLandmarks) {
+  Row row;
+  for (NetworkMap& map : row.maps) map.frame.reset();
+  Report report;
+  report.title = "t";
+  add_network(report, row.maps, row.edges);
+  std::string page;
+  write_report(report, "<!--CAIRN:TITLE--><!--CAIRN:DATA-->",
+               [&](std::string_view text) { page += text; });
+  EXPECT_THAT(page, HasSubstr("cairn-report"));
+}
+
+}  // namespace
+}  // namespace cairn::report

@@ -1,0 +1,624 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { announce, button, download, h, s } from "../dom";
+import type { NetworkSection } from "../document/report";
+import { canvasToPng } from "../export";
+import { formatCount } from "../math/format";
+import { rampColor } from "../scene/coloring";
+import { listenForKeys, showHelp } from "../scene/keyboard";
+import { listenForGestures, type OrbitState, type StandardView } from "../scene/orbit";
+import { RenderService } from "../scene/render_service";
+import { onThemeChange, palette } from "../theme";
+import { GraphView, linkLabel } from "./graph_view";
+import { MatrixView } from "./matrix_view";
+import { counts, NetworkModel, type Selection } from "./network_model";
+import { networkRecord } from "./network_record";
+import { NetworkStage, thingColor, type NetworkLayer, type NetworkView } from "./network_stage";
+
+const kSoftwareBudget = 120_000;
+const kHardwareBudget = 4_000_000;
+const kSmoothUpTo = 60_000;
+const kSettleMs = 180;
+const kHoverUpTo = 200_000;
+const kHoverRestMs = 140;
+/** Beyond this many, links that do not count are shown only if asked for. */
+const kRejectedUpTo = 60;
+/** Positions of the slider between two stages, and how long it plays from one to the next. */
+const kStepsPerStage = 100;
+const kStageMs = 900;
+
+const kLayers: [NetworkLayer, string][] = [
+  ["landmarks", "Landmarks"],
+  ["cameras", "Cameras"],
+  ["links", "Links"],
+  ["rejected", "Links not used"],
+  ["changes", "Changes"],
+  ["grid", "Grid"],
+];
+
+class NetworkFigure {
+  readonly element: HTMLElement;
+  readonly #model: NetworkModel;
+  readonly #service = RenderService.shared();
+  readonly #view: NetworkView;
+  readonly #stage: NetworkStage;
+  readonly #graph: GraphView;
+  readonly #matrix: MatrixView;
+  readonly #legend = h("div", { class: "legend" });
+  readonly #record = h("div", { class: "record" });
+  readonly #slider: HTMLInputElement;
+  readonly #play: HTMLButtonElement;
+  readonly #stageName = h("output", { class: "iteration stage-name" });
+  #frame = 0;
+  #settleTimer = 0;
+  #hoverTimer = 0;
+  #playing = 0;
+  #moving = false;
+  #near = false;
+  #dirty = true;
+  #settled: (() => void) | null;
+
+  constructor(section: NetworkSection, settled: () => void) {
+    this.#settled = settled;
+    const model = (this.#model = new NetworkModel(section));
+    const notUsed = model.links.filter((link) => !counts(link)).length;
+    this.#view = {
+      stage: model.lastStage,
+      layers: {
+        landmarks: true,
+        cameras: true,
+        links: true,
+        rejected: notUsed <= kRejectedUpTo,
+        changes: section.things.length > 0,
+        grid: true,
+      },
+      hidden: new Set(),
+      pointSize: model.landmarkCount > 200_000 ? 1.25 : model.landmarkCount > 30_000 ? 1.75 : 2.5,
+      selected: null,
+    };
+    const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
+    const choose = (selection: Selection | null) => this.#select(selection);
+    this.#stage = new NetworkStage(model, this.#view, palette(), Math.ceil(model.landmarkCount / budget));
+    this.#graph = new GraphView(model, choose);
+    this.#matrix = new MatrixView(model, choose);
+    this.#slider = h("input", {
+      type: "range",
+      min: 0,
+      max: kStepsPerStage * model.lastStage,
+      step: 1,
+      value: kStepsPerStage * model.lastStage,
+      class: "slider",
+      "aria-label": "Before and after",
+    });
+    this.#slider.addEventListener("input", () => {
+      this.#pause();
+      this.#goTo(Number(this.#slider.value) / kStepsPerStage);
+    });
+    this.#play = button("Play", () => this.#toggle(), { class: "play", "aria-label": "Play from before to after" });
+
+    const has3d = section.nodes.some((node) => node.cloud && node.group !== null);
+    this.element = h("figure", { class: "card scene network", "data-scene": section.id, tabindex: -1 });
+    if (has3d) {
+      this.element.append(this.#toolbar());
+      const alert = h(
+        "p",
+        { class: "notice", role: "alert" },
+        "The 3D view needs WebGL 2, which this browser does not offer or has switched off. Graph, matrix and tables work without it.",
+      );
+      const pane = h(
+        "div",
+        { class: "pane", role: "group", "aria-label": "Maps in 3D" },
+        this.#service.available ? null : alert,
+        this.#stage.surface,
+      );
+      this.element.classList.toggle("no-webgl", !this.#service.available);
+      this.element.append(
+        h("div", { class: "scene-body" }, h("div", { class: "stage" }, pane), this.#side()),
+        ...(model.lastStage > 0 ? [this.#timeline()] : []),
+      );
+    }
+    const plans = h(
+      "div",
+      { class: "network-plans" },
+      this.#plan("Graph", "Maps where they are seen from above.", this.#graph.element),
+      this.#plan("Pairs", "Probability that the two maps show one place, in per cent.", this.#matrix.element),
+    );
+    this.element.append(plans, this.#linkLegend());
+    if (!has3d) {
+      plans.before(h("div", { class: "scene-body is-flat" }, this.#side()));
+    }
+    this.#listen();
+    this.#refreshSide();
+    this.#goTo(model.lastStage);
+    requestAnimationFrame(() => {
+      this.#layOut();
+      this.#lookFrom("home");
+      this.#drawPlans();
+      if (!has3d) {
+        this.#report();
+      }
+    });
+  }
+
+  // Parts
+
+  #side(): HTMLElement {
+    return h("aside", { class: "scene-side", "aria-label": "Maps and record" }, this.#record, this.#legend);
+  }
+
+  #plan(title: string, text: string, content: HTMLElement): HTMLElement {
+    return h("div", { class: "network-plan" }, h("h3", null, title), h("p", { class: "muted small" }, text), content);
+  }
+
+  #toolbar(): HTMLElement {
+    const model = this.#model;
+    const group = (name: string, ...children: Node[]) =>
+      h(
+        "div",
+        { class: "tool-group", role: "group", "aria-label": name },
+        h("span", { class: "tool-label", "aria-hidden": "true" }, name),
+        ...children,
+      );
+    const more = h("div", { class: "tool-more" });
+    const toggle = button(
+      "View options",
+      () => toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open"))),
+      { class: "tool-toggle", "aria-expanded": "false" },
+    );
+    const bar = h("div", { class: "toolbar" }, toggle, more);
+    const has: Record<NetworkLayer, boolean> = {
+      landmarks: true,
+      cameras: model.nodes.some((node) => node.cloud?.frames),
+      links: model.links.some(counts),
+      rejected: model.links.some((link) => !counts(link)),
+      changes: model.section.things.length > 0,
+      grid: true,
+    };
+    const chips = kLayers
+      .filter(([name]) => has[name])
+      .map(([name, text]) => {
+        const chip = button(
+          text,
+          () => {
+            this.#view.layers[name] = !this.#view.layers[name];
+            chip.setAttribute("aria-pressed", String(this.#view.layers[name]));
+            this.#stage.moveTo();
+            this.#redraw();
+            if (name === "rejected") {
+              this.#drawPlans();
+            }
+          },
+          { class: "chip", "aria-pressed": String(this.#view.layers[name]), "data-layer": name },
+        );
+        return chip;
+      });
+    more.append(group("Show", ...chips));
+    if (model.section.groups.length > 1) {
+      const chooser = h(
+        "select",
+        { "aria-label": "Group of maps" },
+        ...model.section.groups.map(({ frame }, index) => {
+          const size = model.nodes.filter((node) => node.group === index).length;
+          const text = `${frame}, ${size} ${size === 1 ? "map" : "maps"}`;
+          return h("option", { value: index, selected: index === model.group }, text);
+        }),
+      );
+      chooser.addEventListener("change", () => {
+        model.showGroup(Number(chooser.value));
+        this.#stage.showGroup();
+        this.#refreshSide();
+        this.#lookFrom("home");
+      });
+      more.append(group("Group", chooser));
+    }
+    const size = h("input", {
+      type: "range",
+      min: 0.5,
+      max: 8,
+      step: 0.25,
+      value: this.#view.pointSize,
+      "aria-label": "Point size",
+      class: "size",
+    });
+    size.addEventListener("input", () => {
+      this.#view.pointSize = Number(size.value);
+      this.#redraw();
+    });
+    const views: [StandardView, string][] = [
+      ["home", "Reset"],
+      ["top", "Top"],
+      ["front", "Front"],
+      ["side", "Side"],
+    ];
+    const viewButtons = views.map(([name, text]) =>
+      button(text, () => this.#lookFrom(name), { class: "quiet", "data-view": name }),
+    );
+    more.append(
+      group("Points", size),
+      group("View", ...viewButtons),
+      h(
+        "div",
+        { class: "tool-group tool-end" },
+        button("PNG", () => void this.#savePicture(), { class: "quiet", "aria-label": "Save the view as PNG" }),
+        button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" }),
+      ),
+    );
+    return bar;
+  }
+
+  #timeline(): HTMLElement {
+    const { stages } = this.#model.section;
+    const marks = h("div", { class: "stage-marks" });
+    stages.forEach((name, index) => {
+      const share = index / this.#model.lastStage;
+      const mark = button(
+        name,
+        () => {
+          this.#pause();
+          this.#goTo(index);
+        },
+        { class: "quiet", "data-stage": index },
+      );
+      mark.style.setProperty("--at", String(share));
+      marks.append(mark);
+    });
+    return h(
+      "div",
+      { class: "timeline network-timeline" },
+      h("div", { class: "timeline-controls" }, this.#play, this.#stageName),
+      h("div", { class: "timeline-track" }, this.#slider, marks),
+    );
+  }
+
+  #linkLegend(): HTMLElement {
+    const kWidth = 180;
+    const ramp = h("canvas", { width: kWidth, height: 10, class: "ramp", "aria-hidden": "true" });
+    const paint = () => {
+      const context = ramp.getContext("2d");
+      for (let x = 0; context && x < kWidth; ++x) {
+        context.fillStyle = rampColor(x / (kWidth - 1), palette().name);
+        context.fillRect(x, 0, 1, 10);
+      }
+    };
+    paint();
+    onThemeChange(paint);
+    const line = (dash: string | null) =>
+      s(
+        "svg",
+        { width: 30, height: 10, "aria-hidden": "true" },
+        s("line", {
+          x1: 1,
+          x2: 29,
+          y1: 5,
+          y2: 5,
+          stroke: "currentColor",
+          "stroke-width": 2.5,
+          "stroke-dasharray": dash,
+        }),
+      );
+    return h(
+      "div",
+      { class: "network-legend small" },
+      h("span", { class: "network-ramp" }, "Probability 0 %", ramp, "100 %"),
+      h("span", null, line(null), " used"),
+      h("span", null, line("5 4"), " not used: rejected, ambiguous or contradicted"),
+      h("span", { class: "muted" }, "Choose a link or a map for what is known of it."),
+    );
+  }
+
+  // Selection
+
+  #select(selection: Selection | null): void {
+    this.#view.selected = selection;
+    const group = selection?.kind === "node" ? this.#model.nodes[selection.index].group : null;
+    if (group !== null && group !== this.#model.group) {
+      this.#model.showGroup(group);
+      this.#stage.showGroup();
+      this.#redraw();
+    }
+    this.#refreshSide();
+    this.#stage.drawOverlay();
+    this.#drawPlans();
+    if (selection?.kind === "link") {
+      announce(linkLabel(this.#model, selection.index));
+    } else if (selection?.kind === "node") {
+      announce(this.#model.nodes[selection.index].name);
+    }
+  }
+
+  #refreshSide(): void {
+    const { selected } = this.#view;
+    this.element.classList.toggle("has-record", selected !== null);
+    if (selected) {
+      this.#record.hidden = false;
+      this.#record.replaceChildren(
+        button("×", () => this.#select(null), { class: "close quiet", "aria-label": "Close the record" }),
+        ...networkRecord(this.#model, selected, this.#view.stage, (next) => this.#select(next)),
+      );
+    } else {
+      this.#record.hidden = true;
+      this.#record.replaceChildren();
+    }
+    this.#legend.replaceChildren(this.#mapList(), ...this.#thingList());
+  }
+
+  #mapList(): HTMLElement {
+    const model = this.#model;
+    const colors = palette();
+    const list = h("ul", { class: "map-list" });
+    model.nodes.forEach((node, index) => {
+      const swatch = s("svg", { width: 14, height: 14, "aria-hidden": "true" });
+      swatch.append(
+        s("circle", {
+          cx: 7,
+          cy: 7,
+          r: 5,
+          fill: node.group === null ? "none" : model.nodeColor(index, colors),
+          stroke: model.nodeColor(index, colors),
+          "stroke-width": 1.5,
+          "stroke-dasharray": node.group === null ? "2.5 2" : null,
+        }),
+      );
+      const pick = button(node.name, () => this.#select({ kind: "node", index }), { class: "quiet record-link" });
+      const selected = this.#view.selected;
+      pick.setAttribute("aria-pressed", String(selected?.kind === "node" && selected.index === index));
+      const note = node.group === null ? "left out" : formatCount(node.landmarks);
+      const shown = h("input", {
+        type: "checkbox",
+        checked: !this.#view.hidden.has(index),
+        "aria-label": `Show ${node.name}`,
+        disabled: !model.isShown(index),
+      });
+      shown.addEventListener("change", () => this.#setShown(index, shown.checked));
+      list.append(h("li", null, shown, swatch, pick, h("span", { class: "muted" }, note)));
+    });
+    return h("div", null, h("div", { class: "legend-title" }, "Maps"), list);
+  }
+
+  #thingList(): HTMLElement[] {
+    const { things } = this.#model.section;
+    if (things.length === 0) {
+      return [];
+    }
+    const colors = palette();
+    const list = h("ul", { class: "map-list thing-list" });
+    things.forEach((thing, index) => {
+      const swatch = s(
+        "svg",
+        { width: 14, height: 14, "aria-hidden": "true" },
+        s("rect", {
+          x: 2,
+          y: 2,
+          width: 10,
+          height: 10,
+          fill: "none",
+          stroke: thingColor(thing.kind, colors),
+          "stroke-width": 2,
+        }),
+      );
+      const pick = button(thing.name, () => this.#select({ kind: "thing", index }), { class: "quiet record-link" });
+      list.append(h("li", null, swatch, pick));
+    });
+    return [h("div", null, h("div", { class: "legend-title" }, "Changes"), list)];
+  }
+
+  #setShown(index: number, shown: boolean): void {
+    if (shown) {
+      this.#view.hidden.delete(index);
+    } else {
+      this.#view.hidden.add(index);
+    }
+    this.#stage.moveTo();
+    this.#redraw();
+  }
+
+  // Stages
+
+  #goTo(stage: number): void {
+    this.#view.stage = Math.min(this.#model.lastStage, Math.max(0, stage));
+    const nearest = Math.round(this.#view.stage);
+    const { stages } = this.#model.section;
+    const exact = Math.abs(this.#view.stage - nearest) < 0.5 / kStepsPerStage;
+    this.#slider.value = String(Math.round(kStepsPerStage * this.#view.stage));
+    this.#slider.setAttribute("aria-valuetext", stages[nearest]);
+    this.#stageName.textContent = exact ? stages[nearest] : `… ${stages[Math.ceil(this.#view.stage)]}`;
+    this.element.querySelectorAll<HTMLElement>("[data-stage]").forEach((mark) => {
+      mark.setAttribute("aria-pressed", String(exact && mark.dataset.stage === String(nearest)));
+    });
+    this.#stage.moveTo();
+    this.#redraw(true);
+    if (this.#view.selected) {
+      this.#refreshSide();
+    }
+  }
+
+  #toggle(): void {
+    if (this.#playing) {
+      this.#pause();
+      return;
+    }
+    const from = this.#view.stage >= this.#model.lastStage ? 0 : this.#view.stage;
+    const start = performance.now();
+    this.#play.textContent = "Pause";
+    const tick = (now: number) => {
+      this.#goTo(from + (now - start) / kStageMs);
+      if (this.#view.stage >= this.#model.lastStage) {
+        this.#pause();
+      } else {
+        this.#playing = requestAnimationFrame(tick);
+      }
+    };
+    this.#playing = requestAnimationFrame(tick);
+  }
+
+  #pause(): void {
+    cancelAnimationFrame(this.#playing);
+    this.#playing = 0;
+    this.#play.textContent = "Play";
+  }
+
+  // Views
+
+  #listen(): void {
+    const stage = this.#stage;
+    const model = this.#model;
+    const turn = (change: (orbit: OrbitState) => void) => {
+      change(stage.orbit);
+      this.#redraw(true);
+    };
+    const hoverNow = (x: number, y: number) => stage.hover(stage.pick(x, y, false), x, y);
+    listenForGestures(stage.overlay, {
+      rotate: (right, down) => turn((orbit) => model.orbit.rotate(orbit, right, down)),
+      pan: (right, down) => turn((orbit) => model.orbit.pan(orbit, right, down)),
+      zoom: (factor) => turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      press: (x, y, touch) => {
+        stage.overlay.focus({ preventScroll: true });
+        this.#select(stage.pick(x, y, touch));
+      },
+      hover: (x, y) => {
+        clearTimeout(this.#hoverTimer);
+        const rest = model.landmarkCount > kHoverUpTo ? kHoverRestMs : 0;
+        this.#hoverTimer = window.setTimeout(() => hoverNow(x, y), rest);
+      },
+      leave: () => {
+        clearTimeout(this.#hoverTimer);
+        stage.hover(null, 0, 0);
+      },
+      wheelZooms: () => stage.surface.contains(document.activeElement),
+      wheelIgnored: () => stage.hint("Click the view to zoom with the wheel"),
+    });
+    listenForKeys({
+      element: this.element,
+      step: (by) => {
+        this.#pause();
+        this.#goTo(this.#view.stage + by / 10);
+      },
+      jump: (to) => {
+        this.#pause();
+        this.#goTo(to === "first" ? 0 : model.lastStage);
+      },
+      playPause: () => this.#toggle(),
+      resetView: () => this.#lookFrom("home"),
+      toggleRun: (index) => {
+        if (model.isShown(index)) {
+          this.#setShown(index, this.#view.hidden.has(index));
+          this.#refreshSide();
+        }
+      },
+      turn: (right, down) => turn((orbit) => model.orbit.rotate(orbit, right, down)),
+      zoom: (factor) => turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      escape: () => {
+        const had = this.#view.selected !== null;
+        if (had) {
+          this.#select(null);
+        }
+        return had;
+      },
+    });
+    onThemeChange((colors) => {
+      stage.setColors(colors);
+      this.#refreshSide();
+      this.#drawPlans();
+      this.#redraw();
+    });
+    this.#service.onRestored(() => this.#redraw());
+    new ResizeObserver(() => this.#layOut()).observe(stage.surface);
+    let plansWidth = 0;
+    new ResizeObserver(() => {
+      if (this.#graph.element.clientWidth !== plansWidth) {
+        plansWidth = this.#graph.element.clientWidth;
+        this.#drawPlans();
+      }
+    }).observe(this.#graph.element);
+    new IntersectionObserver(
+      (entries) => {
+        this.#near = entries.some((entry) => entry.isIntersecting);
+        if (!this.#near) {
+          this.#settle();
+        } else if (this.#dirty) {
+          this.#schedule(false);
+        }
+      },
+      { rootMargin: "400px" },
+    ).observe(this.element);
+  }
+
+  #layOut(): void {
+    const width = this.#stage.surface.clientWidth;
+    const tall = Math.max(300, Math.min(620, innerHeight - 260));
+    const height = width < 600 ? Math.max(260, Math.min(420, width * 0.9)) : tall;
+    this.element.style.setProperty("--pane-height", `${Math.round(height)}px`);
+    this.#redraw();
+  }
+
+  #lookFrom(name: StandardView): void {
+    const { surface } = this.#stage;
+    const aspect = (surface.clientWidth || 3) / (surface.clientHeight || 2);
+    this.#stage.orbit = this.#model.orbit.view(name, this.#model.half, aspect);
+    this.#redraw();
+  }
+
+  #drawPlans(): void {
+    const colors = palette();
+    this.#graph.draw(colors, this.#view.selected, this.#view.layers.rejected);
+    this.#matrix.draw(colors, this.#view.selected);
+  }
+
+  // Drawing: only when something changed, cheaply while it changes, in full once it rests
+
+  #redraw(moving = false): void {
+    this.#dirty = true;
+    this.#schedule(moving);
+  }
+
+  #schedule(moving: boolean): void {
+    this.element.dataset.drawn = "pending";
+    if (moving && (this.#service.software || this.#model.landmarkCount > kSmoothUpTo)) {
+      this.#moving = true;
+      clearTimeout(this.#settleTimer);
+      this.#settleTimer = window.setTimeout(() => {
+        this.#moving = false;
+        this.#redraw();
+      }, kSettleMs);
+    }
+    if (!this.#service.available) {
+      this.#report();
+    } else if (this.#near && !this.#frame) {
+      this.#frame = requestAnimationFrame(() => {
+        this.#frame = 0;
+        this.#dirty = false;
+        if (this.#stage.surface.clientWidth > 0) {
+          this.#stage.draw(this.#service, this.#resolution(), this.#moving);
+        }
+        this.#report();
+      });
+    }
+  }
+
+  #resolution(): number {
+    const smooth = this.#model.landmarkCount <= kSmoothUpTo && !this.#moving ? 2 : 1;
+    return Math.max(smooth, this.#service.software ? 1 : Math.min(window.devicePixelRatio || 1, 2));
+  }
+
+  /** Tells the page that this figure is up, and tests that the picture is the final one. */
+  #report(): void {
+    this.element.dataset.drawn = this.#moving ? "preview" : "full";
+    this.#settle();
+  }
+
+  #settle(): void {
+    this.#settled?.();
+    this.#settled = null;
+  }
+
+  async #savePicture(): Promise<void> {
+    const name = `${this.#model.section.id}.png`;
+    download(name, await canvasToPng(this.#stage.picture(this.#service, 2)));
+    this.#redraw();
+    announce(`${name} saved.`);
+  }
+}
+
+/** Several maps: in 3D, as a graph and as a matrix; `settled` is called once it has drawn its first picture. */
+export function networkFigure(section: NetworkSection, settled: () => void): HTMLElement {
+  return new NetworkFigure(section, settled).element;
+}

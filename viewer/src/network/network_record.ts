@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+import { button, h } from "../dom";
+import { formatCount, formatLength, formatNumber, idText } from "../math/format";
+import { apply, positionOf } from "../math/pose";
+import type { NetworkLink } from "../document/report";
+import { kUseTexts, type NetworkModel, type Selection } from "./network_model";
+
+type Choose = (selection: Selection) => void;
+
+function facts(...entries: [string, string | HTMLElement | null][]): HTMLElement {
+  return h(
+    "dl",
+    { class: "record-facts" },
+    ...entries
+      .filter(([, value]) => value !== null)
+      .map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
+  );
+}
+
+function probabilityText(link: NetworkLink): string {
+  if (link.probability === null) {
+    return "nobody judged";
+  }
+  const percent = 100 * link.probability;
+  // 99.996 is not 100.
+  return `${percent > 99 && percent < 100 ? Math.floor(100 * percent) / 100 : formatNumber(percent, 3)} %`;
+}
+
+function badge(link: NetworkLink): HTMLElement {
+  const status = { used: "good", undecided: "good", contradicted: "bad", ambiguous: "doubt", rejected: "bad" }[
+    link.use
+  ];
+  const sign = { good: "✓ ", doubt: "? ", bad: "✕ " }[status];
+  return h("span", { class: "badge", "data-status": status }, `${sign}${kUseTexts[link.use]}`);
+}
+
+function positionText(p: readonly number[]): string {
+  return p.map((value) => formatNumber(value, 4)).join(", ");
+}
+
+function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLElement[] {
+  const link = model.links[index];
+  const go = (node: number) =>
+    button(model.nodes[node].name, () => choose({ kind: "node", index: node }), { class: "quiet record-link" });
+  return [
+    h("h3", null, model.linkName(index)),
+    badge(link),
+    facts(
+      ["Probability", probabilityText(link)],
+      ["Found by", link.kind],
+      ["Off the poses", link.residual === null ? null : formatLength(link.residual, model.lengthUnit)],
+      ["Turned by", link.residualDeg === null ? null : `${formatNumber(link.residualDeg, 3)}°`],
+      ["Target", go(link.target)],
+      ["Source", go(link.source)],
+    ),
+    ...(link.reason ? [h("h4", null, "Reason"), h("p", { "data-record": "reason" }, link.reason)] : []),
+  ];
+}
+
+function nodeRecord(
+  model: NetworkModel,
+  selection: Extract<Selection, { kind: "node" }>,
+  stage: number,
+  choose: Choose,
+): HTMLElement[] {
+  const node = model.nodes[selection.index];
+  const pose = model.pose(selection.index, stage);
+  const content: HTMLElement[] = [h("h3", null, node.name)];
+  if (node.reason) {
+    content.push(h("p", { class: "record-reason" }, `Left out: ${node.reason}`));
+  }
+  content.push(
+    facts(
+      ["In the frame of", node.group === null ? "none" : model.section.groups[node.group].frame],
+      ["Session", node.session],
+      ["Landmarks", formatCount(node.landmarks)],
+      ["Fused with others", node.fused === null ? null : formatCount(node.fused)],
+      ["Keyframes", formatCount(node.keyframes)],
+    ),
+  );
+  const { cloud } = node;
+  if (cloud && selection.landmark !== undefined) {
+    const p = positionOf(cloud, selection.landmark);
+    content.push(
+      h("h4", null, `Landmark ${idText(cloud.ids, selection.landmark)}`),
+      facts(["In its map", positionText(p)], ["In the view", positionText(apply(pose, p))]),
+    );
+  }
+  if (cloud?.frames && selection.frame !== undefined) {
+    const { poses, timestamps, ids } = cloud.frames;
+    const at = 7 * selection.frame;
+    const time = timestamps?.[selection.frame];
+    content.push(
+      h("h4", null, `Keyframe ${idText(ids, selection.frame)}`),
+      facts(
+        ["In its map", positionText([poses[at], poses[at + 1], poses[at + 2]])],
+        ["In the view", positionText(apply(pose, [poses[at], poses[at + 1], poses[at + 2]]))],
+        ["Time", time === undefined || !Number.isFinite(time) ? null : `${time.toFixed(3)} s`],
+      ),
+    );
+  }
+  const links = model.linksOf(selection.index);
+  if (links.length > 0) {
+    const kFirst = 12;
+    const sorted = [...links].sort((a, b) => (model.links[b].probability ?? 1) - (model.links[a].probability ?? 1));
+    content.push(h("h4", null, "Its links"));
+    for (const index of sorted.slice(0, kFirst)) {
+      const link = model.links[index];
+      const other = link.target === selection.index ? link.source : link.target;
+      content.push(
+        h(
+          "div",
+          { class: "record-row" },
+          button(model.nodes[other].name, () => choose({ kind: "link", index }), { class: "quiet record-link" }),
+          badge(link),
+        ),
+      );
+    }
+    if (sorted.length > kFirst) {
+      content.push(h("p", { class: "muted" }, `and ${sorted.length - kFirst} more, in the table of links`));
+    }
+  }
+  return content;
+}
+
+function thingRecord(model: NetworkModel, index: number): HTMLElement[] {
+  const thing = model.section.things[index];
+  const [from, to] = thing.boxes;
+  const middle = (box: typeof from) => [0, 1, 2].map((i) => (box.low[i] + box.high[i]) / 2);
+  const shift = to ? Math.hypot(...middle(from).map((value, i) => middle(to)[i] - value)) : null;
+  return [
+    h("h3", null, thing.name),
+    facts(
+      ["At", positionText(middle(from))],
+      ["Size", from.low.map((value, i) => formatNumber(from.high[i] - value, 2)).join(" × ")],
+      ["Moved by", shift === null ? null : formatLength(shift, model.lengthUnit)],
+      ["To", to ? positionText(middle(to)) : null],
+    ),
+  ];
+}
+
+/** Everything the report knows about what is selected. */
+export function networkRecord(model: NetworkModel, selection: Selection, stage: number, choose: Choose): HTMLElement[] {
+  switch (selection.kind) {
+    case "link":
+      return linkRecord(model, selection.index, choose);
+    case "node":
+      return nodeRecord(model, selection, stage, choose);
+    case "thing":
+      return thingRecord(model, selection.index);
+  }
+}
