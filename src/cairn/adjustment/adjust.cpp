@@ -24,11 +24,12 @@ constexpr double kDepth95 = 3.841;
 
 struct PixelMeasure {
   const Camera* camera;
+  CameraProjection projection;
   Eigen::Vector2d pixel;
   double sigma_px;
 
   std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
-    return seen_pixel(*camera, pixel, sigma_px, x_in_camera);
+    return seen_pixel(projection, camera->parameters.data(), pixel, sigma_px, x_in_camera);
   }
 };
 
@@ -82,6 +83,7 @@ class Adjustment {
         options_(options),
         groups_(frame_groups(map, measurements, options.min_observations)),
         cameras_(map.cameras().begin(), map.cameras().end()),
+        projections_(map.cameras().begin(), map.cameras().end()),
         poses_(map.frame_count()),
         points_(map.landmarks().positions) {
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -104,6 +106,7 @@ class Adjustment {
   const AdjustOptions& options_;
   std::vector<FrameGroup> groups_;
   std::vector<Camera> cameras_;
+  std::vector<CameraProjection> projections_;  // of the map's cameras
   // Ceres orders blocks by address within a group: contiguous arrays keep that the same every time.
   std::vector<PoseBlock> poses_;
   std::vector<Eigen::Vector3d> points_;
@@ -137,14 +140,14 @@ void Adjustment::add_landmark(ceres::Problem& problem, std::uint32_t landmark,
   for (const Measurement& one : measurements_[landmark]) {
     double* const pose = poses_[one.frame.value].data();
     double* const point = points_[landmark].data();
-    const CameraIndex camera = *map_.frames().cameras[one.frame.value];
+    const CameraIndex index = *map_.frames().cameras[one.frame.value];
+    const Camera& camera = map_.cameras()[index.value];
     if (options_.refine_intrinsics) {
-      problem.AddResidualBlock(
-          new CalibrationCost(map_.cameras()[camera.value], one.pixel, one.sigma_px), pixel, pose,
-          point, cameras_[camera.value].parameters.data());
+      problem.AddResidualBlock(new CalibrationCost(camera, one.pixel, one.sigma_px), pixel, pose,
+                               point, cameras_[index.value].parameters.data());
     } else {
       problem.AddResidualBlock(new PointCost<PixelMeasure>(PixelMeasure{
-                                   &map_.cameras()[camera.value], one.pixel, one.sigma_px}),
+                                   &camera, projections_[index.value], one.pixel, one.sigma_px}),
                                pixel, pose, point);
     }
     if (!one.depth) continue;
