@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/adjustment/adjust.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 #include <fmt/format.h>
 
 #include "cairn/adjustment/detail/costs.hpp"
@@ -66,6 +69,20 @@ class StopWhenAsked final : public ceres::IterationCallback {
   int max_iterations_;
 };
 
+// What a calibration is taken to be right to: without it, what the observations hardly tell (three
+// radial parameters of a narrow lens, say) would run away and take the others along.
+ceres::Vector calibration_deviations(const Camera& camera) {
+  constexpr double kFocal = 0.02;       // of it
+  constexpr double kCentre = 0.01;      // of the image's size
+  constexpr double kDistortion = 0.05;  // each parameter
+  const Eigen::Index focal_lengths = CameraProjection(camera).focal_lengths();
+  ceres::Vector deviations =
+      ceres::Vector::Constant(static_cast<Eigen::Index>(camera.parameters.size()), kDistortion);
+  deviations.head(focal_lengths).setConstant(kFocal * camera.parameters.front());
+  deviations.segment<2>(focal_lengths).setConstant(kCentre * std::max(camera.width, camera.height));
+  return deviations;
+}
+
 struct Solved {
   MapTables tables;
   bool converged = false;
@@ -77,8 +94,11 @@ using Measurements = std::vector<std::vector<Measurement>>;
 // One solution of the least-squares problem.
 class Adjustment {
  public:
-  Adjustment(const LandmarkMap& map, const Measurements& measurements, const AdjustOptions& options)
+  // Cameras start as the map has them; what is known of them is the calibration.
+  Adjustment(const LandmarkMap& map, std::span<const Camera> calibration,
+             const Measurements& measurements, const AdjustOptions& options)
       : map_(map),
+        calibration_(calibration),
         measurements_(measurements),
         options_(options),
         groups_(frame_groups(map, measurements, options.min_observations)),
@@ -102,6 +122,7 @@ class Adjustment {
   MapTables tables() const;
 
   const LandmarkMap& map_;
+  std::span<const Camera> calibration_;
   const Measurements& measurements_;
   const AdjustOptions& options_;
   std::vector<FrameGroup> groups_;
@@ -132,6 +153,14 @@ void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrderi
     std::vector<double>& parameters = cameras_[i].parameters;
     problem.AddParameterBlock(parameters.data(), static_cast<int>(parameters.size()));
     ordering.AddElementToGroup(parameters.data(), 1);
+    const ceres::Matrix weights =
+        calibration_deviations(calibration_[i]).cwiseInverse().asDiagonal();
+    const std::vector<double>& expected = calibration_[i].parameters;
+    problem.AddResidualBlock(
+        new ceres::NormalPrior(
+            weights, Eigen::Map<const ceres::Vector>(expected.data(),
+                                                     static_cast<Eigen::Index>(expected.size()))),
+        nullptr, parameters.data());
   }
 }
 
@@ -309,7 +338,7 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
       result.unusable = map.observation_count() - result.observations;
       result.initial_rms_px = rms_px(map, measurements, options.min_observations);
     }
-    Solved solved = Adjustment(result.map, measurements, options).run();
+    Solved solved = Adjustment(result.map, map.cameras(), measurements, options).run();
     result.map = LandmarkMap(std::move(solved.tables));
     result.converged = solved.converged;
     result.iterations += solved.iterations;

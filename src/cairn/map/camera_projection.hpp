@@ -18,6 +18,8 @@ class CameraProjection {
   /// As project(), of a camera of that model with these parameters; as many as the model has.
   std::optional<Pixel> operator()(const double* parameters,
                                   const Eigen::Vector3d& x_in_camera) const;
+  /// With how many focal lengths its parameters begin; the optical axis' pixel follows, then distortion.
+  int focal_lengths() const { return focal_lengths_; }
 
  private:
   using Distortion = Eigen::Vector2d (*)(const Eigen::Vector2d& normalised,

@@ -113,7 +113,7 @@ double largest_error(const Trajectory& trajectory, const LandmarkMap& truth) {
 
 TEST(CloseLoops, MendsWhatOdometryDriftedAndMakesOneMap) {
   const LandmarkMap truth = desk();
-  const MappedSequence session = session_in_pieces(truth, 4, 0.02);
+  const MappedSequence session = session_in_pieces(truth, 4, 0.03);
   const ClosedLoops loops = close_loops(session);
   EXPECT_EQ(loops.links.size(), 6U);
   EXPECT_GT(loops.closed, 0U);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -134,11 +135,6 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
     world_from_camera.push_back(adjusted.world_from_camera(frames[i]));
     tables.frames.translations[i] = adjusted.frames().translations[frames[i].value];
     tables.frames.quaternions[i] = adjusted.frames().quaternions[frames[i].value];
-    if (map.frames().cameras.empty() || adjusted.frames().cameras.empty()) continue;
-    const auto before = map.frames().cameras[i];
-    const auto after = adjusted.frames().cameras[frames[i].value];
-    if (!before || !after) continue;
-    tables.cameras[before->value].parameters = adjusted.cameras()[after->value].parameters;
   }
   LandmarkTable& landmarks = tables.landmarks;
   for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
@@ -175,6 +171,7 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
   const double rounds = options.matching_rounds + 1;
   FusionOptions fusion = options.fusion;
   fusion.execution.progress = {};
+  std::optional<MeasurementNoise> noise;  // as the first round tells it
   for (int round = 0; round <= options.matching_rounds; ++round) {
     const bool last = round == options.matching_rounds;
     FusionResult fused = fuse_maps(placed, fusion);
@@ -190,7 +187,9 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
       how.covariances = false;
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);
     }
+    if (noise) how.noise = noise;
     AdjustResult adjusted = adjust(joined, how);
+    noise = adjusted.noise;
     result.map = std::move(adjusted.map);
     result.adjustment.converged = adjusted.converged;
     result.adjustment.iterations += adjusted.iterations;

@@ -49,7 +49,7 @@ struct AdjustedFusion {
 
 /// A map whose keyframes lie in the world where another map, that was made from it and adjusted, has them.
 /// Each landmark goes with the keyframe that observed it first, and so does its covariance; one that none
-/// observed goes with the map. Cameras are the adjusted ones.
+/// observed goes with the map. Cameras stay those of the map.
 /// @param world_from_map where the map was before; its scale is applied
 /// @param frames         of `adjusted`, one a frame of the map
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
