@@ -248,7 +248,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
 MiniMapLength usual_length_to_close_loops() {
   MiniMapLength length;
   length.metres = 1.0;
-  length.turn_rad = std::numbers::pi / 2.0;
+  length.turn_rad = std::numbers::pi / 4.0;
   return length;
 }
 
