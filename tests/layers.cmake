@@ -26,6 +26,7 @@ set(LAYER_odometry 6)
 set(LAYER_simulation 6)
 set(LAYER_merging 7)
 set(LAYER_experiments 7)
+set(LAYER_mapping 8)
 set(LAYER_atlas 8)
 set(LAYER_report 8)
 

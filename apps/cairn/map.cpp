@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,6 +16,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/map/io/camera_file.hpp"
 #include "cairn/map/io/map_file.hpp"
+#include "cairn/mapping/close_loops.hpp"
 #include "cairn/odometry/map_at_poses.hpp"
 #include "cairn/odometry/map_sequence.hpp"
 #include "cairn/odometry/mini_map_graph.hpp"
@@ -65,6 +67,8 @@ struct MapArguments {
   std::string start_from;
   std::string poses;
   std::string mini_map_length;
+  bool close_loops = false;
+  bool refine_intrinsics = false;
   std::string covariance = "recursive";
   std::size_t min_observations = MapOptions().min_observations;
   bool no_descriptors = false;
@@ -84,6 +88,9 @@ struct MapArguments {
   Json describe(std::size_t frames, const CameraFile& camera_file) const;
   Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
                 const CameraFile& camera_file) const;
+  LoopClosedSequence map_closing_loops(const Camera& model,
+                                       const SequenceOptions& sequence_options) const;
+  void print_loops(const LoopClosedSequence& closed) const;
   void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
   void run_odometry(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
 
@@ -123,13 +130,24 @@ void MapArguments::add_to(CLI::App& command) {
   auto* const length = add_text(
       command, "--mini-map-length", mini_map_length,
       "Cut into mini-maps, each in its own frame: so many metres of path, or frames", "1m|50f");
+  auto* const loops =
+      command.add_flag("--close-loops", close_loops,
+                       "Close the loops of the session: cut it into mini-maps, align them with one "
+                       "another, and adjust "
+                       "all of them as one map. --trajectory then has every frame, corrected");
+  loops->excludes(length);
+  command
+      .add_flag("--refine-intrinsics", refine_intrinsics,
+                "With --close-loops: adjust the camera's parameters too")
+      ->needs(loops);
   add_text(command, "--poses", poses,
            "Poses world_from_camera, known from elsewhere, as a trajectory in TUM format: nothing "
            "is estimated but the landmarks, in that world",
            "FILE")
       ->excludes(pose)
       ->excludes(from)
-      ->excludes(length);
+      ->excludes(length)
+      ->excludes(loops);
   add_text(command, "--covariance", covariance,
            "How landmark covariances are found: recursive, observation by observation, or "
            "marginal, from the whole least-squares problem")
@@ -397,6 +415,8 @@ Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) c
                 {"start_from", text_or_null(start_from)},
                 {"poses", text_or_null(poses)},
                 {"mini_map_length", text_or_null(mini_map_length)},
+                {"close_loops", close_loops},
+                {"refine_intrinsics", refine_intrinsics},
                 {"covariance", covariance},
                 {"min_observations", min_observations},
                 {"features", features},
@@ -500,10 +520,83 @@ int MapArguments::run() {
   return kDone;
 }
 
+LoopClosedSequence MapArguments::map_closing_loops(const Camera& model,
+                                                   const SequenceOptions& sequence_options) const {
+  const RgbdSequence images(sequence, sequence_options, common.console().log());
+  const MapSequenceOptions mapping = options();
+  with_option_names({{"FeatureOptions.count", "--features"},
+                     {"MapOptions.min_observations", "--min-observations"}},
+                    [&] { mapping.validate(); });
+  CloseLoopsOptions closing;
+  closing.adjustment.refine_intrinsics = refine_intrinsics;
+  closing.seed = common.seed;
+  closing.log = common.console().log();
+  closing.execution.executor = common.executor();
+  closing.execution.stop = interrupt_requests();
+  closing.execution.progress = common.console().progress("closing loops");
+  return map_and_close_loops(images, model, mapping, closing);
+}
+
+Json loops_json(const LoopClosedSequence& closed) {
+  const ClosedLoops& loops = closed.loops;
+  Json json = {{"mini_maps", closed.mini_maps},
+               {"closed", loops.closed},
+               {"odometry_refuted", loops.odometry_refuted},
+               {"links", Json::array()},
+               {"adjustment", nullptr},
+               {"largest_shift_m", loops.largest_shift_m},
+               {"largest_turn_deg", loops.largest_turn_rad * 180.0 / std::numbers::pi}};
+  for (std::size_t i = 0; i < loops.links.size(); ++i) {
+    const MapLink& link = loops.links[i];
+    json["links"].push_back({{"target", link.target},
+                             {"source", link.source},
+                             {"status", to_string(link.verdict)},
+                             {"probability", link.probability},
+                             {"used", static_cast<bool>(loops.used[i])},
+                             {"reason", link.reason}});
+  }
+  if (loops.closed == 0) return json;
+  const MergeAdjustment& adjustment = loops.adjustment;
+  json["adjustment"] = {{"converged", adjustment.converged},
+                        {"iterations", adjustment.iterations},
+                        {"matching_rounds", adjustment.matching_rounds},
+                        {"observations", adjustment.observations},
+                        {"initial_rms_px", adjustment.initial_rms_px},
+                        {"final_rms_px", adjustment.final_rms_px}};
+  return json;
+}
+
+void MapArguments::print_loops(const LoopClosedSequence& closed) const {
+  const ClosedLoops& loops = closed.loops;
+  std::string text;
+  if (loops.closed == 0) {
+    text = fmt::format("no loop closed between {} mini-maps: the map is as without --close-loops\n",
+                       closed.mini_maps);
+  } else {
+    text = fmt::format(
+        "{} loops closed between {} mini-maps: keyframes moved by up to {:.1f} cm and {:.2f}°; "
+        "residuals {:.2f} px{}\n",
+        loops.closed, closed.mini_maps, 100.0 * loops.largest_shift_m,
+        loops.largest_turn_rad * 180.0 / std::numbers::pi, loops.adjustment.final_rms_px,
+        loops.adjustment.converged ? "" : ", not converged");
+    if (loops.odometry_refuted > 0) {
+      text += fmt::format("{} of {} steps of odometry disagree with the loops and were not used\n",
+                          loops.odometry_refuted, closed.mini_maps - 1);
+    }
+  }
+  common.console().print(text);
+}
+
 void MapArguments::run_odometry(const CameraFile& camera_file,
                                 const SequenceOptions& sequence_options) const {
   const Stopwatch watch;
-  const MappedSequence mapped = map(camera_file.camera, sequence_options);
+  LoopClosedSequence closed;
+  if (close_loops) {
+    closed = map_closing_loops(camera_file.camera, sequence_options);
+  } else {
+    closed.mapped = map(camera_file.camera, sequence_options);
+  }
+  const MappedSequence& mapped = closed.mapped;
   const double seconds = watch.seconds();
   if (mapped.maps.empty()) {
     throw Error(ErrorKind::kInput, sequence,
@@ -513,9 +606,11 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
   write(mapped);
   const LandmarkCounts landmarks = count_landmarks(mapped.maps);
   Json json = describe(mapped, landmarks, camera_file);
+  json["loops"] = close_loops ? loops_json(closed) : Json(nullptr);
   json["duration_s"] = seconds;
   write_document(json, common);
   print(mapped, landmarks, seconds);
+  if (close_loops) print_loops(closed);
 }
 
 MapAtPosesOptions MapArguments::options_at_poses() const {

@@ -241,6 +241,7 @@ int MergeArguments::run() {
   if (const auto& adjustment = result.adjustment) {
     json["adjustment"] = {{"converged", adjustment->converged},
                           {"iterations", adjustment->iterations},
+                          {"matching_rounds", adjustment->matching_rounds},
                           {"observations", adjustment->observations},
                           {"initial_rms_px", adjustment->initial_rms_px},
                           {"final_rms_px", adjustment->final_rms_px}};

@@ -256,6 +256,30 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
                  {"minis", "exists already"});
 }
 
+TEST_F(MapCliTest, WhereNoLoopClosesTheMapIsAsWithoutLookingForAny) {
+  answer({"map", "s", "-o", "plain.map", "--trajectory", "plain.tum"});
+  const std::string text =
+      answer({"map", "s", "-o", "closed.map", "--trajectory", "closed.tum", "--close-loops"});
+  EXPECT_THAT(text, HasSubstr("no loop closed between "));
+  EXPECT_EQ(content("closed.map"), content("plain.map"));
+  EXPECT_EQ(content("closed.tum"), content("plain.tum"));
+  const Json json = document({"map", "s", "-o", "closed.map", "--close-loops"});
+  EXPECT_EQ(json.at("options").at("close_loops"), true);
+  EXPECT_EQ(json.at("loops").at("closed"), 0);
+  EXPECT_TRUE(json.at("loops").at("adjustment").is_null());
+  EXPECT_TRUE(document({"map", "s", "-o", "plain.map"}).at("loops").is_null());
+}
+
+TEST_F(MapCliTest, LoopsAreClosedInOneMapOfNewPosesOnly) {
+  expect_refusal({"map", "s", "-o", "out.map", "--close-loops", "--mini-map-length", "1m"},
+                 kWrongUsage, {"--close-loops", "--mini-map-length"});
+  expect_refusal({"map", "s", "-o", "out.map", "--close-loops", "--poses", "s/groundtruth.txt"},
+                 kWrongUsage, {"--close-loops", "--poses"});
+  expect_refusal({"map", "s", "-o", "out.map", "--refine-intrinsics"}, kWrongUsage,
+                 {"--refine-intrinsics", "--close-loops"});
+  EXPECT_THAT(files(), ElementsAre("s"));
+}
+
 TEST_F(MapCliTest, AForeignFolderWhereUnfinishedMiniMapsWouldStandIsLeftAlone) {
   fs::create_directory(path("minis.unfinished"));
   write("minis.unfinished/thesis.txt", "years of work");

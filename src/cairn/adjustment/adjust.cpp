@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/adjustment/adjust.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 #include <fmt/format.h>
 
 #include "cairn/adjustment/detail/costs.hpp"
@@ -24,11 +27,12 @@ constexpr double kDepth95 = 3.841;
 
 struct PixelMeasure {
   const Camera* camera;
+  CameraProjection projection;
   Eigen::Vector2d pixel;
   double sigma_px;
 
   std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
-    return seen_pixel(*camera, pixel, sigma_px, x_in_camera);
+    return seen_pixel(projection, camera->parameters.data(), pixel, sigma_px, x_in_camera);
   }
 };
 
@@ -65,6 +69,20 @@ class StopWhenAsked final : public ceres::IterationCallback {
   int max_iterations_;
 };
 
+// What a calibration is taken to be right to: without it, what the observations hardly tell (three
+// radial parameters of a narrow lens, say) would run away and take the others along.
+ceres::Vector calibration_deviations(const Camera& camera) {
+  constexpr double kFocal = 0.02;       // of it
+  constexpr double kCentre = 0.01;      // of the image's size
+  constexpr double kDistortion = 0.05;  // each parameter
+  const Eigen::Index focal_lengths = CameraProjection(camera).focal_lengths();
+  ceres::Vector deviations =
+      ceres::Vector::Constant(static_cast<Eigen::Index>(camera.parameters.size()), kDistortion);
+  deviations.head(focal_lengths).setConstant(kFocal * camera.parameters.front());
+  deviations.segment<2>(focal_lengths).setConstant(kCentre * std::max(camera.width, camera.height));
+  return deviations;
+}
+
 struct Solved {
   MapTables tables;
   bool converged = false;
@@ -76,12 +94,16 @@ using Measurements = std::vector<std::vector<Measurement>>;
 // One solution of the least-squares problem.
 class Adjustment {
  public:
-  Adjustment(const LandmarkMap& map, const Measurements& measurements, const AdjustOptions& options)
+  // Cameras start as the map has them; what is known of them is the calibration.
+  Adjustment(const LandmarkMap& map, std::span<const Camera> calibration,
+             const Measurements& measurements, const AdjustOptions& options)
       : map_(map),
+        calibration_(calibration),
         measurements_(measurements),
         options_(options),
         groups_(frame_groups(map, measurements, options.min_observations)),
         cameras_(map.cameras().begin(), map.cameras().end()),
+        projections_(map.cameras().begin(), map.cameras().end()),
         poses_(map.frame_count()),
         points_(map.landmarks().positions) {
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -100,10 +122,12 @@ class Adjustment {
   MapTables tables() const;
 
   const LandmarkMap& map_;
+  std::span<const Camera> calibration_;
   const Measurements& measurements_;
   const AdjustOptions& options_;
   std::vector<FrameGroup> groups_;
   std::vector<Camera> cameras_;
+  std::vector<CameraProjection> projections_;  // of the map's cameras
   // Ceres orders blocks by address within a group: contiguous arrays keep that the same every time.
   std::vector<PoseBlock> poses_;
   std::vector<Eigen::Vector3d> points_;
@@ -129,6 +153,14 @@ void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrderi
     std::vector<double>& parameters = cameras_[i].parameters;
     problem.AddParameterBlock(parameters.data(), static_cast<int>(parameters.size()));
     ordering.AddElementToGroup(parameters.data(), 1);
+    const ceres::Matrix weights =
+        calibration_deviations(calibration_[i]).cwiseInverse().asDiagonal();
+    const std::vector<double>& expected = calibration_[i].parameters;
+    problem.AddResidualBlock(
+        new ceres::NormalPrior(
+            weights, Eigen::Map<const ceres::Vector>(expected.data(),
+                                                     static_cast<Eigen::Index>(expected.size()))),
+        nullptr, parameters.data());
   }
 }
 
@@ -137,14 +169,14 @@ void Adjustment::add_landmark(ceres::Problem& problem, std::uint32_t landmark,
   for (const Measurement& one : measurements_[landmark]) {
     double* const pose = poses_[one.frame.value].data();
     double* const point = points_[landmark].data();
-    const CameraIndex camera = *map_.frames().cameras[one.frame.value];
+    const CameraIndex index = *map_.frames().cameras[one.frame.value];
+    const Camera& camera = map_.cameras()[index.value];
     if (options_.refine_intrinsics) {
-      problem.AddResidualBlock(
-          new CalibrationCost(map_.cameras()[camera.value], one.pixel, one.sigma_px), pixel, pose,
-          point, cameras_[camera.value].parameters.data());
+      problem.AddResidualBlock(new CalibrationCost(camera, one.pixel, one.sigma_px), pixel, pose,
+                               point, cameras_[index.value].parameters.data());
     } else {
       problem.AddResidualBlock(new PointCost<PixelMeasure>(PixelMeasure{
-                                   &map_.cameras()[camera.value], one.pixel, one.sigma_px}),
+                                   &camera, projections_[index.value], one.pixel, one.sigma_px}),
                                pixel, pose, point);
     }
     if (!one.depth) continue;
@@ -306,7 +338,7 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
       result.unusable = map.observation_count() - result.observations;
       result.initial_rms_px = rms_px(map, measurements, options.min_observations);
     }
-    Solved solved = Adjustment(result.map, measurements, options).run();
+    Solved solved = Adjustment(result.map, map.cameras(), measurements, options).run();
     result.map = LandmarkMap(std::move(solved.tables));
     result.converged = solved.converged;
     result.iterations += solved.iterations;

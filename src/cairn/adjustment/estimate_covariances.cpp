@@ -25,8 +25,9 @@ LinearObservation linearise(const LandmarkMap& map, const Measurement& measureme
   const Eigen::Vector3d arm = x_in_world - pose.translation();
   const Eigen::Vector3d x_in_camera = camera_from_world * arm;
   LinearObservation at;
-  const auto pixel = seen_pixel(camera_of(map, measurement.frame), measurement.pixel,
-                                measurement.sigma_px, x_in_camera);
+  const Camera& camera = camera_of(map, measurement.frame);
+  const auto pixel = seen_pixel(CameraProjection(camera), camera.parameters.data(),
+                                measurement.pixel, measurement.sigma_px, x_in_camera);
   if (pixel) at.by_point.topRows<2>() = pixel->by_x_in_camera * camera_from_world;
   if (measurement.depth) {
     at.by_point.row(2) = camera_from_world.row(2) / measurement.sigma_depth;

@@ -10,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/camera_projection.hpp"
 
 namespace cairn {
 namespace {
@@ -175,15 +176,25 @@ Intrinsics intrinsics(const Camera& camera) {
   return {p[0], p[focal_lengths - 1], p[focal_lengths], p[focal_lengths + 1]};
 }
 
+CameraProjection::CameraProjection(const Camera& camera) {
+  const Model& model = usable_model(camera, "project");
+  distort_ = model.distort;
+  focal_lengths_ = model.focal_lengths;
+}
+
+std::optional<Pixel> CameraProjection::operator()(const double* parameters,
+                                                  const Eigen::Vector3d& x_in_camera) const {
+  if (!(x_in_camera.z() > 0.0)) return std::nullopt;
+  const double* const p = parameters;
+  const Eigen::Vector2d distorted =
+      distort_(x_in_camera.head<2>() / x_in_camera.z(), p + focal_lengths_ + 2);
+  return Pixel{p[0] * distorted.x() + p[focal_lengths_],
+               p[focal_lengths_ - 1] * distorted.y() + p[focal_lengths_ + 1]};
+}
+
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera) {
   if (!(x_in_camera.z() > 0.0)) return std::nullopt;
-  const Model& model = usable_model(camera, "project");
-  const double* const p = camera.parameters.data();
-  const int focal_lengths = model.focal_lengths;
-  const Eigen::Vector2d distorted =
-      model.distort(x_in_camera.head<2>() / x_in_camera.z(), p + focal_lengths + 2);
-  return Pixel{p[0] * distorted.x() + p[focal_lengths],
-               p[focal_lengths - 1] * distorted.y() + p[focal_lengths + 1]};
+  return CameraProjection(camera)(camera.parameters.data(), x_in_camera);
 }
 
 std::optional<Eigen::Vector2d> unproject(const Camera& camera, const Pixel& pixel,

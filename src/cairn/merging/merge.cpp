@@ -49,33 +49,43 @@ std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
                      aligned == 1 ? "" : "s");
 }
 
-// The fused map, adjusted if it can be.
-LandmarkMap adjusted(LandmarkMap map, const MergeOptions& options, MergeResult& result) {
-  const std::string defect = measurement_defect(map);
-  if (!defect.empty()) {
-    if (options.log) options.log("not adjusted: the merged map " + defect);
-    return map;
+// Why the maps, once they are one, cannot be adjusted; empty if they can.
+std::string adjustment_defect(std::span<const PlacedMap> maps) {
+  bool observed = false;
+  for (const PlacedMap& placed : maps) {
+    if (placed.map->observations().offsets.empty()) continue;
+    observed = true;
+    const std::string defect = measurement_defect(*placed.map);
+    if (!defect.empty()) return placed.name + ": " + defect;
   }
-  AdjustOptions how = options.adjustment;
-  how.execution = options.execution;
-  how.execution.progress = part_of(options.execution.progress, 0.95, 1.0);
-  AdjustResult adjustment = adjust(map, how);
-  result.adjustment = {adjustment.converged, adjustment.iterations, adjustment.observations,
-                       adjustment.initial_rms_px, adjustment.final_rms_px};
-  MapTables tables = std::move(adjustment.map).tables();
+  return observed ? "" : "no map knows its observations";
+}
+
+// The maps fused and adjusted.
+FusionResult adjusted(std::span<const PlacedMap> maps, const FusionOptions& fusion,
+                      const MergeOptions& options, MergeResult& result) {
+  FuseAndAdjustOptions how;
+  how.fusion = fusion;
+  how.adjustment = options.adjustment;
+  how.adjustment.execution = fusion.execution;
+  how.matching_rounds = options.matching_rounds;
+  AdjustedFusion fused = fuse_and_adjust(maps, how);
+  const MergeAdjustment& adjustment = result.adjustment.emplace(fused.adjustment);
+  MapTables tables = std::move(fused.map).tables();
   tables.info.provenance.push_back(fmt::format(
       "adjusted: {} observations, root mean square residual {:.3f} px, {:.3f} px before",
       adjustment.observations, adjustment.final_rms_px, adjustment.initial_rms_px));
-  return LandmarkMap(std::move(tables));
+  return {LandmarkMap(std::move(tables)), std::move(fused.maps)};
 }
 
 }  // namespace
 
 void MergeOptions::validate() const {
   links.validate();
-  adjustment.validate();
-  FusionOptions fusion;
-  fusion.min_probability = fusion_probability;
+  FuseAndAdjustOptions fusion;
+  fusion.fusion.min_probability = fusion_probability;
+  fusion.adjustment = adjustment;
+  fusion.matching_rounds = matching_rounds;
   fusion.validate();
 }
 
@@ -149,11 +159,13 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   fusion.min_probability = options.fusion_probability;
   fusion.seed = options.seed;
   fusion.execution = options.execution;
-  fusion.execution.progress = part_of(options.execution.progress, 0.9, options.adjust ? 0.95 : 1.0);
+  fusion.execution.progress = part_of(options.execution.progress, 0.9, 1.0);
   fusion.log = options.log;
-  FusionResult fused = fuse_maps(placed, fusion);
+  const std::string defect = options.adjust ? adjustment_defect(placed) : "";
+  if (!defect.empty() && options.log) options.log("not adjusted: " + defect);
+  FusionResult fused = options.adjust && defect.empty() ? adjusted(placed, fusion, options, result)
+                                                        : fuse_maps(placed, fusion);
   for (std::size_t i = 0; i < index_of.size(); ++i) result.maps[index_of[i]].fusion = fused.maps[i];
-  if (options.adjust) fused.map = adjusted(std::move(fused.map), options, result);
   result.map = with_content_uuid(std::move(fused.map));
   return result;
 }

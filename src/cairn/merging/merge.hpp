@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/adjustment/adjust.hpp"
-#include "cairn/merging/fusion/fuse_maps.hpp"
+#include "cairn/merging/fusion/fuse_and_adjust.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
@@ -26,6 +25,8 @@ struct MergeOptions {
   /// Whether the merged map is adjusted: all its keyframes and landmarks, by all observations.
   bool adjust = false;
   AdjustOptions adjustment = {};  ///< its execution is taken from below
+  /// How often landmarks are matched again after an adjustment; see FuseAndAdjustOptions.
+  int matching_rounds = 2;
   std::uint64_t seed = 0;
   Execution execution = {};
   LogSink log = {};
@@ -41,15 +42,6 @@ struct MergedMap {
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
   std::optional<MapFusion> fusion;
-};
-
-/// What the adjustment of a merged map did; see AdjustResult.
-struct MergeAdjustment {
-  bool converged = false;
-  int iterations = 0;
-  std::size_t observations = 0;
-  double initial_rms_px = 0.0;
-  double final_rms_px = 0.0;
 };
 
 struct MergeResult {

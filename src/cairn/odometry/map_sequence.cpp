@@ -87,7 +87,8 @@ class Mapping {
   bool was_lost_ = false;
   std::size_t frames_in_map_ = 0;
   double path_in_map_ = 0.0;
-  std::optional<Eigen::Vector3d> last_centre_;
+  double turn_in_map_ = 0.0;
+  std::optional<Rigid3> last_pose_;
 };
 
 void Mapping::add(PreparedFrame frame, std::size_t frames) {
@@ -116,7 +117,8 @@ void Mapping::add(PreparedFrame frame, std::size_t frames) {
     result_.links.push_back(finished.to_next);
     frames_in_map_ = 1;
     path_in_map_ = 0.0;
-    last_centre_ = odometry_.last_pose()->translation();
+    turn_in_map_ = 0.0;
+    last_pose_ = odometry_.last_pose();
   }
   if (options_->progress) {
     options_->progress({result_.frames, frames, report.landmarks, result_.lost_frames()});
@@ -131,9 +133,12 @@ void Mapping::note_tracked(const FrameReport& report) {
     errors_.insert(errors_.end(), report.reprojection_errors.begin(),
                    report.reprojection_errors.end());
   }
-  const Eigen::Vector3d centre = odometry_.last_pose()->translation();
-  if (last_centre_) path_in_map_ += (centre - *last_centre_).norm();
-  last_centre_ = centre;
+  const Rigid3 pose = *odometry_.last_pose();
+  if (last_pose_) {
+    path_in_map_ += (pose.translation() - last_pose_->translation()).norm();
+    turn_in_map_ += (last_pose_->inverse() * pose).angle();
+  }
+  last_pose_ = pose;
 }
 
 void Mapping::note_lost(double timestamp_s) {
@@ -146,7 +151,8 @@ bool Mapping::is_long_enough() const {
   if (!options_->mini_maps) return false;
   const MiniMapLength& length = *options_->mini_maps;
   return (length.metres && path_in_map_ >= *length.metres) ||
-         (length.frames && frames_in_map_ >= *length.frames);
+         (length.frames && frames_in_map_ >= *length.frames) ||
+         (length.turn_rad && turn_in_map_ >= *length.turn_rad);
 }
 
 // The first pose of a mini-map is the last one of the map before.
@@ -206,6 +212,10 @@ void MapSequenceOptions::validate() const {
   if (mini_maps->metres && !(*mini_maps->metres > 0.0 && std::isfinite(*mini_maps->metres))) {
     throw Error(ErrorKind::kMisuse, "MapSequenceOptions.mini_maps.metres",
                 fmt::format("{}", *mini_maps->metres), "a positive number");
+  }
+  if (mini_maps->turn_rad && !(*mini_maps->turn_rad > 0.0 && std::isfinite(*mini_maps->turn_rad))) {
+    throw Error(ErrorKind::kMisuse, "MapSequenceOptions.mini_maps.turn_rad",
+                fmt::format("{}", *mini_maps->turn_rad), "a positive number");
   }
   if (mini_maps->frames && *mini_maps->frames < 2) {
     throw Error(ErrorKind::kMisuse, "MapSequenceOptions.mini_maps.frames",

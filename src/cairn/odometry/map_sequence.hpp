@@ -19,10 +19,11 @@
 
 namespace cairn {
 
-/// When a mini-map is long enough: after either, where given.
+/// When a mini-map is long enough: after any of these, where given.
 struct MiniMapLength {
   std::optional<double> metres;       ///< of the camera's path; positive
   std::optional<std::size_t> frames;  ///< tracked frames; at least 2
+  std::optional<double> turn_rad;     ///< sum of the angles between tracked frames; positive
 };
 
 /// How far mapping has come, told after each frame.

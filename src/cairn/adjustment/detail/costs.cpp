@@ -44,24 +44,24 @@ void set_rows(double* jacobian, const Matrix6& by_step) {
 
 CalibrationCost::CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel,
                                  double sigma_px)
-    : camera_(&camera), pixel_(pixel), sigma_px_(sigma_px) {
+    : projection_(camera), pixel_(pixel), sigma_px_(sigma_px) {
   set_num_residuals(2);
   *mutable_parameter_block_sizes() = {7, 3, static_cast<int>(camera.parameters.size())};
 }
 
 bool CalibrationCost::Evaluate(const double* const* parameters, double* residuals,
                                double** jacobians) const {
-  Camera camera = *camera_;
-  camera.parameters.assign(parameters[2], parameters[2] + camera.parameters.size());
   const PointCost pixel_cost([&](const Eigen::Vector3d& x_in_camera) {
-    return seen_pixel(camera, pixel_, sigma_px_, x_in_camera);
+    return seen_pixel(projection_, parameters[2], pixel_, sigma_px_, x_in_camera);
   });
   if (!pixel_cost.Evaluate(parameters, residuals, jacobians)) return false;
   if (jacobians == nullptr || jacobians[2] == nullptr) return true;
   const Rigid3 pose = to_pose(parameters[0]);
   const Eigen::Vector3d x_in_camera =
       pose.inverse() * Eigen::Vector3d(parameters[1][0], parameters[1][1], parameters[1][2]);
-  const Eigen::Matrix2Xd by_parameters = pixel_by_parameters(camera, x_in_camera) / sigma_px_;
+  const auto count = static_cast<std::size_t>(parameter_block_sizes()[2]);
+  const Eigen::Matrix2Xd by_parameters =
+      pixel_by_parameters(projection_, {parameters[2], count}, x_in_camera) / sigma_px_;
   Eigen::Map<Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>>(
       jacobians[2], 2, by_parameters.cols()) = by_parameters;
   return true;

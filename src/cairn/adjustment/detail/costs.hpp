@@ -54,14 +54,14 @@ class PointCost final : public ceres::SizedCostFunction<2, 7, 3> {
 /// The same for a pixel, by the camera's parameters too: a third block, as many numbers as the model has.
 class CalibrationCost final : public ceres::CostFunction {
  public:
-  /// @param camera for the model; outlives this
+  /// @param camera for the model
   CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel, double sigma_px);
 
   bool Evaluate(const double* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
-  const Camera* camera_;
+  CameraProjection projection_;
   Eigen::Vector2d pixel_;
   double sigma_px_;
 };

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include <Eigen/Core>
 
 #include "cairn/map/camera.hpp"
+#include "cairn/map/camera_projection.hpp"
 
 namespace cairn {
 
@@ -18,15 +20,20 @@ struct SeenPoint {
 };
 
 /// Where the point appears, against the pixel where it was seen; of any camera model.
+/// @param parameters of the camera
 /// @return std::nullopt if it is not in front of the camera
-std::optional<SeenPoint> seen_pixel(const Camera& camera, const Eigen::Vector2d& pixel,
-                                    double sigma_px, const Eigen::Vector3d& x_in_camera);
+std::optional<SeenPoint> seen_pixel(const CameraProjection& projection, const double* parameters,
+                                    const Eigen::Vector2d& pixel, double sigma_px,
+                                    const Eigen::Vector3d& x_in_camera);
 
 /// How far the point is along the optical axis, against the depth measured.
 /// @return std::nullopt if it is not in front of the camera
 std::optional<SeenPoint> seen_depth(double depth, double sigma, const Eigen::Vector3d& x_in_camera);
 
-/// Derivative of the point's pixel by the camera's parameters, in their order.
-Eigen::Matrix2Xd pixel_by_parameters(const Camera& camera, const Eigen::Vector3d& x_in_camera);
+/// Derivative of the point's pixel by the camera's parameters, in their order; the point is in front of the
+/// camera.
+Eigen::Matrix2Xd pixel_by_parameters(const CameraProjection& projection,
+                                     std::span<const double> parameters,
+                                     const Eigen::Vector3d& x_in_camera);
 
 }  // namespace cairn

@@ -4,6 +4,8 @@
 #include <mutex>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "cairn/core/error.hpp"
 
 namespace cairn {
@@ -59,10 +61,21 @@ void LinkOptions::validate() const {
 
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                const LinkOptions& options) {
-  options.validate();
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
   for (std::size_t source = 1; source < maps.size(); ++source) {
     for (std::size_t target = 0; target < source; ++target) pairs.emplace_back(target, source);
+  }
+  return link_maps(maps, pairs, options);
+}
+
+std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
+                               std::span<const std::pair<std::size_t, std::size_t>> pairs,
+                               const LinkOptions& options) {
+  options.validate();
+  for (const auto& [target, source] : pairs) {
+    if (target < maps.size() && source < maps.size() && target != source) continue;
+    throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", target, source),
+                fmt::format("two of {} maps", maps.size()));
   }
   std::vector<MapLink> links(pairs.size());
   const Executor& executor = options.execution.executor;

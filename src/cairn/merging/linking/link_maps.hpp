@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cairn/alignment/align.hpp"
@@ -51,5 +52,11 @@ MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
 /// @throws Error (cancelled) if the caller asked to stop
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                const LinkOptions& options = {});
+
+/// The same of some pairs only, (target, source).
+/// @return one link a pair, in their order
+std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
+                               std::span<const std::pair<std::size_t, std::size_t>> pairs,
+                               const LinkOptions& options);
 
 }  // namespace cairn

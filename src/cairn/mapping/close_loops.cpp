@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/mapping/close_loops.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/map/io/content_uuid.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/mapping/corrected_trajectory.hpp"
+#include "cairn/merging/optimisation/node_extent.hpp"
+#include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/merging/recognition/map_index.hpp"
+#include "cairn/odometry/mini_map_graph.hpp"
+
+namespace cairn {
+namespace {
+
+using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
+
+Progress stage(const Progress& progress, double begin, double end) {
+  if (!progress) return {};
+  return [=](double share) { progress(begin + (end - begin) * share); };
+}
+
+std::vector<const LandmarkMap*> pointers_to(const std::vector<LandmarkMap>& maps) {
+  std::vector<const LandmarkMap*> pointers;
+  for (const LandmarkMap& map : maps) pointers.push_back(&map);
+  return pointers;
+}
+
+// (target, source), the source later; by source, then target.
+Pairs pairs_to_try(const std::vector<LandmarkMap>& maps, const CloseLoopsOptions& options) {
+  std::set<std::pair<std::size_t, std::size_t>> by_source;
+  if (maps.size() <= options.most_with_all_pairs) {
+    for (std::size_t source = 1; source < maps.size(); ++source) {
+      for (std::size_t target = 0; target < source; ++target) by_source.emplace(source, target);
+    }
+  } else {
+    RecognitionOptions how;
+    how.seed = options.seed;
+    MapIndex index(how);
+    for (const LandmarkMap& map : maps) index.add(map);
+    for (std::size_t i = 0; i < maps.size(); ++i) {
+      if (i > 0) by_source.emplace(i, i - 1);
+      for (const RecognitionCandidate& found : index.find(i, options.candidates)) {
+        by_source.emplace(std::max(i, found.map), std::min(i, found.map));
+      }
+    }
+  }
+  Pairs pairs;
+  for (const auto& [source, target] : by_source) pairs.emplace_back(target, source);
+  return pairs;
+}
+
+// The session's nodes, odometry's links, then those of the pairs that are aligned.
+PoseGraph session_graph(const MappedSequence& session, const std::vector<MapLink>& links,
+                        std::vector<std::size_t>& link_of) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < session.maps.size(); ++i) names.push_back(fmt::format("{}", i));
+  PoseGraph graph = pose_graph(session, names);
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const MapLink& link = links[i];
+    if (link.verdict != Verdict::kAligned || !link.target_from_source) continue;
+    graph.links.push_back({NodeId{link.target}, NodeId{link.source}, *link.target_from_source,
+                           link.covariance, link.covariance_with_scale, LinkKind::kPlacement,
+                           link.probability});
+    link_of.push_back(i);
+  }
+  return graph;
+}
+
+// Gives nodes without a pose that of their neighbour and odometry, and puts the first at the identity.
+void place_all(const MappedSequence& session, OptimisedPoses& poses) {
+  auto& nodes = poses.world_from_node;
+  const auto link = [&](std::size_t i) { return Similarity3(session.links[i].previous_from_next); };
+  for (std::size_t i = 1; i < nodes.size(); ++i) {
+    if (!nodes[i] && nodes[i - 1]) nodes[i] = *nodes[i - 1] * link(i - 1);
+  }
+  for (std::size_t i = nodes.size() - 1; i > 0; --i) {
+    if (!nodes[i - 1] && nodes[i]) nodes[i - 1] = *nodes[i] * link(i - 1).inverse();
+  }
+  const Similarity3 first_from_world = nodes.front()->inverse();
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    nodes[i] = i == 0 ? Similarity3() : first_from_world * *nodes[i];
+  }
+}
+
+// The last keyframe of each mini-map is the first of the next, if it is.
+std::vector<SharedFrame> shared_frames(const std::vector<LandmarkMap>& maps) {
+  std::vector<SharedFrame> shared;
+  for (std::size_t i = 0; i + 1 < maps.size(); ++i) {
+    const FrameTable& before = maps[i].frames();
+    const FrameTable& after = maps[i + 1].frames();
+    if (before.ids.empty() || after.ids.empty()) continue;
+    if (before.timestamps_s.back() != after.timestamps_s.front()) continue;
+    const auto last = static_cast<std::uint32_t>(before.ids.size() - 1);
+    shared.push_back({i, FrameIndex{last}, i + 1, FrameIndex{0}});
+  }
+  return shared;
+}
+
+std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
+                                               const AdjustedFusion& fused) {
+  std::vector<CorrectedKeyframe> keyframes;
+  Rigid3 first_from_map;
+  for (std::size_t m = 0; m < session.maps.size(); ++m) {
+    const LandmarkMap& map = session.maps[m];
+    for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+      const double time = map.frames().timestamps_s[i].value();
+      if (!keyframes.empty() && time <= keyframes.back().timestamp_s) continue;
+      keyframes.push_back({time, first_from_map * map.world_from_camera(FrameIndex{i}),
+                           fused.map.world_from_camera(fused.frames[m][i])});
+    }
+    if (m < session.links.size()) {
+      first_from_map = first_from_map * session.links[m].previous_from_next;
+    }
+  }
+  return keyframes;
+}
+
+// As a map of one session: numbered from 0, with nothing that names mini-maps.
+LandmarkMap finished(LandmarkMap map, const MappedSequence& session, const ClosedLoops& loops,
+                     std::size_t min_observations) {
+  if (min_observations > 1) {
+    std::vector<LandmarkIndex> kept;
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      if (map.observation_count(LandmarkIndex{i}) >= min_observations) kept.push_back({i});
+    }
+    map = with_landmarks(map, kept);
+  }
+  MapTables tables = std::move(map).tables();
+  std::erase_if(tables.landmarks.columns, [](const NamedColumn& column) {
+    return column.name == kFromMapColumn || column.name == kFromLandmarkColumn ||
+           column.name == kFusedColumn;
+  });
+  for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) tables.frames.ids[i] = FrameId{i};
+  for (std::size_t i = 0; i < tables.landmarks.ids.size(); ++i) {
+    tables.landmarks.ids[i] = LandmarkId{i};
+  }
+  tables.info.provenance = session.maps.front().info().provenance;
+  tables.info.provenance.push_back(fmt::format(
+      "{} mini-maps of one session, {} loops closed; adjusted: {} observations, root mean square "
+      "residual {:.3f} px",
+      session.maps.size(), loops.closed, loops.adjustment.observations,
+      loops.adjustment.final_rms_px));
+  return with_content_uuid(LandmarkMap(std::move(tables)));
+}
+
+LandmarkMap without_descriptors(LandmarkMap map) {
+  MapTables tables = std::move(map).tables();
+  tables.landmarks.descriptors.reset();
+  return with_content_uuid(LandmarkMap(std::move(tables)));
+}
+
+void take_largest_moves(const std::vector<CorrectedKeyframe>& keyframes, ClosedLoops& loops) {
+  for (const CorrectedKeyframe& one : keyframes) {
+    const Vector6d moved = one.before.difference_to(one.after);
+    loops.largest_shift_m = std::max(loops.largest_shift_m, moved.head<3>().norm());
+    loops.largest_turn_rad = std::max(loops.largest_turn_rad, moved.tail<3>().norm());
+  }
+}
+
+}  // namespace
+
+void CloseLoopsOptions::validate() const {
+  links.validate();
+  FuseAndAdjustOptions how;
+  how.fusion.min_probability = fusion_probability;
+  how.adjustment = adjustment;
+  how.matching_rounds = matching_rounds;
+  how.validate();
+  const auto at_least = [](std::size_t least, std::size_t value, std::string_view field) {
+    if (value >= least) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("CloseLoopsOptions.{}", field),
+                fmt::format("{}", value), fmt::format("at least {}", least));
+  };
+  at_least(2, most_with_all_pairs, "most_with_all_pairs");
+  at_least(1, candidates, "candidates");
+  at_least(1, min_observations, "min_observations");
+}
+
+ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& options) {
+  options.validate();
+  if (session.maps.empty() || session.links.size() + 1 != session.maps.size()) {
+    throw Error(ErrorKind::kMisuse, "session",
+                fmt::format("{} maps, {} links", session.maps.size(), session.links.size()),
+                "a map or more, each linked with the next");
+  }
+  ClosedLoops result;
+  const std::size_t count = session.maps.size();
+  if (count < 2) return result;
+  LinkOptions how = options.links;
+  how.seed = options.seed;
+  how.execution = options.execution;
+  how.execution.progress = stage(options.execution.progress, 0.0, 0.5);
+  result.links = link_maps(pointers_to(session.maps), pairs_to_try(session.maps, options), how);
+  result.used.assign(result.links.size(), false);
+
+  std::vector<std::size_t> link_of;
+  const PoseGraph graph = session_graph(session, result.links, link_of);
+  std::vector<NodeExtent> extents;
+  for (const LandmarkMap& map : session.maps) extents.push_back(node_extent(map));
+  OptimisedPoses poses = optimise_poses(graph, extents);
+  const std::size_t of_odometry = session.links.size();
+  for (std::size_t i = 0; i < of_odometry; ++i) {
+    if (!poses.agrees[i]) ++result.odometry_refuted;
+  }
+  for (std::size_t i = 0; i < link_of.size(); ++i) {
+    if (!poses.agrees[of_odometry + i]) continue;
+    const MapLink& link = result.links[link_of[i]];
+    result.used[link_of[i]] = true;
+    if (link.source > link.target + 1) ++result.closed;
+  }
+  if (result.closed == 0) return result;
+
+  place_all(session, poses);
+  std::vector<PlacedMap> placed;
+  for (std::size_t i = 0; i < count; ++i) {
+    placed.push_back({&session.maps[i], fmt::format("mini-map {}", i), *poses.world_from_node[i],
+                      poses.covariances[i]});
+  }
+  FuseAndAdjustOptions fusing;
+  fusing.fusion.min_probability = options.fusion_probability;
+  fusing.fusion.seed = options.seed;
+  fusing.fusion.execution = options.execution.without_progress();
+  fusing.fusion.log = options.log;
+  fusing.adjustment = options.adjustment;
+  fusing.adjustment.execution = options.execution;
+  fusing.adjustment.execution.progress = stage(options.execution.progress, 0.5, 1.0);
+  fusing.matching_rounds = options.matching_rounds;
+  fusing.shared_frames = shared_frames(session.maps);
+  AdjustedFusion fused = fuse_and_adjust(placed, fusing);
+  result.adjustment = fused.adjustment;
+  const std::vector<CorrectedKeyframe> keyframes = moved_keyframes(session, fused);
+  take_largest_moves(keyframes, result);
+  result.trajectory = corrected(session.trajectory, keyframes);
+  result.map = finished(std::move(fused.map), session, result, options.min_observations);
+  return result;
+}
+
+MiniMapLength usual_length_to_close_loops() {
+  MiniMapLength length;
+  length.metres = 1.0;
+  length.turn_rad = std::numbers::pi / 4.0;
+  return length;
+}
+
+LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camera& camera,
+                                       const MapSequenceOptions& mapping,
+                                       const CloseLoopsOptions& options) {
+  options.validate();
+  MapSequenceOptions in_pieces = mapping;
+  if (!in_pieces.mini_maps) in_pieces.mini_maps = usual_length_to_close_loops();
+  // Observed once in a mini-map, a landmark may have more observations in the map.
+  in_pieces.map.min_observations = 1;
+  in_pieces.map.descriptors = true;  // to align by
+  LoopClosedSequence result;
+  result.mapped = map_sequence(sequence, camera, in_pieces);
+  result.mini_maps = result.mapped.maps.size();
+  if (result.mapped.maps.empty()) return result;
+  CloseLoopsOptions how = options;
+  how.min_observations = std::max(options.min_observations, mapping.map.min_observations);
+  result.loops = close_loops(result.mapped, how);
+  if (result.loops.map) {
+    MappedSequence& mapped = result.mapped;
+    mapped.maps.clear();
+    mapped.maps.push_back(mapping.map.descriptors
+                              ? std::move(*result.loops.map)
+                              : without_descriptors(std::move(*result.loops.map)));
+    mapped.links.clear();
+    mapped.trajectory = std::move(result.loops.trajectory);
+    mapped.keyframes = mapped.maps.front().frame_count();
+    result.loops.map.reset();
+    result.loops.trajectory = {};
+  } else {
+    MapSequenceOptions in_one = mapping;
+    in_one.mini_maps.reset();
+    in_one.log = {};  // it would say the same again
+    result.mapped = map_sequence(sequence, camera, in_one);
+  }
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/fusion/fuse_and_adjust.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/map/synthetic.hpp"
+
+#include "support/maps.hpp"
+#include "support/refusal.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::EqualsMap;
+using ::testing::HasSubstr;
+
+SyntheticPair two_sessions(std::uint64_t seed = 3) {
+  return synthetic_pair({.seed = seed, .landmarks = 1200, .frames = 30});
+}
+
+void set_pose(FrameTable& frames, std::size_t i, const Rigid3& pose) {
+  const Eigen::Quaterniond q = pose.quaternion();
+  frames.translations[i] = pose.translation();
+  frames.quaternions[i] = {q.w(), q.x(), q.y(), q.z()};
+}
+
+// As odometry bends a map: the farther along, the more it is turned about its first camera; landmarks go
+// with the keyframe that saw them first.
+LandmarkMap bent(const LandmarkMap& map, double turn_rad) {
+  LandmarkMap copy = map;
+  MapTables tables = std::move(copy).tables();
+  const Rigid3 start = map.world_from_camera(FrameIndex{0});
+  std::vector<Rigid3> moves;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const double share = i / static_cast<double>(map.frame_count() - 1);
+    const Rigid3 turn =
+        Rigid3::from_roll_pitch_yaw(Eigen::Vector3d::Zero(), 0.0, 0.0, share * turn_rad);
+    moves.push_back(start * turn * start.inverse());
+    set_pose(tables.frames, i, moves.back() * map.world_from_camera(FrameIndex{i}));
+  }
+  for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
+    const FrameIndex first = map.observing_frames(LandmarkIndex{l}).front();
+    tables.landmarks.positions[l] = moves[first.value] * map.landmarks().positions[l];
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+std::vector<PlacedMap> in_place(const LandmarkMap& target, const LandmarkMap& source,
+                                const Similarity3& target_from_source) {
+  return {{&target, "target", {}}, {&source, "source", target_from_source}};
+}
+
+// How many fused pairs are of one point of the scene, and how many are not.
+std::pair<std::size_t, std::size_t> right_and_wrong(const SyntheticPair& maps,
+                                                    const AdjustedFusion& fused) {
+  std::set<std::pair<std::uint32_t, std::uint32_t>> shared;
+  for (const auto& [source, target] : maps.shared) shared.emplace(source.value, target.value);
+  // Pixels tell whose an observation is.
+  std::pair<std::size_t, std::size_t> count = {0, 0};
+  const LandmarkMap& map = fused.map;
+  const auto& parts = map.column(kFusedColumn)->values;
+  const auto& from = map.column(kFromLandmarkColumn)->values;
+  for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
+    if (parts[l] < 2.0) continue;
+    const auto target = static_cast<std::uint32_t>(from[l]);
+    const Pixel last = map.observed_pixels(LandmarkIndex{l}).back();
+    bool right = false;
+    for (const auto& [s, t] : shared) {
+      if (t != target) continue;
+      right = maps.source.observed_pixels(LandmarkIndex{s}).back() == last;
+    }
+    ++(right ? count.first : count.second);
+  }
+  return count;
+}
+
+double largest_error(const SyntheticPair& maps, const AdjustedFusion& fused) {
+  double most = 0.0;
+  for (std::uint32_t i = 0; i < maps.source.frame_count(); ++i) {
+    const Rigid3 truth = maps.target_from_source * maps.source.world_from_camera(FrameIndex{i});
+    const Rigid3 pose = fused.map.world_from_camera(fused.frames[1][i]);
+    most = std::max(most, (truth.translation() - pose.translation()).norm());
+  }
+  return most;
+}
+
+TEST(FuseAndAdjust, MatchingAgainFindsWhatABentMapHid) {
+  const SyntheticPair maps = two_sessions();
+  const LandmarkMap source = bent(maps.source, 0.05);
+  const std::vector<PlacedMap> placed = in_place(maps.target, source, maps.target_from_source);
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 0;
+  const AdjustedFusion once = fuse_and_adjust(placed, options);
+  options.matching_rounds = 2;
+  const AdjustedFusion again = fuse_and_adjust(placed, options);
+  const auto [right_once, wrong_once] = right_and_wrong(maps, once);
+  const auto [right, wrong] = right_and_wrong(maps, again);
+  EXPECT_EQ(again.adjustment.matching_rounds, 2);
+  EXPECT_GT(right, right_once + right_once / 10);
+  EXPECT_LT(wrong, wrong_once);
+  EXPECT_GT(right, maps.shared.size() * 9 / 10);
+  EXPECT_LT(wrong, right / 20);
+  EXPECT_LT(largest_error(maps, again), 0.003);
+  EXPECT_LT(largest_error(maps, again), largest_error(maps, once));
+}
+
+TEST(FuseAndAdjust, SameResultWithAnyNumberOfThreads) {
+  const SyntheticPair maps = two_sessions();
+  const std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 1;
+  const AdjustedFusion one = fuse_and_adjust(placed, options);
+  options.fusion.execution.executor = Executor(2);
+  options.adjustment.execution.executor = Executor(2);
+  EXPECT_THAT(fuse_and_adjust(placed, options).map, EqualsMap(one.map));
+}
+
+TEST(FuseAndAdjust, AFrameOfTwoMapsBecomesOne) {
+  const SyntheticPair maps = two_sessions();
+  // The source's first keyframe, said to be the target's last, has its pose then.
+  const std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 1;
+  options.shared_frames = {{0, FrameIndex{29}, 1, FrameIndex{0}}};
+  const AdjustedFusion fused = fuse_and_adjust(placed, options);
+  EXPECT_EQ(fused.map.frame_count(), 59U);
+  EXPECT_EQ(fused.frames[0][29], FrameIndex{29});
+  EXPECT_EQ(fused.frames[1][0], FrameIndex{29});
+  EXPECT_EQ(fused.frames[1][1], FrameIndex{30});
+  for (std::uint32_t l = 0; l < fused.map.landmark_count(); ++l) {
+    const auto seen_by = fused.map.observing_frames(LandmarkIndex{l});
+    EXPECT_EQ(std::set<FrameIndex>(seen_by.begin(), seen_by.end()).size(), seen_by.size());
+  }
+  options.shared_frames = {{0, FrameIndex{30}, 1, FrameIndex{0}}};
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { fuse_and_adjust(placed, options); }),
+              HasSubstr("frame 30 of map 0"));
+}
+
+TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
+  const SyntheticPair maps = two_sessions();
+  // A map of half the size, so that its scale is 2.
+  MapTables halved = std::move(LandmarkMap(maps.source)).tables();
+  for (auto& t : halved.frames.translations) t *= 0.5;
+  for (auto& x : halved.landmarks.positions) x *= 0.5;
+  for (auto& c : halved.landmarks.covariances) c *= 0.25;
+  for (std::size_t k = 0; k < halved.observations.depths.size(); ++k) {
+    halved.observations.depths[k] = 0.5 * halved.observations.depths[k].value();
+  }
+  const LandmarkMap half(std::move(halved));
+  const LandmarkMap adjusted = bent(maps.source, 0.1);
+  std::vector<FrameIndex> frames;
+  for (std::uint32_t i = 0; i < half.frame_count(); ++i) frames.push_back(FrameIndex{i});
+  const LandmarkMap moved = moved_with_frames(half, Similarity3(2.0, Rigid3()), adjusted, frames);
+  for (std::uint32_t l = 0; l < moved.landmark_count(); ++l) {
+    EXPECT_LT((moved.landmarks().positions[l] - adjusted.landmarks().positions[l]).norm(), 1e-12);
+    EXPECT_NEAR(moved.landmarks().covariances[l].trace(),
+                maps.source.landmarks().covariances[l].trace(), 1e-12);
+  }
+  EXPECT_EQ(moved.frames().translations, adjusted.frames().translations);
+  EXPECT_DOUBLE_EQ(moved.observations().depths[7].value(),
+                   maps.source.observations().depths[7].value());
+}
+
+TEST(FuseAndAdjust, RefusesRoundsOutOfRange) {
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 11;
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
+              HasSubstr("matching_rounds"));
+}
+
+}  // namespace
+}  // namespace cairn
