@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/align.hpp"
+#include "cairn/alignment/by_parts.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/io/map_file.hpp"
@@ -25,7 +26,7 @@ int main(int argc, char** argv) {
   const auto parts_of = [&](const LandmarkMap& map) {
     std::vector<PreparedMap> prepared;
     for (const MapPart& part : cut_into_parts(map, {}, {.landmarks = size})) {
-      std::printf("part %llu-%llu %.2f-%.2f s %zu\n", (unsigned long long)part.first.value, (unsigned long long)part.last.value,
+      if (argc > 5) std::printf("part %llu-%llu %.2f-%.2f s %zu\n", (unsigned long long)part.first.value, (unsigned long long)part.last.value,
                   part.first_s.value_or(0) - *map.frames().timestamps_s[0], part.last_s.value_or(0) - *map.frames().timestamps_s[0], part.landmarks.size());
       prepared.emplace_back(with_landmarks(map, part.landmarks), PrepareOptions{.executor = executor});
     }
@@ -55,7 +56,26 @@ int main(int argc, char** argv) {
     std::fflush(stdout);
   };
   tell("whole", A, B);
-  for (std::size_t i = 0; i < a.size(); ++i) tell(fmt::format("s{} T", i).c_str(), a[i], B);
-  for (std::size_t i = 0; i < b.size(); ++i) tell(fmt::format("S t{}", i).c_str(), A, b[i]);
-  if (argc > 5) for (std::size_t i = 0; i < a.size(); ++i) for (std::size_t j = 0; j < b.size(); ++j) tell(fmt::format("s{} t{}", i, j).c_str(), a[i], b[j]);
+  const auto start = std::chrono::steady_clock::now();
+  PlaceOptions o;
+  const PartsAlignment parts = place_by_parts(A, B, o);
+  std::printf("by parts %.2f s: aligned %zu of %zu consensus %d contradictory %d\n", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
+     parts.aligned, parts.parts.size(), parts.consensus, parts.contradictory);
+  for (const PartPose& p : parts.parts) {
+    const auto rv = [&](const Similarity3& s) { return Eigen::Vector3d(degrees(1.0) * rotation_log(s.rigid().quaternion())); };
+    std::printf("  %s %llu-%llu %zu %s %.4f agrees %d", std::string(to_string(p.map)).c_str(), (unsigned long long)p.first.value, (unsigned long long)p.last.value, p.landmarks, std::string(to_string(p.verdict)).c_str(), p.probability, p.agrees);
+    if (p.found) std::printf(" found %.2f %.2f %.2f", rv(*p.found).x(), rv(*p.found).y(), rv(*p.found).z());
+    if (p.target_from_source) std::printf(" pose %.2f %.2f %.2f", rv(*p.target_from_source).x(), rv(*p.target_from_source).y(), rv(*p.target_from_source).z());
+    std::printf("\n");
+  }
+  if (parts.consensus) {
+    std::vector<Eigen::Vector3d> at;
+    for (const auto& p : A.cloud().landmarks().positions) at.push_back(p + A.cloud().centred()->centre);
+    const PoseError error = pose_error(*parts.target_from_source, Rigid3(), at);
+    const Eigen::Vector3d rv(degrees(1.0) * rotation_log(parts.target_from_source->rigid().quaternion()));
+    std::printf("  bend of %s %.2f deg between %llu and %llu, displaced %.3f; pose %.2f %.2f %.2f off %.2f deg %.3f m p %.4f\n", std::string(to_string(parts.bend->map)).c_str(), degrees(parts.bend->rotation_rad),
+      (unsigned long long)parts.bend->first.value, (unsigned long long)parts.bend->last.value, parts.bend->displacement, rv.x(), rv.y(), rv.z(), degrees(error.rotation_rad), error.translation, parts.probability);
+    const Matrix4d m = parts.target_from_source->matrix();
+    for (int i = 0; i < 4; ++i) std::printf("  %.9f %.9f %.9f %.9f\n", m(i,0), m(i,1), m(i,2), m(i,3));
+  }
 }

@@ -12,6 +12,7 @@
 
 #include "cairn/core/detail/json_field.hpp"
 #include "cairn/core/json_text.hpp"
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn {
 namespace {
@@ -139,6 +140,41 @@ Json overlap_json(const AlignmentRecord& record) {
   return {{"source", overlap->source},
           {"target", overlap->target},
           {"radius", or_null(record.overlap_radius)}};
+}
+
+// What the parts came to; poses are 4x4 matrices with the scale in them.
+Json parts_json(const std::optional<PartsAlignment>& parts) {
+  if (!parts) return nullptr;
+  Json list = Json::array();
+  for (const PartPose& part : parts->parts) {
+    const auto matrix = [](const std::optional<Similarity3>& pose) {
+      return pose ? rows_of(pose->matrix()) : Json(nullptr);
+    };
+    list.push_back({{"map", to_string(part.map)},
+                    {"first_keyframe", part.first.value},
+                    {"middle_keyframe", part.middle.value},
+                    {"last_keyframe", part.last.value},
+                    {"landmarks", part.landmarks},
+                    {"verdict", to_string(part.verdict)},
+                    {"probability", part.probability},
+                    {"agrees", part.agrees},
+                    {"found", matrix(part.found)},
+                    {"target_from_source", matrix(part.target_from_source)}});
+  }
+  Json bend = nullptr;
+  if (parts->bend) {
+    bend = {{"map", to_string(parts->bend->map)},
+            {"rotation_deg", degrees(parts->bend->rotation_rad)},
+            {"first_keyframe", parts->bend->first.value},
+            {"last_keyframe", parts->bend->last.value},
+            {"displacement", parts->bend->displacement}};
+  }
+  return {{"aligned", parts->aligned},
+          {"consensus", parts->consensus},
+          {"contradictory", parts->contradictory},
+          {"probability", parts->consensus ? Json(parts->probability) : Json(nullptr)},
+          {"bend", std::move(bend)},
+          {"poses", std::move(list)}};
 }
 
 Json repetition_json(const std::optional<RepeatedMatches>& repetition) {
@@ -453,6 +489,7 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
   json["matches"] = record.matches;
   json["overlap"] = overlap_json(record);
   json["candidates"] = candidates_json(alignment.candidates);
+  json["parts"] = parts_json(alignment.parts);
   // A limit in seconds leaves it to the machine what is found.
   json["deterministic"] = alignment.deterministic;
   json["cut_short"] = judged ? Json(alignment.cut_short) : Json(nullptr);

@@ -44,8 +44,9 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
 
   std::vector<Observed> observed(kept.size());
   std::vector<bool> seen(kept.size());
-  std::vector<std::size_t> middles(order.size());       // landmarks whose middle keyframe it is
-  std::vector<std::ptrdiff_t> across(order.size() + 1);  // observed before a keyframe and from it on
+  std::vector<std::size_t> middles(order.size());  // landmarks whose middle keyframe it is
+  std::vector<std::ptrdiff_t> across(order.size() +
+                                     1);  // observed before a keyframe and from it on
   std::size_t total = 0;
   for (std::size_t i = 0; i < kept.size(); ++i) {
     std::vector<std::uint32_t> ranks;
@@ -94,6 +95,11 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
     MapPart& part = parts.emplace_back();
     part.first = map.frames().ids[order[begins[i]]];
     part.last = map.frames().ids[order[end - 1]];
+    std::uint32_t middle = begins[i];
+    while (middle + 1 < end && 2 * earlier[middle + 1] < earlier[begins[i]] + earlier[end]) {
+      ++middle;
+    }
+    part.middle = map.frames().ids[order[middle]];
     if (by_time) {
       part.first_s = *times[order[begins[i]]];
       part.last_s = *times[order[end - 1]];

@@ -12,7 +12,8 @@ namespace cairn {
 
 /// Consecutive keyframes of a map and the landmarks that belong to them.
 struct MapPart {
-  FrameId first;  ///< keyframe
+  FrameId first;   ///< keyframe
+  FrameId middle;  ///< half of the landmarks belong to earlier keyframes
   FrameId last;
   std::optional<double> first_s = {};  ///< time of the first keyframe, where the map has times
   std::optional<double> last_s = {};
