@@ -339,6 +339,52 @@ PlacementCandidate candidate_of(const JsonField& field, unsigned version) {
   return candidate;
 }
 
+std::optional<Similarity3> matrix_of(const JsonField& field) {
+  if (field.is_null()) return std::nullopt;
+  const auto rows = field.rows<4, 4>();
+  Matrix4d matrix;
+  for (int i = 0; i < 16; ++i) matrix(i / 4, i % 4) = rows[static_cast<std::size_t>(i)];
+  return in_file(field, [&] { return Similarity3::from_matrix(matrix); });
+}
+
+MapRole role_of(const JsonField& field) {
+  return field.one_of(std::array{MapRole::kSource, MapRole::kTarget});
+}
+
+std::optional<PartsAlignment> parts_of(const JsonField& field) {
+  if (field.is_null()) return std::nullopt;
+  const auto keyframe = [](const JsonField& value) {
+    return FrameId{value.whole(std::numeric_limits<std::uint64_t>::max())};
+  };
+  PartsAlignment parts;
+  parts.aligned = field["aligned"].whole(kMostIndices);
+  parts.consensus = field["consensus"].truth();
+  parts.contradictory = field["contradictory"].truth();
+  parts.probability = field["probability"].optional_number().value_or(0.0);
+  if (const JsonField bend = field["bend"]; !bend.is_null()) {
+    parts.bend = MapBend{.map = role_of(bend["map"]),
+                         .rotation_rad = radians(bend["rotation_deg"].number()),
+                         .first = keyframe(bend["first_keyframe"]),
+                         .last = keyframe(bend["last_keyframe"]),
+                         .displacement = bend["displacement"].number()};
+  }
+  for (const JsonField& pose : field["poses"].items()) {
+    PartPose& part = parts.parts.emplace_back();
+    part.map = role_of(pose["map"]);
+    part.first = keyframe(pose["first_keyframe"]);
+    part.middle = keyframe(pose["middle_keyframe"]);
+    part.last = keyframe(pose["last_keyframe"]);
+    part.landmarks = pose["landmarks"].whole(kMostIndices);
+    part.verdict = pose["verdict"].one_of(
+        std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
+    part.probability = pose["probability"].number();
+    part.agrees = pose["agrees"].truth();
+    part.found = matrix_of(pose["found"]);
+    part.target_from_source = matrix_of(pose["target_from_source"]);
+  }
+  return parts;
+}
+
 void read_counts(const JsonField& field, RegistrationResult& result) {
   const auto count = [](const JsonField& value, std::uint64_t most) {
     return value.is_null() ? 0 : static_cast<int>(value.whole(most));
@@ -441,6 +487,7 @@ AlignmentRecord record_of(const JsonField& field, unsigned version) {
       alignment.candidates.push_back(candidate_of(candidate, version));
     }
   }
+  alignment.parts = parts_of(field["parts"]);
   if (const JsonField history = field["history"]; !history.is_null()) {
     for (const JsonField& iteration : history.items()) {
       result.history.push_back(iteration_of(iteration, version));
