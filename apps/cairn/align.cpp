@@ -48,6 +48,8 @@ struct AlignArguments {
   bool estimate_scale = false;
   bool anywhere = false;
   bool no_verdict = false;
+  bool by_parts = false;
+  bool no_parts = false;
   AlignOptions alignment;  // but for what `options` hold
   std::vector<const CLI::Option*> of_icp_alone;
   std::vector<const CLI::Option*> of_guesses;  // a search has none of these
@@ -162,6 +164,15 @@ void AlignArguments::add_to(CLI::App& command) {
              "limit)");
   add_number(command, "--min-probability", alignment.min_probability,
              "Probability from which a pose is aligned, 0.5 to below 1");
+  auto* const parts = command.add_flag(
+      "--by-parts", by_parts,
+      "Also place parts of the maps one by one, whatever the whole comes to: tells how far a map "
+      "bends, and each part's pose");
+  command
+      .add_flag("--no-parts", no_parts,
+                "Do not place parts where the maps as a whole are refused (default: large maps "
+                "with descriptors are placed by parts then)")
+      ->excludes(parts);
   command.add_flag("--no-verdict", no_verdict,
                    "Do not judge: give the pose that the method came to, right or not");
   for (const char* const name : {"--initial", "--initial-matrix"}) {
@@ -238,6 +249,9 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"method", is_robust() ? "robust" : "icp"},
           {"anywhere", is_robust() && !has_initial()},
           {"judge", !no_verdict},
+          {"parts", by_parts   ? "always"
+                    : no_parts ? "never"
+                               : "where_refused"},
           {"min_probability", no_verdict ? Json(nullptr) : Json(alignment.min_probability)},
           {"gravity", gravity},
           {"estimate_scale", estimate_scale},
@@ -370,6 +384,28 @@ std::string candidates_text(const Alignment& alignment, LengthUnit unit, bool tr
   return text;
 }
 
+// A line a part, as long as they are asked for.
+std::string parts_text(const PartsAlignment& parts, LengthUnit unit) {
+  std::string text = fmt::format("  parts: {} of {} aligned by themselves, {}\n", parts.aligned,
+                                 parts.parts.size(),
+                                 parts.consensus       ? "which agree up to a bend"
+                                 : parts.contradictory ? "which contradict each other"
+                                                       : "too few to agree");
+  for (const PartPose& part : parts.parts) {
+    text += fmt::format("    {} keyframes {}-{}, {} landmarks: {} ({})", to_string(part.map),
+                        part.first.value, part.last.value, part.landmarks, to_string(part.verdict),
+                        percent_text(part.probability));
+    if (part.target_from_source) {
+      text += fmt::format("{} {}", part.agrees ? ":" : ", placed between the others:",
+                          pose_text(part.target_from_source->rigid(), unit, 3, 2));
+    } else if (part.found && part.verdict == Verdict::kAligned) {
+      text += ": " + pose_text(part.found->rigid(), unit, 3, 2);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
 double extent_of(const LandmarkMap& map) {
   const std::vector<Eigen::Vector3d>& positions = map.landmarks().positions;
   if (positions.empty()) return 0.0;
@@ -462,6 +498,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
       console.print(open_directions_text(one, estimate_scale));
     }
     if (!one.verdict) continue;
+    if (by_parts && one.parts) console.print(parts_text(*one.parts, unit));
     console.print(candidates_text(one, unit, trusted));
     if (!trusted) console.print(hints(one, source_map.map, target_map.map, estimate_scale));
   }
@@ -550,6 +587,8 @@ int AlignArguments::run() {
   alignment.method = is_robust() ? AlignMethod::kRobust : AlignMethod::kIcp;
   if (has_initial()) alignment.prior = PosePrior{.target_from_source = guess};
   alignment.judge = !no_verdict;
+  if (by_parts) alignment.parts = PartsUse::kAlways;
+  if (no_parts) alignment.parts = PartsUse::kNever;
   alignment.points = point_options;
   alignment.overlap_radius = options.overlap_radius;
   alignment.trace = options.trace || !common.report_path.empty();

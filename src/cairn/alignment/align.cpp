@@ -11,7 +11,10 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "cairn/alignment/by_parts.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/placement/refine.hpp"
 
 namespace cairn {
@@ -143,6 +146,16 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
   PlacementResult placed = !found   ? pair.place()
                            : by_icp ? pair.judge(found->similarity())
                                     : pair.settle(found->similarity());
+  // What is searched for is known by now: it costs little to see what the guess kept from being found.
+  const bool refuted = found && !by_icp && placed.verdict != Verdict::kAligned &&
+                       !options.execution.stop.stop_requested();
+  if (refuted) {
+    PlacementResult everywhere = pair.place();
+    if (everywhere.probability > placed.probability) {
+      everywhere.reason = "the guess is not confirmed; from everywhere: " + everywhere.reason;
+      placed = std::move(everywhere);
+    }
+  }
   RegistrationResult end = std::move(placed.alignment);
   const bool stopped = end.status == RegistrationStatus::kCancelled;
   RegistrationResult whole = !found   ? std::move(end)
@@ -203,6 +216,105 @@ Alignment timed(const AlignOptions& options, const Work& work) {
 
 std::string_view unit_of(LengthUnit unit) {
   return unit == LengthUnit::kMetres ? "m" : "";
+}
+
+// "source bends by 6.8 deg between keyframes 40 and 95 (...)".
+std::string bend_text(const MapBend& bend, std::string_view unit) {
+  return fmt::format(
+      "{} bends by {:.1f} deg between keyframes {} and {} (landmarks of a part are up to "
+      "{:.2g}{}{} "
+      "from where this pose puts them)",
+      to_string(bend.map), degrees(bend.rotation_rad), bend.first.value, bend.last.value,
+      bend.displacement, unit.empty() ? "" : " ", unit);
+}
+
+// How many parts are aligned by themselves, of how many.
+std::string parts_text(const PartsAlignment& parts) {
+  return fmt::format("{} of {} parts are aligned by themselves", parts.aligned, parts.parts.size());
+}
+
+// Whether two poses are those of parts of one bent map, the single pose and any part's.
+bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
+                    const PreparedMap& source) {
+  const PoseDistance distance = PoseDistance::of(source.cloud().landmarks().positions);
+  const Eigen::Vector3d& centre = source.cloud().centred()->centre;
+  const auto centred = [&](const Similarity3& one) {
+    return one * Similarity3(Rigid3(Eigen::Quaterniond::Identity(), centre));
+  };
+  constexpr double kNear = 0.3;  // times the map's radius
+  return std::any_of(parts.parts.begin(), parts.parts.end(), [&](const PartPose& part) {
+    return part.target_from_source && distance(centred(*part.target_from_source), centred(pose)) <
+                                          kNear * distance.radius * pose.scale();
+  });
+}
+
+// The pose that the parts agree on becomes the result.
+void take_consensus(const PreparedMap& source, const PreparedMap& target, std::string_view unit,
+                    const AlignOptions& options, Alignment& alignment) {
+  const PartsAlignment& parts = *alignment.parts;
+  const Similarity3& pose = *parts.target_from_source;
+  RefineOptions held;
+  held.initial = pose.rigid();
+  if (options.scale) held.scale = pose.scale();
+  held.hold = true;
+  held.overlap_radius = options.overlap_radius;
+  if (!held.overlap_radius && alignment.radius > 0.0) held.overlap_radius = alignment.radius;
+  held.execution = options.execution.without_progress();
+  RegistrationResult result = refine(source.cloud(), target.cloud(), held);
+  result.initial_score = alignment.registration.initial_score;
+  result.iterations = alignment.registration.iterations;
+  result.history = std::move(alignment.registration.history);
+  result.unobservable.clear();
+  result.covariance = parts.covariance;
+  result.covariance_with_scale.reset();
+  alignment.registration = std::move(result);
+  alignment.verdict = Verdict::kAligned;
+  alignment.reason = fmt::format("by parts, of which {}: {}; as a whole: {}", parts_text(parts),
+                                 bend_text(*parts.bend, unit), alignment.reason);
+  alignment.probability = parts.probability;
+  // What was found for the whole maps is less likely than that none of it is right.
+  for (PlacementCandidate& candidate : alignment.candidates) {
+    candidate.probability *= 1.0 - parts.probability;
+  }
+  PlacementCandidate own;
+  own.target_from_source = pose.rigid();
+  own.scale = pose.scale();
+  own.probability = parts.probability;
+  alignment.candidates.insert(alignment.candidates.begin(), own);
+  alignment.estimate = alignment.target_from_source = pose;
+}
+
+// What the parts of the maps make of a result.
+void judge_by_parts(const PreparedMap& source, const PreparedMap& target, std::string_view unit,
+                    const AlignOptions& options, Alignment& alignment) {
+  if (!alignment.verdict || options.parts == PartsUse::kNever) return;
+  const bool refused = alignment.verdict != Verdict::kAligned;
+  const bool always = options.parts == PartsUse::kAlways;
+  if (!always && (!refused || options.time_limit_s)) return;
+  PlaceOptions placement = placement_of(options, unit);
+  placement.execution = options.execution.without_progress();
+  PartsAlignment parts = place_by_parts(source, target, placement);
+  if (parts.parts.empty()) return;
+  alignment.parts = std::move(parts);
+  const PartsAlignment& found = *alignment.parts;
+  if (found.consensus && found.covariance && refused) {
+    return take_consensus(source, target, unit, options, alignment);
+  }
+  const auto contradict = [&](std::string_view what) {
+    alignment.verdict = Verdict::kAmbiguous;
+    alignment.target_from_source.reset();
+    alignment.reason =
+        fmt::format("{}, of which {}; as a whole: {}", what, parts_text(found), alignment.reason);
+  };
+  if (found.contradictory) {
+    contradict("the parts of the maps contradict each other");
+  } else if (found.consensus && !refused) {
+    if (!is_near_a_part(found, *alignment.estimate, source)) {
+      contradict("the parts of the maps agree on another pose");
+    } else {
+      alignment.reason += "; by parts: " + bend_text(*found.bend, unit);
+    }
+  }
 }
 
 PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
@@ -279,8 +391,11 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
                             point_set(target, options.confidence, options.points), clouds, unit,
                             options);
     }
-    const auto [from, to] = clouds();
-    return aligned(from, to, unit, options);
+    const PreparedMap from = prepared(source, options);
+    const PreparedMap to = prepared(target, options);
+    Alignment alignment = aligned(from.cloud(), to.cloud(), unit, options);
+    judge_by_parts(from, to, unit, options, alignment);
+    return alignment;
   });
 }
 
@@ -288,7 +403,10 @@ Alignment align(const PreparedMap& source, const PreparedMap& target, const Alig
   options.validate();
   require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
   return timed(options, [&] {
-    return aligned(source.cloud(), target.cloud(), unit_of(target.length_unit()), options);
+    const std::string_view unit = unit_of(target.length_unit());
+    Alignment alignment = aligned(source.cloud(), target.cloud(), unit, options);
+    judge_by_parts(source, target, unit, options, alignment);
+    return alignment;
   });
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/alignment/map_bend.hpp"
 #include "cairn/confidence/metric.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/placement/place.hpp"
@@ -28,6 +29,13 @@ struct PosePrior {
   std::optional<Matrix6d> covariance = {};
 };
 
+/// When maps are placed by parts; see map_bend.hpp.
+enum class PartsUse {
+  kWhereRefused,  ///< where no pose of the whole maps is aligned
+  kAlways,        ///< to tell the bend and the parts' poses of every pair
+  kNever,
+};
+
 /// How two maps are aligned.
 struct AlignOptions {
   AlignMethod method = AlignMethod::kRobust;
@@ -43,6 +51,7 @@ struct AlignOptions {
   /// Odds, before anything is looked at, that the maps show one place; see PlaceOptions.
   double prior_odds = 1.0;
   bool one_to_one = false;  ///< kRobust, from a prior pose: match no target landmark twice
+  PartsUse parts = PartsUse::kWhereRefused;  ///< kRobust, of maps
   bool judge = true;  ///< without it no pose is aligned: the result has an estimate and no verdict
   /// Work of the search in units of the default's; from 1/16 to 64.
   double effort = 1.0;
@@ -78,7 +87,9 @@ struct Alignment {
   /// How the estimate was come to: score, iterations, history, matches; and its covariance, open
   /// directions and overlap.
   RegistrationResult registration;
-  double radius = 0.0;        ///< within which landmarks count as matched; 0 if not judged
+  double radius = 0.0;  ///< within which landmarks count as matched; 0 if not judged
+  /// What the parts of the maps came to; nothing where they were not placed.
+  std::optional<PartsAlignment> parts;
   bool cut_short = false;     ///< by the time limit; see PlacementResult
   bool deterministic = true;  ///< false with a time limit
   double duration_s = 0.0;    ///< wall time of the whole call

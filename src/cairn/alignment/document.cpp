@@ -12,6 +12,7 @@
 
 #include "cairn/core/detail/json_field.hpp"
 #include "cairn/core/json_text.hpp"
+#include "cairn/geometry/angles.hpp"
 
 namespace cairn {
 namespace {
@@ -139,6 +140,41 @@ Json overlap_json(const AlignmentRecord& record) {
   return {{"source", overlap->source},
           {"target", overlap->target},
           {"radius", or_null(record.overlap_radius)}};
+}
+
+// What the parts came to; poses are 4x4 matrices with the scale in them.
+Json parts_json(const std::optional<PartsAlignment>& parts) {
+  if (!parts) return nullptr;
+  Json list = Json::array();
+  for (const PartPose& part : parts->parts) {
+    const auto matrix = [](const std::optional<Similarity3>& pose) {
+      return pose ? rows_of(pose->matrix()) : Json(nullptr);
+    };
+    list.push_back({{"map", to_string(part.map)},
+                    {"first_keyframe", part.first.value},
+                    {"middle_keyframe", part.middle.value},
+                    {"last_keyframe", part.last.value},
+                    {"landmarks", part.landmarks},
+                    {"verdict", to_string(part.verdict)},
+                    {"probability", part.probability},
+                    {"agrees", part.agrees},
+                    {"found", matrix(part.found)},
+                    {"target_from_source", matrix(part.target_from_source)}});
+  }
+  Json bend = nullptr;
+  if (parts->bend) {
+    bend = {{"map", to_string(parts->bend->map)},
+            {"rotation_deg", degrees(parts->bend->rotation_rad)},
+            {"first_keyframe", parts->bend->first.value},
+            {"last_keyframe", parts->bend->last.value},
+            {"displacement", parts->bend->displacement}};
+  }
+  return {{"aligned", parts->aligned},
+          {"consensus", parts->consensus},
+          {"contradictory", parts->contradictory},
+          {"probability", parts->consensus ? Json(parts->probability) : Json(nullptr)},
+          {"bend", std::move(bend)},
+          {"poses", std::move(list)}};
 }
 
 Json repetition_json(const std::optional<RepeatedMatches>& repetition) {
@@ -303,6 +339,52 @@ PlacementCandidate candidate_of(const JsonField& field, unsigned version) {
   return candidate;
 }
 
+std::optional<Similarity3> matrix_of(const JsonField& field) {
+  if (field.is_null()) return std::nullopt;
+  const auto rows = field.rows<4, 4>();
+  Matrix4d matrix;
+  for (int i = 0; i < 16; ++i) matrix(i / 4, i % 4) = rows[static_cast<std::size_t>(i)];
+  return in_file(field, [&] { return Similarity3::from_matrix(matrix); });
+}
+
+MapRole role_of(const JsonField& field) {
+  return field.one_of(std::array{MapRole::kSource, MapRole::kTarget});
+}
+
+std::optional<PartsAlignment> parts_of(const JsonField& field) {
+  if (field.is_null()) return std::nullopt;
+  const auto keyframe = [](const JsonField& value) {
+    return FrameId{value.whole(std::numeric_limits<std::uint64_t>::max())};
+  };
+  PartsAlignment parts;
+  parts.aligned = field["aligned"].whole(kMostIndices);
+  parts.consensus = field["consensus"].truth();
+  parts.contradictory = field["contradictory"].truth();
+  parts.probability = field["probability"].optional_number().value_or(0.0);
+  if (const JsonField bend = field["bend"]; !bend.is_null()) {
+    parts.bend = MapBend{.map = role_of(bend["map"]),
+                         .rotation_rad = radians(bend["rotation_deg"].number()),
+                         .first = keyframe(bend["first_keyframe"]),
+                         .last = keyframe(bend["last_keyframe"]),
+                         .displacement = bend["displacement"].number()};
+  }
+  for (const JsonField& pose : field["poses"].items()) {
+    PartPose& part = parts.parts.emplace_back();
+    part.map = role_of(pose["map"]);
+    part.first = keyframe(pose["first_keyframe"]);
+    part.middle = keyframe(pose["middle_keyframe"]);
+    part.last = keyframe(pose["last_keyframe"]);
+    part.landmarks = pose["landmarks"].whole(kMostIndices);
+    part.verdict = pose["verdict"].one_of(
+        std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
+    part.probability = pose["probability"].number();
+    part.agrees = pose["agrees"].truth();
+    part.found = matrix_of(pose["found"]);
+    part.target_from_source = matrix_of(pose["target_from_source"]);
+  }
+  return parts;
+}
+
 void read_counts(const JsonField& field, RegistrationResult& result) {
   const auto count = [](const JsonField& value, std::uint64_t most) {
     return value.is_null() ? 0 : static_cast<int>(value.whole(most));
@@ -405,6 +487,7 @@ AlignmentRecord record_of(const JsonField& field, unsigned version) {
       alignment.candidates.push_back(candidate_of(candidate, version));
     }
   }
+  alignment.parts = parts_of(field["parts"]);
   if (const JsonField history = field["history"]; !history.is_null()) {
     for (const JsonField& iteration : history.items()) {
       result.history.push_back(iteration_of(iteration, version));
@@ -453,6 +536,7 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
   json["matches"] = record.matches;
   json["overlap"] = overlap_json(record);
   json["candidates"] = candidates_json(alignment.candidates);
+  json["parts"] = parts_json(alignment.parts);
   // A limit in seconds leaves it to the machine what is found.
   json["deterministic"] = alignment.deterministic;
   json["cut_short"] = judged ? Json(alignment.cut_short) : Json(nullptr);
