@@ -60,6 +60,8 @@ set(CAIRN_UNITY_APART
     "apps/cairn/experiment_paper.cpp apps/cairn/evaluate_trajectory.cpp apps/cairn/report.cpp"
     "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"
     "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
+    "src/cairn/atlas/store/sqlite_store.cpp"
+    "src/cairn/merging/recognition/map_index_test.cpp"
     "src/cairn/map/io/binary.cpp src/cairn/map/io/pcd.cpp"
     "src/cairn/map/io/point_columns.cpp"
     "src/cairn/map/camera_test.cpp"

@@ -22,7 +22,9 @@ TEST(MapParts, HoldEachLandmarkOnceInTheOrderOfKeyframes) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
     EXPECT_LE(parts[i].first, parts[i].middle);
     EXPECT_LE(parts[i].middle, parts[i].last);
-    if (i > 0) EXPECT_LT(parts[i - 1].last, parts[i].first);
+    if (i > 0) {
+      EXPECT_LT(parts[i - 1].last, parts[i].first);
+    }
     for (const LandmarkIndex landmark : parts[i].landmarks) seen.insert(landmark.value);
     total += parts[i].landmarks.size();
     EXPECT_GT(parts[i].landmarks.size(), 200U);
