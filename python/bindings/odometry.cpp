@@ -190,7 +190,9 @@ Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
   CallOptions call;
   SequenceKeywords keywords = sequence_keywords().read(given, &call);
   if (keywords.mini_map_metres || keywords.mini_map_frames) {
-    keywords.options.mini_maps = MiniMapLength{keywords.mini_map_metres, keywords.mini_map_frames};
+    keywords.options.mini_maps.emplace();
+    keywords.options.mini_maps->metres = keywords.mini_map_metres;
+    keywords.options.mini_maps->frames = keywords.mini_map_frames;
   }
   Mapped mapped;
   run("mapping", call, [&](const Execution& execution) {
