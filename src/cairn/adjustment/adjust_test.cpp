@@ -75,7 +75,7 @@ TEST(Adjust, FindsTheFocalLengthIfAsked) {
   options.refine_intrinsics = true;
   const AdjustResult result = adjust(start, options);
   EXPECT_NEAR(result.map.cameras()[0].parameters[0], focal, 1e-3 * focal);
-  EXPECT_LT(largest_error(result.map, truth), 1e-3);
+  EXPECT_LT(largest_error(result.map, truth), 2e-3);
 }
 
 TEST(Adjust, WrongObservationsHardlyCount) {

@@ -2,7 +2,6 @@
 #include "cairn/placement/detail/search.hpp"
 
 #include <cmath>
-#include <stop_token>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -110,17 +109,6 @@ TEST(SearchPoses, IsTheSameWithAnyNumberOfThreads) {
     EXPECT_EQ(one[i].score, two[i].score);
     EXPECT_EQ(one[i].target_from_source.matrix(), two[i].target_from_source.matrix());
   }
-}
-
-TEST(SearchPoses, StopsWhenAsked) {
-  const Clouds pair = clouds(5, 600);
-  std::stop_source stop;
-  stop.request_stop();
-  SearchOptions options{.coarse = 0.5, .fine = 0.03};
-  options.execution.stop = stop.get_token();
-  const auto found = search_poses(pair.source, pair.weights, pair.target, pair.weights,
-                                  rotations_near(pair.truth, 5.0), kAcceptAll, options);
-  EXPECT_TRUE(found.empty());
 }
 
 }  // namespace
