@@ -96,6 +96,19 @@ std::vector<const CLI::App*> parsed_verbs(const CLI::App& program) {
   return verbs;
 }
 
+// Whether the words lead from verb to verb.
+bool are_verbs(const CLI::App& program, std::span<char*> words) {
+  const CLI::App* verb = &program;
+  for (const std::string_view word : words) {
+    const auto below = verb->get_subcommands(nullptr);
+    const auto found = std::find_if(below.begin(), below.end(),
+                                    [&](const CLI::App* one) { return one->get_name() == word; });
+    if (found == below.end()) return false;
+    verb = *found;
+  }
+  return true;
+}
+
 std::string did_you_mean(const std::string& word, std::span<const std::string> names) {
   const auto meant = cairn::cli::likely_meant(word, names);
   return meant ? fmt::format("; did you mean {}?", *meant) : "";
@@ -190,8 +203,9 @@ int run(int argc, char** argv) {
   }
   try {
     if (argc > 1 && std::string_view(argv[1]) == "help") {
-      // "help align" is "align --help". CLI11 takes the words last first.
-      std::vector<std::string> words = {"--help"};
+      // "help align" is "align --help"; CLI11 takes the words last first. It would pass over a word that is none.
+      std::vector<std::string> words;
+      if (are_verbs(program, {argv + 2, argv + argc})) words.emplace_back("--help");
       for (int i = argc - 1; i > 1; --i) words.emplace_back(argv[i]);
       program.parse(std::move(words));
     } else {

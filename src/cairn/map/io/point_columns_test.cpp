@@ -136,7 +136,7 @@ TEST(PointRows, ComeBackThroughATable) {
   tables.landmarks.positions = {{1.25, 2.5, -3.0}, {0.1, 0.2, 0.3}};
   tables.landmarks.covariances = {Eigen::Vector3d(1, 2, 3).asDiagonal(),
                                   Eigen::Vector3d(4, 5, 6).asDiagonal()};
-  tables.landmarks.colors = {Color{1, 2, 3}, std::nullopt};
+  tables.landmarks.colors = {Color{1, 2, 3}, Color{4, 5, 6}};
   const LandmarkMap map(std::move(tables));
   const PointRows rows(map, PointFormat::kPly, ScalarType::kFloat64);
   for (const bool ascii : {true, false}) {
@@ -156,7 +156,8 @@ TEST(PointRows, ComeBackThroughATable) {
     EXPECT_EQ(back.landmarks().ids, map.landmarks().ids) << ascii;
     EXPECT_EQ(back.landmarks().positions, map.landmarks().positions) << ascii;
     EXPECT_EQ(back.landmarks().covariances, map.landmarks().covariances) << ascii;
-    EXPECT_EQ(back.landmarks().colors[0], (Color{1, 2, 3})) << ascii;
+    ASSERT_EQ(back.landmarks().colors.size(), 2U) << ascii;
+    EXPECT_EQ(back.landmarks().colors[1], (Color{4, 5, 6})) << ascii;
   }
 }
 
