@@ -35,6 +35,7 @@ list(TRANSFORM pcl_headers REPLACE "^cairn/" "")
 file(GLOB_RECURSE config "${prefix}/*/cairn-config.cmake")
 file(STRINGS "${config}" components REGEX "^set\\(cairn_components ")
 string(REGEX REPLACE "^set\\(cairn_components (.*)\\)$" "\\1" components "${components}")
+string(REPLACE "\\;" ";" components "${components}") # file(STRINGS) shields them
 if(NOT "pcl" IN_LIST components)
   message(FATAL_ERROR "no components in ${config}: ${components}")
 endif()
