@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -199,9 +200,11 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     result.adjustment.matching_rounds = round;
     if (last) break;
     for (std::size_t m = 0; m < maps.size(); ++m) {
-      moved[m] =
+      // In its own frame again, for its pose is as uncertain as it was: only its bends are gone.
+      const LandmarkMap in_world =
           moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map, result.frames[m]);
-      placed[m] = {&moved[m], maps[m].name, Similarity3(), Matrix7d::Zero()};
+      moved[m] = m == 0 ? in_world : transformed(in_world, maps[m].world_from_map.inverse());
+      placed[m].map = &moved[m];
     }
   }
   return result;
