@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/by_parts.hpp"
+#include "cairn/alignment/straightened.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
@@ -298,7 +299,12 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target, std::s
   alignment.parts = std::move(parts);
   const PartsAlignment& found = *alignment.parts;
   if (found.consensus && found.covariance && refused) {
-    return take_consensus(source, target, unit, options, alignment);
+    alignment.parts->confirmed = is_aligned_straightened(found, source, target, placement);
+    if (*found.confirmed) return take_consensus(source, target, unit, options, alignment);
+    alignment.reason +=
+        fmt::format("; by parts, of which {}: the map straightened by them is not aligned either",
+                    parts_text(found));
+    return;
   }
   const auto contradict = [&](std::string_view what) {
     alignment.verdict = Verdict::kAmbiguous;

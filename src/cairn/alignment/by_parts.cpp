@@ -26,6 +26,8 @@ constexpr double kBetween = 0.5;
 constexpr double kLeastProbability = 0.1;  // of such a pose
 constexpr std::size_t kFitPoints = 200;    // of a part
 constexpr double kMostOfBend = 0.8;
+constexpr double kOwnShare =
+    0.2;  // of a part's matches, that makes a part of the other map its partner
 
 double angle_between(const Similarity3& a, const Similarity3& b) {
   return a.rigid().quaternion().angularDistance(b.rigid().quaternion());
@@ -149,11 +151,29 @@ bool consistent(const Side& side, const Agreement& agree) {
 
 // Whether a part of the other map, aligned by itself, contradicts all that this map's parts say.
 bool contradicts(const Side& side, const Agreement& agree, const Side& other) {
+  if (side.decisive.empty()) return false;
   return std::any_of(other.decisive.begin(), other.decisive.end(), [&](std::size_t there) {
     const Similarity3 pose = other.trials[there].own.inverse();
     return std::none_of(side.decisive.begin(), side.decisive.end(),
                         [&](std::size_t here) { return agree(here, side.trials[here].own, pose); });
   });
+}
+
+// Whether two of the parts are held by landmarks of two parts of the other map: what one thing shows in
+// many keyframes is not two things.
+bool independent(const Side& side) {
+  for (const std::size_t a : side.decisive) {
+    for (const std::size_t b : side.decisive) {
+      const std::vector<double>& one = side.trials[a].shares;
+      const std::vector<double>& other = side.trials[b].shares;
+      for (std::size_t i = 0; a < b && i < one.size(); ++i) {
+        for (std::size_t j = 0; j < other.size(); ++j) {
+          if (i != j && one[i] >= kOwnShare && other[j] >= kOwnShare) return true;
+        }
+      }
+    }
+  }
+  return false;
 }
 
 // Mean squared rotation between what the parts of `other` show and what the bend of `side` would explain
@@ -375,12 +395,22 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
   if (!described) return result;
   std::vector<Side> sides = {{MapRole::kSource, &source, &target},
                              {MapRole::kTarget, &target, &source}};
+  if (source.parts().empty() || target.parts().empty()) return result;
+  // Parts run beside each other, each on one thread.
+  PlaceOptions of_part = options;
+  of_part.execution = {.executor = Executor(), .stop = options.execution.stop, .progress = {}};
   for (Side& side : sides) {
     const auto parts = side.map->parts();
+    side.trials.resize(parts.size());
+    options.execution.executor.for_blocks(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (options.execution.stop.stop_requested()) return;
+        side.trials[i] = trial(side, parts[i], of_part);
+      }
+    });
+    if (options.execution.stop.stop_requested()) return {};
     for (std::size_t i = 0; i < parts.size(); ++i) {
-      if (options.execution.stop.stop_requested()) return {};
-      side.trials.push_back(trial(side, parts[i], options));
-      if (side.trials.back().decisive) side.decisive.push_back(i);
+      if (side.trials[i].decisive) side.decisive.push_back(i);
     }
   }
   const std::vector<Agreement> agreements = {Agreement(sides[0]), Agreement(sides[1])};
@@ -389,14 +419,21 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
     result.aligned += sides[i].decisive.size();
   }
   std::optional<std::size_t> chosen;
+  bool disagree = false;
+  bool one_agrees = false;
   for (std::size_t i = 0; i < 2; ++i) {
-    if (!sides[i].consistent || contradicts(sides[i], agreements[i], sides[1 - i])) continue;
+    const bool contradicted = contradicts(sides[i], agreements[i], sides[1 - i]);
+    disagree = disagree || contradicted ||
+               (sides[i].decisive.size() >= kFewestParts && !sides[i].consistent);
+    if (!sides[i].consistent || contradicted) continue;
+    one_agrees = true;
+    if (!independent(sides[i])) continue;
     // Of two, the one whose bend explains what the parts of the other show.
     if (!chosen || unexplained(sides[i], sides[1 - i]) < unexplained(sides[*chosen], sides[i])) {
       chosen = i;
     }
   }
-  result.contradictory = !chosen && result.aligned >= kFewestParts;
+  result.contradictory = disagree && !one_agrees;
   if (chosen) conclude(sides[*chosen], agreements[*chosen], options.scale.has_value(), result);
   for (Side& side : sides) {
     for (Trial& trial : side.trials) result.parts.push_back(std::move(trial.pose));

@@ -172,6 +172,7 @@ Json parts_json(const std::optional<PartsAlignment>& parts) {
   return {{"aligned", parts->aligned},
           {"consensus", parts->consensus},
           {"contradictory", parts->contradictory},
+          {"confirmed", or_null(parts->confirmed)},
           {"probability", parts->consensus ? Json(parts->probability) : Json(nullptr)},
           {"bend", std::move(bend)},
           {"poses", std::move(list)}};
@@ -360,6 +361,7 @@ std::optional<PartsAlignment> parts_of(const JsonField& field) {
   parts.aligned = field["aligned"].whole(kMostIndices);
   parts.consensus = field["consensus"].truth();
   parts.contradictory = field["contradictory"].truth();
+  if (!field["confirmed"].is_null()) parts.confirmed = field["confirmed"].truth();
   parts.probability = field["probability"].optional_number().value_or(0.0);
   if (const JsonField bend = field["bend"]; !bend.is_null()) {
     parts.bend = MapBend{.map = role_of(bend["map"]),

@@ -51,10 +51,12 @@ struct MapBend {
 struct PartsAlignment {
   std::vector<PartPose> parts;  ///< those of the source first, in the order of their keyframes
   std::size_t aligned = 0;      ///< how many are aligned by themselves
-  /// At least two parts of one map are aligned by themselves and agree up to a bend, and no aligned part
-  /// contradicts them.
+  /// At least two parts of one map are aligned by themselves, with landmarks of two parts of the other, and
+  /// agree up to a bend, and no aligned part contradicts them.
   bool consensus = false;
-  bool contradictory = false;   ///< parts that are aligned by themselves contradict each other
+  bool contradictory = false;  ///< parts that are aligned by themselves contradict each other
+  /// Whether the map that bends, straightened, is aligned as a whole; nothing where that was not asked.
+  std::optional<bool> confirmed = {};
   std::optional<MapBend> bend;  ///< with a consensus
   /// With a consensus: the pose that fits all landmarks of the map that bends best, each at its
   /// part's place. Its covariance includes how far the parts' poses differ from it.

@@ -107,7 +107,16 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
     for (std::uint32_t j = begins[i]; j < end; ++j) part_of[j] = static_cast<std::uint32_t>(i);
   }
   for (std::size_t i = 0; i < kept.size(); ++i) {
-    if (seen[i]) parts[part_of[observed[i].middle]].landmarks.push_back(kept[i]);
+    if (!seen[i]) continue;
+    const std::uint32_t middle = observed[i].middle;
+    const std::size_t index = part_of[middle];
+    parts[index].landmarks.push_back(kept[i]);
+    const std::size_t begin = earlier[begins[index]];
+    const std::size_t end = index + 1 < begins.size() ? earlier[begins[index + 1]] : earlier.back();
+    // Half of those of its own keyframe count as earlier.
+    parts[index].along.push_back((0.5 * static_cast<double>(earlier[middle] + earlier[middle + 1]) -
+                                  static_cast<double>(begin)) /
+                                 static_cast<double>(end - begin));
   }
   return parts;
 }

@@ -18,6 +18,8 @@ struct MapPart {
   std::optional<double> first_s = {};  ///< time of the first keyframe, where the map has times
   std::optional<double> last_s = {};
   std::vector<LandmarkIndex> landmarks;  ///< no landmark belongs to two parts
+  /// Of each of them: the share of the part's landmarks that belong to earlier keyframes.
+  std::vector<double> along = {};
 };
 
 /// Into how many parts a map is cut.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/prepared_map.hpp"
 
+#include <limits>
 #include <mutex>
 #include <utility>
 
@@ -10,17 +11,22 @@ namespace cairn {
 
 class PreparedMap::Parts {
  public:
-  Parts(const LandmarkMap& map, const PrepareOptions& options)
-      : seed_(options.seed), executor_(options.executor) {
+  Parts(const LandmarkMap& map, const PrepareOptions& options) : seed_(options.seed) {
     parts_ = cut_into_parts(map, options.points, options.cut);
     if (parts_.size() < 2) parts_.clear();
     std::vector<std::uint32_t> of_landmark(map.landmark_count(),
                                            static_cast<std::uint32_t>(parts_.size()));
+    std::vector<double> along(map.landmark_count(), std::numeric_limits<double>::quiet_NaN());
     for (std::uint32_t i = 0; i < parts_.size(); ++i) {
-      for (const LandmarkIndex landmark : parts_[i].landmarks) of_landmark[landmark.value] = i;
+      const MapPart& part = parts_[i];
+      for (std::size_t j = 0; j < part.landmarks.size(); ++j) {
+        of_landmark[part.landmarks[j].value] = i;
+        along[part.landmarks[j].value] = static_cast<double>(i) + part.along[j];
+      }
     }
     for (const LandmarkIndex landmark : landmarks_to_align(map, options.points)) {
       part_of_.push_back(of_landmark[landmark.value]);
+      along_.push_back(along[landmark.value]);
     }
     for (const MapPart& part : parts_) {
       clouds_.push_back(
@@ -29,11 +35,13 @@ class PreparedMap::Parts {
   }
 
   std::span<const std::uint32_t> part_of() const { return part_of_; }
+  std::span<const double> along() const { return along_; }
   std::span<const PreparedPart> prepared() {
     std::call_once(once_, [&] {
       for (std::size_t i = 0; i < parts_.size(); ++i) {
-        prepared_.push_back(
-            {std::move(parts_[i]), PreparedCloud(std::move(clouds_[i]), seed_, executor_, "part")});
+        // On this thread alone: to take up other work here might be to wait for oneself.
+        prepared_.push_back({std::move(parts_[i]),
+                             PreparedCloud(std::move(clouds_[i]), seed_, Executor(), "part")});
       }
       clouds_.clear();
     });
@@ -42,9 +50,9 @@ class PreparedMap::Parts {
 
  private:
   std::uint64_t seed_;
-  Executor executor_;
   std::once_flag once_;
   std::vector<std::uint32_t> part_of_;
+  std::vector<double> along_;
   std::vector<MapPart> parts_;
   std::vector<LandmarkCloud> clouds_;
   std::vector<PreparedPart> prepared_;
@@ -63,6 +71,10 @@ std::span<const PreparedPart> PreparedMap::parts() const {
 
 std::span<const std::uint32_t> PreparedMap::part_of() const {
   return parts_->part_of();
+}
+
+std::span<const double> PreparedMap::along() const {
+  return parts_->along();
 }
 
 }  // namespace cairn

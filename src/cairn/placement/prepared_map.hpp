@@ -44,6 +44,9 @@ class PreparedMap {
   std::span<const PreparedPart> parts() const;
   /// Index of the part of each landmark, in the order of landmarks_to_align(); parts().size() for none.
   std::span<const std::uint32_t> part_of() const;
+  /// How far along the map each of them is, in parts: 2.5 in the middle of the third. NaN for one in no
+  /// part.
+  std::span<const double> along() const;
 
  private:
   class Parts;

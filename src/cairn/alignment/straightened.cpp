@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/straightened.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "cairn/geometry/covariance.hpp"
+#include "cairn/map/operations.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kDecisiveAgreement = 15;  // of descriptors, outside their largest cluster
+
+// What straightens a map, by how far along it a landmark is, in parts: between the middles of two parts
+// what lies between theirs, beyond the outermost ones theirs.
+class Straightening {
+ public:
+  // @param poses  of the parts, in order
+  // @param centre of the map
+  Straightening(std::vector<Similarity3> poses, const Eigen::Vector3d& centre) : centre_(centre) {
+    for (const Similarity3& pose : poses) at_centre_.push_back(pose * shift(centre));
+  }
+
+  Similarity3 at(double along) const {
+    const double last = static_cast<double>(at_centre_.size() - 1);
+    const double place = std::isfinite(along) ? std::clamp(along - 0.5, 0.0, last) : 0.5 * last;
+    const auto i = std::min(static_cast<std::size_t>(place), at_centre_.size() - 2);
+    const double share = place - static_cast<double>(i);
+    const Similarity3& a = at_centre_[i];
+    const Similarity3& b = at_centre_[i + 1];
+    const Similarity3 between(
+        std::exp((1.0 - share) * std::log(a.scale()) + share * std::log(b.scale())),
+        Rigid3(a.rigid().quaternion().slerp(share, b.rigid().quaternion()),
+               (1.0 - share) * a.translation() + share * b.translation()));
+    return between * shift(-centre_);
+  }
+
+ private:
+  static Similarity3 shift(const Eigen::Vector3d& by) {
+    return Similarity3(Rigid3(Eigen::Quaterniond::Identity(), by));
+  }
+
+  Eigen::Vector3d centre_;
+  std::vector<Similarity3> at_centre_;
+};
+
+// The landmarks of a map, straightened, in the order that they are prepared in.
+// @param along of each, in the order in which the map has them
+LandmarkCloud straightened(const PreparedCloud& prepared, std::span<const double> along,
+                           const Straightening& straightening) {
+  const CentredCloud& centred = *prepared.centred();
+  LandmarkCloud cloud = centred.landmarks;
+  std::vector<double> of_landmark(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) of_landmark[i] = along[prepared.order()[i]];
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Similarity3 move = straightening.at(of_landmark[i]);
+    cloud.positions[i] = move * (cloud.positions[i] + centred.centre);
+    if (cloud.covariances.empty()) continue;
+    cloud.covariances[i] = move.scale() * move.scale() *
+                           rotated_covariance(cloud.covariances[i], move.rigid().rotation());
+  }
+  for (LandmarkView& view : cloud.views) {
+    // A keyframe is where most of what it sees is.
+    std::vector<double> seen;
+    for (const std::uint32_t landmark : view.landmarks) {
+      if (std::isfinite(of_landmark[landmark])) seen.push_back(of_landmark[landmark]);
+    }
+    const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
+    if (!seen.empty()) std::nth_element(seen.begin(), middle, seen.end());
+    view.centre =
+        straightening.at(seen.empty() ? std::nan("") : *middle) * (view.centre + centred.centre);
+  }
+  return cloud;
+}
+
+}  // namespace
+
+bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& source,
+                             const PreparedMap& target, const PlaceOptions& options) {
+  const MapRole role = parts.bend->map;
+  const bool of_source = role == MapRole::kSource;
+  const PreparedMap& map = of_source ? source : target;
+  const auto own = [&](const Similarity3& pose) { return of_source ? pose : pose.inverse(); };
+  const Similarity3& whole = *parts.target_from_source;
+  std::vector<Similarity3> poses;
+  for (const PartPose& part : parts.parts) {
+    if (part.map != role) continue;
+    poses.push_back(own(whole).inverse() * own(*part.target_from_source));
+  }
+  const Straightening straightening(std::move(poses), map.cloud().centred()->centre);
+  const PreparedCloud straight(straightened(map.cloud(), map.along(), straightening), options.seed,
+                               options.execution.executor, to_string(role));
+  PlaceOptions placement = options;
+  placement.search = PoseSearch::kNever;
+  placement.trace = false;
+  placement.execution = options.execution.without_progress();
+  PreparedPair pair = of_source ? PreparedPair(straight, target.cloud(), placement)
+                                : PreparedPair(source.cloud(), straight, placement);
+  const PlacementResult placed = pair.settle(whole);
+  if (placed.verdict != Verdict::kAligned || placed.candidates.empty()) return false;
+  const auto& agreement = placed.candidates.front().support.agreement;
+  return agreement && agreement->spread >= kDecisiveAgreement;
+}
+
+}  // namespace cairn
