@@ -4,8 +4,21 @@ import type { NetworkSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatCount } from "../math/format";
 import { rampColor } from "../scene/coloring";
-import { listenForKeys, showHelp } from "../scene/keyboard";
-import { listenForGestures, type OrbitState, type StandardView } from "../scene/orbit";
+import {
+  kHardwareBudget,
+  kSettleMs,
+  kSmoothUpTo,
+  kSoftwareBudget,
+  layerChip,
+  listenToView,
+  moreTools,
+  pictureAndHelp,
+  pointSizes,
+  standardViews,
+  toolGroup,
+} from "../scene/controls";
+import { listenForKeys } from "../scene/keyboard";
+import type { OrbitState, StandardView } from "../scene/orbit";
 import { RenderService } from "../scene/render_service";
 import { onThemeChange, palette } from "../theme";
 import { GraphView, linkLabel } from "./graph_view";
@@ -14,12 +27,6 @@ import { counts, NetworkModel, type Selection } from "./network_model";
 import { networkRecord } from "./network_record";
 import { NetworkStage, thingColor, type NetworkLayer, type NetworkView } from "./network_stage";
 
-const kSoftwareBudget = 120_000;
-const kHardwareBudget = 4_000_000;
-const kSmoothUpTo = 60_000;
-const kSettleMs = 180;
-const kHoverUpTo = 200_000;
-const kHoverRestMs = 140;
 /** Beyond this many, links that do not count are shown only if asked for. */
 const kRejectedUpTo = 60;
 /** Positions of the slider between two stages, and how long it plays from one to the next. */
@@ -50,7 +57,6 @@ class NetworkFigure {
   readonly #stageName = h("output", { class: "iteration stage-name" });
   #frame = 0;
   #settleTimer = 0;
-  #hoverTimer = 0;
   #playing = 0;
   #moving = false;
   #near = false;
@@ -151,19 +157,7 @@ class NetworkFigure {
 
   #toolbar(): HTMLElement {
     const model = this.#model;
-    const group = (name: string, ...children: Node[]) =>
-      h(
-        "div",
-        { class: "tool-group", role: "group", "aria-label": name },
-        h("span", { class: "tool-label", "aria-hidden": "true" }, name),
-        ...children,
-      );
-    const more = h("div", { class: "tool-more" });
-    const toggle = button(
-      "View options",
-      () => toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open"))),
-      { class: "tool-toggle", "aria-expanded": "false" },
-    );
+    const { toggle, more } = moreTools();
     const bar = h("div", { class: "toolbar" }, toggle, more);
     const has: Record<NetworkLayer, boolean> = {
       landmarks: true,
@@ -175,23 +169,16 @@ class NetworkFigure {
     };
     const chips = kLayers
       .filter(([name]) => has[name])
-      .map(([name, text]) => {
-        const chip = button(
-          text,
-          () => {
-            this.#view.layers[name] = !this.#view.layers[name];
-            chip.setAttribute("aria-pressed", String(this.#view.layers[name]));
-            this.#stage.moveTo();
-            this.#redraw();
-            if (name === "rejected") {
-              this.#drawPlans();
-            }
-          },
-          { class: "chip", "aria-pressed": String(this.#view.layers[name]), "data-layer": name },
-        );
-        return chip;
-      });
-    more.append(group("Show", ...chips));
+      .map(([name, text]) =>
+        layerChip(text, name, this.#view.layers, () => {
+          this.#stage.moveTo();
+          this.#redraw();
+          if (name === "rejected") {
+            this.#drawPlans();
+          }
+        }),
+      );
+    more.append(toolGroup("Show", ...chips));
     if (model.section.groups.length > 1) {
       const chooser = h(
         "select",
@@ -208,39 +195,15 @@ class NetworkFigure {
         this.#refreshSide();
         this.#lookFrom("home");
       });
-      more.append(group("Group", chooser));
+      more.append(toolGroup("Group", chooser));
     }
-    const size = h("input", {
-      type: "range",
-      min: 0.5,
-      max: 8,
-      step: 0.25,
-      value: this.#view.pointSize,
-      "aria-label": "Point size",
-      class: "size",
-    });
-    size.addEventListener("input", () => {
-      this.#view.pointSize = Number(size.value);
-      this.#redraw();
-    });
-    const views: [StandardView, string][] = [
-      ["home", "Reset"],
-      ["top", "Top"],
-      ["front", "Front"],
-      ["side", "Side"],
-    ];
-    const viewButtons = views.map(([name, text]) =>
-      button(text, () => this.#lookFrom(name), { class: "quiet", "data-view": name }),
-    );
     more.append(
-      group("Points", size),
-      group("View", ...viewButtons),
-      h(
-        "div",
-        { class: "tool-group tool-end" },
-        button("PNG", () => void this.#savePicture(), { class: "quiet", "aria-label": "Save the view as PNG" }),
-        button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" }),
-      ),
+      pointSizes({ min: 0.5, max: 8, step: 0.25 }, this.#view.pointSize, (size) => {
+        this.#view.pointSize = size;
+        this.#redraw();
+      }),
+      standardViews((name) => this.#lookFrom(name)),
+      pictureAndHelp(() => this.#savePicture()),
     );
     return bar;
   }
@@ -465,26 +428,10 @@ class NetworkFigure {
       change(stage.orbit);
       this.#redraw(true);
     };
-    const hoverNow = (x: number, y: number) => stage.hover(stage.pick(x, y, false), x, y);
-    listenForGestures(stage.overlay, {
-      rotate: (right, down) => turn((orbit) => model.orbit.rotate(orbit, right, down)),
-      pan: (right, down) => turn((orbit) => model.orbit.pan(orbit, right, down)),
-      zoom: (factor) => turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
-      press: (x, y, touch) => {
-        stage.overlay.focus({ preventScroll: true });
-        this.#select(stage.pick(x, y, touch));
-      },
-      hover: (x, y) => {
-        clearTimeout(this.#hoverTimer);
-        const rest = model.landmarkCount > kHoverUpTo ? kHoverRestMs : 0;
-        this.#hoverTimer = window.setTimeout(() => hoverNow(x, y), rest);
-      },
-      leave: () => {
-        clearTimeout(this.#hoverTimer);
-        stage.hover(null, 0, 0);
-      },
+    listenToView(stage, model, {
+      turn,
+      select: (selection) => this.#select(selection),
       wheelZooms: () => stage.surface.contains(document.activeElement),
-      wheelIgnored: () => stage.hint("Click the view to zoom with the wheel"),
     });
     listenForKeys({
       element: this.element,

@@ -6,9 +6,23 @@ import { labelOf } from "../math/format";
 import { tableFigure } from "../table";
 import { onThemeChange, palette } from "../theme";
 import type { ColorMode } from "./coloring";
-import { listenForKeys, showHelp } from "./keyboard";
+import {
+  kHardwareBudget,
+  kHoverUpTo,
+  kSettleMs,
+  kSmoothUpTo,
+  kSoftwareBudget,
+  layerChip,
+  listenToView,
+  moreTools,
+  pictureAndHelp,
+  pointSizes,
+  standardViews,
+  toolGroup,
+} from "./controls";
+import { listenForKeys } from "./keyboard";
 import { legendContent } from "./legend";
-import { listenForGestures, type OrbitState, type StandardView } from "./orbit";
+import type { OrbitState, StandardView } from "./orbit";
 import { Pane, type Quality } from "./pane";
 import type { Pick } from "./picking";
 import { recordContent } from "./record";
@@ -17,14 +31,6 @@ import { SceneModel } from "./scene_model";
 import { Timeline } from "./timeline";
 import type { LayerName, ViewState } from "./view_state";
 
-/** Landmarks that can be drawn while things move, without and with a graphics card. */
-const kSoftwareBudget = 120_000;
-const kHardwareBudget = 4_000_000;
-/** Up to so many landmarks a picture is drawn with twice the resolution and shrunk, which smooths it. */
-const kSmoothUpTo = 60_000;
-const kSettleMs = 180;
-const kHoverUpTo = 200_000;
-const kHoverRestMs = 140;
 const kStacksBelow = 700;
 
 const kLayers: [LayerName, string][] = [
@@ -55,7 +61,6 @@ class SceneFigure {
   #solo: Pane | null = null;
   #frame = 0;
   #settleTimer = 0;
-  #hoverTimer = 0;
   #moving = false;
   /** Scenes far from the view wait with drawing until they come near. */
   #near = false;
@@ -181,13 +186,6 @@ class SceneFigure {
 
   #toolbar(): HTMLElement {
     const model = this.#model;
-    const group = (label: string, ...children: (Node | null)[]) =>
-      h(
-        "div",
-        { class: "tool-group", role: "group", "aria-label": label },
-        h("span", { class: "tool-label", "aria-hidden": "true" }, label),
-        ...children,
-      );
     const bar = (this.#bar = h("div", { class: "toolbar" }));
     if (this.#section.runs.length > 1) {
       const chips = this.#panes.map((pane, index) => {
@@ -202,7 +200,7 @@ class SceneFigure {
         this.#chips.set(pane, chip);
         return chip;
       });
-      bar.append(group("Strategies", ...chips));
+      bar.append(toolGroup("Strategies", ...chips));
     }
     const has: Record<LayerName, boolean> = {
       source: model.source !== null,
@@ -214,59 +212,25 @@ class SceneFigure {
     };
     const layers = kLayers
       .filter(([name]) => has[name])
-      .map(([name, label]) => {
-        const toggle = button(
-          model.source || name !== "target" ? label : "Landmarks",
-          () => {
-            this.#state.layers[name] = !this.#state.layers[name];
-            toggle.setAttribute("aria-pressed", String(this.#state.layers[name]));
-            this.#panes.forEach((pane) => pane.moveTo());
-            this.#refreshSide();
-            this.#redraw();
-          },
-          { class: "chip", "aria-pressed": String(this.#state.layers[name]), "data-layer": name },
-        );
-        return toggle;
-      });
-    // On a phone the rest waits behind a button; elsewhere the button is not there.
-    const more = h("div", { class: "tool-more" });
-    const toggle = button(
-      "View options",
-      () => {
-        toggle.setAttribute("aria-expanded", String(more.classList.toggle("is-open")));
-      },
-      { class: "tool-toggle", "aria-expanded": "false" },
-    );
+      .map(([name, label]) =>
+        layerChip(model.source || name !== "target" ? label : "Landmarks", name, this.#state.layers, () => {
+          this.#panes.forEach((pane) => pane.moveTo());
+          this.#refreshSide();
+          this.#redraw();
+        }),
+      );
+    const { toggle, more } = moreTools();
     bar.append(toggle, more);
-    more.append(group("Show", ...layers));
+    more.append(toolGroup("Show", ...layers));
     more.append(
-      group("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")),
+      toolGroup("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")),
     );
-    const size = h("input", {
-      type: "range",
-      min: 1,
-      max: 10,
-      step: 0.5,
-      value: this.#state.pointSize,
-      "aria-label": "Point size",
-      class: "size",
-    });
-    size.addEventListener("input", () => {
-      this.#state.pointSize = Number(size.value);
-      this.#redraw();
-    });
-    more.append(group("Points", size));
-    const views: [StandardView, string][] = [
-      ["home", "Reset"],
-      ["top", "Top"],
-      ["front", "Front"],
-      ["side", "Side"],
-    ];
     more.append(
-      group(
-        "View",
-        ...views.map(([name, label]) => button(label, () => this.#view(name), { class: "quiet", "data-view": name })),
-      ),
+      pointSizes({ min: 1, max: 10, step: 0.5 }, this.#state.pointSize, (size) => {
+        this.#state.pointSize = size;
+        this.#redraw();
+      }),
+      standardViews((name) => this.#view(name)),
     );
     if (this.#panes.length > 1) {
       const link = button(
@@ -280,16 +244,9 @@ class SceneFigure {
         },
         { class: "chip", "aria-pressed": "true", title: "Turn all views together" },
       );
-      more.append(group("Cameras", link));
+      more.append(toolGroup("Cameras", link));
     }
-    more.append(
-      h(
-        "div",
-        { class: "tool-group tool-end" },
-        button("PNG", () => void this.#savePicture(), { class: "quiet", "aria-label": "Save the view as PNG" }),
-        button("?", showHelp, { class: "quiet", "aria-label": "Keys and gestures", title: "Keys and gestures" }),
-      ),
-    );
+    more.append(pictureAndHelp(() => this.#savePicture()));
     return bar;
   }
 
@@ -454,27 +411,10 @@ class SceneFigure {
   }
 
   #listen(pane: Pane): void {
-    const model = this.#model;
-    const hoverNow = (x: number, y: number) => pane.hover(pane.pick(x, y, false), x, y);
-    listenForGestures(pane.overlay, {
-      rotate: (right, down) => this.#turn(pane, (orbit) => model.orbit.rotate(orbit, right, down)),
-      pan: (right, down) => this.#turn(pane, (orbit) => model.orbit.pan(orbit, right, down)),
-      zoom: (factor) => this.#turn(pane, (orbit) => model.orbit.zoom(orbit, factor, model.reach)),
-      press: (x, y, touch) => {
-        pane.overlay.focus({ preventScroll: true });
-        this.#select(pane.pick(x, y, touch));
-      },
-      hover: (x, y) => {
-        clearTimeout(this.#hoverTimer);
-        const rest = model.landmarkCount > kHoverUpTo ? kHoverRestMs : 0;
-        this.#hoverTimer = window.setTimeout(() => hoverNow(x, y), rest);
-      },
-      leave: () => {
-        clearTimeout(this.#hoverTimer);
-        pane.hover(null, 0, 0);
-      },
+    listenToView(pane, this.#model, {
+      turn: (change) => this.#turn(pane, change),
+      select: (pick) => this.#select(pick),
       wheelZooms: () => this.#solo !== null || this.#stage.contains(document.activeElement),
-      wheelIgnored: () => pane.hint("Click the view to zoom with the wheel"),
     });
   }
 
