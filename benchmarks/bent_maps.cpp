@@ -11,9 +11,6 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
-#include <filesystem>
-#include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,73 +18,22 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/align.hpp"
-#include "cairn/core/file.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/registration/neighbors/batch_tree.hpp"
-#include "cairn/registration/score/fitness.hpp"
-#include "cairn/trajectory/tum.hpp"
 
 #include "random_pose.hpp"
+#include "session_pairs.hpp"
 
 namespace {
 
 using namespace cairn;
+using benchmarks::Session;
 
-constexpr double kCounterpart = 0.05;  // metres, within which landmarks count as overlapping
-constexpr double kRightAngle = 5.0;    // degrees
-constexpr double kRightPlace = 0.05;   // metres
-
-struct Session {
-  std::string place;
-  LandmarkMap map;
-  std::map<double, Rigid3> truth;
-};
-
-std::vector<Session> read_sessions(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() == ".cairn") files.push_back(entry.path());
-  }
-  std::sort(files.begin(), files.end());
-  std::vector<Session> sessions;
-  for (std::filesystem::path file : files) {
-    const std::string name = file.stem().string();
-    if (!exists(std::filesystem::path(file).replace_extension(".gt"))) continue;
-    Session session{name.substr(0, name.rfind('-')), read_map(file), {}};
-    FileReader truth(file.replace_extension(".gt"));
-    for (const TimedPose& pose : read_tum_trajectory(truth).poses()) {
-      session.truth[pose.timestamp_s] = pose.world_from_camera;
-    }
-    sessions.push_back(std::move(session));
-  }
-  return sessions;
-}
-
-// The mean of what the keyframes say.
-Rigid3 world_from_map(const LandmarkMap& map, const std::map<double, Rigid3>& truth) {
-  Eigen::Vector4d turn = Eigen::Vector4d::Zero();
-  Eigen::Vector3d there = Eigen::Vector3d::Zero();
-  Eigen::Vector3d here = Eigen::Vector3d::Zero();
-  double count = 0.0;
-  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    const auto at = truth.find(map.frames().timestamps_s[i].value_or(-1.0));
-    if (at == truth.end()) continue;
-    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
-    Eigen::Vector4d q = (at->second.quaternion() * pose.quaternion().conjugate()).coeffs();
-    if (q.dot(turn) < 0.0) q = -q;
-    turn += q;
-    there += at->second.translation();
-    here += pose.translation();
-    ++count;
-  }
-  const Eigen::Quaterniond rotation = Eigen::Quaterniond(turn).normalized();
-  return {rotation, there / count - rotation * (here / count)};
-}
+constexpr double kRightAngle = 5.0;   // degrees
+constexpr double kRightPlace = 0.05;  // metres
 
 struct BentMap {
   LandmarkMap map;
@@ -140,17 +86,6 @@ LandmarkMap cut(const LandmarkMap& map, double least, Random& random) {
   return cut_frames(map, ids[first], FrameId{ids[last].value + 1});
 }
 
-double overlap(const LandmarkMap& source, const LandmarkMap& target, const Rigid3& truth) {
-  const LandmarkCloud a = landmark_cloud(source);
-  const LandmarkCloud b = landmark_cloud(target);
-  const bool inverted = a.size() > b.size();
-  const LandmarkCloud& less = inverted ? b : a;
-  const LandmarkCloud& more = inverted ? a : b;
-  return *share_within(nearest_squared_distances(less.positions, inverted ? truth.inverse() : truth,
-                                                 BatchTree(more.positions), Executor()),
-                       kCounterpart);
-}
-
 // The rigid pose that fits best where points went.
 Rigid3 fitted(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
   Eigen::Matrix3Xd a(3, static_cast<Eigen::Index>(from.size()));
@@ -188,8 +123,8 @@ Case make_case(const Session& one, const Session& other, double degrees_bent, st
   const BentMap bend = bent(source, radians(degrees_bent), axis);
   const Rigid3 moved_source = benchmarks::random_pose(random, 5.0);
   const Rigid3 moved_target = benchmarks::random_pose(random, 5.0);
-  const Rigid3 truth =
-      world_from_map(target, other.truth).inverse() * world_from_map(source, one.truth);
+  const Rigid3 truth = benchmarks::world_from_map(target, other.truth).value().inverse() *
+                       benchmarks::world_from_map(source, one.truth).value();
   Case result{one.place,
               other.place,
               0.0,
@@ -198,7 +133,8 @@ Case make_case(const Session& one, const Session& other, double degrees_bent, st
               transformed(target, moved_target),
               {},
               {}};
-  if (one.place == other.place) result.overlap = overlap(source, target, truth);
+  if (one.place == other.place)
+    result.overlap = benchmarks::overlap(landmark_cloud(source), landmark_cloud(target), truth);
   for (const LandmarkIndex i : landmarks_observed(result.source, 2)) {
     result.here.push_back(result.source.landmarks().positions[i.value]);
     result.there.emplace_back(moved_target * (truth * bend.before[i.value]));
@@ -316,7 +252,7 @@ std::vector<double> numbers_of(const std::string& text) {
 }
 
 int run(const std::vector<std::string>& words) {
-  const std::vector<Session> sessions = read_sessions(words[0]);
+  const std::vector<Session> sessions = benchmarks::read_sessions(words[0]);
   const auto count = static_cast<std::uint64_t>(std::stoul(words[1]));
   const std::string what = words.size() > 2 ? words[2] : "0,2.5,5,7.5,10";
   const bool strangers = what == "strangers";

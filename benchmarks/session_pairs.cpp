@@ -32,12 +32,6 @@ constexpr double kMovedUpTo = 5.0;     // metres
 constexpr std::array<std::array<double, 2>, 5> kOverlaps = {
     {{0.0, 0.01}, {0.1, 0.25}, {0.25, 0.4}, {0.4, 0.6}, {0.6, 1.001}}};
 
-struct Session {
-  std::string place;
-  LandmarkMap map;
-  std::map<double, Rigid3> truth;  // world_from_camera by time
-};
-
 // Of consecutive keyframes of a session, with where it is.
 struct Part {
   LandmarkMap map;
@@ -47,53 +41,6 @@ struct Part {
 SessionPart part_of_seed(int seed) {
   if (seed % 2 == 0) return SessionPart::kTest;
   return seed % 4 == 1 ? SessionPart::kFit : SessionPart::kChoose;
-}
-
-std::vector<Session> read_sessions(const std::filesystem::path& folder, SessionPart part) {
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() == ".cairn") files.push_back(entry.path());
-  }
-  std::sort(files.begin(), files.end());
-  std::vector<Session> sessions;
-  for (std::filesystem::path file : files) {
-    const std::string name = file.stem().string();
-    const std::string place = name.substr(0, name.rfind('-'));
-    const int seed = std::stoi(place.substr(place.rfind('-') + 1));
-    if (part_of_seed(seed) != part) continue;
-    // Still being made.
-    if (!exists(std::filesystem::path(file).replace_extension(".gt"))) continue;
-    Session session{place, read_map(file), {}};
-    FileReader truth(file.replace_extension(".gt"));
-    for (const TimedPose& pose : read_tum_trajectory(truth).poses()) {
-      session.truth[pose.timestamp_s] = pose.world_from_camera;
-    }
-    sessions.push_back(std::move(session));
-  }
-  if (sessions.size() < 2) throw std::runtime_error("fewer than two sessions");
-  return sessions;
-}
-
-// The mean of what the keyframes say: odometry drifts, and a part is to be judged by its own place.
-std::optional<Rigid3> world_from_map(const LandmarkMap& map,
-                                     const std::map<double, Rigid3>& truth) {
-  Eigen::Vector4d turn = Eigen::Vector4d::Zero();
-  Eigen::Vector3d there = Eigen::Vector3d::Zero();
-  Eigen::Vector3d here = Eigen::Vector3d::Zero();
-  double count = 0.0;
-  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    const auto at = truth.find(map.frames().timestamps_s[i].value_or(-1.0));
-    if (at == truth.end()) continue;
-    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
-    Eigen::Vector4d q = (at->second.quaternion() * pose.quaternion().conjugate()).coeffs();
-    turn += q.dot(turn) < 0.0 ? Eigen::Vector4d(-q) : q;
-    there += at->second.translation();
-    here += pose.translation();
-    ++count;
-  }
-  if (count == 0.0) return std::nullopt;
-  const Eigen::Quaterniond rotation = Eigen::Quaterniond(turn).normalized();
-  return Rigid3(rotation, there / count - rotation * (here / count));
 }
 
 // Of the keyframes between two shares of the session.
@@ -108,15 +55,6 @@ std::optional<Part> part_of(const Session& session, double begin, double end, Ra
   const auto pose = world_from_map(map, session.truth);
   if (!pose) return std::nullopt;
   return Part{std::move(map), *pose};
-}
-
-double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth) {
-  const bool inverted = source.size() > target.size();
-  const LandmarkCloud& less = inverted ? target : source;
-  const LandmarkCloud& more = inverted ? source : target;
-  return *share_within(nearest_squared_distances(less.positions, inverted ? truth.inverse() : truth,
-                                                 BatchTree(more.positions), Executor()),
-                       kCounterpart);
 }
 
 // Parts of a session and of one of the others, both moved anyhow; of one place, with an overlap in the
@@ -149,6 +87,62 @@ std::optional<SessionPair> draw_pair(const Session& one, const std::vector<const
 }
 
 }  // namespace
+
+std::vector<Session> read_sessions(const std::filesystem::path& folder,
+                                   std::optional<SessionPart> part) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() == ".cairn") files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  std::vector<Session> sessions;
+  for (std::filesystem::path file : files) {
+    const std::string name = file.stem().string();
+    const std::string place = name.substr(0, name.rfind('-'));
+    const int seed = std::stoi(place.substr(place.rfind('-') + 1));
+    if (part && part_of_seed(seed) != *part) continue;
+    // Still being made.
+    if (!exists(std::filesystem::path(file).replace_extension(".gt"))) continue;
+    Session session{place, read_map(file), {}};
+    FileReader truth(file.replace_extension(".gt"));
+    for (const TimedPose& pose : read_tum_trajectory(truth).poses()) {
+      session.truth[pose.timestamp_s] = pose.world_from_camera;
+    }
+    sessions.push_back(std::move(session));
+  }
+  if (sessions.size() < 2) throw std::runtime_error("fewer than two sessions");
+  return sessions;
+}
+
+std::optional<Rigid3> world_from_map(const LandmarkMap& map,
+                                     const std::map<double, Rigid3>& truth) {
+  Eigen::Vector4d turn = Eigen::Vector4d::Zero();
+  Eigen::Vector3d there = Eigen::Vector3d::Zero();
+  Eigen::Vector3d here = Eigen::Vector3d::Zero();
+  double count = 0.0;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const auto at = truth.find(map.frames().timestamps_s[i].value_or(-1.0));
+    if (at == truth.end()) continue;
+    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+    Eigen::Vector4d q = (at->second.quaternion() * pose.quaternion().conjugate()).coeffs();
+    turn += q.dot(turn) < 0.0 ? Eigen::Vector4d(-q) : q;
+    there += at->second.translation();
+    here += pose.translation();
+    ++count;
+  }
+  if (count == 0.0) return std::nullopt;
+  const Eigen::Quaterniond rotation = Eigen::Quaterniond(turn).normalized();
+  return Rigid3(rotation, there / count - rotation * (here / count));
+}
+
+double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth) {
+  const bool inverted = source.size() > target.size();
+  const LandmarkCloud& less = inverted ? target : source;
+  const LandmarkCloud& more = inverted ? source : target;
+  return *share_within(nearest_squared_distances(less.positions, inverted ? truth.inverse() : truth,
+                                                 BatchTree(more.positions), Executor()),
+                       kCounterpart);
+}
 
 std::uint64_t whole_number(std::string_view word) {
   std::uint64_t number = 0;

@@ -5,13 +5,24 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/landmark_map.hpp"
 #include "cairn/placement/landmark_cloud.hpp"
 
 namespace cairn::benchmarks {
+
+/// A mapped session with its truth.
+struct Session {
+  std::string place;
+  LandmarkMap map;
+  std::map<double, Rigid3> truth;  ///< world_from_camera by time
+};
 
 /// Parts of two mapped sessions, both moved anyhow.
 struct SessionPair {
@@ -51,6 +62,19 @@ enum class SessionPart {
 /// "fit", "choose" or "test".
 /// @throws Error (misuse) for another name
 SessionPart session_part(std::string_view name);
+
+/// @param folder as of for_each_session_pair()
+/// @param part   std::nullopt: sessions of all seeds
+/// @throws Error or std::runtime_error if there are no two sessions
+std::vector<Session> read_sessions(const std::filesystem::path& folder,
+                                   std::optional<SessionPart> part = {});
+
+/// Where a map lies in the world: the mean of what its keyframes say, since odometry drifts and a part is to be
+/// judged by its own place. std::nullopt if the truth knows no keyframe.
+std::optional<Rigid3> world_from_map(const LandmarkMap& map, const std::map<double, Rigid3>& truth);
+
+/// Share of the smaller cloud's landmarks with a counterpart.
+double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth);
 
 /// Draws pairs, every other of two different places; a number means the same pair each time. For some
 /// no parts that overlap as wanted are found: these are left out.

@@ -61,10 +61,10 @@ struct ConvertArguments {
  private:
   const MapFormat& output_format() const;
   LandmarkMap with_estimated_covariances(const LandmarkMap& map, Json& json) const;
-  std::optional<std::string> beginning() const;
-  bool move_points() const;
-  bool convert_trajectory() const;
-  bool write_graph() const;
+  std::string beginning() const;
+  bool move_points(std::string_view first) const;
+  bool convert_trajectory(std::string_view first) const;
+  bool write_graph(std::string_view first) const;
 };
 
 struct FrameRange {
@@ -204,11 +204,11 @@ LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map,
   return estimated.map;
 }
 #endif
-// The first bytes of a file, or nothing where the input is none.
-std::optional<std::string> ConvertArguments::beginning() const {
+// The first bytes of the input; empty if the input is no file, or the output is stdout.
+std::string ConvertArguments::beginning() const {
   std::error_code ignored;
   if (input == "-" || output == "-" || !std::filesystem::is_regular_file(input, ignored)) {
-    return std::nullopt;
+    return {};
   }
   FileReader file(input);
   std::string first(4096, '\0');
@@ -217,9 +217,8 @@ std::optional<std::string> ConvertArguments::beginning() const {
 }
 
 // Moves a PLY file as what it is. @return false for what is read as a map
-bool ConvertArguments::move_points() const {
-  const auto first = beginning();
-  if (!first || !(first->starts_with("ply\n") || first->starts_with("ply\r")) ||
+bool ConvertArguments::move_points(std::string_view first) const {
+  if (!(first.starts_with("ply\n") || first.starts_with("ply\r")) ||
       std::filesystem::path(output).extension() != ".ply") {
     return false;
   }
@@ -231,9 +230,8 @@ bool ConvertArguments::move_points() const {
 }
 
 // Converts a trajectory, moved if that is asked for. @return false for what is read as a map
-bool ConvertArguments::convert_trajectory() const {
-  const auto first = beginning();
-  if (!first || !recognised_trajectory(*first)) return false;
+bool ConvertArguments::convert_trajectory(std::string_view first) const {
+  if (!recognised_trajectory(first)) return false;
   TrajectoryFormat written = TrajectoryFormat::kTum;
   if (!format.empty()) {
     const auto named = trajectory_format(format);
@@ -255,20 +253,14 @@ bool ConvertArguments::convert_trajectory() const {
 }
 
 // Writes the graph of an RTAB-Map database, if that is what the names say. @return false for a map
-bool ConvertArguments::write_graph() const {
+bool ConvertArguments::write_graph(std::string_view first) const {
   const std::filesystem::path path(output);
   const bool is_g2o = path.extension() == ".g2o";
   const bool is_json =
       path.extension() == ".json" && all_formats().format_of_ending(path) == nullptr;
-  std::error_code ignored;
-  if (!format.empty() || (!is_g2o && !is_json) ||
-      !std::filesystem::is_regular_file(input, ignored)) {
+  if (!format.empty() || (!is_g2o && !is_json) || !first.starts_with("SQLite format 3")) {
     return false;
   }
-  FileReader file(input);
-  std::string first(16, '\0');
-  first.resize(file.read(first.data(), first.size()));
-  if (!first.starts_with("SQLite format 3")) return false;
   const PoseGraph graph =
       read_rtabmap_graph(input, {.log = strict_log(common.console().log(), loading.strict)});
   write_file(output, [&](const ByteSink& sink) {
@@ -284,9 +276,10 @@ int ConvertArguments::run() {
   if (!apply.empty() && transform.given()) {
     throw Error(ErrorKind::kMisuse, "--apply", "stands beside --transform", "one of them");
   }
-  if (!apply.empty() && move_points()) return kDone;
-  if (convert_trajectory()) return kDone;
-  if (write_graph()) return kDone;
+  const std::string first = beginning();
+  if (!apply.empty() && move_points(first)) return kDone;
+  if (convert_trajectory(first)) return kDone;
+  if (write_graph(first)) return kDone;
   const MapFormat& written = output_format();
   require_one_stdout({{"--json", &common.json_path}, {"output", &output}});
   common.stdout_is_taken = output == "-";

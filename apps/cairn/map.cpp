@@ -259,17 +259,16 @@ MapSequenceOptions MapArguments::options() const {
   options.progress = progress_of(common.console(), "frames", [](const MappingProgress& now) {
     return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
   });
+  with_option_names({{"FeatureOptions.count", "--features"},
+                     {"MapOptions.min_observations", "--min-observations"}},
+                    [&] { options.validate(); });
   return options;
 }
 
 MappedSequence MapArguments::map(const Camera& model,
                                  const SequenceOptions& sequence_options) const {
   const RgbdSequence images(sequence, sequence_options, common.console().log());
-  const MapSequenceOptions mapping = options();
-  with_option_names({{"FeatureOptions.count", "--features"},
-                     {"MapOptions.min_observations", "--min-observations"}},
-                    [&] { mapping.validate(); });
-  return map_sequence(images, model, mapping);
+  return map_sequence(images, model, options());
 }
 
 std::string mini_map_name(std::size_t index) {
@@ -524,9 +523,6 @@ LoopClosedSequence MapArguments::map_closing_loops(const Camera& model,
                                                    const SequenceOptions& sequence_options) const {
   const RgbdSequence images(sequence, sequence_options, common.console().log());
   const MapSequenceOptions mapping = options();
-  with_option_names({{"FeatureOptions.count", "--features"},
-                     {"MapOptions.min_observations", "--min-observations"}},
-                    [&] { mapping.validate(); });
   CloseLoopsOptions closing;
   closing.adjustment.refine_intrinsics = refine_intrinsics;
   closing.seed = common.seed;

@@ -88,7 +88,7 @@ struct Alignment {
   /// directions and overlap.
   RegistrationResult registration;
   double radius = 0.0;  ///< within which landmarks count as matched; 0 if not judged
-  /// What the parts of the maps came to; nothing where they were not placed.
+  /// The poses of the maps' parts, and whether they agree; std::nullopt if the parts were not placed.
   std::optional<PartsAlignment> parts;
   bool cut_short = false;     ///< by the time limit; see PlacementResult
   bool deterministic = true;  ///< false with a time limit

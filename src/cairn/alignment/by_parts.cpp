@@ -10,13 +10,13 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
+#include "cairn/geometry/detail/pose_between.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::size_t kDecisiveMatches = 15;  // of descriptors, outside their largest cluster
-constexpr std::size_t kFewestParts = 2;       // that must agree
+constexpr std::size_t kFewestParts = 2;                             // that must agree
 constexpr double kStepRotation = 8.0 * std::numbers::pi / 180.0;    // of two aligned parts in a row
 constexpr double kWholeRotation = 20.0 * std::numbers::pi / 180.0;  // of any two
 constexpr double kStepDistance = 0.15;                              // times the map's radius
@@ -88,7 +88,7 @@ Trial trial(const Side& side, const PreparedPart& part, PlaceOptions options) {
   result.covariance = placed.alignment.covariance;
   const auto& agreement = placed.candidates.front().support.agreement;
   result.decisive =
-      placed.verdict == Verdict::kAligned && agreement && agreement->spread >= kDecisiveMatches;
+      placed.verdict == Verdict::kAligned && agreement && agreement->spread >= kDecisiveAgreement;
   if (placed.probability >= kLeastProbability) result.candidates.push_back(result.own);
   for (std::size_t i = 1; i < placed.candidates.size(); ++i) {
     if (placed.candidates[i].probability < kLeastProbability) continue;
@@ -198,15 +198,6 @@ double unexplained(const Side& side, const Side& other) {
   return count > 0.0 ? sum / count : 0.0;
 }
 
-Similarity3 between(const Similarity3& a, const Similarity3& b, double share,
-                    const Eigen::Vector3d& at) {
-  const Eigen::Quaterniond turn =
-      a.rigid().quaternion().slerp(share, b.rigid().quaternion()).normalized();
-  const double scale = std::exp((1.0 - share) * std::log(a.scale()) + share * std::log(b.scale()));
-  const Eigen::Vector3d there = (1.0 - share) * (a * at) + share * (b * at);
-  return {scale, Rigid3(turn, there - scale * (turn * at))};
-}
-
 // Gives every part of the map a pose.
 void spread_consensus(Side& side, const Agreement& agree) {
   std::vector<std::size_t> known = side.decisive;
@@ -221,7 +212,7 @@ void spread_consensus(Side& side, const Agreement& agree) {
     const std::vector<Eigen::Vector3d> points = side.points(part);
     for (const Eigen::Vector3d& point : points) middle += point;
     middle /= static_cast<double>(std::max<std::size_t>(points.size(), 1));
-    return between(side.trials[last].own, side.trials[next].own, share, middle);
+    return pose_between(side.trials[last].own, side.trials[next].own, share, middle);
   };
   for (const std::size_t part : side.decisive) side.trials[part].pose.agrees = true;
   std::vector<Similarity3> poses;

@@ -55,7 +55,7 @@ struct PartsAlignment {
   /// agree up to a bend, and no aligned part contradicts them.
   bool consensus = false;
   bool contradictory = false;  ///< parts that are aligned by themselves contradict each other
-  /// Whether the map that bends, straightened, is aligned as a whole; nothing where that was not asked.
+  /// Whether the bent map is aligned as a whole once it is straightened; std::nullopt if that was not asked.
   std::optional<bool> confirmed = {};
   std::optional<MapBend> bend;  ///< with a consensus
   /// With a consensus: the pose that fits all landmarks of the map that bends best, each at its

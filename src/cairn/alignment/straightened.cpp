@@ -9,12 +9,11 @@
 #include <vector>
 
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/detail/pose_between.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
-
-constexpr std::size_t kDecisiveAgreement = 15;  // of descriptors, outside their largest cluster
 
 // What straightens a map, by how far along it a landmark is, in parts: between the middles of two parts
 // what lies between theirs, beyond the outermost ones theirs.
@@ -22,31 +21,19 @@ class Straightening {
  public:
   // @param poses  of the parts, in order
   // @param centre of the map
-  Straightening(std::vector<Similarity3> poses, const Eigen::Vector3d& centre) : centre_(centre) {
-    for (const Similarity3& pose : poses) at_centre_.push_back(pose * shift(centre));
-  }
+  Straightening(std::vector<Similarity3> poses, const Eigen::Vector3d& centre)
+      : poses_(std::move(poses)), centre_(centre) {}
 
   Similarity3 at(double along) const {
-    const double last = static_cast<double>(at_centre_.size() - 1);
+    const double last = static_cast<double>(poses_.size() - 1);
     const double place = std::isfinite(along) ? std::clamp(along - 0.5, 0.0, last) : 0.5 * last;
-    const auto i = std::min(static_cast<std::size_t>(place), at_centre_.size() - 2);
-    const double share = place - static_cast<double>(i);
-    const Similarity3& a = at_centre_[i];
-    const Similarity3& b = at_centre_[i + 1];
-    const Similarity3 between(
-        std::exp((1.0 - share) * std::log(a.scale()) + share * std::log(b.scale())),
-        Rigid3(a.rigid().quaternion().slerp(share, b.rigid().quaternion()),
-               (1.0 - share) * a.translation() + share * b.translation()));
-    return between * shift(-centre_);
+    const auto i = std::min(static_cast<std::size_t>(place), poses_.size() - 2);
+    return pose_between(poses_[i], poses_[i + 1], place - static_cast<double>(i), centre_);
   }
 
  private:
-  static Similarity3 shift(const Eigen::Vector3d& by) {
-    return Similarity3(Rigid3(Eigen::Quaterniond::Identity(), by));
-  }
-
+  std::vector<Similarity3> poses_;
   Eigen::Vector3d centre_;
-  std::vector<Similarity3> at_centre_;
 };
 
 // The landmarks of a map, straightened, in the order that they are prepared in.

@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
 #include "cairn/map/operations.hpp"
@@ -23,11 +24,6 @@ namespace cairn {
 namespace {
 
 using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
-
-Progress stage(const Progress& progress, double begin, double end) {
-  if (!progress) return {};
-  return [=](double share) { progress(begin + (end - begin) * share); };
-}
 
 std::vector<const LandmarkMap*> pointers_to(const std::vector<LandmarkMap>& maps) {
   std::vector<const LandmarkMap*> pointers;
@@ -66,11 +62,9 @@ PoseGraph session_graph(const MappedSequence& session, const std::vector<MapLink
   for (std::size_t i = 0; i < session.maps.size(); ++i) names.push_back(fmt::format("{}", i));
   PoseGraph graph = pose_graph(session, names);
   for (std::size_t i = 0; i < links.size(); ++i) {
-    const MapLink& link = links[i];
-    if (link.verdict != Verdict::kAligned || !link.target_from_source) continue;
-    graph.links.push_back({NodeId{link.target}, NodeId{link.source}, *link.target_from_source,
-                           link.covariance, link.covariance_with_scale, LinkKind::kPlacement,
-                           link.probability});
+    const auto link = placement_link(links[i]);
+    if (!link) continue;
+    graph.links.push_back(*link);
     link_of.push_back(i);
   }
   return graph;
@@ -128,13 +122,7 @@ std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
 // As a map of one session: numbered from 0, with nothing that names mini-maps.
 LandmarkMap finished(LandmarkMap map, const MappedSequence& session, const ClosedLoops& loops,
                      std::size_t min_observations) {
-  if (min_observations > 1) {
-    std::vector<LandmarkIndex> kept;
-    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-      if (map.observation_count(LandmarkIndex{i}) >= min_observations) kept.push_back({i});
-    }
-    map = with_landmarks(map, kept);
-  }
+  if (min_observations > 1) map = with_landmarks(map, landmarks_observed(map, min_observations));
   MapTables tables = std::move(map).tables();
   std::erase_if(tables.landmarks.columns, [](const NamedColumn& column) {
     return column.name == kFromMapColumn || column.name == kFromLandmarkColumn ||
@@ -199,7 +187,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   LinkOptions how = options.links;
   how.seed = options.seed;
   how.execution = options.execution;
-  how.execution.progress = stage(options.execution.progress, 0.0, 0.5);
+  how.execution.progress = stage_of(options.execution.progress, 0.0, 0.5);
   result.links = link_maps(pointers_to(session.maps), pairs_to_try(session.maps, options), how);
   result.used.assign(result.links.size(), false);
 
@@ -233,7 +221,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   fusing.fusion.log = options.log;
   fusing.adjustment = options.adjustment;
   fusing.adjustment.execution = options.execution;
-  fusing.adjustment.execution.progress = stage(options.execution.progress, 0.5, 1.0);
+  fusing.adjustment.execution.progress = stage_of(options.execution.progress, 0.5, 1.0);
   fusing.matching_rounds = options.matching_rounds;
   fusing.shared_frames = shared_frames(session.maps);
   AdjustedFusion fused = fuse_and_adjust(placed, fusing);

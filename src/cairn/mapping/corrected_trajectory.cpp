@@ -7,18 +7,13 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/detail/pose_between.hpp"
 
 namespace cairn {
 namespace {
 
 Rigid3 carried(const CorrectedKeyframe& by, const Rigid3& world_from_camera) {
   return by.after * (by.before.inverse() * world_from_camera);
-}
-
-// Share 0 is a, share 1 is b.
-Rigid3 between(const Rigid3& a, const Rigid3& b, double share) {
-  return {a.quaternion().slerp(share, b.quaternion()),
-          (1.0 - share) * a.translation() + share * b.translation()};
 }
 
 }  // namespace
@@ -47,8 +42,8 @@ Trajectory corrected(const Trajectory& trajectory, std::span<const CorrectedKeyf
     const CorrectedKeyframe& later = keyframes[next];
     const double share =
         (pose.timestamp_s - earlier.timestamp_s) / (later.timestamp_s - earlier.timestamp_s);
-    pose.world_from_camera = between(carried(earlier, pose.world_from_camera),
-                                     carried(later, pose.world_from_camera), share);
+    pose.world_from_camera = pose_between(carried(earlier, pose.world_from_camera),
+                                          carried(later, pose.world_from_camera), share);
   }
   return Trajectory(std::move(poses));
 }

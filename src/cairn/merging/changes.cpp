@@ -16,6 +16,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/merging/detail/descriptor_difference.hpp"
 
 namespace cairn {
 namespace {
@@ -118,7 +119,7 @@ class MapSights {
   struct Count {
     std::size_t views = 0;    // in which the point would be visible
     std::size_t agrees = 0;   // of these: something is seen where it is
-    std::size_t through = 0;  // something is seen behind it, and nothing where it is
+    std::size_t through = 0;  // the view sees something behind the point, but not at it
   };
 
   // Of a point in the world that was seen from `directions`, unit vectors to its cameras, at ranges.
@@ -218,7 +219,7 @@ class Looks {
   Looks(const LandmarkMap& first, const LandmarkMap& second) {
     const auto& a = first.landmarks().descriptors;
     const auto& b = second.landmarks().descriptors;
-    if (a && b && a->kind == b->kind && a->bytes_each == b->bytes_each) {
+    if (a && b && comparable(*a, *b)) {
       first_ = &*a;
       second_ = &*b;
     }
@@ -227,13 +228,8 @@ class Looks {
   // 1 where either is unknown.
   double difference(std::size_t i, std::size_t j) const {
     if (first_->known[i] == 0 || second_->known[j] == 0) return 1.0;
-    const std::size_t size = first_->bytes_each;
-    int bits = 0;
-    for (std::size_t k = 0; k < size; ++k) {
-      unsigned both = first_->bytes[i * size + k] ^ second_->bytes[j * size + k];
-      for (; both != 0U; both &= both - 1U) ++bits;
-    }
-    return static_cast<double>(bits) / (8.0 * static_cast<double>(size));
+    return static_cast<double>(differing_bits(*first_, i, *second_, j)) /
+           (8.0 * static_cast<double>(first_->bytes_each));
   }
 
  private:

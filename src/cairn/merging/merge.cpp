@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
@@ -14,11 +15,6 @@
 
 namespace cairn {
 namespace {
-
-Progress part_of(const Progress& progress, double begin, double end) {
-  if (!progress) return {};
-  return [=](double share) { progress(begin + (end - begin) * share); };
-}
 
 std::string percent(double probability) {
   return fmt::format("{:.2f} %", std::floor(1e4 * probability) / 100.0);
@@ -101,10 +97,7 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
         {NodeId{i}, maps[i].name, {}, result.maps[i].world_from_map.value_or(Similarity3())});
   }
   for (const MapLink& link : result.links) {
-    if (link.verdict != Verdict::kAligned || !link.target_from_source) continue;
-    graph.links.push_back({NodeId{link.target}, NodeId{link.source}, *link.target_from_source,
-                           link.covariance, link.covariance_with_scale, LinkKind::kPlacement,
-                           link.probability});
+    if (const auto placed = placement_link(link)) graph.links.push_back(*placed);
   }
   return graph;
 }
@@ -126,15 +119,13 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   LinkOptions how = options.links;
   how.seed = options.seed;
   how.execution = options.execution;
-  how.execution.progress = part_of(options.execution.progress, 0.0, 0.9);
+  how.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
   result.links = link_maps(pointers, how);
   result.used.assign(result.links.size(), false);
 
   std::vector<std::size_t> link_of;  // by link of the graph
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    if (result.links[i].verdict == Verdict::kAligned && result.links[i].target_from_source) {
-      link_of.push_back(i);
-    }
+    if (placement_link(result.links[i])) link_of.push_back(i);
   }
   const OptimisedPoses poses = optimise_poses(pose_graph(maps, result), extents);
   for (std::size_t i = 0; i < link_of.size(); ++i) result.used[link_of[i]] = poses.agrees[i];
@@ -159,7 +150,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   fusion.min_probability = options.fusion_probability;
   fusion.seed = options.seed;
   fusion.execution = options.execution;
-  fusion.execution.progress = part_of(options.execution.progress, 0.9, 1.0);
+  fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
   fusion.log = options.log;
   const std::string defect = options.adjust ? adjustment_defect(placed) : "";
   if (!defect.empty() && options.log) options.log("not adjusted: " + defect);

@@ -5,6 +5,10 @@
 
 namespace cairn {
 
+/// From how many agreeing matches outside their largest cluster (DescriptorAgreement::spread) descriptors
+/// decide by themselves.
+inline constexpr std::size_t kDecisiveAgreement = 15;
+
 /// How well matches of descriptors, found without regard to any pose, agree with a pose.
 struct DescriptorAgreement {
   std::size_t matches = 0;   ///< mutual matches of descriptors

@@ -66,10 +66,9 @@ constexpr double kReopened = 3.0;  // kernel at which the last refinement begins
 constexpr std::size_t kFewestAgreeing = 7;
 // those with this share of its matches are its rivals;
 constexpr double kRivalShare = 0.4;
-// and a probability of this, with so many agreeing matches outside the largest cluster, makes the search
-// needless. With fewer, a search may show other poses that fit as well.
+// and a probability of this, with kDecisiveAgreement, makes the search needless. With less agreement, a search
+// may show other poses that fit as well.
 constexpr double kDecided = 0.99;
-constexpr std::size_t kDecisive = 15;
 constexpr int kAttempts = 4;  // at the last refinement
 // Share of a candidate's merit that all landmarks must leave it.
 constexpr double kKept = 0.95;
@@ -290,7 +289,7 @@ class Placement {
       const bool decided =
           !result.poses.empty() &&
           result.poses.front().probability >= std::max(kDecided, options_.min_probability) &&
-          result.poses.front().support.agreement->spread >= kDecisive;
+          result.poses.front().support.agreement->spread >= kDecisiveAgreement;
       if (decided || options_.search == PoseSearch::kNever) return result;
     }
     std::vector<Finalist> poses;

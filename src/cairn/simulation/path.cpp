@@ -12,6 +12,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/detail/pose_between.hpp"
 
 namespace cairn {
 namespace {
@@ -278,10 +279,7 @@ Rigid3 pose_at(const Trajectory& trajectory, double timestamp_s) {
   const auto before = next - 1;
   const double share =
       (timestamp_s - before->timestamp_s) / (next->timestamp_s - before->timestamp_s);
-  const Rigid3& a = before->world_from_camera;
-  const Rigid3& b = next->world_from_camera;
-  return {a.quaternion().slerp(share, b.quaternion()),
-          (1.0 - share) * a.translation() + share * b.translation()};
+  return pose_between(before->world_from_camera, next->world_from_camera, share);
 }
 
 Trajectory resampled(const Trajectory& trajectory, double rate_hz, std::size_t frames) {

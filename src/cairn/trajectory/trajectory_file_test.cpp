@@ -10,6 +10,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -36,13 +37,7 @@ std::string written(const Trajectory& trajectory, TrajectoryFormat format) {
 }
 
 std::string refusal_of(const std::filesystem::path& path) {
-  try {
-    read_trajectory(path);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
+  return testing::refusal(ErrorKind::kInput, [&] { read_trajectory(path); });
 }
 
 TEST(TrajectoryFile, ComesBackInEveryFormat) {

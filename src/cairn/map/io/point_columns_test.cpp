@@ -14,9 +14,12 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn::detail {
 namespace {
 
+using cairn::testing::refusal;
 using ::testing::HasSubstr;
 
 PointTable table_of(std::vector<PointField> fields, const MapReadOptions& options = {},
@@ -40,16 +43,6 @@ void append(std::string& bytes, T value, bool big_endian = false) {
 }
 
 const std::vector<PointField> kPoint = {field("x"), field("y", ScalarType::kFloat32), field("z")};
-
-template <class Action>
-std::string message_of(Action&& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 TEST(PointTable, ReadsTextAndBinaryOfEitherOrderAlike) {
   for (const int way : {0, 1, 2, 3}) {
@@ -123,11 +116,16 @@ TEST(PointTable, LeavesOutPointsWithoutAPositionAndSaysSo) {
 TEST(PointTable, NamesLineFieldAndValueOfWhatItRefuses) {
   const MapReadOptions options;
   PointTable table = table_of(kPoint, options);
-  EXPECT_THAT(message_of([&] { table.append_text("1 two 3", 12); }),
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { table.append_text("1 two 3", 12); }),
               AllOf(HasSubstr("points:12"), HasSubstr("(y)"), HasSubstr("two")));
   PointTable other = table_of(kPoint, options);
-  EXPECT_THAT(message_of([&] { other.append_text("1 2", 7); }), HasSubstr("points:7"));
-  EXPECT_THAT(message_of([&] { table_of({field("x"), field("y")}, options); }), HasSubstr("z"));
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { other.append_text("1 2", 7); }),
+              HasSubstr("points:7"));
+  EXPECT_THAT(refusal(ErrorKind::kInput,
+                      [&] {
+                        table_of({field("x"), field("y")}, options);
+                      }),
+              HasSubstr("z"));
 }
 
 TEST(PointRows, ComeBackThroughATable) {

@@ -4,15 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numbers>
 #include <optional>
 
 #include <Eigen/LU>
 
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/placement/descriptors.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
 
@@ -61,26 +60,16 @@ class Likeness {
 
  private:
   double distance(std::uint32_t first, std::uint32_t second) const {
+    if (binary_) return differing_bits(first_, first, second_, second);
     const std::size_t size = first_.bytes_each;
     const std::uint8_t* a = first_.bytes.data() + first * size;
     const std::uint8_t* b = second_.bytes.data() + second * size;
-    if (!binary_) {
-      double sum = 0.0;
-      for (std::size_t i = 0; i < size; ++i) {
-        const int difference = int{a[i]} - int{b[i]};
-        sum += difference * difference;
-      }
-      return sum;
+    double sum = 0.0;
+    for (std::size_t i = 0; i < size; ++i) {
+      const int difference = int{a[i]} - int{b[i]};
+      sum += difference * difference;
     }
-    int bits = 0;
-    for (std::size_t i = 0; i < size; i += 8) {
-      std::uint64_t word_a = 0;
-      std::uint64_t word_b = 0;
-      std::memcpy(&word_a, a + i, std::min<std::size_t>(8, size - i));
-      std::memcpy(&word_b, b + i, std::min<std::size_t>(8, size - i));
-      bits += hamming_distance({&word_a, 1}, {&word_b, 1});
-    }
-    return bits;
+    return sum;
   }
 
   const DescriptorColumn& first_;
@@ -88,12 +77,6 @@ class Likeness {
   bool binary_;
   double most_ = 0.0;
 };
-
-bool comparable(const LandmarkSet& first, const LandmarkSet& second) {
-  return first.descriptors != nullptr && second.descriptors != nullptr &&
-         first.descriptors->kind == second.descriptors->kind &&
-         first.descriptors->bytes_each == second.descriptors->bytes_each;
-}
 
 // What is near a landmark of the second set.
 struct Surroundings {
@@ -119,7 +102,8 @@ class Associator {
  public:
   Associator(const LandmarkSet& first, const LandmarkSet& second, const AssociationOptions& options)
       : first_(first), second_(second), options_(options) {
-    if (comparable(first, second)) {
+    if (first.descriptors != nullptr && second.descriptors != nullptr &&
+        comparable(*first.descriptors, *second.descriptors)) {
       likeness_.emplace(*first.descriptors, *second.descriptors, options.seed);
     }
     look_around();

@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -109,11 +110,6 @@ LandmarkMap with_frames_joined(LandmarkMap map, std::span<const SharedFrame> sha
   return LandmarkMap(std::move(tables));
 }
 
-Progress share_of(const Progress& progress, double begin, double end) {
-  if (!progress) return {};
-  return [=](double share) { progress(begin + (end - begin) * share); };
-}
-
 }  // namespace
 
 void FuseAndAdjustOptions::validate() const {
@@ -183,7 +179,7 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
         with_frames_joined(std::move(fused.map), options.shared_frames, result.frames);
     AdjustOptions how = options.adjustment;
     how.execution.progress =
-        share_of(options.adjustment.execution.progress, round / rounds, (round + 1) / rounds);
+        stage_of(options.adjustment.execution.progress, round / rounds, (round + 1) / rounds);
     if (!last) {
       how.covariances = false;
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);
@@ -201,9 +197,9 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     if (last) break;
     for (std::size_t m = 0; m < maps.size(); ++m) {
       // In its own frame again, for its pose is as uncertain as it was: only its bends are gone.
-      const LandmarkMap in_world =
+      moved[m] =
           moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map, result.frames[m]);
-      moved[m] = m == 0 ? in_world : transformed(in_world, maps[m].world_from_map.inverse());
+      if (m > 0) moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());
       placed[m].map = &moved[m];
     }
   }

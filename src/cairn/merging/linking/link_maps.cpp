@@ -55,6 +55,13 @@ MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
   return linked(target, source, align_options(options));
 }
 
+std::optional<PoseLink> placement_link(const MapLink& link) {
+  if (link.verdict != Verdict::kAligned || !link.target_from_source) return std::nullopt;
+  return PoseLink{NodeId{link.target}, NodeId{link.source},        *link.target_from_source,
+                  link.covariance,     link.covariance_with_scale, LinkKind::kPlacement,
+                  link.probability};
+}
+
 void LinkOptions::validate() const {
   align_options(*this).validate();
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cairn/alignment/align.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn {
 
@@ -25,6 +26,9 @@ struct MapLink {
   std::optional<Matrix6d> covariance;
   std::optional<Matrix7d> covariance_with_scale;
 };
+
+/// The link of a pose graph that an aligned pair is; its nodes have the maps' indices. Nothing of other pairs.
+std::optional<PoseLink> placement_link(const MapLink& link);
 
 struct LinkOptions {
   double min_probability = 0.99;  ///< from which a pair is aligned; see AlignOptions
