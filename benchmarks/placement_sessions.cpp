@@ -25,9 +25,9 @@
 #include "cairn/placement/detail/descriptor_matches.hpp"
 #include "cairn/placement/detail/support_counter.hpp"
 #include "cairn/placement/place.hpp"
+#include "cairn/placement/prepared_cloud.hpp"
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/scales.hpp"
-#include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "session_pairs.hpp"
 
@@ -46,24 +46,19 @@ double squared_mahalanobis(const RegistrationResult& result, const Rigid3& truth
 // more.
 void tell_truth(const SessionPair& pair) {
   if (!pair.same_place()) return;
-  const BatchTree source_tree(pair.source.positions);
-  const BatchTree target_tree(pair.target.positions);
-  const double fine = kernel_scales(cloud_scales(pair.source, source_tree, Executor()),
-                                    cloud_scales(pair.target, target_tree, Executor()))
-                          .fine;
+  const PreparedCloud source(pair.source);
+  const PreparedCloud target(pair.target);
+  const double fine = kernel_scales(source.scales(), target.scales()).fine;
   RefineOptions refinement;
   refinement.initial = pair.truth;
   refinement.coarse = refinement.fine = 0.5 * fine;
   refinement.finest = fine / 12.0;
   refinement.by_icp_too = false;
   const Rigid3 pose = refine(pair.source, pair.target, refinement).target_from_source;
-  const CentredPair centred(pair.source, pair.target);
+  const CentredPair centred(source.centred(), target.centred());
   const Similarity3 at = centred.centred(pose);
-  const BatchTree centred_source(centred.source().positions);
-  const BatchTree centred_target(centred.target().positions);
   const Support support =
-      SupportCounter(centred, centred_source, centred_target, pair.source.size(),
-                     Random(pair.number), Executor())(at, 0.5 * fine);
+      SupportCounter(source, target, pair.source.size(), Random(pair.number))(at, 0.5 * fine);
   const DescriptorAgreement agreement = DescriptorMatches(centred).agreement(at, 0.5 * fine);
   const PoseError error = pose_error(pose, pair.truth, pair.source.positions);
   std::printf(
