@@ -322,7 +322,7 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_EQ(result.at("verdict"), "aligned");
   EXPECT_EQ(result.at("method"), "robust");
   EXPECT_THAT(result.at("reason").get<std::string>(),
-              ContainsRegex("one to one within [0-9.e-]+ m, "));
+              ContainsRegex("matches [0-9.]+ % of [0-9]+ landmarks one to one, "));
   EXPECT_LT(result.at("error").at("rotation_deg").get<double>(), 0.5);
   EXPECT_LT(result.at("error").at("translation").get<double>(), 0.005);
   EXPECT_GE(result.at("probability").get<double>(), 0.995);

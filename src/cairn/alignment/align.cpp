@@ -30,10 +30,8 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-// @param unit symbol of the target's unit of length; may be empty
-PlaceOptions placement_of(const AlignOptions& options, std::string_view unit = {}) {
+PlaceOptions placement_of(const AlignOptions& options) {
   PlaceOptions placement;
-  placement.unit = unit;
   placement.seed = options.seed;
   placement.effort = options.effort;
   placement.prior_odds = options.prior_odds;
@@ -140,9 +138,8 @@ bool is_final(const RegistrationResult& found, const AlignOptions& options) {
 
 // @param found by the method, from the prior pose; nothing: by search
 Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
-                    const AlignOptions& options, std::string_view unit,
-                    std::optional<RegistrationResult> found) {
-  PreparedPair pair(source, target, placement_of(options, unit));
+                    const AlignOptions& options, std::optional<RegistrationResult> found) {
+  PreparedPair pair(source, target, placement_of(options));
   const bool by_icp = options.method == AlignMethod::kIcp;
   PlacementResult placed = !found   ? pair.place()
                            : by_icp ? pair.judge(found->similarity())
@@ -171,8 +168,8 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
 }
 
 Alignment judged(const PreparedCloud& source, const PreparedCloud& target, const Similarity3& pose,
-                 std::string_view unit, const AlignOptions& options) {
-  PlacementResult placed = PreparedPair(source, target, placement_of(options, unit)).judge(pose);
+                 const AlignOptions& options) {
+  PlacementResult placed = PreparedPair(source, target, placement_of(options)).judge(pose);
   Alignment alignment;
   alignment.registration = std::move(placed.alignment);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
@@ -186,22 +183,22 @@ Alignment judged(const PreparedCloud& source, const PreparedCloud& target, const
   return alignment;
 }
 
-Alignment aligned(const PreparedCloud& source, const PreparedCloud& target, std::string_view unit,
+Alignment aligned(const PreparedCloud& source, const PreparedCloud& target,
                   const AlignOptions& options) {
-  if (!options.prior) return concluded(source, target, options, unit, std::nullopt);
+  if (!options.prior) return concluded(source, target, options, std::nullopt);
   RegistrationResult found = refined(source, target, options);
   if (is_final(found, options)) return unjudged(std::move(found));
-  return concluded(source, target, options, unit, std::move(found));
+  return concluded(source, target, options, std::move(found));
 }
 
 // @param prepared gives both clouds, which ICP itself does not look at
 template <class Prepared>
 Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const Prepared& prepared,
-                         std::string_view unit, const AlignOptions& options) {
+                         const AlignOptions& options) {
   RegistrationResult found = icp(source, target, icp_of(options));
   if (is_final(found, options)) return unjudged(std::move(found));
   const auto [from, to] = prepared();
-  return concluded(from, to, options, unit, std::move(found));
+  return concluded(from, to, options, std::move(found));
 }
 
 // What work() gives, with how long that took.
@@ -215,18 +212,13 @@ Alignment timed(const AlignOptions& options, const Work& work) {
   return alignment;
 }
 
-std::string_view unit_of(LengthUnit unit) {
-  return unit == LengthUnit::kMetres ? "m" : "";
-}
-
 // "source bends by 6.8 deg between keyframes 40 and 95 (...)".
-std::string bend_text(const MapBend& bend, std::string_view unit) {
+std::string bend_text(const MapBend& bend, LengthUnit unit) {
   return fmt::format(
       "{} bends by {:.1f} deg between keyframes {} and {} (landmarks of a part are up to "
-      "{:.2g}{}{} "
-      "from where this pose puts them)",
+      "{:.2g}{} from where this pose puts them)",
       to_string(bend.map), degrees(bend.rotation_rad), bend.first.value, bend.last.value,
-      bend.displacement, unit.empty() ? "" : " ", unit);
+      bend.displacement, unit == LengthUnit::kMetres ? " m" : "");
 }
 
 // How many parts are aligned by themselves, of how many.
@@ -250,7 +242,7 @@ bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
 }
 
 // The pose that the parts agree on becomes the result.
-void take_consensus(const PreparedMap& source, const PreparedMap& target, std::string_view unit,
+void take_consensus(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, Alignment& alignment) {
   const PartsAlignment& parts = *alignment.parts;
   const Similarity3& pose = *parts.target_from_source;
@@ -271,7 +263,7 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target, std::s
   alignment.registration = std::move(result);
   alignment.verdict = Verdict::kAligned;
   alignment.reason = fmt::format("by parts, of which {}: {}; as a whole: {}", parts_text(parts),
-                                 bend_text(*parts.bend, unit), alignment.reason);
+                                 bend_text(*parts.bend, target.length_unit()), alignment.reason);
   alignment.probability = parts.probability;
   // What was found for the whole maps is less likely than that none of it is right.
   for (PlacementCandidate& candidate : alignment.candidates) {
@@ -286,13 +278,13 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target, std::s
 }
 
 // What the parts of the maps make of a result.
-void judge_by_parts(const PreparedMap& source, const PreparedMap& target, std::string_view unit,
+void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, Alignment& alignment) {
   if (!alignment.verdict || options.parts == PartsUse::kNever) return;
   const bool refused = alignment.verdict != Verdict::kAligned;
   const bool always = options.parts == PartsUse::kAlways;
   if (!always && (!refused || options.time_limit_s)) return;
-  PlaceOptions placement = placement_of(options, unit);
+  PlaceOptions placement = placement_of(options);
   placement.execution = options.execution.without_progress();
   PartsAlignment parts = place_by_parts(source, target, placement);
   if (parts.parts.empty()) return;
@@ -300,7 +292,7 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target, std::s
   const PartsAlignment& found = *alignment.parts;
   if (found.consensus && found.covariance && refused) {
     alignment.parts->confirmed = is_aligned_straightened(found, source, target, placement);
-    if (*found.confirmed) return take_consensus(source, target, unit, options, alignment);
+    if (*found.confirmed) return take_consensus(source, target, options, alignment);
     alignment.reason +=
         fmt::format("; by parts, of which {}: the map straightened by them is not aligned either",
                     parts_text(found));
@@ -318,7 +310,7 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target, std::s
     if (!is_near_a_part(found, *alignment.estimate, source)) {
       contradict("the parts of the maps agree on another pose");
     } else {
-      alignment.reason += "; by parts: " + bend_text(*found.bend, unit);
+      alignment.reason += "; by parts: " + bend_text(*found.bend, target.length_unit());
     }
   }
 }
@@ -378,29 +370,27 @@ Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
       source.validate("source");
       target.validate("target");
       return aligned_by_icp({source.positions, source.weights}, {target.positions, target.weights},
-                            clouds, {}, options);
+                            clouds, options);
     }
     const auto [from, to] = clouds();
-    return aligned(from, to, {}, options);
+    return aligned(from, to, options);
   });
 }
 
 Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options) {
   options.validate();
   return timed(options, [&] {
-    const std::string_view unit = unit_of(target.info().length_unit);
     const auto clouds = [&] {
       return std::pair(prepared(source, options).cloud(), prepared(target, options).cloud());
     };
     if (options.method == AlignMethod::kIcp) {
       return aligned_by_icp(point_set(source, options.confidence, options.points),
-                            point_set(target, options.confidence, options.points), clouds, unit,
-                            options);
+                            point_set(target, options.confidence, options.points), clouds, options);
     }
     const PreparedMap from = prepared(source, options);
     const PreparedMap to = prepared(target, options);
-    Alignment alignment = aligned(from.cloud(), to.cloud(), unit, options);
-    judge_by_parts(from, to, unit, options, alignment);
+    Alignment alignment = aligned(from.cloud(), to.cloud(), options);
+    judge_by_parts(from, to, options, alignment);
     return alignment;
   });
 }
@@ -409,9 +399,8 @@ Alignment align(const PreparedMap& source, const PreparedMap& target, const Alig
   options.validate();
   require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
   return timed(options, [&] {
-    const std::string_view unit = unit_of(target.length_unit());
-    Alignment alignment = aligned(source.cloud(), target.cloud(), unit, options);
-    judge_by_parts(source, target, unit, options, alignment);
+    Alignment alignment = aligned(source.cloud(), target.cloud(), options);
+    judge_by_parts(source, target, options, alignment);
     return alignment;
   });
 }
@@ -421,7 +410,7 @@ Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
   options.validate();
   return timed(options, [&] {
     return judged(prepared(source, "source", options), prepared(target, "target", options),
-                  target_from_source, {}, options);
+                  target_from_source, options);
   });
 }
 
@@ -430,17 +419,15 @@ Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
   options.validate();
   return timed(options, [&] {
     return judged(prepared(source, options).cloud(), prepared(target, options).cloud(),
-                  target_from_source, unit_of(target.info().length_unit), options);
+                  target_from_source, options);
   });
 }
 
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
-  return timed(options, [&] {
-    return judged(source.cloud(), target.cloud(), target_from_source, unit_of(target.length_unit()),
-                  options);
-  });
+  return timed(options,
+               [&] { return judged(source.cloud(), target.cloud(), target_from_source, options); });
 }
 
 namespace {

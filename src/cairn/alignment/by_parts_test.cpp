@@ -177,20 +177,20 @@ TEST(ByParts, AreTheSameForAnyNumberOfThreads) {
 // Several parts of a map may see the same thing, and each be sure of it. The maps as wholes are refused here; a
 // thing that is a large share of a map is beyond that verdict too (docs/method.md).
 TEST(ByParts, AcceptNoTwoPlacesForOneThingThatStandsInBoth) {
-  int sure_parts = 0;
-  for (const std::size_t landmarks : {60, 90, 120, 180, 240}) {
+  int convincing = 0;
+  for (const std::size_t landmarks : {60, 90, 120, 180, 240, 480}) {
     const Thing thing = random_thing(7, landmarks, 0.12);
     const LandmarkMap source = place_with(thing, 71, 20, 40);
     const LandmarkMap target = place_with(thing, 72, 20, 40);
-    AlignOptions whole;
-    whole.parts = PartsUse::kNever;
-    if (align(source, target, whole).verdict == Verdict::kAligned) continue;
-    const PartsAlignment parts = place_by_parts(PreparedMap(source), PreparedMap(target), {});
-    if (parts.aligned >= 2) ++sure_parts;
-    const Alignment alignment = align(source, target);
-    EXPECT_NE(alignment.verdict, Verdict::kAligned) << landmarks << ": " << alignment.reason;
+    for (const PartsUse parts : {PartsUse::kNever, PartsUse::kWhereRefused}) {
+      AlignOptions options;
+      options.parts = parts;
+      const Alignment alignment = align(source, target, options);
+      EXPECT_NE(alignment.verdict, Verdict::kAligned) << landmarks << ": " << alignment.reason;
+      if (alignment.probability >= 0.99) ++convincing;
+    }
   }
-  EXPECT_GT(sure_parts, 0) << "the thing must be enough for parts, or this tests nothing";
+  EXPECT_GT(convincing, 0) << "the thing must be enough to convince, or this tests nothing";
 }
 
 TEST(ByParts, NeedTwoPartsOfEitherMap) {

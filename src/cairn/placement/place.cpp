@@ -25,6 +25,7 @@
 #include "cairn/placement/detail/rotations.hpp"
 #include "cairn/placement/detail/search.hpp"
 #include "cairn/placement/detail/support_counter.hpp"
+#include "cairn/placement/detail/surroundings.hpp"
 #include "cairn/placement/proximity.hpp"
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/scales.hpp"
@@ -60,6 +61,7 @@ constexpr double kScaleMargin = 0.03;  // of the range's ends: no scale is found
 // In units of the fine scale:
 constexpr double kSame = 0.35;     // what optima that are one differ by at most
 constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
+constexpr double kClose = 0.25;    // of it, within which they are likely the same
 constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
 constexpr double kReopened = 3.0;  // kernel at which the last refinement begins at the fine scale
 // Proposals by descriptors are judged before any search if as many matches agree with one;
@@ -258,6 +260,11 @@ class Placement {
       if (!better.first || merit(other) > merit(*better.first)) better = {other, off};
     }
     return better;
+  }
+
+  /// What the surroundings of the matches say of a pose.
+  SightCounts around(const Similarity3& pose) const {
+    return surrounding_sights(source_, target_, pose, kClose * kMatched * fine(pose.scale()));
   }
 
   const CentredPair& pair() const { return pair_; }
@@ -562,7 +569,7 @@ class PreparedPair::Parts {
   void conclude(Candidates found, const TimeLimit& time, PlacementResult& result) const;
   void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
                      const TimeLimit& time, PlacementResult& result) const;
-  void judge_best(PlacementResult& result) const;
+  void judge_best(const Finalist& best, PlacementResult& result) const;
   Placed beside(Candidates found, const Finalist& pose) const;
   void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
   void require_scale(const Similarity3& pose) const;
@@ -651,7 +658,7 @@ void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
   if (found.poses.empty()) {
     result.radius = kMatched * placement_->fine(1.0);
     result.verdict = Verdict::kRejected;
-    result.reason = cairn::judge({}, {}, placement_->landmarks(), result.radius).reason;
+    result.reason = cairn::judge({}, {}, placement_->landmarks()).reason;
     result.alignment.reason = result.reason;
     return;
   }
@@ -677,13 +684,14 @@ void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
   report(found.poses, result);
   result.own = 0;
   result.probability = result.candidates.front().probability;
-  judge_best(result);
+  judge_best(found.poses.front(), result);
 }
 
 // The verdict on the likeliest candidate.
-void PreparedPair::Parts::judge_best(PlacementResult& result) const {
+void PreparedPair::Parts::judge_best(const Finalist& best, PlacementResult& result) const {
+  result.around = placement_->around(best.similarity());
   Judgement judgement = cairn::judge(result.candidates, result.alignment, placement_->landmarks(),
-                                     result.radius, callers_.min_probability, callers_.unit);
+                                     callers_.min_probability, result.around);
   result.verdict = judgement.verdict;
   result.reason = std::move(judgement.reason);
 }
@@ -722,10 +730,10 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
   if (better) {
     const double unit = inverted_ ? 1.0 / held.scale : 1.0;
     result.reason = fmt::format(
-        "a pose {:.3g}{}{} from it (root mean square over the landmarks) fits better, and is right "
-        "with a probability of {:.2f} %",
-        *better * unit, callers_.unit.empty() ? "" : " ", callers_.unit,
-        100.0 * found.poses[own].probability);
+        "a pose {:.2g} matching radii from it (root mean square over the landmarks) fits better, "
+        "and is "
+        "right with a probability of {:.2f} %",
+        *better * unit / result.radius, 100.0 * found.poses[own].probability);
     return;
   }
   result.own = own;
@@ -737,7 +745,7 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
         100.0 * found.poses.front().probability, 100.0 * result.probability);
     return;
   }
-  judge_best(result);
+  judge_best(found.poses.front(), result);
 }
 
 void PreparedPair::Parts::require_scale(const Similarity3& pose) const {

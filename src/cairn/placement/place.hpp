@@ -62,8 +62,6 @@ struct PlaceOptions {
   /// Within which distance the refined result's landmarks count as overlapping; nothing: the
   /// placement's own radius.
   std::optional<double> overlap_radius = {};
-  /// Symbol of the target's unit of length, for the sentence that gives the reason.
-  std::string unit = {};
   bool trace = false;  ///< keep score and matches of every iteration of the final refinement
 
   Execution execution = {};
@@ -84,6 +82,8 @@ struct PlacementResult {
   /// The candidate that the pose is; nothing for a judged pose that is near a better candidate.
   std::optional<std::size_t> own;
   double radius = 0.0;  ///< within which landmarks count as matched
+  /// What lines of sight say of the landmarks around those that match, at the likeliest candidate.
+  SightCounts around = {};
   /// The time limit cut the work short: a pose that the search would have found may be missing, and the
   /// probability does not know; or the last refinement did not come to its end.
   bool cut_short = false;

@@ -12,6 +12,10 @@ namespace {
 
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
+// Lines of sight to the surroundings of the matches, chosen on simulated sessions (docs/method.md):
+constexpr std::size_t kFewestAround = 100;  // fewer say nothing
+constexpr double kMostContradicted = 0.1;   // of those that agree or are contradicted
+constexpr double kFewestInAgreement = 0.1;  // of all, with those that end behind what was seen
 
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
@@ -45,6 +49,23 @@ std::string open_text(const RegistrationResult& result) {
   return text;
 }
 
+// What of the surroundings shows another place; empty where nothing does.
+std::string other_surroundings(const SightCounts& around) {
+  const auto share = [](std::size_t part, std::size_t all) {
+    return static_cast<double>(part) / static_cast<double>(all);
+  };
+  const std::size_t compared = around.agree + around.in_front;
+  if (compared >= kFewestAround && share(around.in_front, compared) > kMostContradicted) {
+    return fmt::format("{} of {} lines of sight are contradicted",
+                       percent(share(around.in_front, compared)), compared);
+  }
+  if (around.total() >= kFewestAround && share(around.agree, around.total()) < kFewestInAgreement) {
+    return fmt::format("{} of {} lines of sight agree",
+                       percent(share(around.agree, around.total())), around.total());
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string_view to_string(Verdict verdict) {
@@ -60,14 +81,14 @@ std::string_view to_string(Verdict verdict) {
 }
 
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
-                std::size_t landmarks, double radius, double least, std::string_view unit) {
+                std::size_t landmarks, double least, const SightCounts& around) {
   if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
   const PlacementCandidate& best = candidates.front();
   double any = 0.0;
   for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
   std::string found = fmt::format(
-      "the best pose matches {} of {} landmarks one to one within {:.3g}{}{}, {}",
-      percent(best.support.share), landmarks, radius, unit.empty() ? "" : " ", unit,
+      "the best pose matches {} of {} landmarks one to one, {}", percent(best.support.share),
+      landmarks,
       candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
                             : "there is no other");
   if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
@@ -93,6 +114,14 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
       return {
           Verdict::kAmbiguous,
           fmt::format("{}, but landmarks match in too few places to say how exact it is", found)};
+    }
+    if (const std::string other = other_surroundings(around); !other.empty()) {
+      return {
+          Verdict::kAmbiguous,
+          fmt::format(
+              "{}, but the surroundings of the matches differ ({}): the maps may show two places "
+              "that share one thing",
+              found, other)};
     }
     return {Verdict::kAligned, std::move(found)};
   }

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "cairn/geometry/similarity3.hpp"
+#include "cairn/placement/seen_views.hpp"
 #include "cairn/placement/support.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -16,8 +17,8 @@ namespace cairn {
 /// What is to be thought of the best of several poses.
 enum class Verdict {
   kAligned,    ///< it is right beyond doubt
-  kAmbiguous,  ///< one of several poses is right beyond doubt, but which?
-  kRejected,   ///< perhaps none is right
+  kAmbiguous,  ///< something is the same beyond doubt, but it does not make one pose of several right
+  kRejected,  ///< perhaps none is right
 };
 
 /// "aligned" and so on: the names in results.
@@ -43,17 +44,16 @@ struct Judgement {
   std::string reason;  ///< one sentence for people, with its numbers
 };
 
-/// Judges the best of some candidates by their probabilities. Without a covariance, or with an open
-/// direction, a pose is at most ambiguous, however likely it is.
+/// Judges the best of some candidates by their probabilities. A pose is at most ambiguous, however likely
+/// it is, without a covariance, with an open direction, or where what surrounds its matches contradicts it:
+/// one thing that stands in two places matches as well as a place does.
 ///
 /// @param candidates likeliest first
 /// @param result     the first candidate's pose, with its covariance and open directions
 /// @param landmarks  of the smaller map, whose share the supports are
-/// @param radius     within which landmarks were matched, for the sentence
 /// @param least      probability from which the pose is aligned
-/// @param unit       of the radius, for the sentence; may be empty
+/// @param around     surrounding_sights() of the first candidate
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
-                std::size_t landmarks, double radius, double least = 0.99,
-                std::string_view unit = {});
+                std::size_t landmarks, double least = 0.99, const SightCounts& around = {});
 
 }  // namespace cairn

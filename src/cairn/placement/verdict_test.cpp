@@ -20,7 +20,7 @@ RegistrationResult known_pose() {
 
 Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
                      const RegistrationResult& result = known_pose()) {
-  return judge(candidates, result, 3000, 0.02);
+  return judge(candidates, result, 3000);
 }
 
 PlacementCandidate candidate(double probability, double support = 0.4) {
@@ -90,16 +90,26 @@ TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
               HasSubstr("50 of 200 descriptor matches agree with it (1.2 would by chance)"));
 }
 
-TEST(Verdict, SaysTheRadiusInItsUnit) {
-  const std::vector<PlacementCandidate> candidates = {candidate(0.996)};
-  EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02, 0.99, "m").reason,
-              HasSubstr("within 0.02 m, "));
-  EXPECT_THAT(judge(candidates, known_pose(), 3000, 0.02).reason, HasSubstr("within 0.02, "));
-}
-
 TEST(Verdict, NeverSaysThatAPoseIsCertain) {
   EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("over 99.99 %"));
   EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("below 0.01 %"));
+}
+
+TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
+  const std::vector<PlacementCandidate> one = {candidate(0.9999)};
+  const auto with = [&](const SightCounts& around) {
+    return judge(one, known_pose(), 3000, 0.99, around);
+  };
+  const Judgement judgement = with({.agree = 600, .in_front = 400, .behind = 9000});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("40.0 % of 1000 lines of sight"));
+  const Judgement behind = with({.agree = 50, .in_front = 0, .behind = 950});
+  EXPECT_EQ(behind.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(behind.reason, HasSubstr("5.0 % of 1000 lines of sight agree"));
+  EXPECT_EQ(with({.agree = 980, .in_front = 20, .behind = 2000}).verdict, Verdict::kAligned);
+  // A few say nothing.
+  EXPECT_EQ(with({.agree = 45, .in_front = 45}).verdict, Verdict::kAligned);
+  EXPECT_EQ(with({.agree = 0, .in_front = 0, .behind = 90}).verdict, Verdict::kAligned);
 }
 
 }  // namespace

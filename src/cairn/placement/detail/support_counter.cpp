@@ -8,18 +8,10 @@
 #include <vector>
 
 #include "cairn/geometry/moved_points.hpp"
+#include "cairn/placement/detail/mutual_matches.hpp"
 
 namespace cairn {
 namespace {
-
-std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> moved,
-                                      const BatchTree& tree) {
-  std::vector<Neighbor> found(moved.size());
-  tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
-    found[i] = {nearest.index(0), nearest.squared_distance(0)};
-  });
-  return found;
-}
 
 // A pair of landmarks that are each other's nearest.
 struct Pair {
@@ -72,29 +64,16 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
   // a landmark must not decide alone.
   constexpr double kFarthest = 3.0;
   constexpr double kLeastChance = 1e-6;
-  const LandmarkCloud& source = source_.landmarks();
-  const LandmarkCloud& target = target_.landmarks();
-  const std::vector<Eigen::Vector3d> moved =
-      moved_points(std::span(source.positions).first(sample_), pose);
-  const std::vector<Neighbor> there = nearest_of_each(moved, target_.tree());
-  std::vector<Eigen::Vector3d> met;
-  met.reserve(sample_);
-  for (const Neighbor& neighbor : there) met.push_back(target.positions[neighbor.index]);
-  const std::vector<Neighbor> back =
-      nearest_of_each(moved_points(met, pose.inverse()), source_.tree());
   Support support;
   std::vector<Pair> pairs;
   std::vector<std::uint32_t> matched;
-  for (std::uint32_t i = 0; i < sample_; ++i) {
-    if (back[i].index != i) continue;
-    const double squared = there[i].squared_distance;
+  for (const auto& [i, there, squared] : mutual_matches(source_, target_, pose, sample_)) {
     if (squared <= radius * radius) matched.push_back(i);
     for (std::size_t k = 0; k < Support::kRadii; ++k) {
       if (std::ldexp(squared, 2 * static_cast<int>(k)) > radius * radius) break;
       ++support.within[k];
     }
-    const double spacing =
-        pose.scale() * source_.spacings()[i] * target_.spacings()[there[i].index];
+    const double spacing = pose.scale() * source_.spacings()[i] * target_.spacings()[there];
     const double ratio =
         spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
     const double chance = chance_on_surface(ratio);
@@ -104,20 +83,21 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
     }
   }
   // The sample stands for the source; a share is that of the smaller cloud.
-  const double each = static_cast<double>(source.size()) /
-                      static_cast<double>(sample_ * std::min(source.size(), target.size()));
+  const double each = static_cast<double>(source_.size()) /
+                      static_cast<double>(sample_ * std::min(source_.size(), target_.size()));
   support.share = each * static_cast<double>(support.matches());
   add_evidence(pairs, support);
-  if (looks_.possible()) add_likeness(likeness_by_group(matched, moved, radius), support);
+  if (looks_.possible()) add_likeness(likeness_by_group(matched, pose, radius), support);
   return support;
 }
 
 SupportCounter::Likenesses SupportCounter::likeness_by_group(std::span<const std::uint32_t> matched,
-                                                             std::span<const Eigen::Vector3d> moved,
+                                                             const Similarity3& pose,
                                                              double radius) const {
   std::vector<Eigen::Vector3d> places;
   places.reserve(matched.size());
-  for (const std::uint32_t i : matched) places.push_back(moved[i]);
+  for (const std::uint32_t i : matched) places.push_back(source_.landmarks().positions[i]);
+  places = moved_points(places, pose);
   Likenesses result;
   std::vector<std::uint32_t> partners;
   target_.tree()

@@ -42,9 +42,8 @@ class SupportCounter {
   // A corner has several landmarks in either map: which of them are each other's nearest is by chance. So
   // of the partners within the radius the one that looks most like it counts.
   // @param matched of the sample
-  // @param moved   where the pose has the sample
-  Likenesses likeness_by_group(std::span<const std::uint32_t> matched,
-                               std::span<const Eigen::Vector3d> moved, double radius) const;
+  Likenesses likeness_by_group(std::span<const std::uint32_t> matched, const Similarity3& pose,
+                               double radius) const;
 
   PreparedCloud source_;
   PreparedCloud target_;
