@@ -16,6 +16,7 @@ Run add_convert(CLI::App& program);
 Run add_demo(CLI::App& program);
 Run add_evaluate(CLI::App& program);
 Run add_experiment(CLI::App& program);
+Run add_locate(CLI::App& program);
 Run add_map(CLI::App& program);
 Run add_merge(CLI::App& program);
 Run add_info(CLI::App& program);

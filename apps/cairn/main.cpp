@@ -189,6 +189,7 @@ int run(int argc, char** argv) {
 #endif
 #ifdef CAIRN_HAS_ODOMETRY
   verbs.emplace_back("map", cairn::cli::add_map(program));
+  verbs.emplace_back("locate", cairn::cli::add_locate(program));
 #endif
 #ifdef CAIRN_HAS_MERGING
   verbs.emplace_back("merge", cairn::cli::add_merge(program));

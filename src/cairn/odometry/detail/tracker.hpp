@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cairn/odometry/detail/keyframe_map.hpp"
-#include "cairn/odometry/detail/pose_estimation.hpp"
+#include "cairn/odometry/pose_estimation.hpp"
 #include "cairn/odometry/odometry.hpp"
 
 namespace cairn {

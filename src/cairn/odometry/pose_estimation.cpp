@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/odometry/detail/pose_estimation.hpp"
+#include "cairn/odometry/pose_estimation.hpp"
 
 #include <algorithm>
 #include <array>

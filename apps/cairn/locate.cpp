@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/interchange/formats.hpp"
+#include "cairn/localization/image_locator.hpp"
+#include "cairn/sequence/image_file.hpp"
+#include "cairn/sequence/sequence.hpp"
+
+#include "commands.hpp"
+#include "support/arguments.hpp"
+#include "support/documents.hpp"
+
+namespace cairn::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct LocateArguments {
+  CommonArguments common;
+  std::string map;
+  std::vector<std::string> images;
+  std::string camera;
+  std::string depth;
+  std::string trajectory;
+  std::optional<double> depth_units;
+  LocateOptions options;
+
+  void add_to(CLI::App& command);
+  int run();
+
+ private:
+  CameraFile load_camera_of(const LandmarkMap& of_map) const;
+  DepthImage read_depth(double units) const;
+  Json describe(const LoadedMap& loaded, const Camera& used) const;
+  void write_trajectory(const std::vector<ImageLocation>& found) const;
+};
+
+void LocateArguments::add_to(CLI::App& command) {
+  add_text(command, "map", map, "Map with ORB descriptors: " + all_formats().titles_text())
+      ->required();
+  command.add_option("images", images, "Images to locate, JPEG or PNG, each by itself")
+      ->required()
+      ->type_name("IMAGE");
+  add_text(command, "--camera", camera,
+           fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
+           "CAMERA");
+  add_text(
+      command, "--depth", depth,
+      "Depth image (PNG, 16 bit) of the same view; for one image. It makes the pose more exact",
+      "FILE");
+  add_number(command, "--depth-units", depth_units,
+             "Depth image units a metre (default: as the camera file says, else 5000)");
+  add_number(command, "--features", options.features.count, "Corners wanted in an image");
+  add_number(command, "--min-probability", options.min_probability,
+             "Probability from which a pose is located");
+  add_text(
+      command, "--trajectory", trajectory,
+      "Write the poses of the located images, world_from_camera, in TUM format; the timestamps are "
+      "the images' names where all are numbers, else 0, 1, ...",
+      "FILE");
+  common.add_to(command);
+  command.footer(
+      "Example: where in a map an image was taken\n"
+      "  cairn locate desk.map image.png --camera fr1\n"
+      "Exit code: 0 if every image is located, 4 if the pose of one cannot be trusted.");
+}
+
+CameraFile LocateArguments::load_camera_of(const LandmarkMap& of_map) const {
+  if (!camera.empty()) return load_camera(camera);
+  if (of_map.cameras().size() == 1) return {of_map.cameras().front(), std::nullopt};
+  throw Error(ErrorKind::kMisuse, "--camera",
+              fmt::format("not given, and the map has {} cameras", of_map.cameras().size()),
+              kCameraHelp);
+}
+
+DepthImage LocateArguments::read_depth(double units) const {
+  const StoredDepthImage stored = read_depth_image(depth);
+  DepthImage metres(stored.width, stored.height);
+  for (std::size_t i = 0; i < stored.values.size(); ++i) {
+    metres.values[i] = static_cast<float>(stored.values[i] / units);
+  }
+  return metres;
+}
+
+Json LocateArguments::describe(const LoadedMap& loaded, const Camera& used) const {
+  Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
+  for (const std::string& image : images) inputs["images"].push_back(describe_file(image, common));
+  return document("locate", common, std::move(inputs),
+                  {{"camera",
+                    {{"model", used.model},
+                     {"width", used.width},
+                     {"height", used.height},
+                     {"parameters", used.parameters}}},
+                   {"depth", text_or_null(depth)},
+                   {"features", options.features.count},
+                   {"min_probability", options.min_probability}});
+}
+
+Json json_of(const std::string& image, const ImageLocation& found) {
+  Json json = {{"image", image},
+               {"verdict", found.located ? "located" : "rejected"},
+               {"probability", found.probability},
+               {"reason", found.reason},
+               {"world_from_camera", nullptr},
+               {"estimate", nullptr},
+               {"covariance", nullptr},
+               {"corners", found.corners},
+               {"matches", Json::array()}};
+  if (found.world_from_camera) json["world_from_camera"] = to_json(*found.world_from_camera);
+  if (found.estimate) json["estimate"] = to_json(*found.estimate);
+  if (found.covariance) json["covariance"] = to_json(*found.covariance);
+  for (const ImageMatch& match : found.matches) {
+    json["matches"].push_back({match.landmark.value, match.pixel.u, match.pixel.v});
+  }
+  return json;
+}
+
+std::string text_of(const std::string& image, const ImageLocation& found, LengthUnit unit) {
+  std::string text = fmt::format("{}: {}: {}\n", printable(fs::path(image).filename().string()),
+                                 found.located ? "located" : "rejected", found.reason);
+  if (!found.estimate) return text;
+  const Eigen::Vector3d& at = found.estimate->translation();
+  const Eigen::Quaterniond turn = found.estimate->quaternion();
+  text +=
+      fmt::format("  {}tx ty tz qx qy qz qw  {:.4f} {:.4f} {:.4f} {:.6f} {:.6f} {:.6f} {:.6f}\n",
+                  found.located ? "" : "not trusted: ", at.x(), at.y(), at.z(), turn.x(), turn.y(),
+                  turn.z(), turn.w());
+  if (found.located && found.covariance) {
+    const Vector6d deviations = found.covariance->diagonal().cwiseSqrt();
+    text +=
+        fmt::format("  standard deviations   {:.2g} {:.2g} {:.2g} {}, {:.2g} {:.2g} {:.2g} deg\n",
+                    deviations[0], deviations[1], deviations[2], unit_symbol(unit),
+                    degrees(deviations[3]), degrees(deviations[4]), degrees(deviations[5]));
+  }
+  return text;
+}
+
+// What a line begins with: the times that all names of images are, or else the images' numbers.
+std::vector<std::string> stamps_of(const std::vector<std::string>& images) {
+  std::vector<std::string> times;
+  std::vector<std::string> numbers;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    numbers.push_back(fmt::format("{}", i));
+    const std::string stem = fs::path(images[i]).stem().string();
+    if (parse_number(stem)) times.push_back(stem);
+  }
+  return times.size() == images.size() ? times : numbers;
+}
+
+void LocateArguments::write_trajectory(const std::vector<ImageLocation>& found) const {
+  const std::vector<std::string> stamps = stamps_of(images);
+  std::string text = "# timestamp tx ty tz qx qy qz qw\n";
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!found[i].world_from_camera) continue;
+    const Eigen::Vector3d& at = found[i].world_from_camera->translation();
+    const Eigen::Quaterniond turn = found[i].world_from_camera->quaternion();
+    text += fmt::format("{} {} {} {} {} {} {} {}\n", stamps[i], at.x(), at.y(), at.z(), turn.x(),
+                        turn.y(), turn.z(), turn.w());
+  }
+  write_text(text, trajectory);
+}
+
+int LocateArguments::run() {
+  with_option_names({{"LocateOptions.min_probability", "--min-probability"},
+                     {"FeatureOptions.count", "--features"}},
+                    [&] { options.validate(); });
+  if (!depth.empty() && images.size() != 1) {
+    throw Error(ErrorKind::kMisuse, "--depth", fmt::format("given for {} images", images.size()),
+                "one image");
+  }
+  require_outputs(common);
+  require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
+  if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
+  options.seed = common.seed;
+  const LoadedMap loaded = load_map(map, common);
+  const CameraFile file = load_camera_of(loaded.map);
+  const double units = depth_units.value_or(
+      file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
+  if (!(units > 0.0)) {
+    throw Error(ErrorKind::kMisuse, "--depth-units", fmt::format("{}", units), "a positive number");
+  }
+  const ImageLocator locator(loaded.map, file.camera, options);
+  const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
+  std::vector<ImageLocation> found(images.size());
+  common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      found[i] = locator.locate(read_gray_image(images[i]), depth_m);
+    }
+  });
+  Json json = describe(loaded, file.camera);
+  json["results"] = Json::array();
+  bool all = true;
+  const Console console = common.console();
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    json["results"].push_back(json_of(images[i], found[i]));
+    console.print(text_of(images[i], found[i], loaded.map.info().length_unit));
+    all = all && found[i].located;
+  }
+  write_document(json, common);
+  if (!trajectory.empty()) write_trajectory(found);
+  return all ? ExitCode::kDone : ExitCode::kNoTrustworthyAlignment;
+}
+
+}  // namespace
+
+Run add_locate(CLI::App& program) {
+  CLI::App* const command =
+      program.add_subcommand("locate", "Find where in a map an image was taken, and judge it");
+  const auto arguments = std::make_shared<LocateArguments>();
+  arguments->add_to(*command);
+  return [arguments] { return arguments->run(); };
+}
+
+}  // namespace cairn::cli

@@ -1,0 +1,458 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/localization/image_locator.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <iterator>
+#include <span>
+#include <utility>
+
+#include <fmt/format.h>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/features2d.hpp>
+
+#include "cairn/core/error.hpp"
+#include "cairn/odometry/pose_estimation.hpp"
+#include "cairn/odometry/sensor_model.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kDescriptorBytes = sizeof(Descriptor);
+constexpr int kMostBits = 64;                // by which descriptors of one landmark differ
+constexpr std::size_t kFewestProposals = 6;  // three fix a pose, which the others must confirm
+constexpr double kProposalPixels = 5.0;
+constexpr int kProposalIterations = 4000;
+constexpr double kSearchPixels = 6.0;  // about where a landmark should appear
+constexpr double kExplained = 3.0;     // times that: so far off is not another place
+constexpr int kNearest = 3;            // landmarks that a corner may show
+constexpr int kSearchRounds = 3;
+constexpr std::size_t kOthers =
+    16;  // landmarks with which the search is tried, to see what chance gives
+constexpr double kCluster = 0.125;      // radius of a cluster, in widths of the image
+constexpr double kExtent = 3.0;         // metres that a map without a scale is taken to span
+constexpr double kSameRotation = 0.1;   // radians: what two poses that are one differ by at most
+constexpr double kSameDistance = 0.05;  // the same, times the median distance of what is seen
+
+template <class Value>
+void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
+  if (valid) return;
+  throw Error(ErrorKind::kMisuse, fmt::format("LocateOptions.{}", field), fmt::format("{}", value),
+              expected);
+}
+
+int difference(const Descriptor& a, const Descriptor& b) {
+  int bits = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) bits += std::popcount(a[i] ^ b[i]);
+  return bits;
+}
+
+template <class T>
+cv::Mat matrix_of(int type, const Image<T>& image) {
+  cv::Mat matrix(static_cast<int>(image.height), static_cast<int>(image.width), type);
+  std::copy(image.values.begin(), image.values.end(), matrix.ptr<T>());
+  return matrix;
+}
+
+cv::Mat rows_of(std::span<const Descriptor> descriptors) {
+  cv::Mat rows(static_cast<int>(descriptors.size()), static_cast<int>(kDescriptorBytes), CV_8U);
+  if (!descriptors.empty()) {
+    std::memcpy(rows.data, descriptors.data(), descriptors.size() * kDescriptorBytes);
+  }
+  return rows;
+}
+
+// A landmark that may be what a corner shows.
+struct Pair {
+  std::uint32_t corner = 0;
+  std::uint32_t landmark = 0;  // of those with descriptors
+  int bits = 0;
+  bool mutual = false;  // each is the other's nearest
+};
+
+// A pose with what speaks for it.
+struct Candidate {
+  PoseEstimate pose;
+  std::vector<Pair> pairs;  // that agree with it
+  std::size_t visible = 0;
+  double expected = 0.0;
+  std::size_t spread = 0;
+};
+
+double evidence(const Candidate& candidate) {
+  const double count = static_cast<double>(candidate.spread);
+  const double chance = std::max(candidate.expected, 1.0);
+  return count > chance ? count * std::log(count / chance) - (count - chance) : 0.0;
+}
+
+// A logistic model, fitted to images of simulated places (docs/method.md).
+// A logistic model, fitted to images of simulated places (docs/method.md).
+double probability_of(const Candidate& candidate) {
+  constexpr double kConstant = -7.17;
+  constexpr double kEvidence = 2.46;
+  return 1.0 / (1.0 + std::exp(-kConstant - kEvidence * std::log1p(evidence(candidate))));
+}
+
+}  // namespace
+
+void LocateOptions::validate() const {
+  features.validate();
+  require(min_probability >= 0.5 && min_probability < 1.0, "min_probability", min_probability,
+          "at least 0.5 and below 1");
+}
+
+class ImageLocator::Parts {
+ public:
+  Parts(const LandmarkMap& map, const Camera& camera, const LocateOptions& options)
+      : options_(options),
+        camera_(camera),
+        extractor_(camera, options.features),
+        sensor_(SensorNoise(), extractor_.pinhole(), octave_scales(extractor_)),
+        metric_(map.info().length_unit == LengthUnit::kMetres) {
+    const LandmarkTable& landmarks = map.landmarks();
+    const auto& column = landmarks.descriptors;
+    if (!column || column->kind != "ORB" || column->bytes_each != kDescriptorBytes) {
+      throw Error(
+          ErrorKind::kInput, "descriptors",
+          column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
+          fmt::format("ORB of {} bytes: an image is compared with these", kDescriptorBytes));
+    }
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      if (column->known[i] == 0) continue;
+      indices_.push_back(i);
+      Descriptor descriptor;
+      std::memcpy(descriptor.data(), column->bytes.data() + i * kDescriptorBytes, kDescriptorBytes);
+      descriptors_.push_back(descriptor);
+      positions_.push_back(landmarks.positions[i]);
+      const bool known =
+          !landmarks.covariances.empty() && !std::isnan(landmarks.covariances[i](0, 0));
+      covariances_.push_back(known ? landmarks.covariances[i] : Eigen::Matrix3d::Zero());
+    }
+    if (!metric_) scale_ = free_scale();
+    for (Eigen::Vector3d& position : positions_) position *= scale_;
+    for (Eigen::Matrix3d& covariance : covariances_) covariance *= scale_ * scale_;
+    rows_ = rows_of(descriptors_);
+  }
+
+  ImageLocation locate(const GrayImage& image, const DepthImage& depth) const {
+    require_size(image.width, image.height, "image");
+    if (!depth.empty()) require_size(depth.width, depth.height, "depth image");
+    const cv::Mat depth_m = metric_ && !depth.empty() ? matrix_of(CV_32F, depth) : cv::Mat();
+    const Features features = extractor_.extract(matrix_of(CV_8U, image), depth_m);
+    const std::vector<Pair> pairs = nearest(features);
+    std::vector<Pair> mutual;
+    std::copy_if(pairs.begin(), pairs.end(), std::back_inserter(mutual),
+                 [](const Pair& pair) { return pair.mutual; });
+    ImageLocation result;
+    result.corners = features.size();
+    result.proposals = mutual.size();
+    const std::optional<Candidate> best = candidate(features, mutual);
+    if (!best) {
+      result.reason =
+          fmt::format("{} of {} corners look like landmarks, and no pose explains {} of them",
+                      mutual.size(), features.size(), kFewestProposals);
+      return result;
+    }
+    // What looks alike may stand in several places: what the best pose does not explain may show another.
+    const std::optional<Candidate> next = candidate(features, unexplained(features, *best, pairs));
+    report(features, *best, next && !same(*best, *next) ? &*next : nullptr, result);
+    return result;
+  }
+
+ private:
+  static std::vector<double> octave_scales(const FeatureExtractor& extractor) {
+    std::vector<double> scales;
+    for (int i = 0; i < extractor.levels(); ++i) scales.push_back(extractor.scale(i));
+    return scales;
+  }
+
+  void require_size(std::uint32_t width, std::uint32_t height, std::string_view what) const {
+    if (width == camera_.width && height == camera_.height) return;
+    throw Error(ErrorKind::kInput, what, fmt::format("{} x {} pixels", width, height),
+                fmt::format("{} x {}, as the camera has", camera_.width, camera_.height));
+  }
+
+  // Limits in metres hold for maps of other units as well.
+  double free_scale() const {
+    if (positions_.empty()) return 1.0;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& position : positions_) mean += position;
+    mean /= static_cast<double>(positions_.size());
+    std::vector<double> distances;
+    for (const Eigen::Vector3d& position : positions_)
+      distances.push_back((position - mean).norm());
+    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+    std::nth_element(distances.begin(), middle, distances.end());
+    return *middle > 0.0 ? kExtent / *middle : 1.0;
+  }
+
+  // The landmarks that look most like each corner, the most alike pair first.
+  std::vector<Pair> nearest(const Features& features) const {
+    std::vector<Pair> pairs;
+    if (features.size() == 0 || descriptors_.empty()) return pairs;
+    const cv::Mat corners = rows_of(features.descriptors());
+    std::vector<std::vector<cv::DMatch>> landmarks_of;
+    std::vector<cv::DMatch> corner_of;
+    const cv::BFMatcher matcher(cv::NORM_HAMMING);
+    matcher.knnMatch(corners, rows_, landmarks_of, kNearest);
+    matcher.match(rows_, corners, corner_of);
+    for (const std::vector<cv::DMatch>& landmarks : landmarks_of) {
+      for (const cv::DMatch& match : landmarks) {
+        const int bits = static_cast<int>(match.distance);
+        if (bits > kMostBits) break;
+        const bool first = &match == &landmarks.front();
+        const auto back = corner_of[static_cast<std::size_t>(match.trainIdx)].trainIdx;
+        pairs.push_back({static_cast<std::uint32_t>(match.queryIdx),
+                         static_cast<std::uint32_t>(match.trainIdx), bits,
+                         first && back == match.queryIdx});
+      }
+    }
+    std::stable_sort(pairs.begin(), pairs.end(),
+                     [](const Pair& a, const Pair& b) { return a.bits < b.bits; });
+    return pairs;
+  }
+
+  // The pairs whose landmark is not where the candidate has the corner.
+  std::vector<Pair> unexplained(const Features& features, const Candidate& candidate,
+                                std::span<const Pair> pairs) const {
+    const Rigid3 camera_from_world = candidate.pose.world_from_camera.inverse();
+    std::vector<Pair> result;
+    for (const Pair& pair : pairs) {
+      const Eigen::Vector3d x = camera_from_world * positions_[pair.landmark];
+      const Eigen::Vector2d pixel = features.keypoints()[pair.corner].pixel.cast<double>();
+      if (x.z() >= kNearestDepth &&
+          (extractor_.pinhole().project(x) - pixel).norm() <= kExplained * kSearchPixels) {
+        continue;
+      }
+      result.push_back(pair);
+    }
+    return result;
+  }
+
+  std::optional<Candidate> candidate(const Features& features, std::span<const Pair> pairs) const {
+    if (pairs.size() < kFewestProposals) return std::nullopt;
+    const std::optional<Rigid3> proposed = proposed_pose(features, pairs);
+    if (!proposed) return std::nullopt;
+    Candidate result;
+    result.pose.world_from_camera = *proposed;
+    for (int round = 0; round < kSearchRounds; ++round) {
+      search(features, result);
+      if (result.pairs.size() < kFewestProposals) return std::nullopt;
+      refine(features, result);
+      if (result.pairs.size() < kFewestProposals) return std::nullopt;
+    }
+    result.spread = result.pairs.size() - largest_cluster(features, result.pairs);
+    return result;
+  }
+
+  std::optional<Rigid3> proposed_pose(const Features& features, std::span<const Pair> pairs) const {
+    std::vector<cv::Point3d> landmarks;
+    std::vector<cv::Point2d> pixels;
+    for (const Pair& pair : pairs) {
+      const Eigen::Vector3d& x = positions_[pair.landmark];
+      landmarks.emplace_back(x.x(), x.y(), x.z());
+      const Eigen::Vector2f& pixel = features.keypoints()[pair.corner].pixel;
+      pixels.emplace_back(pixel.x(), pixel.y());
+    }
+    const Pinhole& pinhole = extractor_.pinhole();
+    cv::Mat matrix = (cv::Mat_<double>(3, 3) << pinhole.fx, 0.0, pinhole.cx, 0.0, pinhole.fy,
+                      pinhole.cy, 0.0, 0.0, 1.0);
+    cv::UsacParams parameters;
+    parameters.sampler = cv::SAMPLING_PROSAC;
+    parameters.score = cv::SCORE_METHOD_MSAC;
+    parameters.loMethod = cv::LOCAL_OPTIM_INNER_LO;
+    parameters.loIterations = 5;
+    parameters.loSampleSize = 20;
+    parameters.confidence = 0.999;
+    parameters.maxIterations = kProposalIterations;
+    parameters.threshold = kProposalPixels;
+    parameters.randomGeneratorState = static_cast<int>(options_.seed);
+    parameters.isParallel = false;
+    cv::Mat turn;
+    cv::Mat shift;
+    std::vector<int> inliers;
+    if (!cv::solvePnPRansac(landmarks, pixels, matrix, cv::noArray(), turn, shift, inliers,
+                            parameters)) {
+      return std::nullopt;
+    }
+    if (inliers.size() < kFewestProposals) return std::nullopt;
+    cv::Mat rotation;
+    cv::Rodrigues(turn, rotation);
+    Eigen::Matrix3d r;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) r(i, j) = rotation.at<double>(i, j);
+    }
+    const Eigen::Vector3d t(shift.at<double>(0), shift.at<double>(1), shift.at<double>(2));
+    if (!r.allFinite() || !t.allFinite()) return std::nullopt;
+    return Rigid3(Eigen::Quaterniond(r), t).inverse();
+  }
+
+  // The landmarks near whose places a corner looks like them; each corner once.
+  void search(const Features& features, Candidate& candidate) const {
+    const Rigid3 camera_from_world = candidate.pose.world_from_camera.inverse();
+    const Pinhole& pinhole = extractor_.pinhole();
+    candidate.visible = 0;
+    std::size_t chance = 0;
+    std::vector<Pair> best(features.size(), Pair{0, 0, kMostBits + 1, false});
+    std::vector<std::uint32_t> near;
+    const auto most_alike = [&](const Descriptor& descriptor) {
+      Pair pair{0, 0, kMostBits + 1, false};
+      for (const std::uint32_t corner : near) {
+        const int bits = difference(features.descriptors()[corner], descriptor);
+        if (bits < pair.bits) pair = {corner, 0, bits, false};
+      }
+      return pair;
+    };
+    for (std::uint32_t i = 0; i < positions_.size(); ++i) {
+      const Eigen::Vector3d x = camera_from_world * positions_[i];
+      if (x.z() < kNearestDepth) continue;
+      const Eigen::Vector2d pixel = pinhole.project(x);
+      if (pixel.x() < -kSearchPixels || pixel.y() < -kSearchPixels ||
+          pixel.x() > camera_.width + kSearchPixels || pixel.y() > camera_.height + kSearchPixels) {
+        continue;
+      }
+      near.clear();
+      features.visit_near(pixel, kSearchPixels,
+                          [&](std::uint32_t corner) { near.push_back(corner); });
+      if (near.empty()) continue;
+      ++candidate.visible;
+      Pair pair = most_alike(descriptors_[i]);
+      pair.landmark = i;
+      if (pair.bits < best[pair.corner].bits) best[pair.corner] = pair;
+      for (std::size_t k = 1; k <= kOthers; ++k) {
+        const std::size_t other =
+            (i + k * (positions_.size() / (kOthers + 1) + 1)) % positions_.size();
+        if (most_alike(descriptors_[other]).bits <= kMostBits) ++chance;
+      }
+    }
+    candidate.expected = static_cast<double>(chance) / static_cast<double>(kOthers);
+    candidate.pairs.clear();
+    for (const Pair& pair : best) {
+      if (pair.bits <= kMostBits) candidate.pairs.push_back(pair);
+    }
+  }
+
+  // Moves the pose to where its pairs fit best, and keeps those that do.
+  void refine(const Features& features, Candidate& candidate) const {
+    const Rigid3 camera_from_world = candidate.pose.world_from_camera.inverse();
+    std::vector<PointMatch> matches;
+    for (const Pair& pair : candidate.pairs) {
+      PointMatch match{positions_[pair.landmark],
+                       sensor_.measurement(features.keypoints()[pair.corner])};
+      // What the landmark's own error is in pixels.
+      const Eigen::Matrix3d rotation = camera_from_world.rotation();
+      const double depth = std::max((camera_from_world * match.x_in_world).z(), kNearestDepth);
+      const Eigen::Matrix3d own = rotation * covariances_[pair.landmark] * rotation.transpose();
+      const double across = 0.5 * (own(0, 0) + own(1, 1));
+      const double per_metre = extractor_.pinhole().fx / depth;
+      match.measured.sigma_pixel = std::sqrt(
+          match.measured.sigma_pixel * match.measured.sigma_pixel + per_metre * per_metre * across);
+      match.measured.sigma_depth_m =
+          std::sqrt(match.measured.sigma_depth_m * match.measured.sigma_depth_m + own(2, 2));
+      matches.push_back(match);
+    }
+    candidate.pose = refine_pose(extractor_.pinhole(), matches, candidate.pose.world_from_camera);
+    std::vector<Pair> kept;
+    for (std::size_t i = 0; i < candidate.pairs.size(); ++i) {
+      if (candidate.pose.inliers[i]) kept.push_back(candidate.pairs[i]);
+    }
+    candidate.pairs = std::move(kept);
+  }
+
+  std::size_t largest_cluster(const Features& features, std::span<const Pair> pairs) const {
+    const auto radius = static_cast<float>(kCluster * camera_.width);
+    std::size_t most = 0;
+    for (const Pair& centre : pairs) {
+      const Eigen::Vector2f& at = features.keypoints()[centre.corner].pixel;
+      const auto inside = std::count_if(pairs.begin(), pairs.end(), [&](const Pair& pair) {
+        return (features.keypoints()[pair.corner].pixel - at).squaredNorm() <= radius * radius;
+      });
+      most = std::max(most, static_cast<std::size_t>(inside));
+    }
+    return most;
+  }
+
+  bool same(const Candidate& a, const Candidate& b) const {
+    const Rigid3 between = a.pose.world_from_camera.inverse() * b.pose.world_from_camera;
+    std::vector<double> depths;
+    const Rigid3 camera_from_world = a.pose.world_from_camera.inverse();
+    for (const Pair& pair : a.pairs) {
+      depths.push_back((camera_from_world * positions_[pair.landmark]).z());
+    }
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return between.quaternion().angularDistance(Eigen::Quaterniond::Identity()) <= kSameRotation &&
+           between.translation().norm() <= kSameDistance * *middle;
+  }
+
+  void report(const Features& features, const Candidate& best, const Candidate* next,
+              ImageLocation& result) const {
+    const Rigid3& pose = best.pose.world_from_camera;
+    result.estimate = Rigid3(pose.quaternion(), pose.translation() / scale_);
+    Matrix6d covariance = best.pose.covariance;
+    covariance.topRows<3>() /= scale_;
+    covariance.leftCols<3>() /= scale_;
+    result.covariance = covariance;
+    result.visible = best.visible;
+    result.expected = best.expected;
+    result.spread = best.spread;
+    for (const Pair& pair : best.pairs) {
+      result.matches.push_back(
+          {features.keypoints()[pair.corner].raw, LandmarkIndex{indices_[pair.landmark]}});
+    }
+    result.probability = probability_of(best);
+    std::string found = fmt::format(
+        "{} of {} landmarks at corners of the image look like them ({:.1f} would by chance)",
+        best.pairs.size(), best.visible, best.expected);
+    if (next != nullptr && probability_of(*next) > 0.05 * result.probability) {
+      const double other = probability_of(*next);
+      // The odds of either against none; one of them at most is right.
+      const double odds = result.probability / (1.0 - result.probability);
+      const double odds_of_other = other / (1.0 - other);
+      result.probability = odds / (1.0 + odds + odds_of_other);
+      found += fmt::format(", and {} at another pose", next->pairs.size());
+    }
+    result.located = result.probability >= options_.min_probability;
+    result.reason = fmt::format("{}: right with a probability of {}{:.2f} %{}", found,
+                                result.probability > 0.9999   ? "over "
+                                : result.probability < 0.0001 ? "below "
+                                                              : "",
+                                100.0 * std::clamp(result.probability, 0.0001, 0.9999),
+                                result.located ? "" : " only");
+    if (result.located) result.world_from_camera = result.estimate;
+  }
+
+  LocateOptions options_;
+  Camera camera_;
+  FeatureExtractor extractor_;
+  SensorModel sensor_;
+  bool metric_;
+  double scale_ = 1.0;  // of lengths of the map, to be about metres
+  // Of the landmarks with descriptors:
+  std::vector<std::uint32_t> indices_;
+  std::vector<Descriptor> descriptors_;
+  std::vector<Eigen::Vector3d> positions_;
+  std::vector<Eigen::Matrix3d> covariances_;
+  cv::Mat rows_;  // descriptors_, for the matcher
+};
+
+ImageLocator::ImageLocator(const LandmarkMap& map, const Camera& camera,
+                           const LocateOptions& options) {
+  options.validate();
+  if (const std::string defect = camera_defect(camera); !defect.empty()) {
+    throw Error(ErrorKind::kMisuse, "camera", defect, "a camera without defect");
+  }
+  parts_ = std::make_unique<const Parts>(map, camera, options);
+}
+ImageLocator::~ImageLocator() = default;
+ImageLocator::ImageLocator(ImageLocator&&) noexcept = default;
+ImageLocator& ImageLocator::operator=(ImageLocator&&) noexcept = default;
+
+ImageLocation ImageLocator::locate(const GrayImage& image, const DepthImage& depth) const {
+  return parts_->locate(image, depth);
+}
+
+}  // namespace cairn
