@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -124,9 +125,11 @@ Json json_of(const std::string& image, const ImageLocation& found) {
 }
 
 std::string text_of(const std::string& image, const ImageLocation& found, LengthUnit unit) {
-  std::string text = fmt::format("{}: {}: {}\n", printable(fs::path(image).filename().string()),
+  std::string text = fmt::format("{}: {}: {}\n", fs::path(image).filename().string(),
                                  found.located ? "located" : "rejected", found.reason);
-  if (!found.estimate) return text;
+  // What is all but wrong misleads.
+  constexpr double kWorthShowing = 0.01;
+  if (!found.estimate || found.probability < kWorthShowing) return text;
   const Eigen::Vector3d& at = found.estimate->translation();
   const Eigen::Quaterniond turn = found.estimate->quaternion();
   text +=
@@ -187,12 +190,17 @@ int LocateArguments::run() {
   if (!(units > 0.0)) {
     throw Error(ErrorKind::kMisuse, "--depth-units", fmt::format("{}", units), "a positive number");
   }
-  const ImageLocator locator(loaded.map, file.camera, options);
+  std::optional<ImageLocator> locator;
+  const std::string descriptors = map + ": descriptors";
+  with_option_names({{"descriptors", descriptors}},
+                    [&] { locator.emplace(loaded.map, file.camera, options); });
   const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
   std::vector<ImageLocation> found(images.size());
   common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      found[i] = locator.locate(read_gray_image(images[i]), depth_m);
+      const GrayImage image = read_gray_image(images[i]);
+      with_option_names({{"image", images[i]}, {"depth image", depth}},
+                        [&] { found[i] = locator->locate(image, depth_m); });
     }
   });
   Json json = describe(loaded, file.camera);

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// cairn locate, on a short sequence that cairn simulate made, and on real images.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "cairn/map/io/map_file.hpp"
+#include "cairn/trajectory/tum.hpp"
+
+#include "cli.hpp"
+#include "support/real_data.hpp"
+
+namespace cairn::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class LocateCliTest : public CliTest {
+ protected:
+  void SetUp() override {
+#ifdef CAIRN_HAS_SIMULATION
+    // Made once: no test changes it.
+    static const TemporaryFolder made;
+    static const CommandResult result = [] {
+      CommandResult last;
+      for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+               {"simulate", "s", "--environment", "desk", "--frames", "24", "--rate", "6"},
+               {"simulate", "other", "--environment", "kitchen", "--seed", "5", "--frames", "2"},
+               { "map",
+                 "s",
+                 "-o",
+                 "desk.map",
+                 "--start-from",
+                 "s/groundtruth.txt" }}) {
+        last = run_command(command(words), {.folder = made.path()});
+        if (last.exit_code != kDone) return last;
+      }
+      return last;
+    }();
+    ASSERT_EQ(result.exit_code, kDone) << result.errors;
+    fs::create_directory_symlink(made / "s", path("s"));
+    fs::create_directory_symlink(made / "other", path("other"));
+    fs::copy(made / "desk.map", path("desk.map"));
+#else
+    GTEST_SKIP() << "built without the simulation: cairn locate was not tested on made images";
+#endif
+  }
+};
+
+constexpr const char* kImage = "s/rgb/2.000000.jpg";
+
+TEST_F(LocateCliTest, SaysWhereAnImageWasTaken) {
+  const Json json = document(
+      {"locate", "desk.map", kImage, "--camera", "s/camera.yaml", "--trajectory", "found.tum"});
+  EXPECT_EQ(json.at("schema").at("name"), "cairn.locate");
+  const Json& result = json.at("results").at(0);
+  EXPECT_EQ(result.at("verdict"), "located");
+  EXPECT_GE(result.at("probability").get<double>(), 0.99);
+  EXPECT_EQ(result.at("covariance").size(), 6U);
+  EXPECT_GT(result.at("matches").size(), 50U);
+  FileReader found(path("found.tum"));
+  const auto poses = read_tum_trajectory(found);
+  FileReader truth(path("s/groundtruth.txt"));
+  const auto true_poses = read_tum_trajectory(truth);
+  ASSERT_EQ(poses.poses().size(), 1U);
+  EXPECT_NEAR(poses.poses()[0].timestamp_s, 2.0, 1e-9);
+  for (const TimedPose& pose : true_poses.poses()) {
+    if (std::abs(pose.timestamp_s - 2.0) > 1e-3) continue;
+    const Vector6d off = poses.poses()[0].world_from_camera.difference_to(pose.world_from_camera);
+    EXPECT_LT(off.head<3>().norm(), 0.02);
+    EXPECT_LT(off.tail<3>().norm(), 0.01);
+  }
+}
+
+TEST_F(LocateCliTest, TakesTheMapsOwnCamera) {
+  EXPECT_THAT(answer({"locate", "desk.map", kImage}), HasSubstr("2.000000.jpg: located: "));
+  EXPECT_THAT(answer({"locate", "desk.map", kImage, "--depth", "s/depth/2.000000.png"}),
+              HasSubstr("standard deviations"));
+}
+
+TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
+  const CommandResult result =
+      cairn({"locate", "desk.map", kImage, "other/rgb/0.000000.jpg", "--trajectory", "found.tum"});
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  EXPECT_THAT(result.output, HasSubstr("2.000000.jpg: located: "));
+  EXPECT_THAT(result.output, HasSubstr("0.000000.jpg: rejected: "));
+  FileReader found(path("found.tum"));
+  EXPECT_EQ(read_tum_trajectory(found).poses().size(), 1U) << "only what is located";
+}
+
+TEST_F(LocateCliTest, GivesTheSameBytesWhateverTheNumberOfThreads) {
+  const auto with = [&](const std::string& threads) {
+    Json json =
+        document({"locate", "desk.map", kImage, "s/rgb/0.500000.jpg", "--threads", threads});
+    return json.at("results").dump();
+  };
+  EXPECT_EQ(with("1"), with("2"));
+}
+
+TEST_F(LocateCliTest, NamesWhatIsWrong) {
+  expect_refusal({"locate", "desk.map", "nothing.png"}, kBadInput, {"nothing.png"});
+  expect_refusal({"locate", "desk.map", kImage, "--camera", "PINHOLE 320 240 262 262 159.5 119.5"},
+                 kBadInput, {"2.000000.jpg", "640 x 480 pixels", "320 x 240"});
+  expect_refusal({"locate", "desk.map", kImage, kImage, "--depth", "s/depth/2.000000.png"},
+                 kWrongUsage, {"--depth", "2 images"});
+  expect_refusal({"locate", "desk.map", kImage, "--min-probability", "2"}, kWrongUsage,
+                 {"--min-probability"});
+  expect_refusal({"locate", "desk.map", kImage, "--features", "1"}, kWrongUsage, {"--features"});
+  expect_refusal({"locate", "desk.map"}, kWrongUsage, {"images"});
+  ASSERT_EQ(cairn({"convert", "desk.map", "bare.ply"}).exit_code, kDone);
+  expect_refusal({"locate", "bare.ply", kImage, "--camera", "s/camera.yaml"}, kBadInput,
+                 {"bare.ply: descriptors", "none", "ORB"});
+}
+
+// Images of one real session in the map of another; the truth is what motion capture says of the camera.
+TEST_F(LocateCliTest, FindsImagesOfAnotherRealSession) {
+  const auto data = real_data();
+  if (!data) GTEST_SKIP() << kNoRealData;
+  const fs::path xyz = *data / "tum_fr1_xyz";
+  const fs::path desk = *data / "tum_fr1_desk";
+  ASSERT_EQ(cairn({"map", xyz.string(), "--camera", "fr1", "-o", "xyz.map", "--start-from",
+                   (xyz / "groundtruth.txt").string()})
+                .exit_code,
+            kDone);
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(desk / "rgb")) names.push_back(entry.path());
+  std::sort(names.begin(), names.end());
+  Words words = {"locate", "xyz.map", "--camera", "fr1", "--trajectory", "found.tum"};
+  for (std::size_t i = 0; i < 80; i += 8) words.push_back(names.at(i));
+  words.push_back(path("other/rgb/0.000000.jpg"));
+  EXPECT_EQ(cairn(words).exit_code, kNoAlignment) << "the last image is of another place";
+  FileReader found_file(path("found.tum"));
+  const Trajectory found = read_tum_trajectory(found_file);
+  FileReader truth_file(desk / "groundtruth.txt");
+  const Trajectory truth = read_tum_trajectory(truth_file);
+  EXPECT_GE(found.poses().size(), 5U);
+  EXPECT_LE(found.poses().size(), 10U);
+  for (const TimedPose& pose : found.poses()) {
+    const auto nearest = std::min_element(truth.poses().begin(), truth.poses().end(),
+                                          [&](const TimedPose& a, const TimedPose& b) {
+                                            return std::abs(a.timestamp_s - pose.timestamp_s) <
+                                                   std::abs(b.timestamp_s - pose.timestamp_s);
+                                          });
+    const Vector6d off = pose.world_from_camera.difference_to(nearest->world_from_camera);
+    EXPECT_LT(off.head<3>().norm(), 0.06) << pose.timestamp_s;
+    EXPECT_LT(off.tail<3>().norm(), 0.06) << pose.timestamp_s;
+  }
+}
+
+}  // namespace
+}  // namespace cairn::testing
