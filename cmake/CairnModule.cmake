@@ -75,7 +75,7 @@ set(CAIRN_UNITY_APART
     "src/cairn/placement/detail/constellation_poses.cpp src/cairn/placement/detail/descriptor_poses.cpp"
     "src/cairn/placement/place.cpp"
     # Highway's sources include themselves.
-    "src/cairn/placement/detail/descriptor_kernel.cpp"
+    "src/cairn/placement/descriptor_kernel.cpp"
     "src/cairn/registration/detail/batch_kernel.cpp"
     "src/cairn/registration/neighbors/kd_tree.cpp"
     "src/cairn/placement/detail/descriptor_matches_test.cpp"

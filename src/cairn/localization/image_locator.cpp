@@ -12,20 +12,21 @@
 #include <fmt/format.h>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/features2d.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/odometry/pose_estimation.hpp"
 #include "cairn/odometry/sensor_model.hpp"
+#include "cairn/placement/descriptor_kernel.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::size_t kDescriptorBytes = sizeof(Descriptor);
-constexpr int kMostBits = 64;                // by which descriptors of one landmark differ
+constexpr std::uint32_t kMostBits = 64;      // by which descriptors of one landmark differ
 constexpr std::size_t kFewestProposals = 6;  // three fix a pose, which the others must confirm
 constexpr double kProposalPixels = 5.0;
-constexpr int kProposalIterations = 4000;
+constexpr int kProposalIterations = 1500;
+constexpr int kRivalIterations = 800;
 constexpr double kSearchPixels = 6.0;  // about where a landmark should appear
 constexpr double kExplained = 3.0;     // times that: so far off is not another place
 constexpr int kNearest = 3;            // landmarks that a corner may show
@@ -44,9 +45,11 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-int difference(const Descriptor& a, const Descriptor& b) {
-  int bits = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) bits += std::popcount(a[i] ^ b[i]);
+std::uint32_t difference(const Descriptor& a, const Descriptor& b) {
+  std::uint32_t bits = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    bits += static_cast<std::uint32_t>(std::popcount(a[i] ^ b[i]));
+  }
   return bits;
 }
 
@@ -57,19 +60,16 @@ cv::Mat matrix_of(int type, const Image<T>& image) {
   return matrix;
 }
 
-cv::Mat rows_of(std::span<const Descriptor> descriptors) {
-  cv::Mat rows(static_cast<int>(descriptors.size()), static_cast<int>(kDescriptorBytes), CV_8U);
-  if (!descriptors.empty()) {
-    std::memcpy(rows.data, descriptors.data(), descriptors.size() * kDescriptorBytes);
-  }
-  return rows;
+std::span<const std::uint8_t> bytes_of(std::span<const Descriptor> descriptors) {
+  return {reinterpret_cast<const std::uint8_t*>(descriptors.data()),
+          descriptors.size() * kDescriptorBytes};
 }
 
 // A landmark that may be what a corner shows.
 struct Pair {
   std::uint32_t corner = 0;
   std::uint32_t landmark = 0;  // of those with descriptors
-  int bits = 0;
+  std::uint32_t bits = 0;
   bool mutual = false;  // each is the other's nearest
 };
 
@@ -134,7 +134,6 @@ class ImageLocator::Parts {
     if (!metric_) scale_ = free_scale();
     for (Eigen::Vector3d& position : positions_) position *= scale_;
     for (Eigen::Matrix3d& covariance : covariances_) covariance *= scale_ * scale_;
-    rows_ = rows_of(descriptors_);
   }
 
   ImageLocation locate(const GrayImage& image, const DepthImage& depth) const {
@@ -149,15 +148,18 @@ class ImageLocator::Parts {
     ImageLocation result;
     result.corners = features.size();
     result.proposals = mutual.size();
-    const std::optional<Candidate> best = candidate(features, mutual);
+    const std::optional<Candidate> best = candidate(features, mutual, kProposalIterations);
     if (!best) {
       result.reason =
           fmt::format("{} of {} corners look like landmarks, and no pose explains {} of them",
                       mutual.size(), features.size(), kFewestProposals);
       return result;
     }
-    // What looks alike may stand in several places: what the best pose does not explain may show another.
-    const std::optional<Candidate> next = candidate(features, unexplained(features, *best, pairs));
+    // What looks alike may stand in several places: what a convincing pose does not explain may show another.
+    std::optional<Candidate> next;
+    if (probability_of(*best) >= options_.min_probability) {
+      next = candidate(features, unexplained(features, *best, pairs), kRivalIterations);
+    }
     report(features, *best, next && !same(*best, *next) ? &*next : nullptr, result);
     return result;
   }
@@ -189,26 +191,17 @@ class ImageLocator::Parts {
     return *middle > 0.0 ? kExtent / *middle : 1.0;
   }
 
-  // The landmarks that look most like each corner, the most alike pair first.
+  // Each landmark with the corner that looks most like it, the most alike first.
   std::vector<Pair> nearest(const Features& features) const {
     std::vector<Pair> pairs;
     if (features.size() == 0 || descriptors_.empty()) return pairs;
-    const cv::Mat corners = rows_of(features.descriptors());
-    std::vector<std::vector<cv::DMatch>> landmarks_of;
-    std::vector<cv::DMatch> corner_of;
-    const cv::BFMatcher matcher(cv::NORM_HAMMING);
-    matcher.knnMatch(corners, rows_, landmarks_of, kNearest);
-    matcher.match(rows_, corners, corner_of);
-    for (const std::vector<cv::DMatch>& landmarks : landmarks_of) {
-      for (const cv::DMatch& match : landmarks) {
-        const int bits = static_cast<int>(match.distance);
-        if (bits > kMostBits) break;
-        const bool first = &match == &landmarks.front();
-        const auto back = corner_of[static_cast<std::size_t>(match.trainIdx)].trainIdx;
-        pairs.push_back({static_cast<std::uint32_t>(match.queryIdx),
-                         static_cast<std::uint32_t>(match.trainIdx), bits,
-                         first && back == match.queryIdx});
-      }
+    const auto found = descriptor_kernel::nearest_both_ways(
+        bytes_of(features.descriptors()), bytes_of(descriptors_), kDescriptorBytes,
+        descriptor_kernel::Norm::kHamming);
+    for (std::uint32_t i = 0; i < found.of_b.size(); ++i) {
+      const auto& corner = found.of_b[i];
+      if (corner.first > kMostBits) continue;
+      pairs.push_back({corner.index, i, corner.first, found.of_a[corner.index].index == i});
     }
     std::stable_sort(pairs.begin(), pairs.end(),
                      [](const Pair& a, const Pair& b) { return a.bits < b.bits; });
@@ -232,9 +225,10 @@ class ImageLocator::Parts {
     return result;
   }
 
-  std::optional<Candidate> candidate(const Features& features, std::span<const Pair> pairs) const {
+  std::optional<Candidate> candidate(const Features& features, std::span<const Pair> pairs,
+                                     int iterations) const {
     if (pairs.size() < kFewestProposals) return std::nullopt;
-    const std::optional<Rigid3> proposed = proposed_pose(features, pairs);
+    const std::optional<Rigid3> proposed = proposed_pose(features, pairs, iterations);
     if (!proposed) return std::nullopt;
     Candidate result;
     result.pose.world_from_camera = *proposed;
@@ -248,7 +242,8 @@ class ImageLocator::Parts {
     return result;
   }
 
-  std::optional<Rigid3> proposed_pose(const Features& features, std::span<const Pair> pairs) const {
+  std::optional<Rigid3> proposed_pose(const Features& features, std::span<const Pair> pairs,
+                                      int iterations) const {
     std::vector<cv::Point3d> landmarks;
     std::vector<cv::Point2d> pixels;
     for (const Pair& pair : pairs) {
@@ -267,7 +262,7 @@ class ImageLocator::Parts {
     parameters.loIterations = 5;
     parameters.loSampleSize = 20;
     parameters.confidence = 0.999;
-    parameters.maxIterations = kProposalIterations;
+    parameters.maxIterations = iterations;
     parameters.threshold = kProposalPixels;
     parameters.randomGeneratorState = static_cast<int>(options_.seed);
     parameters.isParallel = false;
@@ -301,7 +296,7 @@ class ImageLocator::Parts {
     const auto most_alike = [&](const Descriptor& descriptor) {
       Pair pair{0, 0, kMostBits + 1, false};
       for (const std::uint32_t corner : near) {
-        const int bits = difference(features.descriptors()[corner], descriptor);
+        const std::uint32_t bits = difference(features.descriptors()[corner], descriptor);
         if (bits < pair.bits) pair = {corner, 0, bits, false};
       }
       return pair;
@@ -436,7 +431,6 @@ class ImageLocator::Parts {
   std::vector<Descriptor> descriptors_;
   std::vector<Eigen::Vector3d> positions_;
   std::vector<Eigen::Matrix3d> covariances_;
-  cv::Mat rows_;  // descriptors_, for the matcher
 };
 
 ImageLocator::ImageLocator(const LandmarkMap& map, const Camera& camera,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/placement/detail/descriptor_kernel.hpp"
+#include "cairn/placement/descriptor_kernel.hpp"
 
 #include <bit>
 

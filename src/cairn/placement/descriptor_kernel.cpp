@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/placement/detail/descriptor_kernel.hpp"
+#include "cairn/placement/descriptor_kernel.hpp"
 
 #include <algorithm>
 
@@ -11,7 +11,7 @@
 // Vectors of a size known only at run time are not what this is written for.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "cairn/placement/detail/descriptor_kernel.cpp"
+#define HWY_TARGET_INCLUDE "cairn/placement/descriptor_kernel.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
