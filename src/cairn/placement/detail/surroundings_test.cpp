@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/placement/place.hpp"
 
 namespace cairn {
 namespace {
@@ -77,6 +78,16 @@ TEST(Surroundings, SayNothingWithoutMatchesOrViews) {
   source.views.clear();
   target.views.clear();
   EXPECT_EQ(at_truth(source, target).total(), 0U);
+}
+
+// The thing alone convinces the probability.
+TEST(Surroundings, KeepPlacesThatShareOneThingFromBeingAligned) {
+  const PlacementResult other = place(place_with_box(3.0, 2), place_with_box(5.0, 3));
+  EXPECT_GE(other.probability, 0.99) << "or this tests nothing: " << other.reason;
+  EXPECT_EQ(other.verdict, Verdict::kAmbiguous) << other.reason;
+  EXPECT_GT(other.around.in_front, 200U);
+  const PlacementResult same = place(place_with_box(3.0, 2), place_with_box(3.0, 3));
+  EXPECT_EQ(same.verdict, Verdict::kAligned) << same.reason;
 }
 
 }  // namespace
