@@ -46,7 +46,7 @@ set(SHARED_DETAIL core geometry adjustment)
 
 # Libraries that only the modules named may include: "start of the header's name" "modules".
 set(HEAVY
-  "opencv2/" "odometry"
+  "opencv2/" "localization odometry"
   "boost/" "experiments"
   "ceres/" "adjustment merging odometry"
   "embree" "simulation"
