@@ -23,6 +23,7 @@ PYBIND11_MODULE(_cairn, module) {
   python::bind_simulation(module);
 #endif
 #ifdef CAIRN_HAS_ODOMETRY
+  python::bind_localization(module);
   python::bind_odometry(module);
 #endif
   python::seal(module);

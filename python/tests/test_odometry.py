@@ -27,6 +27,31 @@ class Simulation(unittest.TestCase):
         self.assertGreater(pixels.max(), 0.5)
 
 
+class Localization(unittest.TestCase):
+    def test_finds_where_an_image_was_taken(self):
+        odometry = cairn.Odometry(PLACE.camera, start=PLACE[0].world_from_camera)
+        for frame in PLACE:
+            odometry.track(frame.timestamp_s, frame.rgb, frame.depth_m)
+        odometry.complete()
+        locator = cairn.ImageLocator(odometry.map(), PLACE.camera)
+        frame = PLACE[7]
+        for found in (locator.locate(frame.rgb), locator.locate(frame.bgr, frame.depth_m, channels="bgr")):
+            self.assertTrue(found.located, found)
+            self.assertGreaterEqual(found.probability, 0.99)
+            off = np.linalg.norm(found.world_from_camera[:3, 3] - frame.world_from_camera[:3, 3])
+            self.assertLess(off, 0.03)
+            self.assertEqual(found.covariance.shape, (6, 6))
+            self.assertGreater(len(found.matches), 20)
+        nothing = locator.locate(np.zeros((480, 640), np.uint8))
+        self.assertFalse(nothing.located)
+        self.assertIsNone(nothing.world_from_camera)
+        self.assertIn("rejected", repr(nothing))
+        with self.assertRaises(ValueError):
+            locator.locate(np.zeros((10, 10), np.uint8))
+        with self.assertRaises(ValueError):
+            cairn.ImageLocator(odometry.map(descriptors=False), PLACE.camera)
+
+
 class Odometry(unittest.TestCase):
     def test_follows_the_camera_and_maps(self):
         odometry = cairn.Odometry(PLACE.camera, start=PLACE[0].world_from_camera)

@@ -27,6 +27,7 @@ constexpr std::size_t kFewestProposals = 6;  // three fix a pose, which the othe
 constexpr double kProposalPixels = 5.0;
 constexpr int kProposalIterations = 1500;
 constexpr int kRivalIterations = 800;
+constexpr std::size_t kMostRivalPairs = 1000;
 constexpr double kSearchPixels = 6.0;  // about where a landmark should appear
 constexpr double kExplained = 3.0;     // times that: so far off is not another place
 constexpr int kNearest = 3;            // landmarks that a corner may show
@@ -221,6 +222,7 @@ class ImageLocator::Parts {
         continue;
       }
       result.push_back(pair);
+      if (result.size() == kMostRivalPairs) break;  // the others are less alike
     }
     return result;
   }

@@ -13,9 +13,9 @@ namespace {
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
 // Of lines of sight to the surroundings of the matches; docs/method.md says how they were chosen.
-constexpr std::size_t kFewestAround = 100;  // fewer say nothing
-constexpr double kMostContradicted = 0.25;  // of those that agree or are contradicted
-constexpr double kFewestInAgreement = 0.1;  // of all, with those that end behind what was seen
+constexpr std::size_t kFewestAround = 100;   // fewer say nothing
+constexpr double kMostContradicted = 0.25;   // of those that agree or are contradicted
+constexpr double kFewestInAgreement = 0.02;  // of all, with those that end behind what was seen
 
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);

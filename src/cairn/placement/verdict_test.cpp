@@ -103,10 +103,12 @@ TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
   const Judgement judgement = with({.agree = 600, .in_front = 400, .behind = 9000});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("40.0 % of 1000 lines of sight"));
-  const Judgement behind = with({.agree = 50, .in_front = 0, .behind = 950});
+  const Judgement behind = with({.agree = 10, .in_front = 0, .behind = 990});
   EXPECT_EQ(behind.verdict, Verdict::kAmbiguous);
-  EXPECT_THAT(behind.reason, HasSubstr("5.0 % of 1000 lines of sight agree"));
+  EXPECT_THAT(behind.reason, HasSubstr("1.0 % of 1000 lines of sight agree"));
   EXPECT_EQ(with({.agree = 980, .in_front = 20, .behind = 2000}).verdict, Verdict::kAligned);
+  // Outdoors much is behind what the other map saw.
+  EXPECT_EQ(with({.agree = 50, .in_front = 0, .behind = 950}).verdict, Verdict::kAligned);
   // A few say nothing.
   EXPECT_EQ(with({.agree = 45, .in_front = 45}).verdict, Verdict::kAligned);
   EXPECT_EQ(with({.agree = 0, .in_front = 0, .behind = 90}).verdict, Verdict::kAligned);

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cstring>
+
+#include <fmt/format.h>
+
+#include "cairn/localization/image_locator.hpp"
+#include "cairn/odometry/map_sequence.hpp"
+
+#include "bindings/images.hpp"
+#include "bindings/maps.hpp"
+#include "bindings/support.hpp"
+
+namespace cairn::python {
+namespace {
+
+struct Locator {
+  Camera camera;
+  ImageLocator locator;
+};
+
+const Keywords<LocateOptions>& locate_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<LocateOptions> keywords("__init__");
+    keywords.add("features", [](auto& o) -> auto& { return o.features.count; })
+        .add("min_probability", [](auto& o) -> auto& { return o.min_probability; })
+        .add("seed", [](auto& o) -> auto& { return o.seed; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+std::unique_ptr<Locator> make_locator(const LandmarkMap& map, const Camera& camera,
+                                      const py::kwargs& given) {
+  const LocateOptions options = locate_keywords().read(given);
+  return unlocked([&] {
+    return std::make_unique<Locator>(Locator{camera, ImageLocator(map, camera, options)});
+  });
+}
+
+ImageLocation locate(const Locator& self, const py::object& image, const py::object& depth_m,
+                     const std::string& channels) {
+  const std::vector<std::uint8_t> bgr = image_of(image, self.camera, channels);
+  const std::vector<float> depth = depth_of(depth_m, self.camera);
+  return unlocked([&] {
+    const FrameImages images = frame_images(0.0, self.camera.width, self.camera.height, bgr, depth);
+    GrayImage gray(self.camera.width, self.camera.height);
+    std::memcpy(gray.values.data(), images.gray.data, gray.values.size());
+    return self.locator.locate(
+        gray,
+        depth.empty() ? DepthImage() : DepthImage(self.camera.width, self.camera.height, depth));
+  });
+}
+
+}  // namespace
+
+void bind_localization(py::module_& module) {
+  py::class_<ImageLocation>(module, "ImageLocation",
+                            "Where an image was taken, and whether to believe it.")
+      .def_readonly("located", &ImageLocation::located, "Whether the pose can be trusted.")
+      .def_readonly("probability", &ImageLocation::probability)
+      .def_readonly("reason", &ImageLocation::reason)
+      .def_property_readonly(
+          "world_from_camera",
+          [](const ImageLocation& self) { return pose_array(self.world_from_camera); },
+          "4x4; None unless located.")
+      .def_property_readonly(
+          "estimate", [](const ImageLocation& self) { return pose_array(self.estimate); },
+          "4x4, the best pose found, whatever its probability; or None.")
+      .def_property_readonly(
+          "covariance", [](const ImageLocation& self) { return matrix_or_none(self.covariance); },
+          "6x6 of the estimate: translation and rotation vector, in the world; or None.")
+      .def_property_readonly(
+          "matches",
+          [](const ImageLocation& self) {
+            py::array_t<double> matches({self.matches.size(), std::size_t{3}});
+            auto rows = matches.mutable_unchecked<2>();
+            for (std::size_t i = 0; i < self.matches.size(); ++i) {
+              const auto row = static_cast<py::ssize_t>(i);
+              rows(row, 0) = self.matches[i].landmark.value;
+              rows(row, 1) = self.matches[i].pixel.u;
+              rows(row, 2) = self.matches[i].pixel.v;
+            }
+            return matches;
+          },
+          "(n, 3): index of the landmark, u and v of the corner.")
+      .def("__repr__", [](const ImageLocation& self) {
+        return fmt::format("<ImageLocation {}: {}>", self.located ? "located" : "rejected",
+                           self.reason);
+      });
+  py::class_<Locator>(module, "ImageLocator",
+                      "Finds where images were taken in a map with ORB descriptors.")
+      .def(py::init(&make_locator), py::arg("map"), py::arg("camera"),
+           kept(locate_keywords().signature("$self, map, camera", false) +
+                "Prepares a map for images of one camera. `min_probability` is what makes an image "
+                "located."))
+      .def("locate", &locate, py::arg("image"), py::arg("depth_m") = py::none(), py::kw_only(),
+           py::arg("channels") = "rgb",
+           "locate($self, image, depth_m=None, *, channels='rgb')\n--\n\n"
+           "The pose of one image, (h, w) or (h, w, 3) uint8, with depth in metres if known.");
+}
+
+}  // namespace cairn::python
