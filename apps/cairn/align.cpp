@@ -423,7 +423,7 @@ double extent_of(const LandmarkMap& map) {
 
 // What may help where no pose is trusted.
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
-                  bool with_scale) {
+                  bool with_scale, double bar) {
   constexpr double kLittleOverlap = 0.4;
   constexpr double kOtherUnit = 8.0;  // no two maps of one place differ by so much in extent
   std::vector<std::string> list;
@@ -465,8 +465,10 @@ std::string hints(const Alignment& alignment, const LandmarkMap& source, const L
     list.emplace_back("or the maps show different places");
   }
   constexpr double kLowestBar = 0.5;  // of --min-probability
+  const double probability = alignment.probability.value_or(0.0);
   list.emplace_back(
-      alignment.probability.value_or(0.0) >= kLowestBar
+      probability >= bar ? "the probability is above the bar: --min-probability changes nothing"
+      : probability >= kLowestBar
           ? "--min-probability lowers the bar, down to 0.5"
           : "the probability is below the lowest bar that --min-probability sets, 0.5");
   std::string text;
@@ -500,7 +502,9 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
     if (!one.verdict) continue;
     if (by_parts && one.parts) console.print(parts_text(*one.parts, unit));
     console.print(candidates_text(one, unit, trusted));
-    if (!trusted) console.print(hints(one, source_map.map, target_map.map, estimate_scale));
+    if (!trusted)
+      console.print(
+          hints(one, source_map.map, target_map.map, estimate_scale, alignment.min_probability));
   }
   if (!has_answer(results.front().alignment)) return;
   for (const std::string& path : {output, pose}) {

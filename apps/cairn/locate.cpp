@@ -7,6 +7,10 @@
 
 #include <fmt/format.h>
 
+#ifdef CAIRN_HAS_ATLAS
+#include "cairn/atlas/atlas.hpp"
+#include "cairn/atlas/store/sqlite_store.hpp"
+#endif
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -18,6 +22,7 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -38,6 +43,7 @@ struct LocateArguments {
   int run();
 
  private:
+  LoadedMap load_world() const;
   CameraFile load_camera_of(const LandmarkMap& of_map) const;
   DepthImage read_depth(double units) const;
   Json describe(const LoadedMap& loaded, const Camera& used) const;
@@ -45,7 +51,9 @@ struct LocateArguments {
 };
 
 void LocateArguments::add_to(CLI::App& command) {
-  add_text(command, "map", map, "Map with ORB descriptors: " + all_formats().titles_text())
+  add_text(command, "map", map,
+           "Map with ORB descriptors: " + all_formats().titles_text() +
+               "; or an atlas, whose maps with poses count as one")
       ->required();
   command.add_option("images", images, "Images to locate, JPEG or PNG, each by itself")
       ->required()
@@ -72,6 +80,29 @@ void LocateArguments::add_to(CLI::App& command) {
       "Example: where in a map an image was taken\n"
       "  cairn locate desk.map image.png --camera fr1\n"
       "Exit code: 0 if every image is located, 4 if the pose of one cannot be trusted.");
+}
+
+// The map; or the maps of an atlas that have poses, as one.
+LoadedMap LocateArguments::load_world() const {
+#ifdef CAIRN_HAS_ATLAS
+  if (is_sqlite_store(map)) {
+    Atlas atlas = Atlas::open(map, {.read_only = true});
+    const AtlasState state = atlas.state();
+    LoadedMap loaded{map, {}, describe_file(map, common)};
+    if (state.nodes.size() == 1) {
+      loaded.map = atlas.map(state.nodes.begin()->second);
+      return loaded;
+    }
+    AtlasMergeOptions merging;
+    merging.seed = common.seed;
+    merging.execution.executor = common.executor();
+    merging.execution.stop = interrupt_requests();
+    merging.execution.progress = common.console().progress("merging");
+    loaded.map = atlas.merge(merging, state.commit).map;
+    return loaded;
+  }
+#endif
+  return load_map(map, common);
 }
 
 CameraFile LocateArguments::load_camera_of(const LandmarkMap& of_map) const {
@@ -183,7 +214,7 @@ int LocateArguments::run() {
   require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
   if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
   options.seed = common.seed;
-  const LoadedMap loaded = load_map(map, common);
+  const LoadedMap loaded = load_world();
   const CameraFile file = load_camera_of(loaded.map);
   const double units = depth_units.value_or(
       file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));

@@ -92,6 +92,23 @@ TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
   EXPECT_EQ(read_tum_trajectory(found).poses().size(), 1U) << "only what is located";
 }
 
+#ifdef CAIRN_HAS_ATLAS
+TEST_F(LocateCliTest, TakesAnAtlas) {
+  answer(
+      {"map", "s", "-o", "parts", "--mini-map-length", "12f", "--start-from", "s/groundtruth.txt"});
+  answer({"atlas", "init", "--atlas", "desk.atlas"});
+  answer({"atlas", "add", "--atlas", "desk.atlas", "parts/0000.map"});
+  // One map is a world of its own.
+  EXPECT_THAT(answer({"locate", "desk.atlas", "s/rgb/0.500000.jpg"}), HasSubstr("located: "));
+  answer({"atlas", "add", "--atlas", "desk.atlas", "parts/0001.map"});
+  EXPECT_EQ(cairn({"locate", "desk.atlas", kImage}).exit_code, kWrongUsage) << "no poses yet";
+  answer({"atlas", "link", "--atlas", "desk.atlas"});
+  answer({"atlas", "optimize", "--atlas", "desk.atlas"});
+  EXPECT_THAT(answer({"locate", "desk.atlas", "s/rgb/0.500000.jpg", "s/rgb/3.500000.jpg"}),
+              HasSubstr("3.500000.jpg: located: "));
+}
+#endif
+
 TEST_F(LocateCliTest, GivesTheSameBytesWhateverTheNumberOfThreads) {
   const auto with = [&](const std::string& threads) {
     Json json =

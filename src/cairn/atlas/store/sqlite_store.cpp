@@ -5,9 +5,11 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <limits>
 #include <set>
 #include <span>
+#include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
@@ -888,6 +890,21 @@ void require_schema(sqlite::Database& database, const fs::path& path, bool read_
 }
 
 }  // namespace
+
+bool is_sqlite_store(const std::filesystem::path& path) {
+  // The header of a SQLite file: its name, and the application's number at byte 68, highest byte first.
+  constexpr std::string_view kName("SQLite format 3\0", 16);
+  constexpr std::size_t kApplicationAt = 68;
+  std::array<char, kApplicationAt + 4> head{};
+  std::ifstream file(path, std::ios::binary);
+  if (!file.read(head.data(), head.size())) return false;
+  if (std::string_view(head.data(), kName.size()) != kName) return false;
+  std::int64_t application = 0;
+  for (std::size_t i = kApplicationAt; i < head.size(); ++i) {
+    application = 256 * application + static_cast<unsigned char>(head[i]);
+  }
+  return application == kApplicationId;
+}
 
 std::unique_ptr<AtlasStore> open_sqlite_store(const fs::path& path,
                                               const AtlasStoreOptions& options) {

@@ -28,6 +28,9 @@ inline constexpr int kAtlasSchema = 1;
 /// @throws Error (storage) if something is at `path` already, or on a network file system
 void create_sqlite_store(const std::filesystem::path& path, const AtlasStoreOptions& options = {});
 
+/// Whether a file is an atlas, by its first bytes. False for what cannot be read.
+bool is_sqlite_store(const std::filesystem::path& path);
+
 /// Opens an atlas; one of an older schema is brought to this one, in one transaction.
 /// @throws Error (input) naming the path if there is no atlas, or one of a newer schema; (storage) if it
 ///         cannot be opened

@@ -103,6 +103,19 @@ class SqliteStoreTest : public ::testing::Test {
   testing::TemporaryFolder folder_;
 };
 
+TEST_F(SqliteStoreTest, IsToldFromOtherFiles) {
+  EXPECT_TRUE(is_sqlite_store(path()));
+  EXPECT_FALSE(is_sqlite_store(folder_ / "nothing.atlas"));
+  EXPECT_FALSE(is_sqlite_store(folder_.path()));
+  folder_.write("short.atlas", "SQLite format 3");
+  EXPECT_FALSE(is_sqlite_store(folder_ / "short.atlas"));
+  // A database of somebody else's.
+  std::string bytes = testing::read_text(path());
+  bytes[68] = 0;
+  folder_.write("other.atlas", bytes);
+  EXPECT_FALSE(is_sqlite_store(folder_ / "other.atlas"));
+}
+
 TEST_F(SqliteStoreTest, GivesBackWhatWasCommitted) {
   const AtlasLink stored = link(NodeId{1}, NodeId{2});
   {
