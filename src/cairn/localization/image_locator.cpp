@@ -152,7 +152,7 @@ class ImageLocator::Parts {
     const std::optional<Candidate> best = candidate(features, mutual, kProposalIterations);
     if (!best) {
       result.reason =
-          fmt::format("{} of {} corners look like landmarks, and no pose explains {} of them",
+          fmt::format("{} of {} corners match a landmark, and no pose explains {} of them",
                       mutual.size(), features.size(), kFewestProposals);
       return result;
     }
@@ -402,7 +402,7 @@ class ImageLocator::Parts {
     }
     result.probability = probability_of(best);
     std::string found = fmt::format(
-        "{} of {} landmarks at corners of the image look like them ({:.1f} would by chance)",
+        "{} of the {} landmarks that fall on a corner match it ({:.1f} expected by chance)",
         best.pairs.size(), best.visible, best.expected);
     if (next != nullptr && probability_of(*next) > 0.05 * result.probability) {
       const double other = probability_of(*next);
@@ -410,7 +410,7 @@ class ImageLocator::Parts {
       const double odds = result.probability / (1.0 - result.probability);
       const double odds_of_other = other / (1.0 - other);
       result.probability = odds / (1.0 + odds + odds_of_other);
-      found += fmt::format(", and {} at another pose", next->pairs.size());
+      found += fmt::format(", and {} match at another pose", next->pairs.size());
     }
     result.located = result.probability >= options_.min_probability;
     result.reason = fmt::format("{}: right with a probability of {}{:.2f} %{}", found,

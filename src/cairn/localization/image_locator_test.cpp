@@ -108,6 +108,21 @@ TEST(ImageLocator, SaysThatNothingIsSeen) {
   EXPECT_THAT(found.reason, HasSubstr("0 of 0 corners"));
 }
 
+// A thing may stand elsewhere today: what one part of the image shows does not locate all of it.
+TEST(ImageLocator, RefusesWhatOneSmallPartShows) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const cv::Mat whole = TexturedWall().gray(60, 40);
+  const auto with_part = [&](const cv::Rect& part) {
+    cv::Mat image(480, 640, CV_8UC1, cv::Scalar(90));
+    whole(part).copyTo(image(part));
+    return locator.locate(image_of(image));
+  };
+  const ImageLocation small = with_part({250, 170, 130, 130});
+  EXPECT_GT(small.matches.size(), 20U) << small.reason;
+  EXPECT_FALSE(small.located) << small.reason;
+  EXPECT_TRUE(with_part({100, 60, 420, 360}).located);
+}
+
 // Of two places that look the same none is the right one.
 TEST(ImageLocator, RefusesToChooseBetweenPlacesThatLookTheSame) {
   const LandmarkMap twice(wall_tables(1.0, {0.0, 10.0}));
