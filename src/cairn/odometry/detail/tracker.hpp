@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "cairn/odometry/detail/keyframe_map.hpp"
-#include "cairn/odometry/pose_estimation.hpp"
 #include "cairn/odometry/odometry.hpp"
+#include "cairn/odometry/pose_estimation.hpp"
 
 namespace cairn {
 

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "cairn/geometry/moved_points.hpp"
-#include "cairn/placement/descriptors.hpp"
 #include "cairn/placement/descriptor_kernel.hpp"
+#include "cairn/placement/descriptors.hpp"
 #include "cairn/placement/scales.hpp"
 
 namespace cairn {
