@@ -8,6 +8,7 @@ if [ $# -lt 3 ]; then
   echo "Usage: benchmarks/image_location.sh BIN SESSIONS SEED...  (BIN has cairn and cairn_image_location_benchmark)" >&2
   exit 2
 fi
+source "$(dirname "${BASH_SOURCE[0]}")/second_session.sh"
 bin=$1
 sessions=$2
 shift 2
@@ -24,15 +25,8 @@ for i in "${!places[@]}"; do
   place=${places[$i]}
   kind=${place%-*}
   seed=${place#*-}
-  # As placement_sessions.sh made the second session.
-  changed=0
-  path=sweep
-  if [ $((seed % 3)) != 1 ]; then changed=0.25; fi
-  if [ $((seed % 3)) = 0 ]; then
-    case $kind in corridor | warehouse | kitchen) path=walk ;; *) path=orbit ;; esac
-  fi
-  "$bin/cairn" simulate "$folder/$place" --environment "$kind" --seed "$seed" --session 1 \
-    --changed "$changed" --path "$path" --rate 3 --frames 39 --quiet >&2
+  "$bin/cairn" simulate "$folder/$place" --environment "$kind" --seed "$seed" \
+    $(second_session "$kind" "$seed") --rate 3 --frames 39 --quiet >&2
   locate "$sessions/$place-0.cairn" "$folder/$place" 1 colour same
   locate "$sessions/$place-0.cairn" "$folder/$place" 3 depth same
   for step in 1 4 7; do

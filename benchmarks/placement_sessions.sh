@@ -9,6 +9,7 @@ if [ $# -lt 2 ]; then
   echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEED[:LAYOUT]...]  (1 to 6 by default)" >&2
   exit 2
 fi
+source "$(dirname "${BASH_SOURCE[0]}")/second_session.sh"
 cairn=$1
 folder=$2
 shift 2
@@ -24,16 +25,11 @@ for place in "$@"; do
     for session in 0 1; do
       name=$folder/$kind-$seed-$session
       [ -f "$name.gt" ] && continue
-      # The second session: as the first, with a quarter of the things moved, or these on another path.
-      changed=0
-      path=sweep
-      if [ $session = 1 ] && [ $((seed % 3)) != 1 ]; then changed=0.25; fi
-      if [ $session = 1 ] && [ $((seed % 3)) = 0 ]; then
-        case $kind in corridor | warehouse | kitchen) path=walk ;; *) path=orbit ;; esac
-      fi
+      options="--session 0 --changed 0 --path sweep"
+      if [ $session = 1 ]; then options=$(second_session "$kind" "$seed"); fi
       rm -rf "$sequence/frames"
       "$cairn" simulate "$sequence/frames" --environment "$kind" --seed "$seed" --layout "$layout" \
-        --session "$session" --changed "$changed" --path "$path" --rate 20 --frames 260 --quiet
+        $options --rate 20 --frames 260 --quiet
       "$cairn" map "$sequence/frames" -o "$name.cairn" \
         --start-from "$sequence/frames/groundtruth.txt" --quiet
       cp "$sequence/frames/groundtruth.txt" "$name.gt"

@@ -502,9 +502,10 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
     if (!one.verdict) continue;
     if (by_parts && one.parts) console.print(parts_text(*one.parts, unit));
     console.print(candidates_text(one, unit, trusted));
-    if (!trusted)
+    if (!trusted) {
       console.print(
           hints(one, source_map.map, target_map.map, estimate_scale, alignment.min_probability));
+    }
   }
   if (!has_answer(results.front().alignment)) return;
   for (const std::string& path : {output, pose}) {

@@ -126,11 +126,7 @@ Json LocateArguments::describe(const LoadedMap& loaded, const Camera& used) cons
   Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
   for (const std::string& image : images) inputs["images"].push_back(describe_file(image, common));
   return document("locate", common, std::move(inputs),
-                  {{"camera",
-                    {{"model", used.model},
-                     {"width", used.width},
-                     {"height", used.height},
-                     {"parameters", used.parameters}}},
+                  {{"camera", to_json(used)},
                    {"depth", text_or_null(depth)},
                    {"features", options.features.count},
                    {"min_probability", options.min_probability}});

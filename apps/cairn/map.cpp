@@ -402,11 +402,7 @@ Json counts_json(const LandmarkCounts& landmarks) {
 Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) const {
   Json json =
       document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
-               {{"camera",
-                 {{"model", camera_file.camera.model},
-                  {"width", camera_file.camera.width},
-                  {"height", camera_file.camera.height},
-                  {"parameters", camera_file.camera.parameters}}},
+               {{"camera", to_json(camera_file.camera)},
                 {"depth_units_per_metre",
                  depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
                 {"max_time_difference_s", max_time_difference},

@@ -254,6 +254,13 @@ void write_pose(const std::filesystem::path& path, const Similarity3& pose) {
   write_file(path, [&](const ByteSink& sink) { sink(matrix_text(pose)); });
 }
 
+Json to_json(const Camera& camera) {
+  return {{"model", camera.model},
+          {"width", camera.width},
+          {"height", camera.height},
+          {"parameters", camera.parameters}};
+}
+
 Json to_json(const Rigid3& pose) {
   return to_json(pose.matrix());
 }

@@ -12,6 +12,7 @@
 #include "cairn/core/csv.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/similarity3.hpp"
+#include "cairn/map/camera.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -90,6 +91,7 @@ Json describe_file(const std::string& path, const CommonArguments& common, bool 
 std::string matrix_text(const Similarity3& pose);
 void write_pose(const std::filesystem::path& path, const Similarity3& pose);
 
+Json to_json(const Camera& camera);
 Json to_json(const Rigid3& pose);
 Json to_json(const Matrix4d& matrix);
 Json to_json(const Eigen::Vector3d& vector);

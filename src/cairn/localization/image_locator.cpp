@@ -2,7 +2,6 @@
 #include "cairn/localization/image_locator.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <iterator>
@@ -14,9 +13,12 @@
 #include <opencv2/core.hpp>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/hamming.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/odometry/pose_estimation.hpp"
 #include "cairn/odometry/sensor_model.hpp"
 #include "cairn/placement/descriptor_kernel.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 namespace cairn {
 namespace {
@@ -30,7 +32,6 @@ constexpr int kRivalIterations = 800;
 constexpr std::size_t kMostRivalPairs = 1000;
 constexpr double kSearchPixels = 6.0;  // about where a landmark should appear
 constexpr double kExplained = 3.0;     // times that: so far off is not another place
-constexpr int kNearest = 3;            // landmarks that a corner may show
 constexpr int kSearchRounds = 3;
 constexpr std::size_t kOthers =
     16;  // landmarks with which the search is tried, to see what chance gives
@@ -44,14 +45,6 @@ void require(bool valid, std::string_view field, const Value& value, std::string
   if (valid) return;
   throw Error(ErrorKind::kMisuse, fmt::format("LocateOptions.{}", field), fmt::format("{}", value),
               expected);
-}
-
-std::uint32_t difference(const Descriptor& a, const Descriptor& b) {
-  std::uint32_t bits = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    bits += static_cast<std::uint32_t>(std::popcount(a[i] ^ b[i]));
-  }
-  return bits;
 }
 
 template <class T>
@@ -89,7 +82,6 @@ double evidence(const Candidate& candidate) {
   return count > chance ? count * std::log(count / chance) - (count - chance) : 0.0;
 }
 
-// A logistic model, fitted to images of simulated places (docs/method.md).
 // A logistic model, fitted to images of simulated places (docs/method.md).
 double probability_of(const Candidate& candidate) {
   constexpr double kConstant = -7.17;
@@ -181,9 +173,7 @@ class ImageLocator::Parts {
   // Limits in metres hold for maps of other units as well.
   double free_scale() const {
     if (positions_.empty()) return 1.0;
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& position : positions_) mean += position;
-    mean /= static_cast<double>(positions_.size());
+    const Eigen::Vector3d mean = centroid(positions_);
     std::vector<double> distances;
     for (const Eigen::Vector3d& position : positions_)
       distances.push_back((position - mean).norm());
@@ -298,7 +288,8 @@ class ImageLocator::Parts {
     const auto most_alike = [&](const Descriptor& descriptor) {
       Pair pair{0, 0, kMostBits + 1, false};
       for (const std::uint32_t corner : near) {
-        const std::uint32_t bits = difference(features.descriptors()[corner], descriptor);
+        const auto bits = static_cast<std::uint32_t>(
+            hamming_distance(features.descriptors()[corner], descriptor));
         if (bits < pair.bits) pair = {corner, 0, bits, false};
       }
       return pair;
@@ -413,12 +404,9 @@ class ImageLocator::Parts {
       found += fmt::format(", and {} match at another pose", next->pairs.size());
     }
     result.located = result.probability >= options_.min_probability;
-    result.reason = fmt::format("{}: right with a probability of {}{:.2f} %{}", found,
-                                result.probability > 0.9999   ? "over "
-                                : result.probability < 0.0001 ? "below "
-                                                              : "",
-                                100.0 * std::clamp(result.probability, 0.0001, 0.9999),
-                                result.located ? "" : " only");
+    result.reason =
+        fmt::format("{}: right with a probability of {}{}", found,
+                    probability_text(result.probability), result.located ? "" : " only");
     if (result.located) result.world_from_camera = result.estimate;
   }
 

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/placement/probability_text.hpp"
+
 namespace cairn {
 namespace {
 
@@ -19,13 +21,6 @@ constexpr double kFewestInAgreement = 0.02;  // of all, with those that end behi
 
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
-}
-
-// A probability is never said to be one, nor nought.
-std::string probability_text(double probability) {
-  if (probability > 0.9999) return "over 99.99 %";
-  if (probability < 0.0001) return "below 0.01 %";
-  return fmt::format("{:.2f} %", 100.0 * probability);
 }
 
 // "a shift along (0.00, 1.00, 0.00)", "a turn about ...", one a direction.

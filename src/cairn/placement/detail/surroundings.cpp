@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/placement/detail/mutual_matches.hpp"
 
@@ -37,9 +38,7 @@ double quantile(std::vector<double> values, double share) {
 
 // The point with the least sum of distances (Weiszfeld 1937).
 Eigen::Vector3d geometric_median(std::span<const Eigen::Vector3d> points) {
-  Eigen::Vector3d median = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points) median += point;
-  median /= static_cast<double>(points.size());
+  Eigen::Vector3d median = centroid(points);
   for (int step = 0; step < kMedianSteps; ++step) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     double weights = 0.0;
