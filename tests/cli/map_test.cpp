@@ -240,8 +240,8 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
   Similarity3 world_from_map;
   for (std::size_t i = 0; i < 3; ++i) {
     const PoseNode& node = graph.nodes[i];
-    EXPECT_EQ(node.name, index.at("mini_maps").at(i).at("file"));
-    EXPECT_EQ(node.session, index.at("session"));
+    EXPECT_EQ(node.name, index.at("mini_maps").at(i).at("file").get<std::string>());
+    EXPECT_EQ(node.session, index.at("session").get<std::string>());
     EXPECT_EQ(read_map(path("minis/" + node.name)).info().uuid,
               index.at("mini_maps").at(i).at("uuid"));
     EXPECT_TRUE(node.world_from_node.matrix().isApprox(world_from_map.matrix(), 1e-9));
