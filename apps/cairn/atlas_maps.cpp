@@ -31,7 +31,7 @@ std::string counted(std::size_t count, const std::string& noun) {
 struct InitArguments : AtlasArguments {
   int run() {
     Atlas::create(location, store_options(false));
-    common.console().print(fmt::format("made {}\n", location));
+    common.console().print(fmt::format("made {}\n", shown()));
     return kDone;
   }
 };

@@ -3,13 +3,19 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <memory>
+#include <set>
 #include <string>
+#include <vector>
 
 #include <sys/stat.h>
 
 #include "cairn/core/random.hpp"
 
 #include "cli.hpp"
+#ifdef CAIRN_HAS_POSTGRES
+#include "support/postgres_server.hpp"
+#endif
 
 namespace cairn::testing {
 namespace {
@@ -265,6 +271,62 @@ TEST_F(AtlasCliTest, ReadsAnAtlasInAFolderThatCannotBeWritten) {
   expect_refusal(atlas({"remove", "1"}), kSystemError, {"town.atlas"});
   fs::permissions(path("."), fs::perms::owner_all);
 }
+
+#ifdef CAIRN_HAS_POSTGRES
+// What `show` says of the links, whatever their numbers.
+std::set<std::string> links_of(const Json& show) {
+  std::set<std::string> links;
+  for (Json link : show.at("links")) {
+    link.erase("id");
+    links.insert(link.dump());
+  }
+  return links;
+}
+
+TEST_F(AtlasCliTest, ProcessesOnOneServerGiveTogetherWhatOneGives) {
+  if (const auto why = PostgresServer::missing()) GTEST_SKIP() << *why;
+  const PostgresServer server;
+  const auto on_server = [&](Words words) {
+    words.insert(words.begin(), "atlas");
+    words.insert(words.end(), {"--atlas", server.url()});
+    return words;
+  };
+  answer(atlas({"init"}));
+  EXPECT_THAT(answer(on_server({"init"})), StartsWith("made postgresql:///postgres?"));
+  for (int i = 0; i < 4; ++i) {
+    const SyntheticPair pair = synthetic_pair({.map = {.seed = 40U + static_cast<unsigned>(i),
+                                                       .landmarks = 150,
+                                                       .frames = 6}});
+    write_map(pair.source, path(fmt::format("s{}.map", i)));
+    write_map(pair.target, path(fmt::format("t{}.map", i)));
+    for (const Words& add : {atlas({}), on_server({})}) {
+      Words words = add;
+      words.insert(words.begin() + 1, {"add", fmt::format("s{}.map", i), fmt::format("t{}.map", i)});
+      answer(words);
+    }
+  }
+  answer(atlas({"link"}));
+  {
+    std::vector<std::unique_ptr<Command>> processes;
+    for (int i = 0; i < 8; ++i) processes.push_back(start(on_server({"link"})));
+    // One is killed; what it had in work is left to whoever comes.
+    processes.back()->interrupt(SIGKILL);
+    for (auto& process : processes) process->wait();
+  }
+  answer(on_server({"link"}));
+  const Json alone = document(atlas({"show", "--all"}));
+  const Json together = document(on_server({"show", "--all"}));
+  EXPECT_EQ(alone.at("links").size(), 28U);
+  EXPECT_EQ(links_of(together), links_of(alone));
+  const std::string placed = answer(atlas({"optimize"}));
+  EXPECT_EQ(answer(on_server({"optimize"})), placed);
+  answer(atlas({"merge", "-o", "alone.map"}));
+  answer(on_server({"merge", "-o", "together.map"}));
+  EXPECT_EQ(content("alone.map"), content("together.map"));
+  EXPECT_THAT(answer(on_server({"verify"})), HasSubstr("sound\n"));
+  expect_refusal(on_server({"salvage", "-o", "saved.atlas"}), kWrongUsage, {"the path of a file"});
+}
+#endif
 
 TEST_F(AtlasCliTest, EveryVerbHasHelpWithAnExample) {
   for (const std::string verb :
