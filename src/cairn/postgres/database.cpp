@@ -10,6 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 
 namespace cairn::postgres {
 namespace {
@@ -32,7 +33,7 @@ std::string first_line(std::string_view text) {
   for (const std::string_view prefix : {"ERROR:  ", "FATAL:  "}) {
     if (line.starts_with(prefix)) line.erase(0, prefix.size());
   }
-  return printable(line);
+  return plain_text(line);
 }
 
 [[noreturn]] void fail(const std::string& name, const pqxx::sql_error& error) {
