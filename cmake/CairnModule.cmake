@@ -96,13 +96,13 @@ set(CAIRN_UNITY_APART
     "src/cairn/simulation/detail/canvas.cpp src/cairn/simulation/environment.cpp"
     "src/cairn/trajectory/trajectory_evaluation_test.cpp")
 
-# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ...)
+# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...])
 #
 # One static library cairn_NAME (alias cairn::NAME) for the current folder, and one test program of
 # its x_test.cpp files. OPTIONAL modules are not part of cairn::cairn: a
 # consumer asks for them as components (cairn-config.cmake.in).
 function(cairn_module name)
-  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS;RELEASE_ONLY" ${ARGN})
   add_library(cairn_${name} STATIC ${ARG_SOURCES})
   add_library(cairn::${name} ALIAS cairn_${name})
   if(CAIRN_TEST_ONLY)
@@ -119,14 +119,15 @@ function(cairn_module name)
     set_property(GLOBAL APPEND PROPERTY CAIRN_CORE_MODULES cairn_${name})
   endif()
   if(CAIRN_BUILD_TESTS AND ARG_TESTS)
-    cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name})
+    cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name} RELEASE_ONLY ${ARG_RELEASE_ONLY})
   endif()
 endfunction()
 
-# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER]): a GoogleTest program, each of its tests known to CTest.
-# Those that do not match SANITIZED, if given, have the label release_only: sanitizers leave them out.
+# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER | RELEASE_ONLY TEST...]): a GoogleTest program, each of its
+# tests known to CTest. Those that do not match SANITIZED, or match RELEASE_ONLY, have the label release_only: sanitizers
+# leave them out, as they take long and reach no code that others do not.
 function(cairn_test name)
-  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS;RELEASE_ONLY" ${ARGN})
   add_executable(cairn_${name}_test ${ARG_SOURCES})
   cairn_target_settings(cairn_${name}_test)
   cairn_unity(cairn_${name}_test)
@@ -134,12 +135,20 @@ function(cairn_test name)
   target_compile_options(cairn_${name}_test PRIVATE $<$<CONFIG:Release>:-O1>)
   target_include_directories(cairn_${name}_test PRIVATE "${PROJECT_SOURCE_DIR}/tests")
   target_link_libraries(cairn_${name}_test PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
+  set(slow "")
+  if(ARG_SANITIZED)
+    set(slow "-${ARG_SANITIZED}")
+  elseif(ARG_RELEASE_ONLY)
+    list(JOIN ARG_RELEASE_ONLY ":" slow)
+  endif()
   if(CAIRN_TEST_ONLY AND NOT name IN_LIST CAIRN_TEST_ONLY)
     set_target_properties(cairn_${name}_test PROPERTIES EXCLUDE_FROM_ALL ON)
-  elseif(ARG_SANITIZED)
-    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${ARG_SANITIZED}" TEST_LIST cairn_${name}_sanitized_tests
+  elseif(slow)
+    # A filter that begins with "-" leaves out what follows it.
+    string(REGEX REPLACE "^--" "" others "-${slow}")
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${others}" TEST_LIST cairn_${name}_sanitized_tests
                          DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
-    gtest_discover_tests(cairn_${name}_test TEST_FILTER "-${ARG_SANITIZED}" DISCOVERY_TIMEOUT 120
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${slow}" DISCOVERY_TIMEOUT 120
                          PROPERTIES TIMEOUT 600 LABELS release_only)
   else()
     gtest_discover_tests(cairn_${name}_test DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)

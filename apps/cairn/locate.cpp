@@ -13,8 +13,8 @@
 #include "cairn/atlas/store/sqlite_store.hpp"
 #endif
 #include "cairn/core/error.hpp"
-#include "cairn/core/plain_text.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/localization/image_locator.hpp"

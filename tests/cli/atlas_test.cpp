@@ -154,6 +154,20 @@ TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {
   EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
 }
 
+TEST_F(AtlasCliTest, KeepsTheLinksOfARunsOdometry) {
+  const Similarity3 first_from_second = write_mini_maps("run");
+  answer(atlas({"init"}));
+  EXPECT_THAT(answer(atlas({"add", "run"})), HasSubstr("linked 1 pair by odometry\n"));
+  EXPECT_THAT(answer(atlas({"add", "run"})), Not(HasSubstr("by odometry")));
+  EXPECT_THAT(answer(atlas({"link"})), HasSubstr("1 pair tried, 0 aligned\n"));
+  EXPECT_EQ(answer(atlas({"optimize"})), "2 maps in the frame of run/1\n");
+  const Json show = document(atlas({"show", "--all"}));
+  EXPECT_EQ(show.at("links").at(0).at("kind"), "odometry");
+  EXPECT_TRUE(pose_of(show.at("maps").at(1).at("frame_from_map"))
+                  .matrix()
+                  .isApprox(first_from_second.matrix(), 1e-9));
+}
+
 TEST_F(AtlasCliTest, SplitsAMap) {
   write_map(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), path("long.map"));
   answer(atlas({"init"}));

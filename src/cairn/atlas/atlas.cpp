@@ -209,6 +209,8 @@ namespace {
 struct KnownPairs {
   KnownPairs(const AtlasState& state, bool retry) {
     for (const auto& [id, link] : state.links) {
+      // Odometry knows neighbours roughly; aligned, they are known better.
+      if (link.kind == LinkKind::kOdometry) continue;
       const bool again =
           retry && link.kind == LinkKind::kPlacement && link.verdict != Verdict::kAligned;
       const NodePair pair = pair_of(link.target, link.source);
@@ -284,7 +286,8 @@ class Linker {
       kept.clear();
       std::set<NodePair> done;  // by another process meanwhile
       for (const auto& [id, link] : now.links) {
-        if (!state.links.contains(id)) done.insert(pair_of(link.target, link.source));
+        if (link.kind == LinkKind::kOdometry || state.links.contains(id)) continue;
+        done.insert(pair_of(link.target, link.source));
       }
       std::size_t aligned = 0;
       for (const AtlasLink& link : pending_) {
@@ -379,6 +382,35 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
     queue->done();
   }
   return result;
+}
+
+std::size_t Atlas::link_by_odometry(std::span<const PoseLink> links) {
+  const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
+    std::set<NodePair> known;
+    for (const auto& [id, link] : now.links) {
+      if (link.kind == LinkKind::kOdometry) known.insert(pair_of(link.target, link.source));
+    }
+    AtlasChanges changes;
+    for (const PoseLink& stated : links) {
+      require_node(now, stated.target);
+      require_node(now, stated.source);
+      if (!known.insert(pair_of(stated.target, stated.source)).second) continue;
+      AtlasLink link;
+      link.target = stated.target;
+      link.source = stated.source;
+      link.kind = LinkKind::kOdometry;
+      link.verdict = Verdict::kAligned;
+      link.reason = "stated by odometry";
+      link.target_from_source = stated.target_from_source;
+      link.covariance = stated.covariance;
+      link.covariance_with_scale = stated.covariance_with_scale;
+      changes.links.push_back(std::move(link));
+    }
+    if (changes.links.empty()) return changes;
+    changes.text = fmt::format("{} of odometry", plural(changes.links.size(), "link"));
+    return changes;
+  });
+  return committed.links.size();
 }
 
 AtlasLinkId Atlas::link_manually(NodeId target, NodeId source,

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -100,6 +101,10 @@ class Atlas {
   };
   /// @throws Error (misuse) if another map has the name, (input) for a map without landmarks
   Added add(const LandmarkMap& map, const std::string& name, const std::string& session = {});
+
+  /// Links that odometry states between maps of one run; `kind` is not looked at. A pair that has one keeps it.
+  /// @return how many were added
+  std::size_t link_by_odometry(std::span<const PoseLink> links);
 
   /// Aligns pairs of maps that were not tried yet, and keeps what came of it, rejected or not. Results are
   /// kept as they come, so that another call goes on where this one was ended. Same maps and seed, same
