@@ -4,6 +4,7 @@
 //   cairn_pose_graphs_benchmark random|consistent SHARE MAPS...
 // Wrong links are SHARE of all (random), or of those between robots (consistent: all wrong links between two
 // robots agree on one false offset).
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -106,21 +107,34 @@ World random_links(std::size_t maps, double share, std::uint64_t seed) {
 
 World consistent_links(std::size_t maps, double share, std::uint64_t seed) {
   World world(maps, seed);
-  std::size_t between = 0;
-  world.link_near(world.truth, true, [&](std::size_t target, std::size_t source) {
-    between += world.robot[target] != world.robot[source] ? 1 : 0;
-    return true;
-  });
   // Every robot's maps as a whole, somewhere else.
   std::vector<Rigid3> moved;
   std::vector<Rigid3> offsets;
   for (std::size_t i = 0; i < kRobots; ++i) offsets.push_back(world.anywhere());
   for (std::size_t i = 0; i < maps; ++i) moved.push_back(offsets[world.robot[i]] * world.truth[i]);
-  auto wanted = static_cast<std::size_t>(share / (1.0 - share) * static_cast<double>(between));
+  const auto between = [&](std::size_t target, std::size_t source) {
+    return world.robot[target] != world.robot[source];
+  };
+  const auto count = [&](const std::vector<Rigid3>& poses) {
+    double number = 0.0;
+    for (std::size_t source = 0; source < maps; ++source) {
+      for (std::size_t target = 0; target < source; ++target) {
+        const double apart = (poses[source].translation() - poses[target].translation()).norm();
+        number += apart <= kRadius && between(target, source) ? 1.0 : 0.0;
+      }
+    }
+    return number;
+  };
+  // So many of those that there are of the one kind that the shares are as asked for.
+  const double right = count(world.truth);
+  const double wrong = count(moved);
+  const double keep_right = std::min(1.0, wrong * (1.0 - share) / (share * right));
+  const double keep_wrong = std::min(1.0, right * share / ((1.0 - share) * wrong));
+  world.link_near(world.truth, true, [&](std::size_t target, std::size_t source) {
+    return !between(target, source) || world.random.chance(keep_right);
+  });
   world.link_near(moved, false, [&](std::size_t target, std::size_t source) {
-    if (world.robot[target] == world.robot[source] || wanted == 0) return false;
-    --wanted;
-    return true;
+    return between(target, source) && world.random.chance(keep_wrong);
   });
   return world;
 }
