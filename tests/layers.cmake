@@ -11,6 +11,7 @@ cmake_minimum_required(VERSION 3.25)
 set(LAYER_core 0)
 set(LAYER_geometry 1)
 set(LAYER_sqlite 1)
+set(LAYER_postgres 1)
 set(LAYER_map 2)
 set(LAYER_pose_graph 2)
 set(LAYER_sequence 2)
@@ -52,6 +53,7 @@ set(HEAVY
   "embree" "simulation"
   "jpeglib.h" "sequence"
   "png.h" "sequence"
+  "pqxx/" "postgres"
   "sqlite3" "sqlite"
   "zlib.h" "interchange report"
   "pcl/" ""

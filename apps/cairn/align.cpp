@@ -16,6 +16,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/icp.hpp"
 
+#include "align_pairs.hpp"
 #include "commands.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
@@ -32,6 +33,7 @@ struct AlignArguments {
   CommonArguments common;
   std::string source;
   std::string target;
+  std::string pairs;
   std::string confidence = "none";
   PoseArguments initial;
   std::string truth;
@@ -59,6 +61,7 @@ struct AlignArguments {
   int run();
 
  private:
+  int run_pairs();
   bool is_robust() const;
   bool has_initial() const;
   void check_options() const;
@@ -74,9 +77,13 @@ struct AlignArguments {
 
 void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "source", source,
-           "Map to move: " + all_formats().titles_text() + "; - for stdin")
-      ->required();
-  add_text(command, "target", target, "Map to align it to")->required();
+           "Map to move: " + all_formats().titles_text() + "; - for stdin");
+  add_text(command, "target", target, "Map to align it to");
+  auto* const list = add_text(command, "--pairs", pairs,
+                              "Instead of two maps: align many pairs, as a CSV file with the "
+                              "columns source and target lists "
+                              "them; - for stdin",
+                              "FILE|-");
   add_text(command, "--confidence", confidence,
            "Trust in landmarks: " + confidence_help() +
                ". Several, separated by commas, run side by side",
@@ -179,11 +186,22 @@ void AlignArguments::add_to(CLI::App& command) {
     initials.push_back(command.get_option(name));
   }
   of_guesses = {command.get_option("--max-iterations"), command.get_option("--one-to-one")};
+  list->excludes(command.get_option("source"))->excludes(command.get_option("target"));
+  for (const char* const of_one :
+       {"--confidence", "--initial", "--initial-matrix", "--truth", "--output", "--format",
+        "--pose", "--pose-format", "--camera", "--method", "--trace", "--report", "--no-verdict"}) {
+    list->excludes(command.get_option(of_one));
+  }
+  for (const CLI::Option* const option : of_icp_alone) {
+    list->excludes(command.get_option(option->get_name()));
+  }
   command.footer(
       "Example: align two maps of one place of which nothing else is known\n"
       "  cairn align later.map earlier.map\n"
       "Example: write the pose for other programs, the map in between from a pipe\n"
       "  cairn convert later.map - --format binary | cairn align - earlier.map --pose pose.txt\n"
+      "Example: align many pairs, each map read once\n"
+      "  cairn align --pairs pairs.csv --json results.json\n"
       "Example: refine a guess by the paper's ICP, by two strategies, and keep the result\n"
       "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
@@ -562,7 +580,23 @@ void AlignArguments::write_pose_file(const Similarity3& target_from_source) cons
   write_text(text, pose);
 }
 
+int AlignArguments::run_pairs() {
+  require_outputs(common);
+  check_options();
+  if (by_parts) alignment.parts = PartsUse::kAlways;
+  if (no_parts) alignment.parts = PartsUse::kNever;
+  alignment.points = point_options;
+  alignment.overlap_radius = options.overlap_radius;
+  alignment.seed = common.seed;
+  if (estimate_scale) alignment.scale = ScaleRange();
+  return align_pairs(pairs, alignment, gravity, options_json(parse_strategies("none")), common);
+}
+
 int AlignArguments::run() {
+  if (!pairs.empty()) return run_pairs();
+  for (const auto& [name, path] : {std::pair{"source", &source}, {"target", &target}}) {
+    if (path->empty()) throw Error(ErrorKind::kMisuse, name, "not given", "two maps, or --pairs");
+  }
   // What the command line says is checked before any file is read.
   const std::vector<Strategy> strategies = parse_strategies(confidence);
   check_outputs(strategies.size());

@@ -10,6 +10,8 @@
 #include <fmt/format.h>
 
 #include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/store/open_store.hpp"
+#include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -355,8 +357,8 @@ struct VerifyArguments : AtlasArguments {
     write_document(json, common);
     const Console console = common.console();
     for (const std::string& problem : result.problems) console.print(problem + "\n");
-    console.print(fmt::format("{}: {} commits, {} maps of {} MB, {} links, {} poses: {}\n",
-                              location, result.commits, result.maps,
+    console.print(fmt::format("{}: {} commits, {} maps of {} MB, {} links, {} poses: {}\n", shown(),
+                              result.commits, result.maps,
                               fixed(1e-6 * static_cast<double>(result.map_bytes), 1), result.links,
                               result.poses, result.problems.empty() ? "sound" : "damaged"));
     if (result.problems.empty()) return kDone;
@@ -419,6 +421,10 @@ struct SalvageArguments : AtlasArguments {
     if (output.empty())
       throw Error(ErrorKind::kMisuse, "--output", "not given", "a name for the new atlas");
     require_outputs(common);
+    if (is_postgres_url(location)) {
+      throw Error(ErrorKind::kMisuse, "--atlas", shown(),
+                  "the path of a file: a database is mended by the tools of its server");
+    }
     const AtlasSalvage result = salvage_sqlite_store(location, output, store_options(false));
     Json json = head("salvage");
     json["output"] = output;

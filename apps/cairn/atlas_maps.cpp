@@ -31,7 +31,7 @@ std::string counted(std::size_t count, const std::string& noun) {
 struct InitArguments : AtlasArguments {
   int run() {
     Atlas::create(location, store_options(false));
-    common.console().print(fmt::format("made {}\n", location));
+    common.console().print(fmt::format("made {}\n", shown()));
     return kDone;
   }
 };
@@ -90,9 +90,11 @@ struct AddArguments : AtlasArguments {
     const Console console = common.console();
     Json json = head("add");
     json["maps"] = Json::array();
+    std::vector<NodeId> ids;
     for (std::size_t i = 0; i < files.size(); ++i) {
       const LoadedMap loaded = load_map(files[i], common);
       const Atlas::Added added = atlas.add(loaded.map, names[i], sessions[i]);
+      ids.push_back(added.node);
       if (added.was_there) {
         console.print(fmt::format("{} is there already, as {}\n", files[i],
                                   atlas.state().nodes.at(added.node).name));
@@ -106,6 +108,18 @@ struct AddArguments : AtlasArguments {
                               {"name", names[i]},
                               {"was_there", added.was_there}});
     }
+    std::size_t linked = 0;
+    for (const std::string& path : paths) {
+      if (!is_folder_of_maps(path)) continue;
+      std::vector<PoseLink> links = links_in(path, files);
+      for (PoseLink& link : links) {
+        link.target = ids[link.target.value];
+        link.source = ids[link.source.value];
+      }
+      linked += atlas.link_by_odometry(links);
+    }
+    if (linked > 0) console.print(fmt::format("linked {} by odometry\n", counted(linked, "pair")));
+    json["linked_by_odometry"] = linked;
     json["commit"] = atlas.store().last_commit().value;
     write_document(json, common);
     return kDone;

@@ -102,7 +102,7 @@ struct ShowArguments : AtlasArguments {
     }
     const Console console = common.console();
     console.print(fmt::format(
-        "{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n", location,
+        "{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n", shown(),
         state.commit.value, state.nodes.size(), state.poses.size(), state.links.size(), aligned));
     if (!state.nodes.empty()) console.print("\n" + maps.text());
     if (aligned > 0 || (all && !state.links.empty())) console.print("\n" + table.text());
@@ -112,8 +112,8 @@ struct ShowArguments : AtlasArguments {
     json["links"] = std::move(links);
     write_document(json, common);
     if (!common.report_path.empty()) {
-      report::Report report = begin_report(fs::path(location).filename().string(), common);
-      add_atlas_state(report, atlas, state, location);
+      report::Report report = begin_report(fs::path(shown()).filename().string(), common);
+      add_atlas_state(report, atlas, state, shown());
       set_provenance(report, json);
       write_report(report, common);
     }
@@ -239,7 +239,7 @@ struct ExportArguments : AtlasArguments {
                   "a map that 'cairn atlas optimize' placed");
     }
     if (components.empty()) {
-      throw Error(ErrorKind::kMisuse, location, "no two maps are in one frame",
+      throw Error(ErrorKind::kMisuse, shown(), "no two maps are in one frame",
                   "maps that 'cairn atlas link' linked and 'cairn atlas optimize' placed");
     }
     return components.front();
@@ -294,7 +294,7 @@ struct ExportArguments : AtlasArguments {
     } else if (ending == ".tum") {
       const Trajectory trajectory = keyframes_of(atlas, state, component(state));
       if (trajectory.empty()) {
-        throw Error(ErrorKind::kInput, location, "no keyframe has a time", "maps with timestamps");
+        throw Error(ErrorKind::kInput, shown(), "no keyframe has a time", "maps with timestamps");
       }
       write_file(output, [&](const ByteSink& sink) { write_tum_trajectory(trajectory, sink); });
     } else if (ending == ".ply") {

@@ -9,10 +9,12 @@
 
 #ifdef CAIRN_HAS_ATLAS
 #include "cairn/atlas/atlas.hpp"
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/atlas/store/sqlite_store.hpp"
 #endif
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/localization/image_locator.hpp"
@@ -85,10 +87,11 @@ void LocateArguments::add_to(CLI::App& command) {
 // The map; or the maps of an atlas that have poses, as one.
 LoadedMap LocateArguments::load_world() const {
 #ifdef CAIRN_HAS_ATLAS
-  if (is_sqlite_store(map)) {
+  if (is_postgres_url(map) || is_sqlite_store(map)) {
     Atlas atlas = Atlas::open(map, {.read_only = true});
     const AtlasState state = atlas.state();
-    LoadedMap loaded{map, {}, describe_file(map, common)};
+    const std::string shown = without_password(map);
+    LoadedMap loaded{shown, {}, describe_file(shown, common)};
     if (state.nodes.size() == 1) {
       loaded.map = atlas.map(state.nodes.begin()->second);
       return loaded;

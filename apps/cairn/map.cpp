@@ -543,7 +543,7 @@ Json loops_json(const LoopClosedSequence& closed) {
     json["links"].push_back({{"target", link.target},
                              {"source", link.source},
                              {"status", to_string(link.verdict)},
-                             {"probability", link.probability},
+                             {"probability", to_json(link.probability)},
                              {"used", static_cast<bool>(loops.used[i])},
                              {"reason", link.reason}});
   }

@@ -81,6 +81,8 @@ void MergeArguments::add_to(CLI::App& command) {
       "aligned count. The result is in the frame of the first map that is placed. Maps that "
       "nothing\n"
       "connects with the largest group are named and left out; the exit code is then 4.\n"
+      "Mini-maps in a folder that 'cairn map --mini-map-length' made are also joined by the\n"
+      "links of odometry, which stand in its pose_graph.json.\n"
       "Example: two sessions, and a folder of mini-maps, become one map\n"
       "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
 }
@@ -138,7 +140,8 @@ Json link_json(const MapLink& link, bool used) {
   Json json = {{"target", link.target},
                {"source", link.source},
                {"status", to_string(link.verdict)},
-               {"probability", link.probability},
+               {"kind", to_string(link.kind)},
+               {"probability", to_json(link.probability)},
                {"used", used},
                {"reason", link.reason}};
   add_pose(link, json);
@@ -165,6 +168,11 @@ Json map_json(const MergedMap& map, const std::string& name) {
   return json;
 }
 
+// "99.99 %", or who stated it.
+std::string sureness(const MapLink& link) {
+  return link.probability ? percent(*link.probability) : std::string(to_string(link.kind));
+}
+
 // "placed 3 of 3: monday <- tuesday 99.99 %, tuesday <- robot2 99.98 %"
 std::string placement_text(const MergeResult& result, const std::vector<std::string>& names) {
   std::string text = fmt::format("placed {} of {}", result.placed(), result.maps.size());
@@ -177,8 +185,7 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
     const std::size_t from = forward ? link.target : link.source;
     const std::size_t added = forward ? link.source : link.target;
     is_placed[added] = true;
-    links.push_back(
-        fmt::format("{} <- {} {}", names[from], names[added], percent(link.probability)));
+    links.push_back(fmt::format("{} <- {} {}", names[from], names[added], sureness(link)));
   }
   if (!links.empty()) text += fmt::format(": {}", fmt::join(links, ", "));
   return text + "\n";
@@ -203,6 +210,10 @@ int MergeArguments::run() {
   for (std::size_t i = 0; i < files.size(); ++i) {
     loaded.push_back(load_map(files[i], common));
     inputs.push_back({names[i], &loaded.back().map});
+  }
+  for (const std::string& path : paths) {
+    if (!is_folder_of_maps(path)) continue;
+    for (PoseLink& link : links_in(path, files)) options.stated.push_back(std::move(link));
   }
   options.seed = common.seed;
   options.log = console.log();
@@ -267,7 +278,7 @@ int MergeArguments::run() {
                               result.maps[link.target].placed && result.maps[link.source].placed;
     if (!contradicted) continue;
     console.print(fmt::format("not used: {} <- {} {}: other links contradict it\n",
-                              names[link.target], names[link.source], percent(link.probability)));
+                              names[link.target], names[link.source], sureness(link)));
   }
   if (result.map) {
     console.print(fmt::format("{} landmarks became {}\n", with_commas(before),

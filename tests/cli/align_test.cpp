@@ -657,5 +657,63 @@ TEST_F(AlignTest, RefusesOptionsOfAnotherMethod) {
                  {"--stop-as-pcl", "--anywhere"});
 }
 
+TEST_F(AlignTest, AlignsManyPairsAsItDoesEach) {
+  write_pair();
+  write_map(synthetic_map({.seed = 77, .landmarks = 400, .frames = 10}), path("stranger.map"));
+  write("pairs.csv",
+        "weather,target,source\nsun,target.map,source.map\n\nrain,target.map,stranger.map\n"
+        "fog,source.map,target.map\nsnow,target.map,none.map");
+  const Words words = {"align", "--pairs", "pairs.csv", "--seed", "5", "--json", "all.json"};
+  const CommandResult result = cairn(words);
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  EXPECT_THAT(result.output,
+              AllOf(ContainsRegex("source.map -> target.map: aligned 99.9"),
+                    ContainsRegex("stranger.map -> target.map: (rejected|ambiguous)"),
+                    HasSubstr("none.map -> target.map: failed: none.map"),
+                    HasSubstr("2 of 4 pairs aligned")));
+  const Json all = Json::parse(content("all.json")).at("results");
+  ASSERT_EQ(all.size(), 4U);
+  EXPECT_EQ(all.at(3).at("status"), "failed");
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Json& one = all.at(i);
+    cairn({"align", one.at("source").get<std::string>(), one.at("target").get<std::string>(),
+           "--seed", "5", "--json", "one.json"});
+    const Json alone = Json::parse(content("one.json")).at("results").at(0);
+    for (const char* const key : {"status", "probability", "reason", "target_from_source",
+                                  "estimate", "covariance", "matches"}) {
+      EXPECT_EQ(one.at(key), alone.at(key)) << i << " " << key;
+    }
+  }
+  Words other = words;
+  other.insert(other.end(), {"--threads", "1"});
+  other[6] = "all1.json";
+  cairn(other);
+  Json again = Json::parse(content("all1.json")).at("results");
+  Json before = all;
+  for (Json* const results : {&again, &before}) {
+    for (Json& one : *results) one.erase("duration_s");
+  }
+  EXPECT_EQ(again, before);
+  write("right.csv", "source,target\nsource.map,target.map\n");
+  EXPECT_THAT(answer({"align", "--pairs", "right.csv"}), HasSubstr("1 of 1 pairs aligned"));
+}
+
+TEST_F(AlignTest, RefusesListsThatAreNone) {
+  write_pair();
+  write("list.csv", "from,target\na,b\n");
+  expect_refusal({"align", "--pairs", "list.csv"}, kBadInput, {"list.csv:1", "source"});
+  write("list.csv", "");
+  expect_refusal({"align", "--pairs", "list.csv"}, kBadInput, {"list.csv:1", "source"});
+  write("list.csv", "source,target\nsource.map,target.map\nsource.map\n");
+  expect_refusal({"align", "--pairs", "list.csv"}, kBadInput, {"list.csv:3", "two maps"});
+  expect_refusal({"align", "--pairs", "none.csv"}, kBadInput, {"none.csv"});
+  expect_refusal({"align", "--pairs", "list.csv", "source.map"}, kWrongUsage, {"--pairs"});
+  expect_refusal({"align", "--pairs", "list.csv", "-o", "out.map"}, kWrongUsage, {"--output"});
+  expect_refusal({"align", "--pairs", "list.csv", "--no-verdict"}, kWrongUsage, {"--no-verdict"});
+  expect_refusal({"align", "--pairs", "list.csv", "--fast"}, kWrongUsage, {"--fast"});
+  expect_refusal({"align", "source.map"}, kWrongUsage, {"target", "not given"});
+  expect_refusal({"align"}, kWrongUsage, {"source", "not given"});
+}
+
 }  // namespace
 }  // namespace cairn::testing

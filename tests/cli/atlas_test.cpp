@@ -3,13 +3,19 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <memory>
+#include <set>
 #include <string>
+#include <vector>
 
 #include <sys/stat.h>
 
 #include "cairn/core/random.hpp"
 
 #include "cli.hpp"
+#ifdef CAIRN_HAS_POSTGRES
+#include "support/postgres_server.hpp"
+#endif
 
 namespace cairn::testing {
 namespace {
@@ -148,6 +154,20 @@ TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {
   EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
 }
 
+TEST_F(AtlasCliTest, KeepsTheLinksOfARunsOdometry) {
+  const Similarity3 first_from_second = write_mini_maps("run");
+  answer(atlas({"init"}));
+  EXPECT_THAT(answer(atlas({"add", "run"})), HasSubstr("linked 1 pair by odometry\n"));
+  EXPECT_THAT(answer(atlas({"add", "run"})), Not(HasSubstr("by odometry")));
+  EXPECT_THAT(answer(atlas({"link"})), HasSubstr("1 pair tried, 0 aligned\n"));
+  EXPECT_EQ(answer(atlas({"optimize"})), "2 maps in the frame of run/1\n");
+  const Json show = document(atlas({"show", "--all"}));
+  EXPECT_EQ(show.at("links").at(0).at("kind"), "odometry");
+  EXPECT_TRUE(pose_of(show.at("maps").at(1).at("frame_from_map"))
+                  .matrix()
+                  .isApprox(first_from_second.matrix(), 1e-9));
+}
+
 TEST_F(AtlasCliTest, SplitsAMap) {
   write_map(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), path("long.map"));
   answer(atlas({"init"}));
@@ -265,6 +285,66 @@ TEST_F(AtlasCliTest, ReadsAnAtlasInAFolderThatCannotBeWritten) {
   expect_refusal(atlas({"remove", "1"}), kSystemError, {"town.atlas"});
   fs::permissions(path("."), fs::perms::owner_all);
 }
+
+#ifdef CAIRN_HAS_POSTGRES
+// What `show` says of the links, whatever their numbers.
+std::set<std::string> links_of(const Json& show) {
+  std::set<std::string> links;
+  for (Json link : show.at("links")) {
+    link.erase("id");
+    links.insert(link.dump());
+  }
+  return links;
+}
+
+TEST_F(AtlasCliTest, ProcessesOnOneServerGiveTogetherWhatOneGives) {
+  if (const auto why = PostgresServer::missing()) GTEST_SKIP() << *why;
+  const PostgresServer server;
+  const auto on_server = [&](Words words) {
+    words.insert(words.begin(), "atlas");
+    words.insert(words.end(), {"--atlas", server.url()});
+    return words;
+  };
+  answer(atlas({"init"}));
+  EXPECT_THAT(answer(on_server({"init"})), StartsWith("made postgresql:///postgres?"));
+  for (int i = 0; i < 3; ++i) {
+    const SyntheticPair pair = synthetic_pair(
+        {.seed = 40 + static_cast<std::uint64_t>(i), .landmarks = 300, .frames = 10});
+    write_map(pair.source, path(fmt::format("s{}.map", i)));
+    write_map(pair.target, path(fmt::format("t{}.map", i)));
+    for (const Words& add : {atlas({}), on_server({})}) {
+      Words words = add;
+      words.insert(words.begin() + 1,
+                   {"add", fmt::format("s{}.map", i), fmt::format("t{}.map", i)});
+      answer(words);
+    }
+  }
+  answer(atlas({"link"}));
+  {
+    std::vector<std::unique_ptr<Command>> processes;
+    for (int i = 0; i < 8; ++i) {
+      processes.push_back(std::make_unique<Command>(command(on_server({"link", "--threads", "1"})),
+                                                    CommandOptions{.folder = path(".")}));
+    }
+    // One is killed; what it had in work is left to whoever comes.
+    processes.back()->send(SIGKILL);
+    for (auto& process : processes) process->wait();
+  }
+  answer(on_server({"link"}));
+  const Json alone = document(atlas({"show", "--all"}));
+  const Json together = document(on_server({"show", "--all"}));
+  EXPECT_EQ(alone.at("links").size(), 15U);
+  EXPECT_EQ(links_of(together), links_of(alone));
+  const std::string placed = answer(atlas({"optimize"}));
+  EXPECT_EQ(answer(on_server({"optimize"})), placed);
+  // Maps of other places are left out.
+  EXPECT_EQ(cairn(atlas({"merge", "-o", "alone.map"})).exit_code, kNoAlignment);
+  EXPECT_EQ(cairn(on_server({"merge", "-o", "together.map"})).exit_code, kNoAlignment);
+  EXPECT_EQ(content("alone.map"), content("together.map"));
+  EXPECT_THAT(answer(on_server({"verify"})), HasSubstr("sound\n"));
+  expect_refusal(on_server({"salvage", "-o", "saved.atlas"}), kWrongUsage, {"the path of a file"});
+}
+#endif
 
 TEST_F(AtlasCliTest, EveryVerbHasHelpWithAnExample) {
   for (const std::string verb :

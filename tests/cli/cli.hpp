@@ -17,6 +17,7 @@
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
 
 #include "support/command.hpp"
 #include "support/maps.hpp"
@@ -95,6 +96,24 @@ class CliTest : public ::testing::Test {
     const Rigid3 step = Rigid3::from_roll_pitch_yaw({0.03, -0.02, 0.01}, 0.01, -0.02, 0.03);
     write("start.txt", matrix_text(step * pair.target_from_source));
     return pair;
+  }
+
+  /// Writes into a folder two maps that show nothing in common, 1.map and 2.map, and the graph in which
+  /// odometry links them, as 'cairn map --mini-map-length' does. @return the first from the second
+  Similarity3 write_mini_maps(const std::string& folder) const {
+    std::filesystem::create_directory(path(folder));
+    PoseGraph graph;
+    for (const std::uint64_t seed : {1, 2}) {
+      const std::string name = std::to_string(seed) + ".map";
+      write_map(synthetic_map({.seed = seed, .landmarks = 200, .frames = 6}), path(folder) / name);
+      graph.nodes.push_back({NodeId{seed}, name, "a run", {}});
+    }
+    const Similarity3 first_from_second(Rigid3::from_roll_pitch_yaw({3.0, 1.0, 0.0}, 0, 0, 0.7));
+    graph.links.push_back({NodeId{1}, NodeId{2}, first_from_second,
+                           Matrix6d(1e-4 * Matrix6d::Identity()), std::nullopt, LinkKind::kOdometry,
+                           std::nullopt});
+    write(folder + "/pose_graph.json", pose_graph_text(graph));
+    return first_from_second;
   }
 
   /// Writes plain.map: two frames and three landmarks, observed twice, once and never.

@@ -67,6 +67,31 @@ TEST_F(MergeTest, JsonHasEveryMapAndEveryPair) {
   EXPECT_EQ(json.at("output").at("landmarks"), read_map(path("all.cairn")).landmark_count());
 }
 
+TEST_F(MergeTest, MiniMapsOfARunAreJoinedByItsOdometry) {
+  const Similarity3 first_from_second = write_mini_maps("run");
+  const CommandResult result = cairn({"merge", "run/", "-o", "all.map", "--json", "all.json"});
+  EXPECT_EQ(result.exit_code, kDone);
+  EXPECT_THAT(result.output, HasSubstr("placed 2 of 2: 1 <- 2 odometry\n"));
+  const Json json = Json::parse(content("all.json"));
+  EXPECT_TRUE(pose_of(json.at("maps").at(1).at("world_from_map"))
+                  .matrix()
+                  .isApprox(first_from_second.matrix(), 1e-9));
+  ASSERT_EQ(json.at("links").size(), 2U);  // the alignment that failed, and odometry's
+  EXPECT_EQ(json.at("links").at(0).at("kind"), "placement");
+  EXPECT_EQ(json.at("links").at(0).at("used"), false);
+  EXPECT_EQ(json.at("links").at(1).at("kind"), "odometry");
+  EXPECT_EQ(json.at("links").at(1).at("used"), true);
+  EXPECT_TRUE(json.at("links").at(1).at("probability").is_null());
+  // Converted or removed since: by name, and what is there.
+  answer({"convert", "run/2.map", "run/2.cairn"});
+  fs::remove(path("run/2.map"));
+  EXPECT_THAT(answer({"merge", "run", "-o", "again.map"}), HasSubstr("placed 2 of 2"));
+  write("run/pose_graph.json", "{}");
+  expect_refusal({"merge", "run", "-o", "again.map"}, kBadInput, {"pose_graph.json"});
+  fs::remove(path("run/pose_graph.json"));
+  EXPECT_EQ(cairn({"merge", "run", "-o", "again.map"}).exit_code, kNoAlignment);
+}
+
 TEST_F(MergeTest, AdjustsTheMergedMapIfAsked) {
   write_pair(900);
   const Json json = document({"merge", "target.map", "source.map", "-o", "both.map", "--adjust"});

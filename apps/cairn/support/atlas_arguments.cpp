@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/link_documents.hpp"
@@ -35,9 +36,12 @@ std::string host_name() {
 }  // namespace
 
 void AtlasArguments::add_to(CLI::App& command) {
-  add_text(command, "--atlas", location, "The atlas: path of its file. Required", "FILE");
-  command.add_flag("--insist", insist,
-                   "Use it even on a network file system, where locks may fail");
+  add_text(command, "--atlas", location,
+           "The atlas: path of its file, or postgresql://user@host/database. Required", "FILE|URL");
+  command.add_flag(
+      "--insist", insist,
+      "Use it even on a network file system, where locks may fail, or on a server that does "
+      "not wait for its disk");
   add_number(command, "--wait", wait_s, "Seconds to wait for another process that writes to it");
   common.add_to(command);
 }
@@ -48,7 +52,7 @@ void AtlasArguments::add_at_to(CLI::App& command) {
 
 AtlasStoreOptions AtlasArguments::store_options(bool read_only) const {
   if (location.empty()) {
-    throw Error(ErrorKind::kMisuse, "--atlas", "not given", "the path of an atlas");
+    throw Error(ErrorKind::kMisuse, "--atlas", "not given", "an atlas");
   }
   if (!(wait_s >= 0.0 && wait_s <= 1e6)) {
     throw Error(ErrorKind::kMisuse, "--wait", fmt::format("{}", wait_s), "0 to 1e6 seconds");
@@ -74,13 +78,17 @@ Atlas AtlasArguments::open_to_read() const {
   return Atlas::open(location, options);
 }
 
+std::string AtlasArguments::shown() const {
+  return without_password(location);
+}
+
 std::optional<CommitId> AtlasArguments::commit() const {
   return at ? std::optional(CommitId{*at}) : std::nullopt;
 }
 
 Json AtlasArguments::head(const std::string& verb, Json options) const {
   options["at"] = to_json(at);
-  return document("atlas_" + verb, common, {{"atlas", {{"path", location}}}}, std::move(options));
+  return document("atlas_" + verb, common, {{"atlas", {{"path", shown()}}}}, std::move(options));
 }
 
 const AtlasNode& node_named(const AtlasState& state, const std::string& name,
@@ -95,7 +103,7 @@ const AtlasNode& node_named(const AtlasState& state, const std::string& name,
   for (const auto& [id, node] : state.nodes) {
     if (names.size() < 8) names.push_back(node.name);
   }
-  throw Error(ErrorKind::kMisuse, arguments.location, fmt::format("no map {}", printable(name)),
+  throw Error(ErrorKind::kMisuse, arguments.shown(), fmt::format("no map {}", printable(name)),
               names.empty() ? std::string("a map, but there is none")
                             : fmt::format("one of its maps: {}{}", fmt::join(names, ", "),
                                           names.size() < state.nodes.size() ? ", ..." : ""));

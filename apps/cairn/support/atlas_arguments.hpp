@@ -28,6 +28,8 @@ struct AtlasArguments {
   void add_at_to(CLI::App& command);
   /// @throws Error (misuse) if --atlas was not given
   AtlasStoreOptions store_options(bool read_only) const;
+  /// The location, without a password.
+  std::string shown() const;
   Atlas open() const;
   Atlas open_to_read() const;
   std::optional<CommitId> commit() const;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/command_line.hpp"
 
+#include "cairn/core/plain_text.hpp"
+
 namespace cairn::cli {
 namespace {
 
@@ -12,7 +14,7 @@ std::vector<std::string>& words() {
 }  // namespace
 
 void keep_command_line(int argc, char** argv) {
-  if (argc > 1) words().insert(words().end(), argv + 1, argv + argc);
+  for (int i = 1; i < argc; ++i) words().push_back(without_password(argv[i]));
 }
 
 const std::vector<std::string>& command_line() {

@@ -9,7 +9,9 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -46,6 +48,34 @@ std::vector<std::string> maps_in(const std::string& folder) {
   }
   std::sort(files.begin(), files.end());
   return files;
+}
+
+std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std::string>& files) {
+  const fs::path path = fs::path(folder) / "pose_graph.json";
+  std::error_code ignored;
+  if (!fs::exists(path, ignored)) return {};
+  FileReader reader(path);
+  PoseGraph graph = read_pose_graph(reader);
+  // By name without extension: maps may have been converted since.
+  const auto index_of = [&](NodeId id) {
+    const auto node = std::find_if(graph.nodes.begin(), graph.nodes.end(),
+                                   [&](const PoseNode& one) { return one.id == id; });
+    return std::find_if(files.begin(), files.end(), [&](const std::string& file) {
+      const fs::path map(file);
+      return map.stem() == fs::path(node->name).stem() &&
+             fs::equivalent(map.parent_path(), folder, ignored);
+    });
+  };
+  std::vector<PoseLink> links;
+  for (PoseLink& link : graph.links) {
+    const auto target = index_of(link.target);
+    const auto source = index_of(link.source);
+    if (target == files.end() || source == files.end()) continue;
+    link.target = NodeId{static_cast<std::uint64_t>(target - files.begin())};
+    link.source = NodeId{static_cast<std::uint64_t>(source - files.begin())};
+    links.push_back(std::move(link));
+  }
+  return links;
 }
 
 std::vector<std::string> map_names(const std::vector<std::string>& files) {

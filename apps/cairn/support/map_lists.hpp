@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "cairn/pose_graph/pose_graph.hpp"
+
 namespace cairn::cli {
 
 /// Whether a path is a folder of maps, and no map itself as a COLMAP model is.
@@ -13,6 +15,12 @@ bool is_folder_of_maps(const std::string& path);
 /// The maps in a folder, by name.
 /// @throws Error (input) if it cannot be read or holds none
 std::vector<std::string> maps_in(const std::string& folder);
+
+/// The links of a folder's pose_graph.json, which 'cairn map --mini-map-length' writes; none if there is no
+/// such file. Links of maps that are not in the folder any more are left out.
+/// @param files maps, those of the folder among them; nodes of the links are indices into these
+/// @throws Error (input) if the file cannot be read
+std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std::string>& files);
 
 /// What maps are called: file names without extension, with their folder where several are alike.
 std::vector<std::string> map_names(const std::vector<std::string>& files);

@@ -72,7 +72,7 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps,
     edges.push_back({.target = link.target,
                      .source = link.source,
                      .use = use_of(link, result.used[i]),
-                     .kind = "placement",
+                     .kind = std::string(to_string(link.kind)),
                      .probability = link.probability,
                      .reason = link.reason,
                      .target_from_source = link.target_from_source});

@@ -7,12 +7,14 @@
 #include <map>
 #include <mutex>
 #include <set>
+#include <span>
 #include <string_view>
 #include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/map/io/binary.hpp"
@@ -50,10 +52,8 @@ const AtlasNode& require_node(const AtlasState& state, NodeId id) {
               "a map of the atlas");
 }
 
-using Pair = std::pair<NodeId, NodeId>;  // the lower id first
-
-Pair pair_of(NodeId a, NodeId b) {
-  return a < b ? Pair(a, b) : Pair(b, a);
+NodePair pair_of(NodeId a, NodeId b) {
+  return a < b ? NodePair(a, b) : NodePair(b, a);
 }
 
 // Maps that were read last, prepared, for any number of threads.
@@ -90,9 +90,9 @@ class MapCache {
 
 // Pairs of maps that may show one place: what recognition finds, neighbours in a session, and everything
 // with maps that it cannot look at.
-std::set<Pair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t candidates,
-                            const Execution& execution) {
-  std::set<Pair> pairs;
+std::set<NodePair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t candidates,
+                                const Execution& execution) {
+  std::set<NodePair> pairs;
   MapIndex index;
   std::vector<NodeId> ids;
   std::map<std::string, NodeId> last_of_session;
@@ -125,7 +125,7 @@ std::set<Pair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t c
   return pairs;
 }
 
-AtlasLink link_of(const MapLink& found, const Pair& pair) {
+AtlasLink link_of(const MapLink& found, const NodePair& pair) {
   AtlasLink link;
   link.target = pair.first;
   link.source = pair.second;
@@ -150,17 +150,11 @@ void AtlasLinkOptions::validate() const {
 }
 
 void Atlas::create(const std::string& location, const AtlasStoreOptions& options) {
-  if (location.starts_with("postgresql://")) {
-    throw Error(ErrorKind::kMisuse, "atlas", printable(location), "the path of a file");
-  }
-  create_sqlite_store(location, options);
+  create_store(location, options);
 }
 
 Atlas Atlas::open(const std::string& location, const AtlasStoreOptions& options) {
-  if (location.starts_with("postgresql://")) {
-    throw Error(ErrorKind::kMisuse, "atlas", printable(location), "the path of a file");
-  }
-  return Atlas(open_sqlite_store(location, options));
+  return Atlas(open_store(location, options));
 }
 
 AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make,
@@ -209,71 +203,104 @@ Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
   return added;
 }
 
-AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
-  options.validate();
-  const AtlasState state = store_->state();
-  AtlasLinkResult result;
-  std::map<Pair, std::vector<AtlasLinkId>> known;  // those that will not be tried
-  std::map<Pair, std::vector<AtlasLinkId>> replaced;
-  for (const auto& [id, link] : state.links) {
-    const Pair pair = pair_of(link.target, link.source);
-    const bool again =
-        options.retry && link.kind == LinkKind::kPlacement && link.verdict != Verdict::kAligned;
-    (again ? replaced : known)[pair].push_back(id);
-  }
-  const std::set<NodeId> only(options.only.begin(), options.only.end());
-  for (const NodeId id : only) require_node(state, id);
-  const std::size_t candidates =
-      options.candidates.value_or(state.nodes.size() > kMapsTriedInFull ? kDefaultCandidates : 0);
-  std::optional<std::set<Pair>> likely;
-  if (candidates > 0) likely = likely_pairs(*this, state, candidates, options.links.execution);
-  std::vector<Pair> pairs;
-  std::size_t number = 0;
-  for (auto source = state.nodes.begin(); source != state.nodes.end(); ++source) {
-    for (auto target = state.nodes.begin(); target != source; ++target) {
-      const Pair pair(target->first, source->first);
-      if (!only.empty() && !only.contains(pair.first) && !only.contains(pair.second)) continue;
-      ++result.pairs;
-      if (number++ % options.shards != options.shard) continue;
-      if (known.contains(pair)) {
-        ++result.tried_before;
-      } else if (likely && !likely->contains(pair)) {
-        ++result.not_likely;
+namespace {
+
+// What is known of pairs, and so whether they are tried.
+struct KnownPairs {
+  KnownPairs(const AtlasState& state, bool retry) {
+    for (const auto& [id, link] : state.links) {
+      // Odometry knows neighbours roughly; aligned, they are known better.
+      if (link.kind == LinkKind::kOdometry) continue;
+      const bool again =
+          retry && link.kind == LinkKind::kPlacement && link.verdict != Verdict::kAligned;
+      const NodePair pair = pair_of(link.target, link.source);
+      if (again) {
+        replaced[pair].push_back(id);
       } else {
-        pairs.push_back(pair);
+        known.insert(pair);
       }
     }
   }
 
-  LinkOptions how = options.links;
-  const Executor& executor = how.execution.executor;
-  const Execution whole = how.execution;
-  // Many pairs are the better work to share out.
-  const bool by_pairs = pairs.size() >= executor.threads();
-  how.execution = whole.without_progress();
-  if (by_pairs) how.execution.executor = Executor(1);
-  MapCache cache(*this, 64, how);
-  std::vector<AtlasLink> pending;
-  auto last_flush = std::chrono::steady_clock::now();
-  const auto flush = [&] {
-    if (pending.empty()) return;
+  std::set<NodePair> known;                               // will not be tried
+  std::map<NodePair, std::vector<AtlasLinkId>> replaced;  // what a new result takes the place of
+};
+
+// Aligns pairs and keeps what came of it.
+class Linker {
+ public:
+  using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
+
+  Linker(Atlas& atlas, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
+      : options_(options),
+        commit_(std::move(commit)),
+        result_(result),
+        cache_(atlas, 64, options.links) {}
+
+  /// @param expected how many pairs there are in all, for the progress
+  void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
+             std::size_t expected) {
+    LinkOptions how = options_.links;
+    const Executor& executor = options_.links.execution.executor;
+    // Many pairs are the better work to share out.
+    const bool by_pairs = pairs.size() >= executor.threads();
+    how.execution = how.execution.without_progress();
+    if (by_pairs) how.execution.executor = Executor(1);
+    const auto make = [&](std::size_t i) {
+      const PreparedMap target = cache_.get(state.nodes.at(pairs[i].first));
+      const PreparedMap source = cache_.get(state.nodes.at(pairs[i].second));
+      return link_of(link_pair(target, source, how), pairs[i]);
+    };
+    const auto use = [&](std::size_t, AtlasLink link) {
+      const std::lock_guard lock(cache_.mutex());
+      pending_.push_back(std::move(link));
+      // Seconds of work are kept at a time: the log stays short, and little is lost if this is killed.
+      if (std::chrono::steady_clock::now() - last_flush_ > std::chrono::seconds(2)) {
+        flush(state, known);
+      }
+      ++done_;
+      if (options_.links.execution.progress) {
+        options_.links.execution.progress(
+            std::min(1.0, static_cast<double>(done_) / static_cast<double>(expected)));
+      }
+    };
+    try {
+      if (by_pairs) {
+        executor.in_order(pairs.size(), 2 * std::size_t{executor.threads()}, make, use);
+      } else {
+        for (std::size_t i = 0; i < pairs.size(); ++i) use(i, make(i));
+      }
+    } catch (...) {
+      flush(state, known);  // what was found is kept, whatever stopped this
+      throw;
+    }
+    flush(state, known);
+  }
+
+ private:
+  void flush(const AtlasState& state, const KnownPairs& known) {
+    if (pending_.empty()) return;
     std::vector<AtlasLink> kept;
-    commit("link", [&](const AtlasState& now) {
+    commit_([&](const AtlasState& now) {
       AtlasChanges changes;
       kept.clear();
-      std::set<Pair> done;  // by another process meanwhile
+      std::set<NodePair> done;  // by another process meanwhile
       for (const auto& [id, link] : now.links) {
-        if (!state.links.contains(id)) done.insert(pair_of(link.target, link.source));
+        if (link.kind == LinkKind::kOdometry || state.links.contains(id)) continue;
+        done.insert(pair_of(link.target, link.source));
       }
       std::size_t aligned = 0;
-      for (const AtlasLink& link : pending) {
-        const Pair pair = pair_of(link.target, link.source);
+      for (const AtlasLink& link : pending_) {
+        const NodePair pair = pair_of(link.target, link.source);
         const bool is_there = now.nodes.contains(pair.first) && now.nodes.contains(pair.second);
         if (!is_there || done.contains(pair)) continue;
-        for (const AtlasLinkId old : replaced[pair]) {
-          if (!now.links.contains(old)) continue;
-          changes.removed_links.push_back(old);
-          if (now.agrees.contains(old)) changes.removed_agrees.push_back(old);
+        const auto replaced = known.replaced.find(pair);
+        if (replaced != known.replaced.end()) {
+          for (const AtlasLinkId old : replaced->second) {
+            if (!now.links.contains(old)) continue;
+            changes.removed_links.push_back(old);
+            if (now.agrees.contains(old)) changes.removed_agrees.push_back(old);
+          }
         }
         changes.links.push_back(link);
         kept.push_back(link);
@@ -284,39 +311,106 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
       return changes;
     });
     for (const AtlasLink& link : kept) {
-      ++result.tried;
-      if (link.is_aligned()) ++result.aligned;
-      if (options.on_link) options.on_link(link);
+      ++result_.tried;
+      if (link.is_aligned()) ++result_.aligned;
+      if (options_.on_link) options_.on_link(link);
     }
-    pending.clear();
-    last_flush = std::chrono::steady_clock::now();
-  };
-  const auto make = [&](std::size_t i) {
-    const PreparedMap target = cache.get(state.nodes.at(pairs[i].first));
-    const PreparedMap source = cache.get(state.nodes.at(pairs[i].second));
-    return link_of(link_pair(target, source, how), pairs[i]);
-  };
-  const auto use = [&](std::size_t i, AtlasLink link) {
-    const std::lock_guard lock(cache.mutex());
-    pending.push_back(std::move(link));
-    // Seconds of work are kept at a time: the log stays short, and little is lost if this is killed.
-    if (std::chrono::steady_clock::now() - last_flush > std::chrono::seconds(2)) flush();
-    if (whole.progress) {
-      whole.progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
-    }
-  };
-  try {
-    if (by_pairs) {
-      executor.in_order(pairs.size(), 2 * std::size_t{executor.threads()}, make, use);
-    } else {
-      for (std::size_t i = 0; i < pairs.size(); ++i) use(i, make(i));
-    }
-  } catch (...) {
-    flush();  // what was found is kept, whatever stopped this
-    throw;
+    pending_.clear();
+    last_flush_ = std::chrono::steady_clock::now();
   }
-  flush();
+
+  const AtlasLinkOptions& options_;
+  Commit commit_;
+  AtlasLinkResult& result_;
+  MapCache cache_;
+  std::vector<AtlasLink> pending_;
+  std::chrono::steady_clock::time_point last_flush_ = std::chrono::steady_clock::now();
+  std::size_t done_ = 0;
+};
+
+}  // namespace
+
+AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
+  options.validate();
+  AtlasState state = store_->state();
+  AtlasLinkResult result;
+  KnownPairs known(state, options.retry);
+  const std::set<NodeId> only(options.only.begin(), options.only.end());
+  for (const NodeId id : only) require_node(state, id);
+  const std::size_t candidates =
+      options.candidates.value_or(state.nodes.size() > kMapsTriedInFull ? kDefaultCandidates : 0);
+  std::optional<std::set<NodePair>> likely;
+  if (candidates > 0) likely = likely_pairs(*this, state, candidates, options.links.execution);
+  std::vector<NodePair> pairs;
+  std::size_t number = 0;
+  for (auto source = state.nodes.begin(); source != state.nodes.end(); ++source) {
+    for (auto target = state.nodes.begin(); target != source; ++target) {
+      const NodePair pair(target->first, source->first);
+      if (!only.empty() && !only.contains(pair.first) && !only.contains(pair.second)) continue;
+      ++result.pairs;
+      if (number++ % options.shards != options.shard) continue;
+      if (known.known.contains(pair)) {
+        ++result.tried_before;
+      } else if (likely && !likely->contains(pair)) {
+        ++result.not_likely;
+      } else {
+        pairs.push_back(pair);
+      }
+    }
+  }
+
+  Linker linker(
+      *this, options, [this](const AtlasStore::Make& make) { return commit("link", make); },
+      result);
+  const std::unique_ptr<AtlasPairQueue> queue = store_->share(pairs);
+  if (queue == nullptr) {
+    linker.align(pairs, state, known, pairs.size());
+    return result;
+  }
+  // A few at a time, so that all processes end at about the same time.
+  const std::size_t batch = 2 * std::size_t{options.links.execution.executor.threads()};
+  for (std::vector<NodePair> taken = queue->take(batch); !taken.empty();
+       taken = queue->take(batch)) {
+    // Others may have added maps, and links, since.
+    state = store_->state();
+    known = KnownPairs(state, options.retry);
+    std::erase_if(taken, [&](const NodePair& pair) {
+      return !state.nodes.contains(pair.first) || !state.nodes.contains(pair.second) ||
+             known.known.contains(pair);
+    });
+    linker.align(taken, state, known, pairs.size());
+    queue->done();
+  }
   return result;
+}
+
+std::size_t Atlas::link_by_odometry(std::span<const PoseLink> links) {
+  const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
+    std::set<NodePair> known;
+    for (const auto& [id, link] : now.links) {
+      if (link.kind == LinkKind::kOdometry) known.insert(pair_of(link.target, link.source));
+    }
+    AtlasChanges changes;
+    for (const PoseLink& stated : links) {
+      require_node(now, stated.target);
+      require_node(now, stated.source);
+      if (!known.insert(pair_of(stated.target, stated.source)).second) continue;
+      AtlasLink link;
+      link.target = stated.target;
+      link.source = stated.source;
+      link.kind = LinkKind::kOdometry;
+      link.verdict = Verdict::kAligned;
+      link.reason = "stated by odometry";
+      link.target_from_source = stated.target_from_source;
+      link.covariance = stated.covariance;
+      link.covariance_with_scale = stated.covariance_with_scale;
+      changes.links.push_back(std::move(link));
+    }
+    if (changes.links.empty()) return changes;
+    changes.text = fmt::format("{} of odometry", plural(changes.links.size(), "link"));
+    return changes;
+  });
+  return committed.links.size();
 }
 
 AtlasLinkId Atlas::link_manually(NodeId target, NodeId source,

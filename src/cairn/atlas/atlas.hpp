@@ -6,10 +6,10 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/atlas/store/store.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
@@ -28,7 +28,7 @@ struct AtlasLinkOptions {
   std::optional<std::size_t> candidates = {};
   /// If not empty, only pairs of which one is among these.
   std::vector<NodeId> only = {};
-  /// Of several processes that share the pairs: this one does every `shards`-th, from `shard`.
+  /// Of several processes that share the pairs of a file: this one does every `shards`-th, from `shard`.
   std::size_t shard = 0;
   std::size_t shards = 1;
   /// Told of each result, when it is kept.
@@ -86,8 +86,8 @@ class Atlas {
  public:
   explicit Atlas(std::unique_ptr<AtlasStore> store) : store_(std::move(store)) {}
 
-  /// @param location path of a file
-  /// @throws Error as create_sqlite_store() and open_sqlite_store()
+  /// @param location path of a file, or URL of a PostgreSQL database ("postgresql://...")
+  /// @throws Error as create_store() and open_store()
   static void create(const std::string& location, const AtlasStoreOptions& options = {});
   static Atlas open(const std::string& location, const AtlasStoreOptions& options = {});
 
@@ -102,9 +102,14 @@ class Atlas {
   /// @throws Error (misuse) if another map has the name, (input) for a map without landmarks
   Added add(const LandmarkMap& map, const std::string& name, const std::string& session = {});
 
+  /// Links that odometry states between maps of one run; `kind` is not looked at. A pair that has one keeps it.
+  /// @return how many were added
+  std::size_t link_by_odometry(std::span<const PoseLink> links);
+
   /// Aligns pairs of maps that were not tried yet, and keeps what came of it, rejected or not. Results are
   /// kept as they come, so that another call goes on where this one was ended. Same maps and seed, same
-  /// links, whatever the number of threads.
+  /// links, whatever the number of threads. In PostgreSQL, processes that do this at the same time share the
+  /// pairs, and together give what one would; what one had in work when it ended, the others do.
   AtlasLinkResult link(const AtlasLinkOptions& options = {});
 
   /// A link that a person states. It counts like one that was judged.

@@ -61,4 +61,24 @@ std::string plain_text(std::string_view text, std::string_view kept) {
   return result;
 }
 
+std::string without_password(std::string_view url) {
+  std::string shown(url);
+  const std::size_t scheme = shown.find("://");
+  if (scheme == shown.npos) return shown;
+  const std::size_t begin = scheme + 3;
+  const std::size_t end = std::min(shown.find_first_of("/?", begin), shown.size());
+  const std::size_t at = std::string_view(shown).substr(0, end).rfind('@');
+  if (at != shown.npos && at > begin) {
+    const std::size_t colon = shown.find(':', begin);
+    if (colon < at) shown.replace(colon + 1, at - colon - 1, "***");
+  }
+  for (const std::string_view key : {"?password=", "&password="}) {
+    const std::size_t found = shown.find(key);
+    if (found == shown.npos) continue;
+    const std::size_t value = found + key.size();
+    shown.replace(value, std::min(shown.find('&', value), shown.size()) - value, "***");
+  }
+  return shown;
+}
+
 }  // namespace cairn

@@ -12,4 +12,8 @@ namespace cairn {
 /// @param kept control characters that stay
 std::string plain_text(std::string_view text, std::string_view kept = {});
 
+/// A URL as it may be shown: with "***" for the password before its host or among its parameters. Any
+/// other text comes back as it is.
+std::string without_password(std::string_view url);
+
 }  // namespace cairn

@@ -51,5 +51,14 @@ TEST(Error, HoldsPlainText) {
   EXPECT_STREQ(error.what(), "\\x1b]0;title\\x07.map: what\\x0a; expected more\\xe2\\x80\\xae");
 }
 
+TEST(WithoutPassword, HidesItWhereverAUrlHasIt) {
+  EXPECT_EQ(without_password("postgresql://ada:secret@host:1/town?password=secret&x=1"),
+            "postgresql://ada:***@host:1/town?password=***&x=1");
+  EXPECT_EQ(without_password("postgresql://ada:se@cret@host"), "postgresql://ada:***@host");
+  EXPECT_EQ(without_password("postgresql://ada@host:5432/town"), "postgresql://ada@host:5432/town");
+  EXPECT_EQ(without_password("postgresql://host:5432/a@b"), "postgresql://host:5432/a@b");
+  EXPECT_EQ(without_password("a:b@c/town.atlas"), "a:b@c/town.atlas");
+}
+
 }  // namespace
 }  // namespace cairn

@@ -62,7 +62,7 @@ PoseGraph session_graph(const MappedSequence& session, const std::vector<MapLink
   for (std::size_t i = 0; i < session.maps.size(); ++i) names.push_back(fmt::format("{}", i));
   PoseGraph graph = pose_graph(session, names);
   for (std::size_t i = 0; i < links.size(); ++i) {
-    const auto link = placement_link(links[i]);
+    const auto link = pose_link(links[i]);
     if (!link) continue;
     graph.links.push_back(*link);
     link_of.push_back(i);

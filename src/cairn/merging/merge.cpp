@@ -20,6 +20,10 @@ std::string percent(double probability) {
   return fmt::format("{:.2f} %", std::floor(1e4 * probability) / 100.0);
 }
 
+double probability_of(const MapLink& link) {
+  return link.probability.value_or(0.0);
+}
+
 // Why a map is not in the result.
 std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
                       const MergeResult& result) {
@@ -29,7 +33,7 @@ std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
     if (link.target != map && link.source != map) continue;
     if (link.verdict == Verdict::kAligned) {
       ++aligned;
-    } else if (best == nullptr || link.probability > best->probability) {
+    } else if (best == nullptr || probability_of(link) > probability_of(*best)) {
       best = &link;
     }
   }
@@ -39,7 +43,7 @@ std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
   if (aligned == 0 && best == nullptr) return "there is nothing to align it with";
   if (aligned == 0) {
     return fmt::format("aligned with none; likeliest with {} ({}): {}: {}", other(*best),
-                       percent(best->probability), to_string(best->verdict), best->reason);
+                       percent(probability_of(*best)), to_string(best->verdict), best->reason);
   }
   return fmt::format("aligned with {} map{}, but with none of the largest group", aligned,
                      aligned == 1 ? "" : "s");
@@ -97,7 +101,7 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
         {NodeId{i}, maps[i].name, {}, result.maps[i].world_from_map.value_or(Similarity3())});
   }
   for (const MapLink& link : result.links) {
-    if (const auto placed = placement_link(link)) graph.links.push_back(*placed);
+    if (const auto placed = pose_link(link)) graph.links.push_back(*placed);
   }
   return graph;
 }
@@ -107,6 +111,12 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   if (maps.size() < 2) {
     throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} of them", maps.size()),
                 "at least two maps");
+  }
+  for (const PoseLink& link : options.stated) {
+    if (std::max(link.target.value, link.source.value) < maps.size()) continue;
+    throw Error(ErrorKind::kMisuse, "MergeOptions.stated",
+                fmt::format("a link of maps {} and {}", link.target.value, link.source.value),
+                fmt::format("indices below {}", maps.size()));
   }
   MergeResult result;
   result.maps.resize(maps.size());
@@ -121,11 +131,12 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   how.execution = options.execution;
   how.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
   result.links = link_maps(pointers, how);
+  for (const PoseLink& link : options.stated) result.links.push_back(stated_link(link));
   result.used.assign(result.links.size(), false);
 
   std::vector<std::size_t> link_of;  // by link of the graph
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    if (placement_link(result.links[i])) link_of.push_back(i);
+    if (pose_link(result.links[i])) link_of.push_back(i);
   }
   const OptimisedPoses poses = optimise_poses(pose_graph(maps, result), extents);
   for (std::size_t i = 0; i < link_of.size(); ++i) result.used[link_of[i]] = poses.agrees[i];

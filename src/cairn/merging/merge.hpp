@@ -20,7 +20,9 @@ struct MergeInput {
 };
 
 struct MergeOptions {
-  LinkOptions links = {};           ///< its execution and seed are taken from below
+  LinkOptions links = {};  ///< its execution and seed are taken from below
+  /// Links that are known besides, of maps by index, such as odometry's between mini-maps of one run.
+  std::vector<PoseLink> stated = {};
   double fusion_probability = 0.5;  ///< from which two landmarks are one; in [0.5, 1]
   /// Whether the merged map is adjusted: all its keyframes and landmarks, by all observations.
   bool adjust = false;
@@ -46,7 +48,7 @@ struct MergedMap {
 
 struct MergeResult {
   std::vector<MergedMap> maps;    ///< one an input
-  std::vector<MapLink> links;     ///< of all pairs, aligned or not
+  std::vector<MapLink> links;     ///< of all pairs, aligned or not; then those that were stated
   std::vector<bool> used;         ///< by link: aligned, and in agreement with the poses
   std::vector<std::size_t> tree;  ///< links that first placed a map, in that order
   /// In the frame of the first map that is placed. std::nullopt where no two maps were placed.
@@ -62,7 +64,7 @@ struct MergeResult {
 PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result);
 
 /// Merges maps of one place into one: link_maps(), optimise_poses(), fuse_maps(). Only links that were
-/// judged aligned place a map; maps that nothing connects to the largest group stay out.
+/// judged aligned, or stated, place a map; maps that nothing connects to the largest group stay out.
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
 

@@ -101,7 +101,7 @@ struct SquaredBytes {
   // Of the two numbers of 16 bits in a lane.
   static hn::Vec<Signed> sum_of_squares(Word a, Word b) {
     const Signed d;
-#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR
+#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
     // Elsewhere this operation sums other pairs.
     const hn::RepartitionToNarrow<Signed> shorts;
     const auto difference = hn::Sub(hn::BitCast(shorts, a), hn::BitCast(shorts, b));

@@ -235,6 +235,13 @@ class Placement {
     return poses;
   }
 
+  /// Whether its scale is none that was asked for.
+  bool has_other_scale(const Finalist& pose) const {
+    if (!options_.scale) return false;
+    const auto [least, most] = *options_.scale;
+    return pose.scale < least * (1.0 - kScaleMargin) || pose.scale > most * (1.0 + kScaleMargin);
+  }
+
   /// The optimum near a pose.
   Finalist settled(const Similarity3& pose, const std::stop_token& stop) const {
     std::vector<Finalist> one(1);
@@ -383,13 +390,7 @@ class Placement {
 
   // The distinct ones with their probabilities, likeliest first.
   std::vector<Finalist> judged(std::vector<Finalist> poses) const {
-    if (options_.scale) {
-      const auto [least, most] = *options_.scale;
-      std::erase_if(poses, [&](const Finalist& pose) {
-        return pose.scale < least * (1.0 - kScaleMargin) ||
-               pose.scale > most * (1.0 + kScaleMargin);
-      });
-    }
+    std::erase_if(poses, [&](const Finalist& pose) { return has_other_scale(pose); });
     return with_probabilities(distinct(std::move(poses), all_, 1));
   }
 
@@ -672,7 +673,8 @@ void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
     // Without evidence at the finer scales there is none to lose.
     const bool worse =
         precision(best) < 1.0 && Placement::merit(after) < kKept * Placement::merit(best);
-    if (failed || worse || attempt + 1 == kAttempts) {
+    const bool settled = !failed && !worse && !placement_->has_other_scale(after);
+    if (!settled || attempt + 1 == kAttempts) {
       result.alignment = refined(best, true, time, result);
       break;
     }

@@ -1,28 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <chrono>
 #include <filesystem>
 #include <memory>
-#include <stop_token>
 #include <string>
 
 #include "cairn/atlas/store/store.hpp"
 
 namespace cairn {
-
-struct AtlasStoreOptions {
-  bool read_only = false;  ///< works in a folder that cannot be written, too
-  /// Allows a network file system, on which locks and the order of writes cannot be relied on.
-  bool insist = false;
-  std::chrono::milliseconds wait{30'000};  ///< for another process that writes
-  std::string author = {};                 ///< of commits
-  std::string host = {};
-  std::stop_token stop = {};
-};
-
-/// Schema of the SQLite file that this version writes; docs/formats.md describes it.
-inline constexpr int kAtlasSchema = 1;
 
 /// Makes an atlas without maps; whole or not at all.
 /// @throws Error (storage) if something is at `path` already, or on a network file system

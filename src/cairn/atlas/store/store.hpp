@@ -1,18 +1,36 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "cairn/atlas/store/records.hpp"
 
 namespace cairn {
+
+/// Schema of the tables that this version writes; docs/formats.md describes it.
+inline constexpr int kAtlasSchema = 1;
+
+struct AtlasStoreOptions {
+  bool read_only = false;  ///< works in a folder that cannot be written, too
+  /// Allows a network file system, on which locks and the order of writes cannot be relied on, and a server
+  /// that acknowledges what is not on its disk yet.
+  bool insist = false;
+  std::chrono::milliseconds wait{30'000};  ///< for another process that writes
+  std::string author = {};                 ///< of commits
+  std::string host = {};
+  std::stop_token stop = {};
+};
 
 /// What a commit says of itself besides its changes.
 struct AtlasCommitInfo {
@@ -47,6 +65,24 @@ struct AtlasCompaction {
   std::uint64_t map_bytes = 0;
 };
 
+/// Two maps, the lower id first.
+using NodePair = std::pair<NodeId, NodeId>;
+
+/// Pairs of maps that wait to be aligned, which all processes that work on an atlas share among them.
+class AtlasPairQueue {
+ public:
+  AtlasPairQueue() = default;
+  AtlasPairQueue(const AtlasPairQueue&) = delete;
+  AtlasPairQueue& operator=(const AtlasPairQueue&) = delete;
+  virtual ~AtlasPairQueue() = default;
+
+  /// Up to `count` pairs that no other process has; none if all that are left are in work elsewhere.
+  /// Those of a process that ends before it calls done() are given to others.
+  virtual std::vector<NodePair> take(std::size_t count) = 0;
+  /// What take() gave last needs nobody any more.
+  virtual void done() = 0;
+};
+
 /// Where an atlas is kept. One thread at a time; any number of processes.
 class AtlasStore {
  public:
@@ -76,6 +112,12 @@ class AtlasStore {
   /// @throws Error (misuse) for changes that would leave the atlas contradictory: a name that is taken, a
   ///         link or pose of a node that is not there
   virtual AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) = 0;
+
+  /// Adds pairs to the queue of this atlas, once each. Null if such a store has none.
+  virtual std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair> pairs) {
+    (void)pairs;
+    return nullptr;
+  }
 
   /// Reads everything and checks it.
   virtual AtlasVerification verify() = 0;

@@ -55,11 +55,23 @@ MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
   return linked(target, source, align_options(options));
 }
 
-std::optional<PoseLink> placement_link(const MapLink& link) {
+std::optional<PoseLink> pose_link(const MapLink& link) {
   if (link.verdict != Verdict::kAligned || !link.target_from_source) return std::nullopt;
   return PoseLink{NodeId{link.target}, NodeId{link.source},        *link.target_from_source,
-                  link.covariance,     link.covariance_with_scale, LinkKind::kPlacement,
+                  link.covariance,     link.covariance_with_scale, link.kind,
                   link.probability};
+}
+
+MapLink stated_link(const PoseLink& link) {
+  return {.target = link.target.value,
+          .source = link.source.value,
+          .kind = link.kind,
+          .verdict = Verdict::kAligned,
+          .probability = link.probability,
+          .reason = fmt::format("stated by {}", to_string(link.kind)),
+          .target_from_source = link.target_from_source,
+          .covariance = link.covariance,
+          .covariance_with_scale = link.covariance_with_scale};
 }
 
 void LinkOptions::validate() const {

@@ -14,13 +14,14 @@
 
 namespace cairn {
 
-/// What align() came to for two of several maps.
+/// What is known of how two of several maps lie to each other: what align() came to, or what another states.
 struct MapLink {
   std::size_t target = 0;  ///< index of a map
   std::size_t source = 0;
+  LinkKind kind = LinkKind::kPlacement;
   Verdict verdict = Verdict::kRejected;
-  double probability = 0.0;
-  std::string reason;  ///< one sentence for people
+  std::optional<double> probability;  ///< nothing if nobody judged: of odometry's links
+  std::string reason;                 ///< one sentence for people
   /// Only if the verdict is aligned; with the covariances that Alignment states.
   std::optional<Similarity3> target_from_source;
   std::optional<Matrix6d> covariance;
@@ -28,7 +29,10 @@ struct MapLink {
 };
 
 /// The link of a pose graph that an aligned pair is; its nodes have the maps' indices. Nothing of other pairs.
-std::optional<PoseLink> placement_link(const MapLink& link);
+std::optional<PoseLink> pose_link(const MapLink& link);
+
+/// The same the other way round, of a link that nobody judged. Its nodes' ids are indices.
+MapLink stated_link(const PoseLink& link);
 
 struct LinkOptions {
   double min_probability = 0.99;  ///< from which a pair is aligned; see AlignOptions

@@ -30,24 +30,25 @@ struct PoseOptimisationOptions {
 };
 
 struct OptimisedPoses {
-  /// One a node, in the frame of the component's first node, which is the identity: of the largest
-  /// component, of several that are as large the one with the first node. std::nullopt for other nodes.
+  /// One a node, in the frame of the first node of the largest group that links join, which is the identity;
+  /// of several groups that are as large, the one with the first node. std::nullopt for other nodes.
   std::vector<std::optional<Similarity3>> world_from_node;
   /// Left perturbation in the world, (δt, δφ, δ log s); zero of the first node. Beside the poses.
   std::vector<Matrix7d> covariances;
   /// By link: whether it is in the component and agrees with its poses; what disagrees was left out.
   std::vector<bool> agrees;
-  /// Links that first placed a node, in that order; indices.
+  /// Links by which each node can be reached from the first one, the most certain first; indices.
   std::vector<std::size_t> tree;
 };
 
 /// Poses in one frame.
 ///
-/// Start: from the first node, again and again the node is placed on whose pose the most links from placed
-/// nodes agree; a link also counts once for every other node by way of which two links give the same pose.
-/// So a wrong link decides only where no other speaks. Then a robust pose graph (Ceres, Cauchy loss), whose
-/// errors are weighed by the links' covariances. Links that disagree with its poses are left out, and so are
-/// nodes that nothing else connects; then it is solved again.
+/// Start: groups of nodes grow together, those of one session first. Two groups become one if more links between
+/// them agree on how they lie than on anything else; what links say by way of a third group counts too. So a wrong
+/// link decides only where no other speaks, and groups stay apart where one link stands against another.
+/// Then a robust pose graph (Ceres, Cauchy loss), whose errors are weighed by the links' covariances, of all links
+/// that can be true. Links that disagree with its poses are left out, and so are nodes that nothing else
+/// connects; then it is solved again.
 ///
 /// @param graph   its poses are not looked at; a link without covariance is not used
 /// @param extents one a node

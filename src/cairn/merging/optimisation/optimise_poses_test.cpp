@@ -129,8 +129,27 @@ TEST(OptimisePoses, KeepsNoWrongLinkWhereOthersSpeak) {
       }
     }
     const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
-    for (std::size_t i = 0; i < 10; ++i) EXPECT_LT(world.error(poses, i), 0.01) << seed;
-    EXPECT_EQ(poses.agrees, right) << seed;
+    // A node with one right link among wrong ones is left out: nobody can tell which it is.
+    std::vector<int> rights(10, 0);
+    for (std::size_t k = 0; k < right.size(); ++k) {
+      for (const NodeId end : {world.graph.links[k].target, world.graph.links[k].source}) {
+        rights[end.value / 10] += right[k] ? 1 : 0;
+      }
+    }
+    std::vector<bool> expected = right;
+    for (std::size_t i = 0; i < 10; ++i) {
+      if (rights[i] >= 2) {
+        ASSERT_TRUE(poses.world_from_node[i]) << seed << ": " << i;
+        EXPECT_LT(world.error(poses, i), 0.01) << seed;
+        continue;
+      }
+      EXPECT_FALSE(poses.world_from_node[i]) << seed << ": " << i;
+      for (std::size_t k = 0; k < right.size(); ++k) {
+        const PoseLink& link = world.graph.links[k];
+        if (link.target == NodeId{10 * i} || link.source == NodeId{10 * i}) expected[k] = false;
+      }
+    }
+    EXPECT_EQ(poses.agrees, expected) << seed;
   }
 }
 

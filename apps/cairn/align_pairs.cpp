@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "align_pairs.hpp"
+
+#include <algorithm>
+#include <list>
+#include <mutex>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/csv.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/placement/prepared_map.hpp"
+
+#include "commands.hpp"
+#include "support/alignments.hpp"
+#include "support/interrupt.hpp"
+#include "support/table.hpp"
+
+namespace cairn::cli {
+namespace {
+
+struct PairOfPaths {
+  std::string source;
+  std::string target;
+};
+
+std::vector<PairOfPaths> read_list(const std::string& list) {
+  std::string text = read_file(list == "-" ? "/dev/stdin" : list);
+  if (!text.ends_with('\n')) text += '\n';
+  const std::vector<CsvRow> rows = parse_csv(text, list);
+  const auto column = [&](std::string_view name) {
+    const auto& header = rows.front().cells;
+    const auto found = std::find(header.begin(), header.end(), name);
+    if (found == header.end()) {
+      throw Error(ErrorKind::kInput, fmt::format("{}:1", list), fmt::format("no column {}", name),
+                  "a header with the columns source and target");
+    }
+    return static_cast<std::size_t>(found - header.begin());
+  };
+  const std::size_t source = column("source");
+  const std::size_t target = column("target");
+  std::vector<PairOfPaths> pairs;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const std::vector<std::string>& cells = rows[i].cells;
+    if (cells.size() == 1 && cells.front().empty()) continue;  // an empty line
+    if (cells.size() <= std::max(source, target) || cells[source].empty() ||
+        cells[target].empty()) {
+      throw Error(ErrorKind::kInput, fmt::format("{}:{}", list, rows[i].line),
+                  "a row without source or target", "the paths of two maps");
+    }
+    pairs.push_back({cells[source], cells[target]});
+  }
+  return pairs;
+}
+
+// Maps that were used last, prepared.
+class Maps {
+ public:
+  Maps(const AlignOptions& options, const CommonArguments& common)
+      : common_(common), prepare_{.points = options.points, .seed = options.seed} {}
+
+  struct One {
+    PreparedMap map;
+    LengthUnit unit = LengthUnit::kMetres;
+  };
+  One get(const std::string& path) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::find_if(maps_.begin(), maps_.end(),
+                                    [&](const auto& one) { return one.first == path; });
+    if (found != maps_.end()) {
+      maps_.splice(maps_.begin(), maps_, found);
+      return maps_.front().second;
+    }
+    const LoadedMap loaded = load_map(path, common_);
+    maps_.emplace_front(path,
+                        One{PreparedMap(loaded.map, prepare_), loaded.map.info().length_unit});
+    if (maps_.size() > kKept) maps_.pop_back();
+    return maps_.front().second;
+  }
+
+ private:
+  static constexpr std::size_t kKept = 64;
+
+  const CommonArguments& common_;
+  PrepareOptions prepare_;
+  std::mutex mutex_;
+  std::list<std::pair<std::string, One>> maps_;  // last used first
+};
+
+// What came of a pair; of one whose maps cannot be aligned at all, why.
+struct PairResult {
+  std::optional<StrategyResult> result;
+  std::string error;
+};
+
+PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, Maps& maps) {
+  PairResult result;
+  try {
+    const Maps::One source = maps.get(pair.source);
+    const Maps::One target = maps.get(pair.target);
+    if (!options.scale && source.unit != target.unit) {
+      throw Error(ErrorKind::kInput, pair.source, "one map is in metres, one of free scale",
+                  "maps of one scale, or --scale");
+    }
+    if (gravity) options.gravity = gravity_prior(source.map, target.map);
+    StrategyResult one;
+    one.alignment = align(source.map, target.map, options);
+    if (one.alignment.registration.status == RegistrationStatus::kCancelled) {
+      throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
+    }
+    one.method = options.method;
+    one.confidence = "none";
+    one.length_unit = target.unit;
+    one.matches = one.alignment.registration.matches.size();
+    one.overlap_radius = options.overlap_radius.value_or(one.alignment.radius);
+    result.result = std::move(one);
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    result.error = error.what();
+  }
+  return result;
+}
+
+}  // namespace
+
+int align_pairs(const std::string& list, const AlignOptions& options, bool gravity, Json recorded,
+                const CommonArguments& common) {
+  const std::vector<PairOfPaths> pairs = read_list(list);
+  const Console console = common.console();
+  const auto progress = console.progress("aligning");
+  const Executor executor = common.executor();
+  AlignOptions each = options;
+  each.execution.stop = interrupt_requests();
+  // Many pairs are the better work to share out.
+  each.execution.executor = pairs.size() >= executor.threads() ? Executor(1) : executor;
+  Maps maps(options, common);
+  Json results = Json::array();
+  std::size_t trusted = 0;
+  executor.in_order(
+      pairs.size(), 2 * std::size_t{executor.threads()},
+      [&](std::size_t i) { return aligned(pairs[i], each, gravity, maps); },
+      [&](std::size_t i, const PairResult& found) {
+        const auto& [source, target] = pairs[i];
+        Json json = found.result ? to_json(*found.result, HistoryDetail::kNone)
+                                 : Json{{"status", "failed"}, {"reason", found.error}};
+        json["source"] = source;
+        json["target"] = target;
+        results.push_back(std::move(json));
+        std::string line = fmt::format("{} -> {}: ", source, target);
+        if (found.result) {
+          const Alignment& alignment = found.result->alignment;
+          trusted += has_answer(alignment) ? 1 : 0;
+          line += status_of(alignment);
+          if (alignment.probability) line += " " + percent_text(*alignment.probability);
+        } else {
+          line += "failed: " + found.error;
+        }
+        console.print(line + "\n");
+        if (progress) {
+          progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
+        }
+      });
+  console.print(fmt::format("{} of {} pairs aligned\n", trusted, pairs.size()));
+  Json json = document("align_pairs", common, {{"pairs", {{"path", list}}}}, std::move(recorded));
+  json["results"] = std::move(results);
+  write_document(json, common);
+  return trusted == pairs.size() ? kDone : kNoTrustworthyAlignment;
+}
+
+}  // namespace cairn::cli

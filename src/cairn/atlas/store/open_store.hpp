@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "cairn/atlas/store/store.hpp"
+
+namespace cairn {
+
+// A location is the path of a file, or the URL of a PostgreSQL database: "postgresql://...".
+
+bool is_postgres_url(const std::string& location);
+
+/// @throws Error as create_sqlite_store() and create_postgres_store()
+void create_store(const std::string& location, const AtlasStoreOptions& options = {});
+
+/// @throws Error as open_sqlite_store() and open_postgres_store()
+std::unique_ptr<AtlasStore> open_store(const std::string& location,
+                                       const AtlasStoreOptions& options = {});
+
+}  // namespace cairn

@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/detail/grown_poses.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <queue>
+#include <tuple>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+// Of the edges between two groups so many propose how these lie; the others only vote.
+constexpr std::size_t kProposers = 64;
+// Proposals that are kept for a pair of groups.
+constexpr std::size_t kKept = 3;
+// Deviations that an edge may be off.
+constexpr double kDeviations = 3.0;
+// Groups from this size on are refined.
+constexpr std::size_t kSmallestRefined = 8;
+
+// How the second of two groups lies to the first.
+struct Proposal {
+  std::size_t edge = 0;
+  Similarity3 first_from_second;
+  std::size_t votes = 0;
+  double uncertainty = 0.0;
+};
+
+struct Between {
+  std::vector<std::size_t> edges;
+  std::vector<Proposal> proposals;  // most votes first
+  std::size_t stamp = 0;            // of the newest entry in the queue
+};
+
+// Root mean square turn and shift that an edge may be off.
+struct Deviations {
+  double shift = 0.0;
+  double turn = 0.0;
+  double growth = 0.0;
+};
+
+Deviations deviations_of(const PoseEdge& edge) {
+  const Matrix7d& c = edge.covariance;
+  return {std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), std::sqrt(c(3, 3) + c(4, 4) + c(5, 5)),
+          std::sqrt(c(6, 6))};
+}
+
+struct Entry {
+  std::size_t score = 0;
+  double uncertainty = 0.0;
+  std::size_t first = 0;
+  std::size_t second = 0;
+  std::size_t stamp = 0;
+
+  // Lower priority.
+  bool operator<(const Entry& other) const {
+    return std::tuple(score, -uncertainty, -static_cast<double>(first),
+                      -static_cast<double>(second)) <
+           std::tuple(other.score, -other.uncertainty, -static_cast<double>(other.first),
+                      -static_cast<double>(other.second));
+  }
+};
+
+class Growth {
+ public:
+  Growth(std::span<const PoseEdge> edges, std::span<const NodeExtent> extents,
+         std::span<const std::size_t> runs, double agreement,
+         const std::function<void(PoseGroup& group)>& refine)
+      : edges_(edges),
+        extents_(extents),
+        runs_(runs),
+        agreement_(agreement),
+        refine_(refine),
+        group_of_(extents.size()),
+        pose_(extents.size()),
+        members_(extents.size()),
+        refined_(extents.size(), kSmallestRefined / 2),
+        neighbours_(extents.size()),
+        beside_(extents.size()) {
+    std::iota(group_of_.begin(), group_of_.end(), std::size_t{0});
+    for (std::size_t i = 0; i < members_.size(); ++i) members_[i] = {i};
+    for (std::size_t i = 0; i < edges_.size(); ++i) {
+      deviations_.push_back(deviations_of(edges_[i]));
+      const auto [a, b] = std::minmax(edges_[i].target, edges_[i].source);
+      neighbours_[a][b].edges.push_back(i);
+    }
+    for (std::size_t a = 0; a < neighbours_.size(); ++a) {
+      for (auto& [b, between] : neighbours_[a]) {
+        beside_[a].push_back(b);
+        beside_[b].push_back(a);
+        propose(a, between);
+      }
+    }
+  }
+
+  std::vector<PoseGroup> run() {
+    grow();
+    within_runs_ = false;
+    grow();
+    std::vector<PoseGroup> groups;
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if (!members_[i].empty()) groups.push_back(group(i));
+    }
+    std::stable_sort(groups.begin(), groups.end(), [](const PoseGroup& a, const PoseGroup& b) {
+      return std::tuple(b.nodes.size(), a.nodes.front()) <
+             std::tuple(a.nodes.size(), b.nodes.front());
+    });
+    return groups;
+  }
+
+ private:
+  void grow() {
+    // What third groups have to say changes as they grow: pairs that were undecided are looked at again.
+    for (bool grew = true; grew;) {
+      grew = false;
+      for (std::size_t a = 0; a < neighbours_.size(); ++a) {
+        for (auto& [b, between] : neighbours_[a]) enqueue(a, b, between);
+      }
+      while (!queue_.empty()) {
+        const Entry entry = queue_.top();
+        queue_.pop();
+        const auto found = neighbours_[entry.first].find(entry.second);
+        if (found == neighbours_[entry.first].end() || found->second.stamp != entry.stamp) continue;
+        join(entry.first, entry.second);
+        grew = true;
+      }
+    }
+  }
+
+  Between* between(std::size_t a, std::size_t b) {
+    const auto [low, high] = std::minmax(a, b);
+    const auto found = neighbours_[low].find(high);
+    return found == neighbours_[low].end() ? nullptr : &found->second;
+  }
+
+  // What an edge says of how a group lies to another.
+  struct Opinion {
+    std::size_t edge = 0;
+    Similarity3 first_from_second;
+    std::size_t node = 0;       // its end in the second group
+    Eigen::Vector3d in_second;  // centre of that node
+    Similarity3 first_from_node;
+    Eigen::Vector3d in_first;
+    bool spoken_for = false;
+  };
+
+  Opinion opinion(std::size_t edge, std::size_t first) const {
+    const PoseEdge& e = edges_[edge];
+    const bool forward = group_of_[e.target] == first;
+    Opinion result;
+    result.edge = edge;
+    result.node = forward ? e.source : e.target;
+    result.first_from_node = forward ? pose_[e.target] * e.target_from_source
+                                     : pose_[e.source] * e.target_from_source.inverse();
+    result.first_from_second = result.first_from_node * pose_[result.node].inverse();
+    result.in_second = pose_[result.node] * extents_[result.node].centre;
+    result.in_first = result.first_from_node * extents_[result.node].centre;
+    return result;
+  }
+
+  // Whether what one edge says of another's node is what that says itself, as far as the edges can tell.
+  bool agree(const Opinion& one, const Opinion& other) const {
+    return agree(one, other, other.first_from_node, other.in_first, other.edge);
+  }
+  bool agree(const Opinion& one, const Opinion& other, const Similarity3& first_from_node,
+             const Eigen::Vector3d& in_first, std::size_t other_edge) const {
+    const Deviations& mine = deviations_[one.edge];
+    const Deviations& its = deviations_[other_edge];
+    const double scale = std::max(one.first_from_node.scale(), first_from_node.scale());
+    const double away = (one.in_first - in_first).norm();
+    const double lever = away * std::hypot(mine.turn, mine.growth);
+    const double shift = agreement_ * first_from_node.scale() * extents_[other.node].radius +
+                         kDeviations * std::hypot(scale * mine.shift, scale * its.shift, lever);
+    if ((one.first_from_second * other.in_second - in_first).norm() > shift) return false;
+    const Similarity3 said = one.first_from_second * pose_[other.node];
+    return (said.rigid().inverse() * first_from_node.rigid()).angle() <=
+               agreement_ + kDeviations * std::hypot(mine.turn, its.turn) &&
+           std::abs(std::log(said.scale() / first_from_node.scale())) <=
+               agreement_ + kDeviations * std::hypot(mine.growth, its.growth);
+  }
+
+  // Finds what the edges between a group and a higher one propose.
+  void propose(std::size_t first, Between& between) {
+    std::vector<Opinion> opinions;
+    for (const std::size_t edge : between.edges) opinions.push_back(opinion(edge, first));
+    const std::size_t step = (opinions.size() + kProposers - 1) / kProposers;
+    between.proposals.clear();
+    while (between.proposals.size() < kKept) {
+      Proposal best;
+      std::vector<std::size_t> behind_best;
+      for (std::size_t i = 0; i < opinions.size(); i += step) {
+        const Opinion& one = opinions[i];
+        if (one.spoken_for) continue;
+        std::vector<std::size_t> behind;
+        for (std::size_t j = 0; j < opinions.size(); ++j) {
+          const Opinion& other = opinions[j];
+          if (!other.spoken_for && agree(one, other)) behind.push_back(j);
+        }
+        const Deviations& deviations = deviations_[one.edge];
+        const double radius = extents_[one.node].radius;
+        const double uncertainty = std::hypot(deviations.shift / radius, deviations.turn);
+        if (behind.size() > best.votes ||
+            (behind.size() == best.votes && uncertainty < best.uncertainty)) {
+          best = {one.edge, one.first_from_second, behind.size(), uncertainty};
+          behind_best = std::move(behind);
+        }
+      }
+      if (best.votes == 0) break;
+      between.proposals.push_back(best);
+      for (const std::size_t j : behind_best) opinions[j].spoken_for = true;
+    }
+  }
+
+  // Of each proposal: how many edges say the same by way of third groups.
+  std::vector<std::size_t> supports(std::size_t first, std::size_t second, const Between& own) {
+    std::vector<std::size_t> result(own.proposals.size(), 0);
+    std::vector<Opinion> opinions;
+    for (const Proposal& proposal : own.proposals) {
+      opinions.push_back(opinion(proposal.edge, first));
+    }
+    const bool fewer = beside_[first].size() <= beside_[second].size();
+    for (const std::size_t third : beside_[fewer ? first : second]) {
+      if (third == first || third == second) continue;
+      const Between* const a = between(first, third);
+      const Between* const b = between(third, second);
+      if (a == nullptr || b == nullptr) continue;
+      std::vector<std::size_t> most(opinions.size(), 0);
+      for (const Proposal& to : a->proposals) {
+        const Similarity3 first_from_third =
+            first < third ? to.first_from_second : to.first_from_second.inverse();
+        for (const Proposal& on : b->proposals) {
+          const Similarity3 third_from_second =
+              third < second ? on.first_from_second : on.first_from_second.inverse();
+          const Similarity3 first_from_second = first_from_third * third_from_second;
+          for (std::size_t i = 0; i < opinions.size(); ++i) {
+            const Opinion& one = opinions[i];
+            if (agree(one, one, first_from_second * pose_[one.node],
+                      first_from_second * one.in_second, to.edge)) {
+              most[i] = std::max(most[i], std::min(to.votes, on.votes));
+            }
+          }
+        }
+      }
+      for (std::size_t i = 0; i < most.size(); ++i) result[i] += most[i];
+    }
+    return result;
+  }
+
+  void enqueue(std::size_t first, std::size_t second, Between& between) {
+    between.stamp = ++stamps_;
+    // A group is called by one of its nodes; until runs are done with, it has nodes of one run.
+    if (within_runs_ && runs_[first] != runs_[second]) return;
+    const std::vector<std::size_t> support = supports(first, second, between);
+    std::size_t best = 0;
+    const auto score = [&](std::size_t i) { return between.proposals[i].votes + support[i]; };
+    for (std::size_t i = 1; i < between.proposals.size(); ++i) {
+      if (score(i) > score(best)) best = i;
+    }
+    // One word against another: nobody can tell.
+    const std::size_t highest = score(best);
+    for (std::size_t i = 0; i < between.proposals.size(); ++i) {
+      if (i != best && score(i) == highest) return;
+    }
+    std::swap(between.proposals[0], between.proposals[best]);
+    queue_.push({highest, between.proposals[0].uncertainty, first, second, between.stamp});
+  }
+
+  PoseGroup group(std::size_t index) const {
+    PoseGroup result;
+    result.nodes = members_[index];
+    std::sort(result.nodes.begin(), result.nodes.end());
+    for (const std::size_t node : result.nodes) result.group_from_node.push_back(pose_[node]);
+    return result;
+  }
+
+  void join(std::size_t first, std::size_t second) {
+    const Proposal how = between(first, second)->proposals.front();
+    const bool second_stays = members_[second].size() > members_[first].size();
+    const std::size_t stays = second_stays ? second : first;
+    const std::size_t goes = second_stays ? first : second;
+    const Similarity3 stays_from_goes =
+        second_stays ? how.first_from_second.inverse() : how.first_from_second;
+    for (const std::size_t node : members_[goes]) {
+      pose_[node] = stays_from_goes * pose_[node];
+      group_of_[node] = stays;
+    }
+    members_[stays].insert(members_[stays].end(), members_[goes].begin(), members_[goes].end());
+    members_[goes].clear();
+    neighbours_[std::min(first, second)].erase(std::max(first, second));
+
+    std::vector<std::size_t> touched;
+    for (const std::size_t third : beside_[goes]) {
+      if (third == stays || members_[third].empty()) continue;
+      const auto [low, high] = std::minmax(goes, third);
+      const auto found = neighbours_[low].find(high);
+      if (found == neighbours_[low].end()) continue;
+      Between& merged = neighbours_[std::min(stays, third)][std::max(stays, third)];
+      if (merged.edges.empty()) {
+        beside_[stays].push_back(third);
+        beside_[third].push_back(stays);
+      }
+      merged.edges.insert(merged.edges.end(), found->second.edges.begin(),
+                          found->second.edges.end());
+      neighbours_[low].erase(found);
+      touched.push_back(third);
+    }
+    beside_[goes].clear();
+    std::erase_if(beside_[stays], [&](std::size_t third) { return members_[third].empty(); });
+    if (members_[stays].size() >= 2 * refined_[stays]) {
+      refined_[stays] = members_[stays].size();
+      PoseGroup refined = group(stays);
+      refine_(refined);
+      for (std::size_t i = 0; i < refined.nodes.size(); ++i) {
+        pose_[refined.nodes[i]] = refined.group_from_node[i];
+      }
+      touched = beside_[stays];
+    }
+    for (const std::size_t third : touched) {
+      const auto [low, high] = std::minmax(stays, third);
+      Between& changed = neighbours_[low][high];
+      propose(low, changed);
+    }
+    for (const std::size_t third : touched) {
+      const auto [low, high] = std::minmax(stays, third);
+      enqueue(low, high, neighbours_[low][high]);
+    }
+  }
+
+  std::span<const PoseEdge> edges_;
+  std::span<const NodeExtent> extents_;
+  std::span<const std::size_t> runs_;
+  bool within_runs_ = true;  // only groups of one run become one
+  double agreement_;
+  const std::function<void(PoseGroup& group)>& refine_;
+  std::vector<Deviations> deviations_;             // by edge
+  std::vector<std::size_t> group_of_;              // by node; a group is called by its first node
+  std::vector<Similarity3> pose_;                  // by node: in its group's frame
+  std::vector<std::vector<std::size_t>> members_;  // by group; empty: it went into another
+  std::vector<std::size_t> refined_;               // by group: its size when it was refined last
+  std::vector<std::map<std::size_t, Between>> neighbours_;  // by the lower group, then the higher
+  std::vector<std::vector<std::size_t>> beside_;            // by group: those with edges to it
+  std::priority_queue<Entry> queue_;
+  std::size_t stamps_ = 0;
+};
+
+}  // namespace
+
+double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent) {
+  const double radius = a.scale() * extent.radius;
+  const double shift = (a * extent.centre - b * extent.centre).norm() / radius;
+  const double turn = (a.rigid().inverse() * b.rigid()).angle();
+  const double growth = std::log(b.scale() / a.scale());
+  return std::sqrt(shift * shift + turn * turn + growth * growth);
+}
+
+std::vector<PoseGroup> grow_groups(std::span<const PoseEdge> edges,
+                                   std::span<const NodeExtent> extents,
+                                   std::span<const std::size_t> runs, double agreement,
+                                   const std::function<void(PoseGroup& group)>& refine) {
+  return Growth(edges, extents, runs, agreement, refine).run();
+}
+
+}  // namespace cairn

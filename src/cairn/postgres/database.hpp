@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <chrono>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace cairn::postgres {
+
+struct OpenOptions {
+  bool read_only = false;
+  /// How long to wait for another process's lock.
+  std::chrono::milliseconds lock_timeout{30'000};
+  /// Waiting for a lock ends with an Error (cancelled) soon after stop was requested.
+  std::stop_token stop = {};
+  /// First schema of the search path; it need not exist.
+  std::string schema = {};
+};
+
+namespace detail {
+struct Connection;
+struct Rows;
+}  // namespace detail
+
+/// A statement: parameters are bound, rows stepped through, columns read. All rows are fetched at once.
+/// Parameters count from 1 and are written "?1"; columns count from 0.
+class Statement {
+ public:
+  Statement(Statement&&) noexcept;
+  Statement& operator=(Statement&&) noexcept;
+  ~Statement();
+
+  Statement& bind(int parameter, std::int64_t value);
+  template <std::integral Integer>
+  Statement& bind(int parameter, Integer value) {
+    return bind(parameter, static_cast<std::int64_t>(value));
+  }
+  Statement& bind(int parameter, double value);
+  /// @throws Error (misuse) for text with a NUL in it, which PostgreSQL cannot hold
+  Statement& bind(int parameter, std::string_view text);
+  Statement& bind(int parameter, const std::string& text) {
+    return bind(parameter, std::string_view(text));
+  }
+  Statement& bind(int parameter, std::span<const std::byte> blob);
+  Statement& bind(int parameter, std::nullptr_t);
+  template <class Value>
+  Statement& bind(int parameter, const std::optional<Value>& value) {
+    return value ? bind(parameter, *value) : bind(parameter, nullptr);
+  }
+  /// Starts anew with these as parameters 1, 2, ...
+  template <class... Values>
+  Statement& bind_all(const Values&... values) {
+    reset();
+    int parameter = 0;
+    (bind(++parameter, values), ...);
+    return *this;
+  }
+
+  /// To the next row. @return false at the end, and then the statement is ready to run again.
+  bool step();
+  /// Back to before the first row, without parameters.
+  void reset();
+  /// bind_all() and to the end.
+  template <class... Values>
+  void run(const Values&... values) {
+    bind_all(values...);
+    while (step()) {
+    }
+  }
+
+  bool is_null(int column) const;
+
+  // Of the current row. A value of another type throws an Error (input) that names database, column, what
+  // was found and what was expected. Text and blobs are valid until the next step(), reset() or end.
+  std::int64_t integer(int column) const;
+  /// @throws Error (input) also for an integer below 0
+  std::uint64_t unsigned_integer(int column) const;
+  double real(int column) const;
+  std::string_view text(int column) const;
+  std::span<const std::byte> blob(int column) const;
+
+  // std::nullopt for NULL.
+  std::optional<double> optional_real(int column) const;
+  std::optional<std::span<const std::byte>> optional_blob(int column) const;
+
+ private:
+  friend class Database;
+  Statement(detail::Connection& connection, std::string_view sql);
+  std::string_view value(int column, unsigned type, std::string_view expected) const;
+
+  detail::Connection* connection_;
+  std::string sql_;
+  std::vector<std::optional<std::string>> parameters_;
+  std::unique_ptr<detail::Rows> rows_;  ///< null before the first step()
+};
+
+/// A connection to a PostgreSQL database; one thread at a time. Errors name the database: those
+/// of kind input say that it holds what it must not, those of kind storage that the server,
+/// the network or another process stood in the way.
+class Database {
+ public:
+  /// @param name for messages: the URL as it may be shown
+  /// @throws Error (storage) if there is no connection
+  Database(const std::string& url, std::string name, const OpenOptions& options = {});
+  ~Database();
+  Database(Database&&) noexcept;
+  Database& operator=(Database&&) noexcept;
+
+  const std::string& name() const noexcept;
+
+  /// It must not outlive the database.
+  Statement prepare(std::string_view sql);
+  /// Any number of statements without parameters; rows are ignored.
+  void execute(const std::string& sql);
+  /// One statement, run to its end with these parameters.
+  template <class... Values>
+  void run(std::string_view sql, const Values&... values) {
+    prepare(sql).run(values...);
+  }
+  /// First column of the first row.
+  /// @throws Error (input) if there is no row or it holds no integer
+  std::int64_t integer(std::string_view sql);
+  std::string text(std::string_view sql);
+
+  /// Rows that the last statement changed.
+  std::int64_t changes() const noexcept;
+
+ private:
+  friend class Transaction;
+  std::unique_ptr<detail::Connection> connection_;
+};
+
+/// What happens between its construction and commit() happens as a whole or not at all. One at a time.
+class Transaction {
+ public:
+  enum class Kind {
+    kRead,   ///< sees one state of the database throughout
+    kWrite,  ///< waits for other writers of this kind at once; readers are not disturbed
+    kRows,   ///< locks only the rows that its statements lock
+  };
+
+  /// @throws Error (storage) if another process held the lock for longer than OpenOptions::lock_timeout
+  explicit Transaction(Database& database, Kind kind = Kind::kWrite);
+  /// Undoes everything that was not committed.
+  ~Transaction();
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+
+  /// @throws Error (storage); then nothing was changed, or the message says that this is not known
+  void commit();
+
+ private:
+  detail::Connection* connection_;
+};
+
+}  // namespace cairn::postgres

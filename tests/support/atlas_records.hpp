@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include <gtest/gtest.h>
+
+#include "cairn/atlas/store/store.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/map/io/binary.hpp"
+#include "cairn/map/synthetic.hpp"
+
+// Small maps and links for tests of stores.
+namespace cairn::testing {
+
+template <class Action>
+std::string message_of(ErrorKind kind, const Action& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), kind) << error.what();
+    return error.what();
+  }
+  ADD_FAILURE() << "no Error";
+  return {};
+}
+
+inline std::string bytes_of(const LandmarkMap& map) {
+  std::string bytes;
+  write_binary(map, [&](std::string_view more) { bytes += more; });
+  return bytes;
+}
+
+inline AtlasNode node(AtlasStore& store, const std::string& name, std::uint64_t seed) {
+  AtlasNode node;
+  node.name = name;
+  node.map = store.put_map(bytes_of(synthetic_map({.seed = seed, .landmarks = 30, .frames = 4})));
+  node.landmarks = 30;
+  return node;
+}
+
+inline AtlasCommitted add(AtlasStore& store, const std::string& name, std::uint64_t seed) {
+  const AtlasNode added = node(store, name, seed);
+  return store.commit({.verb = "add"}, [&](const AtlasState&) {
+    AtlasChanges changes;
+    changes.text = name;
+    changes.nodes = {added};
+    return changes;
+  });
+}
+
+inline AtlasLink link(NodeId target, NodeId source) {
+  AtlasLink link;
+  link.target = target;
+  link.source = source;
+  link.verdict = Verdict::kAligned;
+  link.probability = 0.999;
+  link.reason = "found";
+  link.target_from_source =
+      Similarity3(1.25, Rigid3::from_roll_pitch_yaw({0.1, -2.0, 3.0}, 0.3, 0.2, -0.1));
+  link.covariance_with_scale = 1e-4 * Matrix7d::Identity();
+  return link;
+}
+
+inline AtlasCommitted add_link(AtlasStore& store, const AtlasLink& link) {
+  return store.commit({.verb = "link"}, [&](const AtlasState&) {
+    AtlasChanges changes;
+    changes.links = {link};
+    return changes;
+  });
+}
+
+}  // namespace cairn::testing
