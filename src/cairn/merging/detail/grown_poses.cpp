@@ -32,7 +32,14 @@ struct Proposal {
 struct Between {
   std::vector<std::size_t> edges;
   std::vector<Proposal> proposals;  // most votes first
+  std::size_t asked = 0;            // how many edges there were when they proposed
   std::size_t stamp = 0;            // of the newest entry in the queue
+
+  // Whether edges have come that may change what is proposed. What many say, a few more do not change.
+  bool is_to_be_asked() const {
+    constexpr std::size_t kFew = 256;
+    return edges.size() <= kFew || edges.size() > asked + asked / 8;
+  }
 };
 
 // Root mean square turn and shift that an edge may be off.
@@ -188,6 +195,7 @@ class Growth {
     for (const std::size_t edge : between.edges) opinions.push_back(opinion(edge, first));
     const std::size_t step = (opinions.size() + kProposers - 1) / kProposers;
     between.proposals.clear();
+    between.asked = between.edges.size();
     while (between.proposals.size() < kKept) {
       Proposal best;
       std::vector<std::size_t> behind_best;
@@ -305,7 +313,7 @@ class Growth {
       merged.edges.insert(merged.edges.end(), found->second.edges.begin(),
                           found->second.edges.end());
       neighbours_[low].erase(found);
-      touched.push_back(third);
+      if (merged.is_to_be_asked()) touched.push_back(third);
     }
     beside_[goes].clear();
     std::erase_if(beside_[stays], [&](std::size_t third) { return members_[third].empty(); });
