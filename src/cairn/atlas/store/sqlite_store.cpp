@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/atlas/store/sqlite_store.hpp"
 
-#include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
 #include <fstream>
 #include <limits>
 #include <set>
-#include <span>
 #include <string_view>
 #include <utility>
 
@@ -19,7 +15,6 @@
 #include "cairn/atlas/detail/sql_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/map/io/binary.hpp"
 #include "cairn/sqlite/database.hpp"
 
