@@ -5,27 +5,14 @@
 #include <string>
 #include <string_view>
 
-#include <gtest/gtest.h>
-
 #include "cairn/atlas/store/store.hpp"
-#include "cairn/core/error.hpp"
 #include "cairn/map/io/binary.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/refusal.hpp"
+
 // Small maps and links for tests of stores.
 namespace cairn::testing {
-
-template <class Action>
-std::string message_of(ErrorKind kind, const Action& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind) << error.what();
-    return error.what();
-  }
-  ADD_FAILURE() << "no Error";
-  return {};
-}
 
 inline std::string bytes_of(const LandmarkMap& map) {
   std::string bytes;

@@ -18,7 +18,7 @@ namespace cairn::testing {
 /// and ends with this object. Started as user postgres if this is root, which the server refuses to be.
 class PostgresServer {
  public:
-  /// Why there can be none here; nothing if there can.
+  /// Why no server can be started here; std::nullopt if one can.
   static std::optional<std::string> missing() {
     if (!std::filesystem::exists(kPrograms + "initdb")) {
       return "no PostgreSQL server in " + kPrograms + " (Debian's package postgresql-15)";

@@ -21,4 +21,17 @@ std::string refusal(ErrorKind kind, const Act& act) {
   return {};
 }
 
+/// The same, where it is a failure that none is thrown.
+template <class Action>
+std::string message_of(ErrorKind kind, const Action& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), kind) << error.what();
+    return error.what();
+  }
+  ADD_FAILURE() << "no Error";
+  return {};
+}
+
 }  // namespace cairn::testing

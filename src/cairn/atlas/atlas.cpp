@@ -129,7 +129,7 @@ AtlasLink link_of(const MapLink& found, const NodePair& pair) {
   AtlasLink link;
   link.target = pair.first;
   link.source = pair.second;
-  link.kind = LinkKind::kPlacement;
+  link.kind = found.kind;
   link.verdict = found.verdict;
   link.probability = found.probability;
   link.reason = found.reason;
@@ -395,16 +395,10 @@ std::size_t Atlas::link_by_odometry(std::span<const PoseLink> links) {
       require_node(now, stated.target);
       require_node(now, stated.source);
       if (!known.insert(pair_of(stated.target, stated.source)).second) continue;
-      AtlasLink link;
-      link.target = stated.target;
-      link.source = stated.source;
-      link.kind = LinkKind::kOdometry;
-      link.verdict = Verdict::kAligned;
-      link.reason = "stated by odometry";
-      link.target_from_source = stated.target_from_source;
-      link.covariance = stated.covariance;
-      link.covariance_with_scale = stated.covariance_with_scale;
-      changes.links.push_back(std::move(link));
+      PoseLink odometry = stated;
+      odometry.kind = LinkKind::kOdometry;
+      odometry.probability.reset();
+      changes.links.push_back(link_of(stated_link(odometry), {stated.target, stated.source}));
     }
     if (changes.links.empty()) return changes;
     changes.text = fmt::format("{} of odometry", plural(changes.links.size(), "link"));

@@ -146,6 +146,7 @@ RowChange change_of(const Statement& row) {
   if (!row.is_null(2)) change.value = row.unsigned_integer(2);
   return change;
 }
+
 /// The store of an atlas in a database that speaks SQL. `Engine` names its Database, Statement and
 /// Transaction, with the interface of those in cairn/sqlite, and what differs:
 /// check(database, problems) looks for damage below the tables, after_compact(database) gives space back.
@@ -160,6 +161,7 @@ class SqlStore : public AtlasStore {
       : database_(std::move(database)), options_(std::move(options)) {}
 
   const std::string& name() const override { return database_.name(); }
+  const AtlasStoreOptions& options() const { return options_; }
 
   CommitId last_commit() override {
     return CommitId{
@@ -522,7 +524,6 @@ class SqlStore : public AtlasStore {
     return rows;
   }
 
- public:
   void insert(const AtlasNode& node) {
     const auto key = bytes_of_hexadecimal(node.map);
     Statement known = database_.prepare("SELECT 1 FROM maps WHERE hash = ?1");

@@ -130,18 +130,17 @@ class PostgresPairQueue final : public AtlasPairQueue {
 class PostgresStore final : public detail::SqlStore<Postgres> {
  public:
   PostgresStore(postgres::Database database, std::string url, const AtlasStoreOptions& options)
-      : SqlStore(std::move(database), options), url_(std::move(url)), options_(options) {}
+      : SqlStore(std::move(database), options), url_(std::move(url)) {}
 
   std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair> pairs) override {
     // A connection of its own, since what is taken stays locked while links are committed.
-    auto queue = std::make_unique<PostgresPairQueue>(connect(url_, options_));
+    auto queue = std::make_unique<PostgresPairQueue>(connect(url_, options()));
     queue->add(pairs);
     return queue;
   }
 
  private:
   std::string url_;
-  AtlasStoreOptions options_;
 };
 
 }  // namespace

@@ -20,7 +20,7 @@ struct MapLink {
   std::size_t source = 0;
   LinkKind kind = LinkKind::kPlacement;
   Verdict verdict = Verdict::kRejected;
-  std::optional<double> probability;  ///< nothing if nobody judged: of odometry's links
+  std::optional<double> probability;  ///< std::nullopt for a link that was not judged
   std::string reason;                 ///< one sentence for people
   /// Only if the verdict is aligned; with the covariances that Alignment states.
   std::optional<Similarity3> target_from_source;
