@@ -133,7 +133,7 @@ class TableReader {
  public:
   TableReader(ByteSource& source, LineReader& lines, const std::vector<std::string_view>& header,
               const MapReadOptions& options)
-      : source_(source), lines_(lines), options_(options) {
+      : source_(source), lines_(lines), header_line_(lines.line_number()), options_(options) {
     for (const std::string_view name : header) names_.push_back(unquoted(name));
   }
 
@@ -221,6 +221,10 @@ class TableReader {
     for (std::size_t i = 0; i < names_.size(); ++i) {
       const std::string& name = names_[i];
       if (!cells[i].empty() && !is_number(cells[i])) {
+        if (name == "x" || name == "y" || name == "z") {
+          refuse(fmt::format("{} {} is not a number", name, printable(cells[i])),
+                 "a decimal number, or nan");
+        }
         dropped.push_back(printable(name));
         continue;
       }
@@ -237,7 +241,8 @@ class TableReader {
       options_.log(fmt::format("{}: columns that hold no numbers are left out: {}", source_.name(),
                                fmt::join(dropped, ", ")));
     }
-    return {detail::PointFormat::kPly, source_.name(), "line 1", std::move(fields), options_};
+    return {detail::PointFormat::kPly, source_.name(),
+            fmt::format("{}:{}", source_.name(), header_line_), std::move(fields), options_};
   }
 
   static LandmarkMap finish(LandmarkMap map) {
@@ -248,6 +253,7 @@ class TableReader {
 
   ByteSource& source_;
   LineReader& lines_;
+  std::uint64_t header_line_;
   const MapReadOptions& options_;
   std::vector<std::string> names_;
   std::vector<std::size_t> kept_;

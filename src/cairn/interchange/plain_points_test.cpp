@@ -70,6 +70,8 @@ TEST_F(PlainPointsTest, HeaderNamesTheColumns) {
   EXPECT_THAT(refused("x,y,z,w\n1,2,3,4\n1,2,3,four\n"),
               HasSubstr("points:3: field 4 (w): 'four'"));
   EXPECT_THAT(refused("x,y,z,w\n1,2,3,4"), HasSubstr("does not end with a newline"));
+  EXPECT_THAT(refused("# a table\nx,y,z\none,2,3\n"),
+              HasSubstr("points:3: x 'one' is not a number; expected a decimal number, or nan"));
 }
 
 TEST_F(PlainPointsTest, PointsThatAreNotFiniteAreLeftOut) {
