@@ -63,7 +63,7 @@ struct RefineOptions {
 /// made larger for these being few, so that the 95 % ellipsoid holds as many errors: 2.4 times for 16
 /// groups and 6 freedoms, so mean squared errors are smaller than its diagonal. There is none for fewer
 /// than 12 groups with a match (14 with a scale). A direction counts as unobservable if landmarks fit about
-/// as well a little way along it.
+/// as well two scales of the kernel along it, or if its standard deviation is larger than that.
 /// An expected failure (too few landmarks or matches) is a status. Same input, same result, whatever
 /// the executor's number of threads.
 ///

@@ -44,6 +44,9 @@ constexpr double kFarthest = 1.0 / kNegligible;  // its squared distance, and on
 // Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does,
 // and the covariance comes out too small; by more, too large.
 constexpr double kStiffnessStep = 0.25;
+// How far aside a pose has to be worse on both sides, in scales of the kernel. A direction of which the
+// covariance says that the pose may be further off is as open as one where it is not.
+constexpr double kProbe = 2.0;
 constexpr std::size_t kErrorGroups = 16;  // parts of the matched landmarks, which err apart
 constexpr std::size_t kGainGroups = 64;   // parts, each of which witnesses a gain
 constexpr double kSignificant = 2.0;      // standard errors
@@ -334,7 +337,6 @@ class RobustAlignment::Trial {
 
  private:
   static constexpr std::size_t kTried = 16384;
-  static constexpr double kProbe = 2.0;  // of the kernel's scale
 
   const std::vector<Eigen::Vector3d>& all() const { return alignment_.pair_.source().positions; }
 
@@ -445,6 +447,7 @@ PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, doubl
   const std::optional<double> correction = correction_for_few(groups.size(), kFreedoms);
   if (!correction) return {};
   evidence.scatter *= *correction;
+  evidence.reach = kProbe * scale;
   return pose_uncertainty(pose, evidence);
 }
 

@@ -25,16 +25,24 @@ PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
   using Matrix = typename PoseEvidence<kFreedoms>::Matrix;
   PoseUncertainty result;
   const double length = evidence.length;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kFreedoms, kFreedoms>> eigen(
-      evidence.information);
+  using Eigenvectors = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kFreedoms, kFreedoms>>;
+  const Eigenvectors information(evidence.information);
   for (int i = 0; i < kFreedoms; ++i) {
-    if (eigen.eigenvalues()[i] > kOpen * eigen.eigenvalues()[kFreedoms - 1]) continue;
-    result.unobservable.push_back(open_direction<kFreedoms>(eigen.eigenvectors().col(i), length));
+    if (information.eigenvalues()[i] > kOpen * information.eigenvalues()[kFreedoms - 1]) continue;
+    result.unobservable.push_back(
+        open_direction<kFreedoms>(information.eigenvectors().col(i), length));
   }
   if (!result.unobservable.empty()) return result;
 
   const Matrix inverse = evidence.information.inverse();
   const Matrix about_pivot = inverse * evidence.scatter * inverse;
+  const Eigenvectors spread(about_pivot);
+  for (int i = 0; i < kFreedoms; ++i) {
+    if (!(spread.eigenvalues()[i] > evidence.reach * evidence.reach)) continue;
+    result.unobservable.push_back(open_direction<kFreedoms>(spread.eigenvectors().col(i), length));
+  }
+  if (!result.unobservable.empty()) return result;
+
   // δt = δpivot - (δφ × (pivot - t) + δlog s·(pivot - t)), and undo the scaling of the rotation.
   const Eigen::Vector3d arm = evidence.pivot - target_from_source.translation();
   Matrix to_pose = Matrix::Identity();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -48,6 +49,8 @@ struct PoseEvidence {
   Matrix information = Matrix::Zero();              ///< A = Σ w·JᵀJ
   /// B = Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms, times what makes up for their being few.
   Matrix scatter = Matrix::Zero();
+  /// A direction with a larger standard deviation, as a length, is open: the evidence reaches no further.
+  double reach = std::numeric_limits<double>::infinity();
 };
 
 /// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations: of a

@@ -80,6 +80,19 @@ TEST(PoseUncertainty, FindsAllRotationsOpenForOnePlace) {
   EXPECT_EQ(uncertainty.unobservable.size(), 3U);
 }
 
+TEST(PoseUncertainty, IsOpenWhereItGoesBeyondTheReachOfTheEvidence) {
+  PoseEvidence<6> evidence;
+  evidence.information = Matrix6d::Identity();
+  evidence.scatter = Vector6d(0.01, 0.01, 0.09, 0.01, 0.01, 0.01).asDiagonal();
+  evidence.reach = 0.31;
+  EXPECT_TRUE(pose_uncertainty(Similarity3(), evidence).covariance);
+  evidence.reach = 0.29;
+  const PoseUncertainty open = pose_uncertainty(Similarity3(), evidence);
+  EXPECT_FALSE(open.covariance);
+  ASSERT_EQ(open.unobservable.size(), 1U);
+  EXPECT_NEAR(std::abs(open.unobservable.front().translation.z()), 1.0, 1e-12);
+}
+
 TEST(PoseUncertainty, IsUnknownWithoutMatches) {
   const PoseUncertainty uncertainty = pose_uncertainty(Rigid3(), {}, {}, {});
   EXPECT_FALSE(uncertainty.covariance);
