@@ -24,14 +24,21 @@ def of_cpp(tags):
         if kind == "file":
             path = compound.findtext("path") + name
             targets[path] = file if file.endswith(".html") else file + ".html"
-        elif kind in ("class", "struct", "concept") and name.count("::") == 1:
-            targets[name.split("::")[1]] = file
-        elif kind == "namespace" and name == "cairn":
+        elif kind in ("class", "struct", "concept"):
+            shown = name.removeprefix("cairn::")
+            targets[shown] = file
+            for member in compound.findall("member"):
+                if member.get("kind") in ("function", "variable"):
+                    inner = f"{shown}::{member.findtext('name')}" + ("()" if member.get("kind") == "function" else "")
+                    targets.setdefault(inner, f"{member.findtext('anchorfile')}#{member.findtext('anchor')}")
+        elif kind in ("group", "namespace"):
             for member in compound.findall("member"):
                 if member.get("kind") in ("function", "enumeration", "typedef"):
                     shown = member.findtext("name") + ("()" if member.get("kind") == "function" else "")
                     # Of overloads the first.
                     targets.setdefault(shown, f"{member.findtext('anchorfile')}#{member.findtext('anchor')}")
+                    for value in member.findall("enumvalue"):
+                        targets[f"{shown}::{value.text}"] = f"{value.get('file')}#{value.get('anchor')}"
     targets.update({f"cairn::{name}": target for name, target in targets.items() if "/" not in name})
     return targets
 
@@ -58,13 +65,20 @@ def of_tool(site):
     for file in sorted(site.glob("options_*.html")):
         verb = file.stem.removeprefix("options_")
         targets[f"cairn {verb}"] = file.name
-        for mark, target in of_marks(site, file.name, r"[a-z-]+").items():
+        for mark, target in of_marks(site, file.name, r"[a-z_-]+").items():
             words, dashes, option = mark.partition("--")
             if dashes and words.split("-")[0] == verb:
                 targets[f"cairn {words.replace('-', ' ')} --{option}"] = target
             elif mark.startswith("options_"):
                 targets["cairn " + mark.removeprefix("options_").replace("-", " ")] = target
     return targets
+
+
+def replace(file, pattern, by):
+    text = file.read_text(encoding="utf-8")
+    changed = re.sub(pattern, lambda match: by(match, text), text)
+    if changed != text:
+        file.write_text(changed, encoding="utf-8")
 
 
 def mend(site):
@@ -74,16 +88,19 @@ def mend(site):
         for mark in re.findall(r'id="(gg?a[0-9a-f]+)"', file.read_text(encoding="utf-8")):
             place[mark] = file.name
     for file in site.glob("*_8hpp.js"):  # the tree's functions of a header, which its module describes
-        text = file.read_text(encoding="utf-8")
-        mended = re.sub(r'"[^"#]*#(gg?a[0-9a-f]+)"', lambda m: f'"{place[m[1]]}#{m[1]}"' if m[1] in place else m[0], text)
-        file.write_text(mended, encoding="utf-8")
-    for file in site.glob("*.html"):
-        text = file.read_text(encoding="utf-8")
-        mended = re.sub(
-            r'<a href="#([a-z-]+)">[^<]*</a>(?: &#124;)?\s*', lambda m: m[0] if f'name="{m[1]}"' in text or f'id="{m[1]}"' in text else "", text
+        replace(file, r'"[^"#]*#(gg?a[0-9a-f]+)"', lambda m, _: f'"{place[m[1]]}#{m[1]}"' if m[1] in place else m[0])
+    for file in site.glob("*.html"):  # sections that have private members only
+        replace(
+            file,
+            r'<a href="#([a-z-]+)">[^<]*</a>(?: &#124;)?\s*',
+            lambda m, text: m[0] if re.search(rf'(?:name|id)="{m[1]}"', text) else "",
         )
-        if mended != text:
-            file.write_text(mended, encoding="utf-8")
+
+
+def breaking(code):
+    """Code that a line may break after the parts of a path, not within an option."""
+    code = re.sub(r"(?<=\w)(/|::)(?=\w)", r"\1<wbr>", code)
+    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*", r'<span class="option">\g<0></span>', code)
 
 
 def main():
@@ -91,21 +108,20 @@ def main():
     mend(site)
     cpp, python, tool = of_cpp(tags), of_python(site), of_tool(site)
     for page in sys.argv[3:]:
-        if page.startswith("options"):
-            continue
-        known = {**(python if page.startswith("python") else cpp), **tool}
+        known = {**(python if page in ("page_python", "python_api") else cpp), **tool}
         # Elsewhere the Python reference is meant where the module is named.
         known.update({name: target for name, target in python.items() if name.startswith("cairn.")})
 
         def link(match):
             # `cairn align a.map` is that verb too, `align(source, target)` that function.
-            words = html.unescape(match[1])
+            words = html.unescape(match[1]).replace("cairn help ", "cairn ")
             target = known.get(words) or known.get(re.sub(r"\(.+\)$", "()", words))
             if not target and words.startswith("cairn "):
                 target = known.get(" ".join(words.split()[:3])) or known.get(" ".join(words.split()[:2]))
-            if not target or target.split("#")[0] == f"{page}.html":
-                return match[0]
-            return f'<a class="el" href="{target}">{match[0]}</a>'
+            code = f"<code>{breaking(match[1])}</code>"
+            if not target or target.split("#")[0] == f"{page}.html" or page.startswith("options"):
+                return code
+            return f'<a class="el" href="{target}">{code}</a>'
 
         file = site / f"{page}.html"
         parts = KEPT.split(file.read_text(encoding="utf-8"))

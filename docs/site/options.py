@@ -90,7 +90,7 @@ def main():
             page += f"\n## cairn {verb} {part} {{#options_{verb}-{part}}}\n\n"
             page += body(help_of(tool, [verb, part]), f"{verb}-{part}")
         pages[f"options_{verb}"] = page
-        rows.append(f"- \\subpage options_{verb} : {html.escape(summary)}")
+        rows.append(f"- \\subpage options_{verb} : {html.escape(summary, quote=False)}")
     if not rows:
         sys.exit(f"{tool}: its help lists no verbs")
     version = subprocess.run([tool, "--version"], check=True, capture_output=True, text=True).stdout.strip()

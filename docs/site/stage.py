@@ -24,7 +24,8 @@ HIGHLIGHTED = {"cpp", "python"}
 
 
 def page_name(path):
-    return "index" if path.name == "README.md" else path.stem.lower()
+    """Of the page in the site. Doxygen has names such as concepts.html for pages of its own."""
+    return "index" if path.name == "README.md" else f"page_{path.stem.lower()}"
 
 
 class Stage:
