@@ -115,7 +115,7 @@ def main():
         def link(match):
             # `cairn align a.map` is that verb too, `align(source, target)` that function.
             words = html.unescape(match[1]).replace("cairn help ", "cairn ")
-            target = known.get(words) or known.get(re.sub(r"\(.+\)$", "()", words))
+            target = known.get(words) or known.get(re.sub(r"\(.+$", "()", words))
             if not target and words.startswith("cairn "):
                 target = known.get(" ".join(words.split()[:3])) or known.get(" ".join(words.split()[:2]))
             code = f"<code>{breaking(match[1])}</code>"
