@@ -15,7 +15,7 @@ INDENT = 28  # of descriptions in the help
 
 
 def help_of(tool, words):
-    return subprocess.run([tool, *words, "--help"], check=True, capture_output=True, text=True).stdout
+    return subprocess.run([tool, *words, "--help"], check=True, capture_output=True, encoding="utf-8").stdout
 
 
 def entries(lines):
@@ -93,7 +93,7 @@ def main():
         rows.append(f"- \\subpage options_{verb} : {html.escape(summary, quote=False)}")
     if not rows:
         sys.exit(f"{tool}: its help lists no verbs")
-    version = subprocess.run([tool, "--version"], check=True, capture_output=True, text=True).stdout.strip()
+    version = subprocess.run([tool, "--version"], check=True, capture_output=True, encoding="utf-8").stdout.strip()
     index = "# Every verb and option {#options}\n\n"
     index += f"What `cairn help` and `cairn help VERB` print, of {version}.\n\n" + "\n".join(rows) + "\n\n" + body(top, "")
     for name, page in {"options": index, **pages}.items():
