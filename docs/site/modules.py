@@ -22,6 +22,7 @@ def main():
     if missing:
         sys.exit(f"docs/architecture.md: no row for {', '.join(sorted(missing))}")
     for name, purpose in purposes:
+        purpose = re.sub(r"\*(`[^`]+`)\*", r"\1", purpose)
         print(f"/** @defgroup module_{name} {name}\n    @brief {purpose[0].upper()}{purpose[1:]}. */")
 
 

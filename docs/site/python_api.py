@@ -14,6 +14,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import textwrap
 
 DOCUMENTATION = """
 import inspect, json, cairn
@@ -85,12 +86,14 @@ def signature(node, name, known):
 def text_of(doc):
     """A docstring as HTML; columns that were aligned by hand stay so."""
     parts = []
-    for paragraph in re.split(r"\n\s*\n", doc.strip()):
-        if not paragraph:
+    for paragraph in re.split(r"\n\s*\n", doc.strip("\n")):
+        if not paragraph.strip():
             continue
+        code = paragraph.startswith("    ")
+        paragraph = textwrap.dedent(paragraph)
         escaped = html.escape(paragraph, quote=False)
         escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
-        if re.search(r"\S   *\S|^    ", paragraph, re.M):
+        if code or re.search(r"\S   *\S", paragraph):
             parts.append(f'<pre class="fragment">{escaped}</pre>')
         else:
             parts.append(f"<p>{escaped}</p>")
