@@ -30,7 +30,7 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-/// `text` in single quotes, cut at a readable length, with control and non-ASCII bytes as \xNN: for
+/// `text` in single quotes, cut at a readable length, with control and non-ASCII bytes as `\xNN`: for
 /// messages about input that may be anything.
 std::string printable(std::string_view text);
 

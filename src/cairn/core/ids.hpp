@@ -30,9 +30,11 @@ using LandmarkIndex = StrongId<struct LandmarkIndexTag, std::uint32_t>;
 
 }  // namespace cairn
 
+/// @cond
 template <class Tag, class Representation>
 struct std::hash<cairn::StrongId<Tag, Representation>> {
   std::size_t operator()(cairn::StrongId<Tag, Representation> id) const noexcept {
     return std::hash<Representation>{}(id.value);
   }
 };
+/// @endcond

@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// `text` with everything in it as \xNN that would command a terminal or reorder what is read there:
+/// `text` with everything in it as `\xNN` that would command a terminal or reorder what is read there:
 /// control characters, marks and overrides of the writing direction, and bytes that are no UTF-8. Names
 /// of files and texts within them may hold any of these.
 /// @param kept control characters that stay

@@ -94,13 +94,13 @@ struct PlacementResult {
 /// Aligns two maps from no initial pose, and says whether the pose can be trusted.
 ///
 /// Search: from thousands of evenly spread rotations, each with the translations that put parts of the
-/// source on parts of the target, a tournament of robust refinements (search.hpp) on samples of both
-/// maps leaves a few distinct poses. Where the scale is open, this is done at scales a quarter apart,
-/// about what the maps' extents and spacings suggest, and the refinements that follow free the scale.
-/// The poses are refined against all landmarks of the samples and ranked by how likely they are right
-/// (probability.hpp): from how much closer landmarks meet than by chance and how many of them look alike
-/// (Support), and from what the keyframes of either map say of the other's landmarks (SightChecker). The
-/// best is refined once more with all landmarks and their covariances.
+/// source on parts of the target, a tournament of robust refinements on samples of both maps leaves a few
+/// distinct poses. Where the scale is open, this is done at scales a quarter apart, about what the maps'
+/// extents and spacings suggest, and the refinements that follow free the scale. The poses are refined
+/// against all landmarks of the samples and ranked by how likely they are right: from how much closer
+/// landmarks meet than by chance and how many of them look alike (Support), and from what the keyframes of
+/// either map say of the other's landmarks (SeenViews). The best is refined once more with all
+/// landmarks and their covariances.
 ///
 /// Lengths come from the maps: their extents, the spacing of their landmarks, their covariances. An
 /// expected failure (too few landmarks, nothing in common) is a verdict. Same input and seed, same
