@@ -14,6 +14,7 @@
 #include "cairn/interchange/formats.hpp"
 
 #include "atlas_verbs.hpp"
+#include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/interrupt.hpp"
@@ -320,6 +321,7 @@ struct MergeAtlasArguments : AtlasArguments {
              "Merge the maps that are in one frame with this one; "
              "else the largest group",
              "NAME");
+    add_adjustment_to(command, options.placed);
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
@@ -338,21 +340,22 @@ struct MergeAtlasArguments : AtlasArguments {
     const AtlasState state = atlas.state(commit());
     const Console console = common.console();
     if (!frame.empty()) options.frame = node_named(state, frame, *this).id;
-    options.seed = common.seed;
-    options.log = console.log();
-    options.execution.executor = common.executor();
-    options.execution.stop = interrupt_requests();
-    options.execution.progress = console.progress("merging");
-    const AtlasMerged merged = atlas.merge(options, state.commit);
+    FusionOptions& fusion = options.placed.fusion;
+    fusion.seed = common.seed;
+    fusion.log = console.log();
+    fusion.execution.executor = common.executor();
+    fusion.execution.stop = interrupt_requests();
+    fusion.execution.progress = console.progress("merging");
+    const auto [nodes, merged] = atlas.merge(options, state.commit);
     save_map(merged.map, output, common);
     std::size_t before = 0;
     Json json = head("merge");
     json["commit"] = state.commit.value;
     json["maps"] = Json::array();
-    for (std::size_t i = 0; i < merged.nodes.size(); ++i) {
-      const AtlasPose& pose = state.poses.at(merged.nodes[i]);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const AtlasPose& pose = state.poses.at(nodes[i]);
       before += merged.maps[i].landmarks;
-      json["maps"].push_back({{"name", state.nodes.at(merged.nodes[i]).name},
+      json["maps"].push_back({{"name", state.nodes.at(nodes[i]).name},
                               {"world_from_map", to_json(pose.frame_from_node.matrix())},
                               {"scale", pose.frame_from_node.scale()},
                               {"covariance", to_json(pose.covariance)},
@@ -361,11 +364,11 @@ struct MergeAtlasArguments : AtlasArguments {
                               {"unexplained_deviation", merged.maps[i].deviation}});
     }
     json["left_out"] = Json::array();
-    console.print(fmt::format("merged {} of {}, in the frame of {}\n", merged.nodes.size(),
+    console.print(fmt::format("merged {} of {}, in the frame of {}\n", nodes.size(),
                               counted(state.nodes.size(), "map"),
-                              state.nodes.at(merged.nodes.front()).name));
+                              state.nodes.at(nodes.front()).name));
     for (const auto& [id, node] : state.nodes) {
-      if (std::binary_search(merged.nodes.begin(), merged.nodes.end(), id)) continue;
+      if (std::binary_search(nodes.begin(), nodes.end(), id)) continue;
       const bool elsewhere = state.poses.contains(id);
       console.print(fmt::format("left out {}: {}\n", node.name,
                                 elsewhere ? "in another frame" : "no link places it"));
@@ -376,10 +379,12 @@ struct MergeAtlasArguments : AtlasArguments {
                       {"landmarks", merged.map.landmark_count()},
                       {"frames", merged.map.frame_count()},
                       {"observations", merged.map.observation_count()}};
+    json["adjustment"] = adjustment_json(merged.adjustment);
     write_document(json, common);
-    console.print(fmt::format("{} landmarks became {}\nwrote {}\n", with_commas(before),
-                              with_commas(merged.map.landmark_count()), output));
-    return merged.nodes.size() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
+    console.print(fmt::format("{} landmarks became {}\n{}wrote {}\n", with_commas(before),
+                              with_commas(merged.map.landmark_count()),
+                              adjustment_text(merged.adjustment), output));
+    return nodes.size() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
   }
 };
 

@@ -97,11 +97,12 @@ LoadedMap LocateArguments::load_world() const {
       return loaded;
     }
     AtlasMergeOptions merging;
-    merging.seed = common.seed;
-    merging.execution.executor = common.executor();
-    merging.execution.stop = interrupt_requests();
-    merging.execution.progress = common.console().progress("merging");
-    loaded.map = atlas.merge(merging, state.commit).map;
+    FusionOptions& fusion = merging.placed.fusion;
+    fusion.seed = common.seed;
+    fusion.execution.executor = common.executor();
+    fusion.execution.stop = interrupt_requests();
+    fusion.execution.progress = common.console().progress("merging");
+    loaded.map = atlas.merge(merging, state.commit).merged.map;
     return loaded;
   }
 #endif

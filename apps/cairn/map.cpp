@@ -27,6 +27,7 @@
 #include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
+#include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
@@ -548,13 +549,7 @@ Json loops_json(const LoopClosedSequence& closed) {
                              {"reason", link.reason}});
   }
   if (loops.closed == 0) return json;
-  const MergeAdjustment& adjustment = loops.adjustment;
-  json["adjustment"] = {{"converged", adjustment.converged},
-                        {"iterations", adjustment.iterations},
-                        {"matching_rounds", adjustment.matching_rounds},
-                        {"observations", adjustment.observations},
-                        {"initial_rms_px", adjustment.initial_rms_px},
-                        {"final_rms_px", adjustment.final_rms_px}};
+  json["adjustment"] = adjustment_json(loops.adjustment);
   return json;
 }
 

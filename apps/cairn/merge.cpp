@@ -18,6 +18,7 @@
 #include "cairn/map/io/map_file.hpp"
 
 #include "commands.hpp"
+#include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
@@ -64,14 +65,7 @@ void MergeArguments::add_to(CLI::App& command) {
              "Odds, before anything is looked at, that two of the maps show one place");
   add_number(command, "--effort", options.links.effort,
              "Of the search: work in units of the default's, 1/16 to 64");
-  auto* const adjust = command.add_flag(
-      "--adjust,!--no-adjust", options.adjust,
-      "Adjust the merged map: move all its keyframes and landmarks so that all observations fit "
-      "best");
-  command
-      .add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
-                "With --adjust: adjust the cameras' parameters too")
-      ->needs(adjust);
+  add_adjustment_to(command, options.placed);
   add_number(command, "--min-observations", options.links.points.min_observations,
              "Align by landmarks observed at least so often; all landmarks are merged");
   common.add_report_to(command, "graph and matrix of the maps and links, and all of it in 3D");
@@ -131,8 +125,8 @@ Json MergeArguments::options_json() const {
   return {{"min_probability", options.links.min_probability},
           {"prior_odds", options.links.prior_odds},
           {"effort", options.links.effort},
-          {"adjust", options.adjust},
-          {"refine_intrinsics", options.adjustment.refine_intrinsics},
+          {"adjust", options.placed.adjust},
+          {"refine_intrinsics", options.placed.adjustment.refine_intrinsics},
           {"min_observations", options.links.points.min_observations}};
 }
 
@@ -248,15 +242,7 @@ int MergeArguments::run() {
                       {"landmarks", result.map->landmark_count()},
                       {"observations", result.map->observation_count()}};
   }
-  json["adjustment"] = nullptr;
-  if (const auto& adjustment = result.adjustment) {
-    json["adjustment"] = {{"converged", adjustment->converged},
-                          {"iterations", adjustment->iterations},
-                          {"matching_rounds", adjustment->matching_rounds},
-                          {"observations", adjustment->observations},
-                          {"initial_rms_px", adjustment->initial_rms_px},
-                          {"final_rms_px", adjustment->final_rms_px}};
-  }
+  json["adjustment"] = adjustment_json(result.adjustment);
   write_document(json, common);
   if (!common.report_path.empty()) {
     report::Report report = begin_report(file_name(output), common);
@@ -283,12 +269,7 @@ int MergeArguments::run() {
   if (result.map) {
     console.print(fmt::format("{} landmarks became {}\n", with_commas(before),
                               with_commas(result.map->landmark_count())));
-    if (const auto& adjustment = result.adjustment) {
-      console.print(
-          fmt::format("adjusted by {} observations: residuals {:.2f} px, {:.2f} before{}\n",
-                      with_commas(adjustment->observations), adjustment->final_rms_px,
-                      adjustment->initial_rms_px, adjustment->converged ? "" : "; not converged"));
-    }
+    console.print(adjustment_text(result.adjustment));
     console.print(fmt::format("wrote {}\n", output));
   } else {
     console.print(fmt::format("{} is not written: no two maps belong together\n", output));

@@ -33,7 +33,7 @@ const Keywords<MergeOptions>& merge_keywords() {
         .add("prior_odds", [](auto& o) -> auto& { return o.links.prior_odds; })
         .add("effort", [](auto& o) -> auto& { return o.links.effort; })
         .add("min_observations", [](auto& o) -> auto& { return o.links.points.min_observations; })
-        .add("fusion_probability", [](auto& o) -> auto& { return o.fusion_probability; })
+        .add("fusion_probability", [](auto& o) -> auto& { return o.placed.fusion.min_probability; })
         .add("seed", [](auto& o) -> auto& { return o.seed; });
     return keywords;
   }();

@@ -91,6 +91,21 @@ TEST_F(AtlasCliTest, MakesOneMapOfSessionsAndKeepsHow) {
   EXPECT_THAT(answer(atlas({"verify"})), HasSubstr("sound\n"));
 }
 
+TEST_F(AtlasCliTest, AdjustsTheMergedMapIfAsked) {
+  write_pair(900);
+  answer(atlas({"init"}));
+  answer(atlas({"add", "target.map", "source.map"}));
+  answer(atlas({"link"}));
+  answer(atlas({"optimize"}));
+  EXPECT_TRUE(document(atlas({"merge", "-o", "plain.map"})).at("adjustment").is_null());
+  const Json adjustment = document(atlas({"merge", "-o", "town.map", "--adjust"})).at("adjustment");
+  EXPECT_LT(adjustment.at("final_rms_px").get<double>(),
+            adjustment.at("initial_rms_px").get<double>());
+  EXPECT_THAT(read_map(path("town.map")).info().provenance.back(), HasSubstr("adjusted: "));
+  EXPECT_THAT(answer(atlas({"merge", "-o", "again.map", "--adjust", "--refine-intrinsics"})),
+              HasSubstr("adjusted by "));
+}
+
 TEST_F(AtlasCliTest, ExportsGraphKeyframesLandmarksAndMaps) {
   fill();
   answer(atlas({"link", "--only", "source"}));

@@ -619,8 +619,6 @@ AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitI
   }
   std::vector<LandmarkMap> maps;
   std::vector<PlacedMap> placed;
-  AtlasMerged merged;
-  merged.nodes = chosen->nodes;
   maps.reserve(chosen->nodes.size());
   for (const NodeId id : chosen->nodes) {
     const AtlasNode& node = state.nodes.at(id);
@@ -628,15 +626,7 @@ AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitI
     maps.push_back(map(node));
     placed.push_back({&maps.back(), node.name, pose.frame_from_node, pose.covariance});
   }
-  FusionOptions fusion;
-  fusion.min_probability = options.fusion_probability;
-  fusion.seed = options.seed;
-  fusion.execution = options.execution;
-  fusion.log = options.log;
-  FusionResult fused = fuse_maps(placed, fusion);
-  merged.map = std::move(fused.map);
-  merged.maps = std::move(fused.maps);
-  return merged;
+  return {chosen->nodes, merge_placed(placed, options.placed)};
 }
 
 namespace {

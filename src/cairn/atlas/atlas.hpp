@@ -13,7 +13,7 @@
 #include "cairn/atlas/store/store.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
-#include "cairn/merging/fusion/fuse_maps.hpp"
+#include "cairn/merging/fusion/merge_placed.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
 
 namespace cairn {
@@ -66,17 +66,13 @@ struct AtlasOptimised {
 };
 
 struct AtlasMergeOptions {
-  double fusion_probability = 0.5;
-  std::optional<NodeId> frame = {};  ///< of the component to merge; nothing: the largest
-  std::uint64_t seed = 0;
-  Execution execution = {};
-  LogSink log = {};
+  std::optional<NodeId> frame = {};  ///< of the component to merge; std::nullopt: the largest
+  MergePlacedOptions placed = {};
 };
 
 struct AtlasMerged {
-  LandmarkMap map;
-  std::vector<NodeId> nodes;    ///< in the order of the fusion
-  std::vector<MapFusion> maps;  ///< one a node
+  std::vector<NodeId> nodes;  ///< in the order of the fusion
+  MergedPlaced merged;        ///< of these maps, in their order
 };
 
 /// Maps, what is known of how they lie to each other, and how that came to be, kept where several programs

@@ -78,7 +78,7 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   EXPECT_LT(error.angle(), 0.003);
   EXPECT_LT(error.translation().norm(), 0.02);
 
-  const AtlasMerged merged = again().merge();
+  const MergedPlaced merged = again().merge().merged;
   EXPECT_EQ(merged.nodes, (std::vector{target, source}));
   EXPECT_EQ(merged.map.frame_count(), 40U);
   EXPECT_LT(merged.map.landmark_count(), 1400U);

@@ -9,7 +9,6 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/map/io/content_uuid.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 
@@ -49,44 +48,11 @@ std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
                      aligned == 1 ? "" : "s");
 }
 
-// Why the maps, once they are one, cannot be adjusted; empty if they can.
-std::string adjustment_defect(std::span<const PlacedMap> maps) {
-  bool observed = false;
-  for (const PlacedMap& placed : maps) {
-    if (placed.map->observations().offsets.empty()) continue;
-    observed = true;
-    const std::string defect = measurement_defect(*placed.map);
-    if (!defect.empty()) return placed.name + ": " + defect;
-  }
-  return observed ? "" : "no map knows its observations";
-}
-
-// The maps fused and adjusted.
-FusionResult adjusted(std::span<const PlacedMap> maps, const FusionOptions& fusion,
-                      const MergeOptions& options, MergeResult& result) {
-  FuseAndAdjustOptions how;
-  how.fusion = fusion;
-  how.adjustment = options.adjustment;
-  how.adjustment.execution = fusion.execution;
-  how.matching_rounds = options.matching_rounds;
-  AdjustedFusion fused = fuse_and_adjust(maps, how);
-  const MergeAdjustment& adjustment = result.adjustment.emplace(fused.adjustment);
-  MapTables tables = std::move(fused.map).tables();
-  tables.info.provenance.push_back(fmt::format(
-      "adjusted: {} observations, root mean square residual {:.3f} px, {:.3f} px before",
-      adjustment.observations, adjustment.final_rms_px, adjustment.initial_rms_px));
-  return {LandmarkMap(std::move(tables)), std::move(fused.maps)};
-}
-
 }  // namespace
 
 void MergeOptions::validate() const {
   links.validate();
-  FuseAndAdjustOptions fusion;
-  fusion.fusion.min_probability = fusion_probability;
-  fusion.adjustment = adjustment;
-  fusion.matching_rounds = matching_rounds;
-  fusion.validate();
+  placed.validate();
 }
 
 std::size_t MergeResult::placed() const {
@@ -157,18 +123,16 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
     index_of.push_back(i);
   }
   if (!any) return result;
-  FusionOptions fusion;
-  fusion.min_probability = options.fusion_probability;
-  fusion.seed = options.seed;
-  fusion.execution = options.execution;
-  fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
-  fusion.log = options.log;
-  const std::string defect = options.adjust ? adjustment_defect(placed) : "";
-  if (!defect.empty() && options.log) options.log("not adjusted: " + defect);
-  FusionResult fused = options.adjust && defect.empty() ? adjusted(placed, fusion, options, result)
-                                                        : fuse_maps(placed, fusion);
-  for (std::size_t i = 0; i < index_of.size(); ++i) result.maps[index_of[i]].fusion = fused.maps[i];
-  result.map = with_content_uuid(std::move(fused.map));
+  MergePlacedOptions fusing = options.placed;
+  fusing.fusion.seed = options.seed;
+  fusing.fusion.execution = options.execution;
+  fusing.fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
+  fusing.fusion.log = options.log;
+  MergedPlaced merged = merge_placed(placed, fusing);
+  for (std::size_t i = 0; i < index_of.size(); ++i)
+    result.maps[index_of[i]].fusion = merged.maps[i];
+  result.map = std::move(merged.map);
+  result.adjustment = merged.adjustment;
   return result;
 }
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/merging/fusion/fuse_and_adjust.hpp"
+#include "cairn/merging/fusion/merge_placed.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
@@ -23,12 +23,7 @@ struct MergeOptions {
   LinkOptions links = {};  ///< its execution and seed are taken from below
   /// Links that are known besides, of maps by index, such as odometry's between mini-maps of one run.
   std::vector<PoseLink> stated = {};
-  double fusion_probability = 0.5;  ///< from which two landmarks are one; in [0.5, 1]
-  /// Whether the merged map is adjusted: all its keyframes and landmarks, by all observations.
-  bool adjust = false;
-  AdjustOptions adjustment = {};  ///< its execution is taken from below
-  /// How often landmarks are matched again after an adjustment; see FuseAndAdjustOptions.
-  int matching_rounds = 2;
+  MergePlacedOptions placed = {};  ///< its fusion's seed, execution and log are taken from below
   std::uint64_t seed = 0;
   Execution execution = {};
   LogSink log = {};
@@ -63,7 +58,7 @@ struct MergeResult {
 /// The aligned links as a graph, whose nodes are the maps by index.
 PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result);
 
-/// Merges maps of one place into one: link_maps(), optimise_poses(), fuse_maps(). Only links that were
+/// Merges maps of one place into one: link_maps(), optimise_poses(), merge_placed(). Only links that were
 /// judged aligned, or stated, place a map; maps that nothing connects to the largest group stay out.
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});

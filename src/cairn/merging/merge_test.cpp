@@ -57,7 +57,7 @@ TEST(Merge, AdjustmentMakesResidualsSmallerAndKeepsTheFirstFrame) {
   const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &maps.source}};
   MergeOptions options;
   EXPECT_FALSE(merge(inputs, options).adjustment);
-  options.adjust = true;
+  options.placed.adjust = true;
   const MergeResult result = merge(inputs, options);
   ASSERT_TRUE(result.adjustment);
   EXPECT_TRUE(result.adjustment->converged);
@@ -80,7 +80,7 @@ TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {
   const LandmarkMap without(std::move(tables));
   const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &without}};
   MergeOptions options;
-  options.adjust = true;
+  options.placed.adjust = true;
   std::vector<std::string> lines;
   options.log = [&](std::string_view line) { lines.emplace_back(line); };
   const MergeResult result = merge(inputs, options);

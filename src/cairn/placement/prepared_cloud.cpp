@@ -36,19 +36,28 @@ std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random rando
   return order;
 }
 
+// Entry i becomes what entry order[i] was: along each cycle, without a second copy of a column.
 template <class Value>
-std::vector<Value> picked(const std::vector<Value>& column, std::span<const std::uint32_t> order) {
-  std::vector<Value> result;
-  if (column.empty()) return result;
-  result.reserve(order.size());
-  for (const std::uint32_t i : order) result.push_back(column[i]);
-  return result;
+void reorder(std::vector<Value>& column, std::span<const std::uint32_t> order) {
+  if (column.empty()) return;
+  std::vector<bool> is_done(order.size(), false);
+  for (std::size_t start = 0; start < order.size(); ++start) {
+    if (is_done[start]) continue;
+    Value first = std::move(column[start]);
+    std::size_t at = start;
+    for (; order[at] != start; at = order[at]) {
+      column[at] = std::move(column[order[at]]);
+      is_done[at] = true;
+    }
+    column[at] = std::move(first);
+    is_done[at] = true;
+  }
 }
 
 LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order) {
-  cloud.positions = picked(cloud.positions, order);
-  cloud.covariances = picked(cloud.covariances, order);
-  cloud.weights = picked(cloud.weights, order);
+  reorder(cloud.positions, order);
+  reorder(cloud.covariances, order);
+  reorder(cloud.weights, order);
   if (cloud.descriptors) cloud.descriptors = descriptor_rows(*cloud.descriptors, order);
   std::vector<std::uint32_t> place(order.size());
   for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;

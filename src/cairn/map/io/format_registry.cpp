@@ -162,6 +162,25 @@ std::string FormatRegistry::written_names_text() const {
   return alternatives(names);
 }
 
+void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
+  std::size_t maps = 0;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(path, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (format_of_ending(entry->path()) != nullptr) ++maps;
+  }
+  if (error)
+    throw Error(ErrorKind::kInput, path.string(), "cannot be read: " + error.message(), "");
+  if (maps > 0) {
+    throw Error(ErrorKind::kInput, path.string(),
+                fmt::format("is a folder; it holds {} file{} with the ending of a map", maps,
+                            maps == 1 ? "" : "s"),
+                "one map");
+  }
+  throw Error(ErrorKind::kInput, path.string(), "is a folder, but no map in a known format",
+              "a map file, or a folder that is one map");
+}
+
 LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
                                  const MapReadOptions& options) const {
   MapInput input = input_at(path);
@@ -180,8 +199,9 @@ LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
   std::error_code ignored;
   if (std::filesystem::is_directory(input.path, ignored)) {
     if (auto map = read_recognised()) return *std::move(map);
+    refuse_folder(input.path);
   }
-  FileReader file(input.path);  // says why, if it is a folder or cannot be opened
+  FileReader file(input.path);  // says why, if it cannot be opened
   PrefixedSource source(first_bytes_of(file), file);
   input.first_bytes = source.prefix();
   input.source = &source;

@@ -98,6 +98,8 @@ class FormatRegistry {
              const MapWriteOptions& options = {}) const;
 
  private:
+  [[noreturn]] void refuse_folder(const std::filesystem::path& path) const;
+
   std::vector<MapFormat> formats_;
 };
 

@@ -110,6 +110,20 @@ TEST(FormatRegistry, PartNamesOneMapOfSeveral) {
               HasSubstr("absent: "));
 }
 
+TEST(FormatRegistry, SaysWhatAFolderIsThatIsNoMap) {
+  const TemporaryFolder folder;
+  const auto message = [&] {
+    return refusal(ErrorKind::kInput, [&] { native_formats().read(folder.path()); });
+  };
+  EXPECT_THAT(message(), HasSubstr("is a folder, but no map in a known format"));
+  folder.write("a.map", "");
+  folder.write("b.cairn", "");
+  folder.write("notes.md", "");
+  EXPECT_THAT(
+      message(),
+      HasSubstr("is a folder; it holds 2 files with the ending of a map; expected one map"));
+}
+
 TEST(FormatRegistry, RefusesToWriteWhatItCannot) {
   const TemporaryFolder folder;
   const FormatRegistry more = native_formats().extended_by({dots()});

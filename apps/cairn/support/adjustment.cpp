@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/adjustment.hpp"
+
+#include <fmt/format.h>
+
+#include "support/map_lists.hpp"
+
+namespace cairn::cli {
+
+void add_adjustment_to(CLI::App& command, MergePlacedOptions& options) {
+  auto* const adjust = command.add_flag(
+      "--adjust,!--no-adjust", options.adjust,
+      "Adjust the merged map: move all its keyframes and landmarks so that all observations fit "
+      "best");
+  command
+      .add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
+                "With --adjust: adjust the cameras' parameters too")
+      ->needs(adjust);
+}
+
+Json adjustment_json(const std::optional<MergeAdjustment>& adjustment) {
+  if (!adjustment) return nullptr;
+  return {{"converged", adjustment->converged},
+          {"iterations", adjustment->iterations},
+          {"matching_rounds", adjustment->matching_rounds},
+          {"observations", adjustment->observations},
+          {"initial_rms_px", adjustment->initial_rms_px},
+          {"final_rms_px", adjustment->final_rms_px}};
+}
+
+std::string adjustment_text(const std::optional<MergeAdjustment>& adjustment) {
+  if (!adjustment) return {};
+  return fmt::format("adjusted by {} observations: residuals {:.2f} px, {:.2f} before{}\n",
+                     with_commas(adjustment->observations), adjustment->final_rms_px,
+                     adjustment->initial_rms_px, adjustment->converged ? "" : "; not converged");
+}
+
+}  // namespace cairn::cli

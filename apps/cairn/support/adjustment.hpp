@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "cairn/merging/fusion/merge_placed.hpp"
+
+#include "support/documents.hpp"
+
+namespace cairn::cli {
+
+/// --adjust, --no-adjust and --refine-intrinsics of a command that writes a merged map.
+void add_adjustment_to(CLI::App& command, MergePlacedOptions& options);
+
+/// null where the map was not adjusted
+Json adjustment_json(const std::optional<MergeAdjustment>& adjustment);
+
+/// One line; empty where the map was not adjusted.
+std::string adjustment_text(const std::optional<MergeAdjustment>& adjustment);
+
+}  // namespace cairn::cli

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/fusion/merge_placed.hpp"
+
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/adjustment/measurements.hpp"
+#include "cairn/map/io/content_uuid.hpp"
+
+namespace cairn {
+namespace {
+
+// Why the maps, once they are one, cannot be adjusted; empty if they can.
+std::string adjustment_defect(std::span<const PlacedMap> maps) {
+  bool observed = false;
+  for (const PlacedMap& placed : maps) {
+    if (placed.map->observations().offsets.empty()) continue;
+    observed = true;
+    const std::string defect = measurement_defect(*placed.map);
+    if (!defect.empty()) return placed.name + ": " + defect;
+  }
+  return observed ? "" : "no map knows its observations";
+}
+
+FuseAndAdjustOptions with_adjustment(const MergePlacedOptions& options) {
+  FuseAndAdjustOptions how;
+  how.fusion = options.fusion;
+  how.adjustment = options.adjustment;
+  how.adjustment.execution = options.fusion.execution;
+  how.matching_rounds = options.matching_rounds;
+  return how;
+}
+
+LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) {
+  MapTables tables = std::move(map).tables();
+  tables.info.provenance.push_back(fmt::format(
+      "adjusted: {} observations, root mean square residual {:.3f} px, {:.3f} px before",
+      adjustment.observations, adjustment.final_rms_px, adjustment.initial_rms_px));
+  return LandmarkMap(std::move(tables));
+}
+
+}  // namespace
+
+void MergePlacedOptions::validate() const {
+  with_adjustment(*this).validate();
+}
+
+MergedPlaced merge_placed(std::span<const PlacedMap> maps, const MergePlacedOptions& options) {
+  options.validate();
+  const std::string defect = options.adjust ? adjustment_defect(maps) : "";
+  if (!defect.empty() && options.fusion.log) options.fusion.log("not adjusted: " + defect);
+  if (!options.adjust || !defect.empty()) {
+    FusionResult fused = fuse_maps(maps, options.fusion);
+    return {with_content_uuid(std::move(fused.map)), std::move(fused.maps), {}};
+  }
+  AdjustedFusion fused = fuse_and_adjust(maps, with_adjustment(options));
+  return {with_content_uuid(with_provenance(std::move(fused.map), fused.adjustment)),
+          std::move(fused.maps), fused.adjustment};
+}
+
+}  // namespace cairn
