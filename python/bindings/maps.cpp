@@ -200,10 +200,12 @@ OptionalColumn<Integer> integer_column(py::handle given, const char* name,
 
 void fill_observations(MapTables& tables, py::handle landmarks, py::handle frames,
                        py::handle pixels, py::handle keypoints, py::handle depths,
-                       py::handle octaves) {
+                       py::handle octaves, py::handle sigmas_px) {
   if (landmarks.is_none() && frames.is_none() && pixels.is_none()) {
-    for (const auto& [given, name] :
-         {std::pair{keypoints, "keypoints"}, {depths, "depths"}, {octaves, "octaves"}}) {
+    for (const auto& [given, name] : {std::pair{keypoints, "keypoints"},
+                                      {depths, "depths"},
+                                      {octaves, "octaves"},
+                                      {sigmas_px, "sigmas_px"}}) {
       if (!given.is_none()) {
         throw Error(ErrorKind::kMisuse, name, "given without observations",
                     "observed_landmarks beside it");
@@ -249,15 +251,18 @@ void fill_observations(MapTables& tables, py::handle landmarks, py::handle frame
   }
   table.keypoints = integer_column<std::uint32_t>(keypoints, "keypoints", order);
   table.octaves = integer_column<std::int32_t>(octaves, "octaves", order);
-  if (!depths.is_none()) {
-    const auto column = from_nan(real_array(depths, "depths", {size}));
-    table.depths.resize(count);
-    for (std::size_t i = 0; i < count; ++i) table.depths[i] = column[order[i]];
-  }
+  const auto fill = [&](py::handle given, const char* name, OptionalColumn<double>& values) {
+    if (given.is_none()) return;
+    const auto column = from_nan(real_array(given, name, {size}));
+    values.resize(count);
+    for (std::size_t i = 0; i < count; ++i) values[i] = column[order[i]];
+  };
+  fill(depths, "depths", table.depths);
+  fill(sigmas_px, "sigmas_px", table.sigmas_px);
 }
 
 constexpr const char* kFromArrays =
-    R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
+    R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, sigmas_px=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
 --
 
 Makes a map of NumPy arrays; what is left out is absent from the map.
@@ -275,23 +280,22 @@ observed_landmarks   (o,), index of a landmark: one entry a measurement, in any 
 observing_frames     (o,), index of the frame that took it
 pixels               (o, 2)
 keypoints, depths, octaves  (o,)
+sigmas_px            (o,), standard deviations of the pixels; NaN where unknown
 length_unit          'metres' or 'free'
 gravity              (3,), downwards in the world frame
 
 Raises MisuseError or InputError naming the argument or entry that is wrong.)";
 
-SharedMap from_arrays(const py::object& positions, const py::object& covariances,
-                      const py::object& ids, const py::object& colors,
-                      const py::object& descriptors, const std::string& descriptor_kind,
-                      const py::object& columns, const py::object& cameras,
-                      const py::object& frame_poses, const py::object& frame_ids,
-                      const py::object& timestamps_s, const py::object& frame_cameras,
-                      const py::object& image_names, const py::object& observed_landmarks,
-                      const py::object& observing_frames, const py::object& pixels,
-                      const py::object& keypoints, const py::object& depths,
-                      const py::object& octaves, const std::string& length_unit,
-                      const std::optional<std::string>& world_frame, const py::object& gravity,
-                      const std::optional<std::vector<std::string>>& provenance) {
+SharedMap from_arrays(
+    const py::object& positions, const py::object& covariances, const py::object& ids,
+    const py::object& colors, const py::object& descriptors, const std::string& descriptor_kind,
+    const py::object& columns, const py::object& cameras, const py::object& frame_poses,
+    const py::object& frame_ids, const py::object& timestamps_s, const py::object& frame_cameras,
+    const py::object& image_names, const py::object& observed_landmarks,
+    const py::object& observing_frames, const py::object& pixels, const py::object& keypoints,
+    const py::object& depths, const py::object& octaves, const py::object& sigmas_px,
+    const std::string& length_unit, const std::optional<std::string>& world_frame,
+    const py::object& gravity, const std::optional<std::vector<std::string>>& provenance) {
   MapTables tables;
   tables.info.length_unit = length_unit_of(length_unit);
   tables.info.world_frame = world_frame;
@@ -334,7 +338,7 @@ SharedMap from_arrays(const py::object& positions, const py::object& covariances
   }
   fill_frames(tables, frame_poses, frame_ids, timestamps_s, frame_cameras, image_names);
   fill_observations(tables, observed_landmarks, observing_frames, pixels, keypoints, depths,
-                    octaves);
+                    octaves, sigmas_px);
   return unlocked([&] { return std::make_shared<LandmarkMap>(std::move(tables)); });
 }
 
@@ -630,17 +634,17 @@ void bind_maps(py::module_& module) {
       "Columns are NumPy arrays: read-only views of the map's own memory, which they keep alive, "
       "or,\n"
       "where entries may be unknown, copies. What the map does not hold is None.");
-  map.def_static("from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
-                 py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
-                 py::arg("descriptors") = none, py::arg("descriptor_kind") = "",
-                 py::arg("columns") = none, py::arg("cameras") = none,
-                 py::arg("frame_poses") = none, py::arg("frame_ids") = none,
-                 py::arg("timestamps_s") = none, py::arg("frame_cameras") = none,
-                 py::arg("image_names") = none, py::arg("observed_landmarks") = none,
-                 py::arg("observing_frames") = none, py::arg("pixels") = none,
-                 py::arg("keypoints") = none, py::arg("depths") = none, py::arg("octaves") = none,
-                 py::arg("length_unit") = "metres", py::arg("world_frame") = none,
-                 py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
+  map.def_static(
+         "from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
+         py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
+         py::arg("descriptors") = none, py::arg("descriptor_kind") = "", py::arg("columns") = none,
+         py::arg("cameras") = none, py::arg("frame_poses") = none, py::arg("frame_ids") = none,
+         py::arg("timestamps_s") = none, py::arg("frame_cameras") = none,
+         py::arg("image_names") = none, py::arg("observed_landmarks") = none,
+         py::arg("observing_frames") = none, py::arg("pixels") = none, py::arg("keypoints") = none,
+         py::arg("depths") = none, py::arg("octaves") = none, py::arg("sigmas_px") = none,
+         py::arg("length_unit") = "metres", py::arg("world_frame") = none,
+         py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
       .def(
           "write", &write, py::arg("path"), kept([] {
             std::string text = write_keywords().signature("$self, path");
@@ -738,6 +742,12 @@ void bind_maps(py::module_& module) {
             return masked<std::int32_t>(self->observations().octaves, py::cast(self));
           },
           "(o,), masked where unknown; or None.")
+      .def_property_readonly(
+          "sigmas_px",
+          [](const SharedMap& self) {
+            return with_nan(self->observations().sigmas_px, py::cast(self));
+          },
+          "(o,), standard deviations of the pixels, NaN where unknown; or None.")
       .def_property_readonly(
           "length_unit",
           [](const SharedMap& self) { return std::string(to_string(self->info().length_unit)); },

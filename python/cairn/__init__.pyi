@@ -65,6 +65,7 @@ class LandmarkMap:
         keypoints: Optional[ArrayLike] = ...,
         depths: Optional[ArrayLike] = ...,
         octaves: Optional[ArrayLike] = ...,
+        sigmas_px: Optional[ArrayLike] = ...,
         length_unit: str = ...,
         world_frame: Optional[str] = ...,
         gravity: Optional[ArrayLike] = ...,
@@ -137,6 +138,8 @@ class LandmarkMap:
     def depths(self) -> Optional[_Floats]: ...
     @property
     def octaves(self) -> Optional[np.ma.MaskedArray[Any, np.dtype[np.int32]]]: ...
+    @property
+    def sigmas_px(self) -> Optional[_Floats]: ...
     @property
     def length_unit(self) -> str: ...
     @property

@@ -62,6 +62,9 @@ inline MapTables full_tables() {
   observations.keypoints = {12U, std::nullopt, 4294967295U, 0U, std::nullopt};
   observations.depths = {2.01, 1.99, std::nullopt, std::nullopt, std::nullopt};
   observations.octaves = {std::nullopt, 1, -2147483647 - 1, 0, std::nullopt};
+  observations.sources = {PixelSource::kReference, PixelSource::kPatch, std::nullopt,
+                          PixelSource::kCorner, std::nullopt};
+  observations.sigmas_px = {0.05, 0.4, 1.5, std::nullopt, std::nullopt};
   return tables;
 }
 
@@ -184,6 +187,8 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   column("keypoints", a.observations().keypoints, b.observations().keypoints);
   column("depths", a.observations().depths, b.observations().depths);
   column("octaves", a.observations().octaves, b.observations().octaves);
+  column("sources", a.observations().sources, b.observations().sources);
+  column("sigmas", a.observations().sigmas_px, b.observations().sigmas_px);
   return difference;
 }
 

@@ -289,6 +289,8 @@ class Checks {
     check_size("observation keypoints", observations.keypoints.size(), count, true);
     check_size("observation depths", observations.depths.size(), count, true);
     check_size("observation octaves", observations.octaves.size(), count, true);
+    check_size("observation sources", observations.sources.size(), count, true);
+    check_size("observation sigmas", observations.sigmas_px.size(), count, true);
     if (observations.offsets.empty()) {
       if (count > 0) {
         refuse(MapColumn::kOffsets, 0, "observation offsets", "missing",
@@ -319,6 +321,13 @@ class Checks {
         refuse_observation(MapColumn::kDepths, i, fmt::format("depth {}", defect),
                            "metres, from -1e9 to 1e9");
       }
+    }
+    for (std::size_t i = 0; i < observations.sigmas_px.size(); ++i) {
+      if (!observations.sigmas_px[i]) continue;
+      const double sigma = *observations.sigmas_px[i];
+      if (sigma > 0.0 && sigma <= kLargestCoordinate) continue;
+      refuse_observation(MapColumn::kPixelSigmas, i, fmt::format("sigma {}", sigma),
+                         "a positive number of pixels, at most 1e9");
     }
   }
 
@@ -369,10 +378,24 @@ void drop_unknown_columns(MapTables& tables) {
   drop_if_unknown(tables.observations.keypoints);
   drop_if_unknown(tables.observations.depths);
   drop_if_unknown(tables.observations.octaves);
+  drop_if_unknown(tables.observations.sources);
+  drop_if_unknown(tables.observations.sigmas_px);
   if (tables.landmarks.ids.empty()) tables.observations.offsets.clear();
 }
 
 }  // namespace
+
+std::string_view to_string(PixelSource source) {
+  switch (source) {
+    case PixelSource::kCorner:
+      return "corner";
+    case PixelSource::kPatch:
+      return "patch";
+    case PixelSource::kReference:
+      return "reference";
+  }
+  return "unknown";
+}
 
 LandmarkMap::LandmarkMap(MapTables tables, const EntryPlace& place) : tables_(std::move(tables)) {
   const Checks checks(tables_, place);

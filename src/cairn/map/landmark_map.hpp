@@ -84,6 +84,17 @@ struct LandmarkTable {
   std::vector<NamedColumn> columns;  ///< at most kMostNamedColumns, of distinct names
 };
 
+/// How it is known where a landmark appears in an image.
+enum class PixelSource : std::uint8_t {
+  kCorner,     ///< a corner was found there
+  kPatch,      ///< the landmark's patch fits best there
+  kReference,  ///< the patch was cut there: that pixel is what the landmark is
+};
+inline constexpr std::size_t kPixelSources = 3;
+
+/// "corner", "patch" or "reference".
+std::string_view to_string(PixelSource source);
+
 /// Observations in columns, grouped by landmark. One observation is one measurement of a landmark
 /// in one keyframe. The optional columns are empty, or have one entry an observation.
 struct ObservationTable {
@@ -95,6 +106,8 @@ struct ObservationTable {
   OptionalColumn<std::uint32_t> keypoints;  ///< optional; index in the frame's features
   OptionalColumn<double> depths;            ///< optional; along the optical axis
   OptionalColumn<std::int32_t> octaves;     ///< optional; pyramid level of the feature
+  OptionalColumn<PixelSource> sources;      ///< optional; how the pixel was measured
+  OptionalColumn<double> sigmas_px;  ///< optional; standard deviation of u and of v; positive
 };
 
 /// All columns of a map: what one fills in to make a LandmarkMap.
@@ -135,6 +148,8 @@ enum class MapColumn : std::uint8_t {
   kKeypoints = 24,
   kDepths = 25,
   kOctaves = 26,
+  kPixelSources = 27,
+  kPixelSigmas = 28,
 };
 
 /// Says where an entry of a column was read from, for messages, e.g. "desk.map:12: field 2 (id)". The

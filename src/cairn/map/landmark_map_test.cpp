@@ -216,6 +216,10 @@ TEST(LandmarkMap, RefusesBrokenObservations) {
        "observation depths: 4 entries; expected 5, one a row"},
       {"octaves short", [](MapTables& t) { t.observations.octaves.pop_back(); },
        "observation octaves: 4 entries; expected 5, one a row"},
+      {"sources short", [](MapTables& t) { t.observations.sources.pop_back(); },
+       "observation sources: 4 entries; expected 5, one a row"},
+      {"sigmas short", [](MapTables& t) { t.observations.sigmas_px.pop_back(); },
+       "observation sigmas: 4 entries; expected 5, one a row"},
       {"offsets absent", [](MapTables& t) { t.observations.offsets.clear(); },
        "observation offsets: missing; expected one a landmark and one more"},
       {"offsets short", [](MapTables& t) { t.observations.offsets.pop_back(); }, kOffsets},
@@ -394,6 +398,8 @@ TEST(LandmarkMap, DropsOptionalColumnsInWhichNothingIsKnown) {
   tables.observations.keypoints.assign(5, std::nullopt);
   tables.observations.depths.assign(5, std::nullopt);
   tables.observations.octaves.assign(5, std::nullopt);
+  tables.observations.sources.assign(5, std::nullopt);
+  tables.observations.sigmas_px.assign(5, std::nullopt);
   const LandmarkMap map(std::move(tables));
 
   MapTables expected = full_tables();
@@ -408,6 +414,8 @@ TEST(LandmarkMap, DropsOptionalColumnsInWhichNothingIsKnown) {
   expected.observations.keypoints.clear();
   expected.observations.depths.clear();
   expected.observations.octaves.clear();
+  expected.observations.sources.clear();
+  expected.observations.sigmas_px.clear();
   EXPECT_THAT(map, EqualsMap(LandmarkMap(std::move(expected))));
   EXPECT_THAT(map.frames().image_names, IsEmpty());
   EXPECT_FALSE(map.has_covariances());

@@ -64,6 +64,8 @@ ObservationTable observation_rows(const ObservationTable& observations,
       append(result.keypoints, observations.keypoints, i);
       append(result.depths, observations.depths, i);
       append(result.octaves, observations.octaves, i);
+      append(result.sources, observations.sources, i);
+      append(result.sigmas_px, observations.sigmas_px, i);
     }
     result.offsets.push_back(result.frames.size());
   }

@@ -113,6 +113,9 @@ TEST(WithLandmarks, KeepsTheGivenOrderAndAllTheirColumns) {
   observations.keypoints = {0U, std::nullopt, 12U, std::nullopt};
   observations.depths = {std::nullopt, std::nullopt, 2.01, 1.99};
   observations.octaves = {0, std::nullopt, std::nullopt, 1};
+  observations.sources = {PixelSource::kCorner, std::nullopt, PixelSource::kReference,
+                          PixelSource::kPatch};
+  observations.sigmas_px = {std::nullopt, std::nullopt, 0.05, 0.4};
   EXPECT_THAT(with_landmarks(map, picked), EqualsMap(LandmarkMap(std::move(expected))));
 }
 

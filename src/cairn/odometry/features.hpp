@@ -10,6 +10,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "cairn/map/camera.hpp"
+#include "cairn/map/landmark_map.hpp"
 
 namespace cairn {
 
@@ -28,13 +29,6 @@ struct Pinhole : Intrinsics {
 
 /// A binary descriptor of 256 bits.
 using Descriptor = std::array<std::uint64_t, 4>;
-
-/// How it is known where a landmark appears in an image.
-enum class PixelSource : std::uint8_t {
-  kCorner,     ///< a corner was found there
-  kAligned,    ///< the landmark's patch fits best there
-  kReference,  ///< the patch was cut there: that pixel is what the landmark is
-};
 
 /// A corner of an image.
 struct Keypoint {
@@ -73,7 +67,7 @@ class Features {
   void move_keypoint(std::uint32_t index, const Pixel& raw, const Eigen::Vector2f& pixel) {
     keypoints_[index].raw = raw;
     keypoints_[index].pixel = pixel;
-    keypoints_[index].source = PixelSource::kAligned;
+    keypoints_[index].source = PixelSource::kPatch;
   }
   void set_source(std::uint32_t index, PixelSource source) { keypoints_[index].source = source; }
 

@@ -85,7 +85,7 @@ class SensorModel {
   double sigma_pixel(const Keypoint& keypoint) const {
     // Where the patch was cut is exact by definition, but for what interpolation makes of it.
     constexpr double kReference = 0.05;
-    const double of_octave = keypoint.source == PixelSource::kAligned  ? noise_.aligned_pixel
+    const double of_octave = keypoint.source == PixelSource::kPatch    ? noise_.aligned_pixel
                              : keypoint.source == PixelSource::kCorner ? noise_.pixel
                                                                        : kReference;
     return of_octave * scale(keypoint.octave);

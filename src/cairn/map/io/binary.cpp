@@ -84,8 +84,10 @@ constexpr std::array<Layout, 26> kLayouts = {{
     {"keypoints", Per::kObservation, 8},
     {"depths", Per::kObservation, 8},
     {"octaves", Per::kObservation, 8},
+    {"sources", Per::kObservation, 8},
+    {"sigmas", Per::kObservation, 8},
 }};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kOctaves));
+static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kPixelSigmas));
 
 constexpr std::size_t index_of(MapColumn column) {
   return static_cast<std::size_t>(column) - 1;
@@ -416,6 +418,19 @@ class BinaryReader {
     });
   }
 
+  void read_sources(OptionalColumn<PixelSource>& sources) const {
+    constexpr auto kColumn = MapColumn::kPixelSources;
+    read_optional(kColumn, sources, [&](const char* bytes, std::size_t row) {
+      const auto value = load<std::int64_t>(bytes);
+      if (value == kUnknownInteger) return std::optional<PixelSource>();
+      if (value < 0 || value >= static_cast<std::int64_t>(kPixelSources)) {
+        refuse(section(kColumn).begin + 8 * row, kColumn, std::to_string(value),
+               fmt::format("0 to {}, or {} where unknown", kPixelSources - 1, kUnknownInteger));
+      }
+      return std::optional(static_cast<PixelSource>(value));
+    });
+  }
+
   void read_info() {
     MapInfo& info = tables_.info;
     const auto unit = at<std::uint32_t>(kUnitPlace);
@@ -564,6 +579,8 @@ class BinaryReader {
     read_integers<std::uint32_t>(MapColumn::kKeypoints, observations.keypoints);
     read_numbers(MapColumn::kDepths, observations.depths);
     read_integers<std::int32_t>(MapColumn::kOctaves, observations.octaves);
+    read_sources(observations.sources);
+    read_numbers(MapColumn::kPixelSigmas, observations.sigmas_px);
   }
 
   std::string_view bytes_;
@@ -789,6 +806,9 @@ class BinaryWriter {
     plan_integers(MapColumn::kKeypoints, observations.keypoints);
     plan_numbers(MapColumn::kDepths, observations.depths);
     plan_integers(MapColumn::kOctaves, observations.octaves);
+    plan_integers(MapColumn::kPixelSources, observations.sources,
+                  [](PixelSource source) { return static_cast<std::int64_t>(source); });
+    plan_numbers(MapColumn::kPixelSigmas, observations.sigmas_px);
   }
 
   const LandmarkMap& map_;

@@ -627,6 +627,12 @@ TEST(ReadBinary, RefusesBrokenObservations) {
       {setting(MapColumn::kDepths, 0, kInfinity),
        byte_of(MapColumn::kDepths) +
            "depths: landmark 30: depth is not finite; expected metres, from -1e9 to 1e9"},
+      {setting<std::int64_t>(MapColumn::kPixelSources, 8, 3),
+       byte_of(MapColumn::kPixelSources, 8) +
+           fmt::format("sources: 3; expected 0 to 2, or {} where unknown", lowest)},
+      {setting(MapColumn::kPixelSigmas, 8, -1.0),
+       byte_of(MapColumn::kPixelSigmas, 8) +
+           "sigmas: landmark 30: sigma -1; expected a positive number of pixels, at most 1e9"},
       {setting<std::int64_t>(MapColumn::kOctaves, 8, -2147483649),
        byte_of(MapColumn::kOctaves, 8) +
            fmt::format(

@@ -533,7 +533,7 @@ class NativeReader {
     } else if (record == "TIME" || record == "VIEW" || record == "IMAGE") {
       read_frame_extra(record, fields);
     } else if (record == "COLOR" || record == "DESCRIPTOR" || record == "VALUE" ||
-               record == "DETAIL") {
+               record == "DETAIL" || record == "MEASURED") {
       read_landmark_extra(record, fields);
     } else {
       return false;
@@ -682,6 +682,8 @@ class NativeReader {
       column->values.resize(row + 1, kNan);
       refuse_second(!std::isnan(column->values[row]), fields);
       column->values[row] = fields.number("value");
+    } else if (record == "MEASURED") {
+      read_measured(fields);
     } else {
       read_detail(fields);
     }
@@ -734,6 +736,34 @@ class NativeReader {
     }
   }
 
+  void read_measured(Fields& fields) {
+    ObservationTable& observations = tables_.observations;
+    const std::size_t end = observations.frames.size();
+    const std::size_t begin = observations_unknown_ ? end : observations.offsets.end()[-2];
+    refuse_second(measured_ == tables_.landmarks.ids.size(), fields);
+    measured_ = tables_.landmarks.ids.size();
+    observations.sources.resize(end);
+    observations.sigmas_px.resize(end);
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!fields.take_unknown()) observations.sources[i] = source_of(fields);
+      if (fields.take_unknown()) continue;
+      const double sigma = fields.number("sigma");
+      if (!(sigma > 0.0 && sigma <= kLargestCoordinate)) {
+        fields.refuse(fmt::format("{}", sigma), "a positive number of pixels, at most 1e9, or -");
+      }
+      observations.sigmas_px[i] = sigma;
+    }
+  }
+
+  static PixelSource source_of(Fields& fields) {
+    const std::string_view word = fields.word("source");
+    for (std::size_t i = 0; i < kPixelSources; ++i) {
+      if (const auto source = static_cast<PixelSource>(i); word == to_string(source)) return source;
+    }
+    fields.refuse(printable(word) + " is no way to measure a pixel",
+                  "corner, patch, reference or -");
+  }
+
   // Bytes that descriptors and named columns take of all landmarks so far.
   std::uint64_t room_of_columns() const {
     const LandmarkTable& landmarks = tables_.landmarks;
@@ -771,6 +801,8 @@ class NativeReader {
     fill(observations.keypoints, observations.frames.size());
     fill(observations.depths, observations.frames.size());
     fill(observations.octaves, observations.frames.size());
+    fill(observations.sources, observations.frames.size());
+    fill(observations.sigmas_px, observations.frames.size());
     for (NamedColumn& column : landmarks.columns) column.values.resize(landmarks.ids.size(), kNan);
     if (auto& descriptors = landmarks.descriptors) {
       descriptors->known.resize(landmarks.ids.size());
@@ -808,6 +840,7 @@ class NativeReader {
   bool length_unit_known_ = false;
   bool observations_unknown_ = false;
   std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was
+  std::size_t measured_ = 0;  // the same of MEASURED
   std::uint64_t gravity_line_ = 0;
   RowLines frame_lines_;
   RowLines landmark_lines_;
@@ -974,6 +1007,7 @@ class NativeWriter {
       }
     }
     write_detail(i);
+    write_measured(i);
   }
 
   void write_detail(std::size_t i) {
@@ -985,19 +1019,35 @@ class NativeWriter {
     if (observations.offsets[i] == observations.offsets[i + 1]) return;
     buffer_ += "DETAIL";
     field(map_.landmarks().ids[i].value);
-    const auto optional_field = [&](const auto& column, std::uint64_t k) {
-      if (column.empty() || !column[k]) {
-        field(std::string_view("-"));
-      } else {
-        field(*column[k]);
-      }
-    };
     for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
       optional_field(observations.keypoints, k);
       optional_field(observations.depths, k);
       optional_field(observations.octaves, k);
     }
     end_line();
+  }
+
+  void write_measured(std::size_t i) {
+    const ObservationTable& observations = map_.observations();
+    if (observations.sources.empty() && observations.sigmas_px.empty()) return;
+    if (observations.offsets[i] == observations.offsets[i + 1]) return;
+    buffer_ += "MEASURED";
+    field(map_.landmarks().ids[i].value);
+    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
+      const bool has_source = !observations.sources.empty() && observations.sources[k];
+      field(has_source ? to_string(*observations.sources[k]) : std::string_view("-"));
+      optional_field(observations.sigmas_px, k);
+    }
+    end_line();
+  }
+
+  template <class Column>
+  void optional_field(const Column& column, std::uint64_t k) {
+    if (column.empty() || !column[k]) {
+      field(std::string_view("-"));
+    } else {
+      field(*column[k]);
+    }
   }
 
   const LandmarkMap& map_;
@@ -1035,6 +1085,9 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
   if (!observations.keypoints.empty() || !observations.depths.empty() ||
       !observations.octaves.empty()) {
     return "the observations' keypoints, depths and octaves";
+  }
+  if (!observations.sources.empty() || !observations.sigmas_px.empty()) {
+    return "how the observations were measured";
   }
   return std::nullopt;
 }

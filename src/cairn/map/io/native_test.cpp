@@ -684,8 +684,8 @@ TEST(ReadNative, RefusesBrokenExtrasOfFrames) {
 }
 
 TEST(ReadNative, RefusesExtrasOfLandmarksOutOfPlace) {
-  for (const std::string_view extra :
-       {"COLOR 3 1 2 3", "DESCRIPTOR 3 0000", "VALUE 3 weight 1", "DETAIL 3 - - -"}) {
+  for (const std::string_view extra : {"COLOR 3 1 2 3", "DESCRIPTOR 3 0000", "VALUE 3 weight 1",
+                                       "DETAIL 3 - - -", "MEASURED 3 - -"}) {
     const std::string elsewhere =
         ": field 2 (landmark): landmark 3 is not the one directly above; expected the id of the "
         "LANDMARK record above";
@@ -735,6 +735,13 @@ TEST(ReadNative, RefusesBrokenExtrasOfLandmarks) {
        "desk.map:7: field 4 (depth): 'inf' is not a number; expected a finite decimal number"},
       {after_landmark("DETAIL 3 1 1 0.5"),
        "desk.map:7: field 5 (octave): '0.5' is not one; expected an integer, or -"},
+      {after_landmark("MEASURED 3 guess 1"),
+       "desk.map:7: field 3 (source): 'guess' is no way to measure a pixel; expected corner, "
+       "patch, reference or -"},
+      {after_landmark("MEASURED 3 patch 0"),
+       "desk.map:7: field 4 (sigma): 0; expected a positive number of pixels, at most 1e9, or -"},
+      {after_landmark("MEASURED 3 patch 1\nMEASURED 3 patch 1"),
+       "desk.map:8: the same is said above already; expected it once"},
   });
 }
 
@@ -812,8 +819,10 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "DESCRIPTOR 30 00ff\n"
       "VALUE 30 confidence 0.25\n"
       "DETAIL 30 12 2.01 - - 1.99 1\n"
+      "MEASURED 30 reference 0.05 patch 0.4\n"
       "LANDMARK 10 -1 0.25 3 - 1 18446744073709551615 0.1 0.2\n"
       "DETAIL 10 4294967295 - -2147483648\n"
+      "MEASURED 10 - 1.5\n"
       "LANDMARK 9223372036854775808 1e+08 -1e-300 0.1 0 0 0 0 0 0 0 0 0 0\n"
       "COLOR 9223372036854775808 0 0 0\n"
       "DESCRIPTOR 9223372036854775808 1ab2\n"
@@ -822,7 +831,8 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "-3e-06 0 9e-05 2 3 1e-05 1e+05 18446744073709551615 -0 3\n"
       "COLOR 20 255 255 255\n"
       "VALUE 20 confidence 1\n"
-      "DETAIL 20 0 - 0 - - -\n");
+      "DETAIL 20 0 - 0 - - -\n"
+      "MEASURED 20 corner - - -\n");
 }
 
 TEST(WriteNative, IsReadBackBitForBit) {
@@ -975,6 +985,14 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
       {"the observations' keypoints, depths and octaves",
        [](MapTables& t) {
          t.observations.octaves = {1, std::nullopt, std::nullopt};
+       }},
+      {"how the observations were measured",
+       [](MapTables& t) {
+         t.observations.sources = {PixelSource::kPatch, std::nullopt, std::nullopt};
+       }},
+      {"how the observations were measured",
+       [](MapTables& t) {
+         t.observations.sigmas_px = {0.5, std::nullopt, std::nullopt};
        }},
       {"that the map is empty", [](MapTables& t) { t = {}; }},
   };

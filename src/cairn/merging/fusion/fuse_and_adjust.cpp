@@ -107,6 +107,8 @@ LandmarkMap with_frames_joined(LandmarkMap map, std::span<const SharedFrame> sha
   keep_rows(observations.keypoints, rows);
   keep_rows(observations.depths, rows);
   keep_rows(observations.octaves, rows);
+  keep_rows(observations.sources, rows);
+  keep_rows(observations.sigmas_px, rows);
   return LandmarkMap(std::move(tables));
 }
 

@@ -333,12 +333,16 @@ void Fusion::set_observations() {
   bool keypoints = false;
   bool depths = false;
   bool octaves = false;
+  bool sources = false;
+  bool sigmas = false;
   for (const PlacedMap& placed : maps_) {
     const ObservationTable& theirs = placed.map->observations();
     any = any || !theirs.offsets.empty();
     keypoints = keypoints || !theirs.keypoints.empty();
     depths = depths || !theirs.depths.empty();
     octaves = octaves || !theirs.octaves.empty();
+    sources = sources || !theirs.sources.empty();
+    sigmas = sigmas || !theirs.sigmas_px.empty();
     if (!placed.map->has_observations() && options_.log) {
       options_.log(placed.name +
                    ": does not know who observed its landmarks, which count as not observed");
@@ -361,6 +365,15 @@ void Fusion::set_observations() {
   if (keypoints) observations.keypoints.resize(count);
   if (depths) observations.depths.resize(count);
   if (octaves) observations.octaves.resize(count);
+  if (sources) observations.sources.resize(count);
+  if (sigmas) observations.sigmas_px.resize(count);
+  std::vector<std::uint8_t> is_fused(known_.size(), 0);
+  {
+    std::vector<std::uint8_t> is_seen(known_.size(), 0);
+    for (const std::vector<std::uint32_t>& landmark_of : landmark_of_) {
+      for (const std::uint32_t i : landmark_of) is_fused[i] |= std::exchange(is_seen[i], 1);
+    }
+  }
   std::vector<std::uint64_t> next(observations.offsets.begin(), observations.offsets.end() - 1);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const ObservationTable& theirs = maps_[m].map->observations();
@@ -376,6 +389,12 @@ void Fusion::set_observations() {
           observations.depths[to] = scale * *theirs.depths[k];
         }
         if (!theirs.octaves.empty()) observations.octaves[to] = theirs.octaves[k];
+        // A patch defines the landmark of its own map, not what several maps make of it together.
+        const bool defines =
+            !theirs.sources.empty() && theirs.sources[k] == PixelSource::kReference;
+        if (defines && is_fused[landmark_of_[m][i]] != 0) continue;
+        if (!theirs.sources.empty()) observations.sources[to] = theirs.sources[k];
+        if (!theirs.sigmas_px.empty()) observations.sigmas_px[to] = theirs.sigmas_px[k];
       }
     }
   }

@@ -196,6 +196,8 @@ TEST(FuseMaps, KeepsAllThatTheMapsHold) {
   EXPECT_EQ(map.observations().keypoints[5], 12U);
   EXPECT_EQ(map.observations().depths[5], 2.01);
   EXPECT_EQ(map.observations().octaves[6], 1);
+  EXPECT_EQ(map.observations().sources[5], PixelSource::kReference) << "of one map alone";
+  EXPECT_EQ(map.observations().sigmas_px[6], 0.4);
   EXPECT_FALSE(map.covariance(LandmarkIndex{1}));
   EXPECT_TRUE(map.covariance(LandmarkIndex{0}));
 }

@@ -179,7 +179,7 @@ std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
     keypoint.raw = found->raw;
     keypoint.pixel = extractor_.undistorted(found->raw);
     keypoint.octave = static_cast<std::uint8_t>(found->octave);
-    keypoint.source = PixelSource::kAligned;
+    keypoint.source = PixelSource::kPatch;
     keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
     // Something else in front of it, or behind.
     if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
@@ -330,6 +330,8 @@ LandmarkMap KeyframeMap::to_map(const MapOptions& options,
       observations.pixels.push_back(keypoint.raw);
       observations.keypoints.emplace_back(reference.keypoint);
       observations.octaves.emplace_back(keypoint.octave);
+      observations.sources.emplace_back(keypoint.source);
+      observations.sigmas_px.emplace_back(sensor_.sigma_pixel(keypoint));
       const bool has_depth =
           keypoint.depth_m > 0.0F && !keyframe.depth_disagrees[reference.keypoint];
       observations.depths.push_back(has_depth ? std::optional<double>(keypoint.depth_m)

@@ -41,7 +41,7 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
       // With the sensor's reading even where it was set aside, or the tail would be missing.
       const PointMeasurement measured = sensor.measurement(keypoint);
       const PointResidual residual = point_residual(sensor.pinhole(), measured, x_in_camera);
-      if (keypoint.source == PixelSource::kAligned) {
+      if (keypoint.source == PixelSource::kPatch) {
         aligned.push_back(fitted * residual.squared_pixel());
       } else if (keypoint.source == PixelSource::kCorner) {
         corner.push_back(fitted * residual.squared_pixel());
