@@ -117,10 +117,8 @@ std::vector<std::vector<Measurement>> measurements_of(const LandmarkMap& map,
       Measurement measurement;
       measurement.frame = frame;
       measurement.pixel = {table.pixels[k].u, table.pixels[k].v};
-      const bool is_stated = !table.sigmas_px.empty() && table.sigmas_px[k];
       measurement.sigma_px =
-          is_stated ? noise.pixel_px * *table.sigmas_px[k]
-                    : noise.sigma_px(table.octaves.empty() ? 0 : table.octaves[k].value_or(0));
+          noise.sigma_px(table.octaves.empty() ? 0 : table.octaves[k].value_or(0));
       const bool in_metres = map.info().length_unit == LengthUnit::kMetres;
       if (in_metres && !table.depths.empty() && table.depths[k] && *table.depths[k] > 0.0) {
         measurement.depth = table.depths[k];

@@ -15,9 +15,7 @@ namespace cairn {
 
 /// How far the measurements of a map are off, as standard deviations.
 struct MeasurementNoise {
-  /// Of u and of v, at octave 0; positive. Of an observation whose standard deviation the map states, the
-  /// factor by which that is off.
-  double pixel_px = 1.0;
+  double pixel_px = 1.0;  ///< of u and of v, at octave 0; positive
   /// By how much a pixel of an octave is larger than one of the octave below; at least 1.
   double octave_scale = 1.2;
   /// Of depth z: floor + quadratic·z², in the map's unit. Positive; not negative.

@@ -78,8 +78,8 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   EXPECT_LT(error.angle(), 0.003);
   EXPECT_LT(error.translation().norm(), 0.02);
 
-  const MergedPlaced merged = again().merge().merged;
-  EXPECT_EQ(merged.nodes, (std::vector{target, source}));
+  const auto [nodes, merged] = again().merge();
+  EXPECT_EQ(nodes, (std::vector{target, source}));
   EXPECT_EQ(merged.map.frame_count(), 40U);
   EXPECT_LT(merged.map.landmark_count(), 1400U);
   const LandmarkMap cloud = cloud_of(atlas(), state, components_of(state).front());

@@ -90,7 +90,7 @@ enum class PixelSource : std::uint8_t {
   kPatch,      ///< the landmark's patch fits best there
   kReference,  ///< the patch was cut there: that pixel is what the landmark is
 };
-inline constexpr std::size_t kPixelSources = 3;
+inline constexpr std::size_t kPixelSourceCount = 3;
 
 /// "corner", "patch" or "reference".
 std::string_view to_string(PixelSource source);

@@ -57,7 +57,7 @@ struct Layout {
   std::uint64_t bytes_each;  // 0: not the same for all entries, or not known beforehand
 };
 
-constexpr std::array<Layout, 26> kLayouts = {{
+constexpr std::array<Layout, 28> kLayouts = {{
     {"world frame", Per::kFile, 0},
     {"gravity", Per::kFile, 24},
     {"uuid", Per::kFile, 0},
@@ -423,9 +423,9 @@ class BinaryReader {
     read_optional(kColumn, sources, [&](const char* bytes, std::size_t row) {
       const auto value = load<std::int64_t>(bytes);
       if (value == kUnknownInteger) return std::optional<PixelSource>();
-      if (value < 0 || value >= static_cast<std::int64_t>(kPixelSources)) {
+      if (value < 0 || value >= static_cast<std::int64_t>(kPixelSourceCount)) {
         refuse(section(kColumn).begin + 8 * row, kColumn, std::to_string(value),
-               fmt::format("0 to {}, or {} where unknown", kPixelSources - 1, kUnknownInteger));
+               fmt::format("0 to {}, or {} where unknown", kPixelSourceCount - 1, kUnknownInteger));
       }
       return std::optional(static_cast<PixelSource>(value));
     });

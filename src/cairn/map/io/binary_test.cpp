@@ -397,9 +397,9 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
   expect_refused({
-      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 26"},
-      {uuid_entry(0, 27), at_number + "27 is no section; expected 1 to 26"},
-      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 26", kHuge)},
+      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 28"},
+      {uuid_entry(0, 29), at_number + "29 is no section; expected 1 to 28"},
+      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 28", kHuge)},
       {uuid_entry(0, 2), at_number + "2 (gravity) occurs twice" + once},
       {uuid_entry(0, 1), at_number + "1 (world frame) stands below 2" + once},
       {uuid_entry(8, uuid + 8),

@@ -757,7 +757,7 @@ class NativeReader {
 
   static PixelSource source_of(Fields& fields) {
     const std::string_view word = fields.word("source");
-    for (std::size_t i = 0; i < kPixelSources; ++i) {
+    for (std::size_t i = 0; i < kPixelSourceCount; ++i) {
       if (const auto source = static_cast<PixelSource>(i); word == to_string(source)) return source;
     }
     fields.refuse(printable(word) + " is no way to measure a pixel",

@@ -547,9 +547,7 @@ TEST(ReadNative, SaysWhyAFileCannotBeRead) {
             (folder / "missing.map").string() +
                 ": cannot be read: No such file or directory; expected a readable file");
   EXPECT_EQ(refusal([&] { read_file(folder.path()); }),
-            folder.path().string() +
-                ": is a folder, but no map in a known format; expected a map file, or a folder "
-                "that is one map");
+            folder.path().string() + ": cannot be read: Is a directory; expected a readable file");
   const auto path = folder.write("broken.map", "FRAME x\n");
   EXPECT_EQ(
       refusal([&] { read_file(path); }),

@@ -157,6 +157,34 @@ TEST(FuseMaps, PutsAMapOntoItselfThatWasMoved) {
   }
 }
 
+// Where a patch was cut defines the landmark of one map, not what two maps make of it.
+TEST(FuseMaps, ForgetsThatAnObservationDefinesALandmarkThatIsNoLongerOfOneMap) {
+  MapTables tables = synthetic_map({.seed = 2, .landmarks = 800, .frames = 20}).tables();
+  ObservationTable& all = tables.observations;
+  all.sources.assign(all.frames.size(), PixelSource::kPatch);
+  all.sigmas_px.assign(all.frames.size(), 0.4);
+  for (std::size_t i = 0; i < 800; ++i) {
+    all.sources[all.offsets[i]] = PixelSource::kReference;
+    all.sigmas_px[all.offsets[i]] = 0.05;
+  }
+  const LandmarkMap map(std::move(tables));
+  const std::vector<PlacedMap> maps = {{&map, "a", {}}, {&map, "b", {}}};
+  const LandmarkMap fused = fuse_maps(maps).map;
+  std::size_t defining = 0;
+  for (std::size_t i = 0; i < fused.landmark_count(); ++i) {
+    const bool is_of_both = values(fused, kFusedColumn)[i] > 1.0;
+    for (std::uint64_t k = fused.observations().offsets[i]; k < fused.observations().offsets[i + 1];
+         ++k) {
+      const bool defines = fused.observations().sources[k] == PixelSource::kReference;
+      EXPECT_FALSE(defines && is_of_both);
+      EXPECT_EQ(fused.observations().sources[k].has_value(),
+                fused.observations().sigmas_px[k].has_value());
+      defining += defines ? 1 : 0;
+    }
+  }
+  EXPECT_GT(defining, 0U) << "of landmarks that stay alone";
+}
+
 TEST(FuseMaps, KeepsAllThatTheMapsHold) {
   const LandmarkMap first = testing::full_map();
   MapTables tables = testing::full_tables();
