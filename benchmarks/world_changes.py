@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Holds `cairn atlas diff --world` against the simulator, which knows what it moved.
 
-A thing counts if it moved between the sessions, its longest side is 20 cm or more, and one session has at
-least --seen landmarks in its box. It is found if the centre of a reported change lies in that box, made
+A thing counts if it moved between the sessions, its longest side is 20 cm or more, the session that it stood
+there in has at least --seen landmarks in its box, and the other has as many within 20 cm of the box: both looked
+there. It is found if the centre of a reported change lies in that box, made
 larger by 5 cm. A report is right if its centre lies in the box, thus enlarged, of any thing that moved.
 """
 import argparse
@@ -31,19 +32,19 @@ def landmarks_of(cairn, map_path):
     return [tuple(map(float, line.split()[:3])) for line in text.read_text().splitlines()]
 
 
-def session(cairn, folder, kind, seed, number, frames):
+def session(cairn, folder, kind, seed, number, changed, frames):
     base = folder / f"{kind}-{seed}-{number}"
     map_path = base.with_suffix(".cairn")
     if not map_path.exists():
         frames_folder = folder / f"{base.name}.frames"
         run("rm", "-rf", frames_folder)
-        options = ["--session", number, "--changed", 0.15 if number else 0, "--path", "sweep"]
+        options = ["--session", number, "--changed", changed if number else 0, "--path", "sweep"]
         run(cairn, "simulate", frames_folder, "--environment", kind, "--seed", seed, "--layout", seed,
             *options, "--rate", 20, "--frames", frames, "--quiet", "--json", base.with_suffix(".json"))
         run(cairn, "map", frames_folder, "-o", map_path, "--start-from",
             frames_folder / "groundtruth.txt", "--quiet")
         run("rm", "-rf", frames_folder)
-    return map_path, document(base.with_suffix(".json"))["things"]
+    return map_path, document(base.with_suffix(".json"))["objects"]["things"]
 
 
 def main():
@@ -53,6 +54,7 @@ def main():
     parser.add_argument("seeds", type=int, nargs="+")
     parser.add_argument("--kinds", nargs="+", default=["desk", "office", "room", "kitchen"])
     parser.add_argument("--frames", type=int, default=260)
+    parser.add_argument("--changed", type=float, default=0.25, help="share of the movable things that moved")
     parser.add_argument("--seen", type=int, default=15)
     arguments = parser.parse_args()
     cairn, folder = arguments.cairn, arguments.folder
@@ -61,7 +63,7 @@ def main():
     print("place        things found  reports right")
     for seed in arguments.seeds:
         for kind in arguments.kinds:
-            sessions = [session(cairn, folder, kind, seed, n, arguments.frames) for n in (0, 1)]
+            sessions = [session(cairn, folder, kind, seed, n, arguments.changed, arguments.frames) for n in (0, 1)]
             atlas = folder / f"{kind}-{seed}.atlas"
             run("rm", "-f", atlas)
             run(cairn, "atlas", "init", "--atlas", atlas)
@@ -77,21 +79,20 @@ def main():
                 continue
             # A thing stands where it was and where it is; both count, each where its session saw it.
             places = []
-            for number, (path, things) in enumerate(sessions):
-                other = {thing["name"]: thing for thing in sessions[1 - number][1]}
-                landmarks = landmarks_of(cairn, path)
+            landmarks = [landmarks_of(cairn, path) for path, _ in sessions]
+            for number, (_, things) in enumerate(sessions):
+                other = {(thing["name"], tuple(thing["low"])) for thing in sessions[1 - number][1]}
                 for thing in things:
-                    there = other.get(thing["name"])
-                    same = there is not None and there["low"] == thing["low"]
-                    if not thing["movable"] or same:
+                    if not thing["movable"] or (thing["name"], tuple(thing["low"])) in other:
                         continue
-                    seen = sum(contains(thing, x, 0.01) for x in landmarks)
+                    seen = min(sum(contains(thing, x, 0.01) for x in landmarks[number]),
+                               sum(contains(thing, x, 0.2) for x in landmarks[1 - number]))
                     places.append((number, thing, seen))
             centres = []
             for change in document(out)["changes"]:
                 for number, key in enumerate(("before", "after")):
                     if change.get(key):
-                        centres.append((number, change[key]["centre"]))
+                        centres.append((number, change[key]["position"]))
             large = [(n, t) for n, t, seen in places
                      if seen >= arguments.seen and
                      max(h - l for h, l in zip(t["high"], t["low"])) >= 0.2]
