@@ -72,22 +72,26 @@ export function announce(text: string): void {
   }
 }
 
-/** A button that copies the text of `shown`, or selects it where the browser refuses. */
-export function copyButton(shown: HTMLElement, label = "Copy"): HTMLButtonElement {
+/** A button that copies the text of `shown` or `text` in its stead, or selects it where the browser refuses. */
+export function copyButton(
+  shown: HTMLElement,
+  label = "Copy the command",
+  text = () => shown.textContent ?? "",
+): HTMLButtonElement {
   const copy = button(
     "Copy",
     async () => {
       try {
-        await navigator.clipboard.writeText(shown.textContent ?? "");
-        announce("Command copied.");
+        await navigator.clipboard.writeText(text());
+        announce("Copied.");
         copy.textContent = "Copied";
         setTimeout(() => (copy.textContent = "Copy"), 2000);
       } catch {
         getSelection()?.selectAllChildren(shown);
-        announce("Command selected.");
+        announce("Selected, to be copied.");
       }
     },
-    { "aria-label": label },
+    { "aria-label": label, class: "copy" },
   );
   return copy;
 }

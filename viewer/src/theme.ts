@@ -67,10 +67,13 @@ const kDark: Palette = {
 const kStorageKey = "cairn-theme";
 const listeners = new Set<(palette: Palette) => void>();
 const systemDark = window.matchMedia("(prefers-color-scheme: dark)");
+const printListeners = new Set<() => void>();
 let choice: Choice = "auto";
+/** Paper is white, whatever the reader's theme is. */
+let printing = false;
 
 export function palette(): Palette {
-  const dark = choice === "dark" || (choice === "auto" && systemDark.matches);
+  const dark = !printing && (choice === "dark" || (choice === "auto" && systemDark.matches));
   return dark ? kDark : kLight;
 }
 
@@ -81,6 +84,16 @@ export function exportPalette(): Palette {
 
 export function onThemeChange(listener: (palette: Palette) => void): void {
   listeners.add(listener);
+}
+
+/** While this holds, what listeners of onBeforePrint() have drawn must stay. */
+export function isPrinting(): boolean {
+  return printing;
+}
+
+/** `listener` is called when the page is about to be printed, after the theme has become light. */
+export function onBeforePrint(listener: () => void): void {
+  printListeners.add(listener);
 }
 
 function applyTheme(): void {
@@ -111,6 +124,15 @@ export function startTheme(): void {
   choice = remembered();
   applyTheme();
   systemDark.addEventListener("change", applyTheme);
+  window.addEventListener("beforeprint", () => {
+    printing = true;
+    applyTheme();
+    printListeners.forEach((listener) => listener());
+  });
+  window.addEventListener("afterprint", () => {
+    printing = false;
+    applyTheme();
+  });
 }
 
 /** The control: follow the system, light or dark. */

@@ -67,6 +67,24 @@ function groupDigits(text: string, negative: boolean): string {
   return `${negative ? kMinus : ""}${grouped}${fraction ? `.${fraction}` : ""}`;
 }
 
+/** A probability or share in per cent. A probability below 1 never reads 100 %. */
+export function formatPercent(share: number | null): string {
+  if (share === null || !Number.isFinite(share)) {
+    return "–";
+  }
+  const percent = 100 * share;
+  if (percent > 0 && percent < 0.005) {
+    return "<0.01 %";
+  }
+  for (let digits = 2; digits <= 6; ++digits) {
+    const text = percent.toFixed(digits);
+    if (share >= 1 || !text.startsWith("100")) {
+      return `${trimZeros(text)} %`;
+    }
+  }
+  return ">99.9999 %";
+}
+
 /** A length for people, in the unit that keeps it short. */
 export function formatLength(value: number, unit: "m" | "mapunits"): string {
   if (!Number.isFinite(value)) {
