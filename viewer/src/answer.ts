@@ -3,9 +3,9 @@
 import { drawCourse } from "./answer_course";
 import type { AlignmentAnswer, AnswerCandidate, AnswerSection, OpenDirection, SimilarityPose } from "./document/report";
 import { button, copyButton, h, s } from "./dom";
-import { formatCount, formatLength, formatNumber, formatPercent } from "./math/format";
+import { formatCount, formatLength, formatNumber, formatProbability, formatShare } from "./math/format";
 import { differenceOf, rollPitchYaw, similarityAt, type Affine } from "./math/pose";
-import { onBeforePrint } from "./theme";
+import { onPaper } from "./paper";
 import { offeredPoses, offerPoses, onPoseShown, showPose, type ShownPose } from "./shown_pose";
 
 /** Candidates beyond these are shown on demand. */
@@ -98,7 +98,7 @@ class AnswerFigure {
     }
     this.element.append(this.#body);
     this.#fill();
-    onBeforePrint(() => {
+    onPaper(() => {
       this.#all = true;
       this.#fill();
     });
@@ -187,7 +187,7 @@ class AnswerFigure {
           h(
             "p",
             { class: "verdict-probability" },
-            h("strong", null, formatPercent(probability)),
+            h("strong", null, formatProbability(probability)),
             h("span", null, " probability that the pose is right"),
             bar(probability),
           ),
@@ -234,16 +234,17 @@ class AnswerFigure {
     const [t, q] = [pose.pose.slice(0, 3), pose.pose.slice(3)];
     const angles = rollPitchYaw(m);
     const unit = this.#section.lengthUnit === "m" ? "m" : "map units";
-    const line = (name: string, value: string, key: string, copied: string | null) => {
-      const shownValue = h("code", null, value);
-      return h(
-        "div",
-        { "data-pose": key },
-        h("dt", null, name),
-        h("dd", null, shownValue, copied === null ? null : copyButton(shownValue, `Copy ${name}`, () => copied)),
-      );
-    };
+    const line = (name: string, value: string, key: string) =>
+      h("div", { "data-pose": key }, h("dt", null, name), h("dd", null, h("code", null, value)));
     const list = (values: readonly number[], digits: number) => values.map((value) => fixed(value, digits)).join("  ");
+    const lines = h(
+      "dl",
+      { class: "pose-lines" },
+      line(`Translation x y z (${unit})`, list(t, 6), "translation"),
+      line("Quaternion qw qx qy qz", list(q, 9), "quaternion"),
+      line("Roll pitch yaw (°)", list(angles, 4), "angles"),
+      ...(pose.scale === 1 ? [] : [line("Scale of the source", formatNumber(pose.scale, 7), "scale")]),
+    );
     return h(
       "section",
       { class: "answer-part answer-pose", "aria-label": title },
@@ -251,27 +252,24 @@ class AnswerFigure {
         "div",
         { class: "part-head" },
         h("h3", null, title),
-        copyButton(matrix, "Copy the matrix", () => matrixText(pose)),
+        h(
+          "div",
+          { class: "copies" },
+          copyButton(matrix, { caption: "Copy matrix", text: () => matrixText(pose) }),
+          copyButton(lines, { caption: "Copy translation and quaternion", text: () => pose.pose.join(" ") }),
+        ),
       ),
       h("p", { class: "muted small" }, "target_from_source, which moves the source onto the target"),
       matrix,
-      h(
-        "dl",
-        { class: "pose-lines" },
-        line(`Translation x y z (${unit})`, list(t, 6), "translation", t.join(" ")),
-        line("Quaternion qw qx qy qz", list(q, 9), "quaternion", q.join(" ")),
-        line("Roll pitch yaw (°)", list(angles, 4), "angles", null),
-        ...(pose.scale === 1
-          ? []
-          : [line("Scale of the source", formatNumber(pose.scale, 7), "scale", String(pose.scale))]),
-      ),
+      lines,
     );
   }
 
   #uncertainty(): HTMLElement {
     const { deviations, open } = this.#alignment;
     const { lengthUnit } = this.#section;
-    const part = h("section", { class: "answer-part answer-uncertainty" }, h("h3", null, "Standard deviations"));
+    const title = this.#candidate >= 0 ? "Standard deviations of the estimate" : "Standard deviations";
+    const part = h("section", { class: "answer-part answer-uncertainty", "aria-label": title }, h("h3", null, title));
     if (deviations) {
       const group = (title: string, values: readonly number[], text: (value: number) => string, role: string) => {
         const largest = Math.max(...values);
@@ -334,7 +332,7 @@ class AnswerFigure {
         value: i,
         checked: i === chosen,
         "data-candidate": i,
-        "aria-label": `Candidate ${i + 1}, ${formatPercent(candidate.probability)}`,
+        "aria-label": `Candidate ${i + 1}, ${formatProbability(candidate.probability)}`,
       });
       radio.addEventListener("change", () => this.#choose(i));
       const away = this.#alignment.estimate
@@ -346,17 +344,14 @@ class AnswerFigure {
         h("th", { scope: "row" }, h("label", null, radio, String(i + 1))),
         cell(
           "Probability",
-          h("span", { class: "with-bar" }, bar(candidate.probability), formatPercent(candidate.probability)),
+          h("span", { class: "with-bar" }, bar(candidate.probability), formatProbability(candidate.probability)),
         ),
-        cell(
-          "Matched",
-          `${formatCount(candidate.matches)} · ${formatPercent(Math.round(1e3 * candidate.share) / 1e3)}`,
-        ),
+        cell("Matched", `${formatCount(candidate.matches)} · ${formatShare(candidate.share)}`),
         ...(hasSight
           ? [
               cell(
                 "Sight lines contradicted",
-                candidate.contradicted === null ? "–" : formatPercent(candidate.contradicted),
+                candidate.contradicted === null ? "–" : formatShare(candidate.contradicted),
               ),
             ]
           : []),
@@ -416,7 +411,7 @@ class AnswerFigure {
             h("tbody", null, ...rows),
           ),
           likeliest > 0 || none > 0
-            ? h("p", { class: "muted small" }, `None of them is right: ${formatPercent(Math.max(0, none))}`)
+            ? h("p", { class: "muted small" }, `None of them is right: ${formatProbability(Math.max(0, none))}`)
             : null,
           candidates.length > count
             ? button(`Show all ${candidates.length}`, () => {

@@ -2,7 +2,7 @@
 // How the candidates of an alignment fall behind from measure to measure until one is left, or none.
 import type { AlignmentAnswer, AnswerCandidate } from "./document/report";
 import { s } from "./dom";
-import { formatNumber, formatPercent } from "./math/format";
+import { formatNumber, formatProbability, formatShare } from "./math/format";
 
 const kWidth = 340;
 const kHeight = 190;
@@ -20,13 +20,17 @@ interface Measure {
 }
 
 const kMeasures: Measure[] = [
-  { name: ["Matched"], value: ({ share }) => share, text: (value) => formatPercent(Math.round(1e3 * value) / 1e3) },
+  { name: ["Matched"], value: ({ share }) => share, text: (value) => formatShare(value) },
   {
     name: ["Evidence"],
     value: ({ evidence }) => evidence.reduce((sum, one) => sum + Math.max(0, one.value), 0),
     text: (value) => formatNumber(value, 3),
   },
-  { name: ["Probability"], value: ({ probability }) => probability, text: (value) => formatPercent(value) },
+  {
+    name: ["Probability"],
+    value: ({ probability }) => probability,
+    text: (value) => (value === 1 ? "100 %" : formatProbability(value)),
+  },
 ];
 
 /** A line a candidate over the measures in the order in which they judge it; each axis starts at zero. */

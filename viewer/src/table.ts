@@ -3,7 +3,7 @@ import { announce, button, copyButton, download, h } from "./dom";
 import type { Cell, Table } from "./document/report";
 import { csvBlob } from "./export";
 import { formatFixed, formatNumber } from "./math/format";
-import { onBeforePrint } from "./theme";
+import { isPrinting, kPaperWidth, onPaper } from "./paper";
 
 const kFirstRows = 200;
 const kFilterFrom = 25;
@@ -11,8 +11,6 @@ const kFilterFrom = 25;
 const kWideRow = 5;
 /** Longer words may be broken: paths, hashes. */
 const kLongWord = 28;
-/** Of a card on A4 with a browser's margins, in CSS pixels. */
-const kPaperWidth = 680;
 /** By which a table is smaller on paper: its font, and less between its columns. */
 const kPaperScale = 0.8;
 
@@ -60,7 +58,7 @@ function cellText(cell: Cell, digits: number | null): string {
 /** A command with a button that copies it. */
 function copyCell(command: string): HTMLElement {
   const code = h("code", null, command);
-  return h("div", { class: "copy-cell" }, code, copyButton(code, `Copy ${command}`));
+  return h("div", { class: "copy-cell" }, code, copyButton(code, { label: `Copy ${command}` }));
 }
 
 export function csvRows(table: Table): Cell[][] {
@@ -109,22 +107,17 @@ function rowFigure(table: Table, title: string, fileName: string): HTMLElement {
  * A table that is wider than its place becomes a list of rows, each cell with its column's name: nothing is cut off, and
  * nothing has to be scrolled sideways.
  */
-function stackWhereNarrow(figure: HTMLElement, scroll: HTMLElement): void {
-  let printing = false;
+function stackWhereNarrow(figure: HTMLElement, scroll: HTMLElement, table: HTMLElement): void {
   const fit = () => {
     figure.classList.remove("is-stacked");
-    const room = printing ? kPaperWidth / kPaperScale : scroll.clientWidth;
-    figure.classList.toggle("is-stacked", room > 0 && (scroll.firstElementChild?.scrollWidth ?? 0) > room + 1);
+    table.style.width = "0"; // no table gets narrower than its longest words
+    const needed = table.offsetWidth;
+    table.style.width = "";
+    const room = isPrinting() ? kPaperWidth / kPaperScale : scroll.clientWidth;
+    figure.classList.toggle("is-stacked", room > 0 && needed > room);
   };
   new ResizeObserver(fit).observe(figure);
-  onBeforePrint(() => {
-    printing = true;
-    fit();
-  });
-  window.addEventListener("afterprint", () => {
-    printing = false;
-    fit();
-  });
+  onPaper(fit, fit);
 }
 
 /** A table whose headers sort it, with a filter once it is long. */
@@ -224,17 +217,14 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
     ...labels.map((label, index) => h("option", { value: index }, label)),
   );
   sorts.addEventListener("change", () => sorts.value !== "" && sortBy(Number(sorts.value)));
-  const scroll = h(
-    "div",
-    { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title },
-    h(
-      "table",
-      null,
-      h("caption", { class: "visually-hidden" }, title),
-      h("thead", null, h("tr", null, ...headers)),
-      body,
-    ),
+  const whole = h(
+    "table",
+    null,
+    h("caption", { class: "visually-hidden" }, title),
+    h("thead", null, h("tr", null, ...headers)),
+    body,
   );
+  const scroll = h("div", { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title }, whole);
   const figure = h(
     "figure",
     { class: "card table-figure" },
@@ -249,6 +239,6 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
       csvButton(table, title, fileName),
     ),
   );
-  stackWhereNarrow(figure, scroll);
+  stackWhereNarrow(figure, scroll, whole);
   return figure;
 }

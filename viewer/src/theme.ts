@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { h } from "./dom";
+import { isPrinting, onPaper } from "./paper";
 
 export type ThemeName = "light" | "dark";
 type Choice = "auto" | ThemeName;
@@ -67,13 +68,11 @@ const kDark: Palette = {
 const kStorageKey = "cairn-theme";
 const listeners = new Set<(palette: Palette) => void>();
 const systemDark = window.matchMedia("(prefers-color-scheme: dark)");
-const printListeners = new Set<() => void>();
 let choice: Choice = "auto";
-/** Paper is white, whatever the reader's theme is. */
-let printing = false;
 
 export function palette(): Palette {
-  const dark = !printing && (choice === "dark" || (choice === "auto" && systemDark.matches));
+  // Paper is white, whatever the reader's theme is.
+  const dark = !isPrinting() && (choice === "dark" || (choice === "auto" && systemDark.matches));
   return dark ? kDark : kLight;
 }
 
@@ -84,16 +83,6 @@ export function exportPalette(): Palette {
 
 export function onThemeChange(listener: (palette: Palette) => void): void {
   listeners.add(listener);
-}
-
-/** While this holds, what listeners of onBeforePrint() have drawn must stay. */
-export function isPrinting(): boolean {
-  return printing;
-}
-
-/** `listener` is called when the page is about to be printed, after the theme has become light. */
-export function onBeforePrint(listener: () => void): void {
-  printListeners.add(listener);
 }
 
 function applyTheme(): void {
@@ -124,15 +113,7 @@ export function startTheme(): void {
   choice = remembered();
   applyTheme();
   systemDark.addEventListener("change", applyTheme);
-  window.addEventListener("beforeprint", () => {
-    printing = true;
-    applyTheme();
-    printListeners.forEach((listener) => listener());
-  });
-  window.addEventListener("afterprint", () => {
-    printing = false;
-    applyTheme();
-  });
+  onPaper(applyTheme, applyTheme);
 }
 
 /** The control: follow the system, light or dark. */

@@ -3,7 +3,8 @@ import { announce, button, download, h } from "../dom";
 import { messageOf } from "../document/errors";
 import type { Chart, ChartSection, LinesChart } from "../document/report";
 import { csvBlob, svgText, svgToPng } from "../export";
-import { exportPalette, isPrinting, onBeforePrint, onThemeChange, palette } from "../theme";
+import { isPrinting, kPaperWidth, onPaper } from "../paper";
+import { exportPalette, onThemeChange, palette } from "../theme";
 import { chartRows } from "./chart_data";
 import { drawHeatmap } from "./heatmap";
 import { drawIntervals } from "./intervals";
@@ -14,8 +15,6 @@ import { describeViolin, drawViolin } from "./violin";
 
 const kExportWidth = 960;
 const kMinWidth = 280;
-/** Of a card on A4 with a browser's margins, in CSS pixels. */
-const kPaperWidth = 680;
 
 export function drawChart(chart: Chart, options: DrawOptions): SVGSVGElement {
   switch (chart.chart) {
@@ -176,7 +175,9 @@ export function chartFigure(section: ChartSection): HTMLElement {
     }
   }).observe(stage);
   onThemeChange(() => (visible ? draw() : (drawnWidth = 0)));
-  onBeforePrint(() => draw(kPaperWidth));
-  window.addEventListener("afterprint", () => (visible ? draw() : (drawnWidth = 0)));
+  onPaper(
+    () => draw(kPaperWidth),
+    () => (visible ? draw() : (drawnWidth = 0)),
+  );
   return figure;
 }

@@ -67,22 +67,24 @@ function groupDigits(text: string, negative: boolean): string {
   return `${negative ? kMinus : ""}${grouped}${fraction ? `.${fraction}` : ""}`;
 }
 
-/** A probability or share in per cent. A probability below 1 never reads 100 %. */
-export function formatPercent(share: number | null): string {
-  if (share === null || !Number.isFinite(share)) {
-    return "–";
-  }
-  const percent = 100 * share;
+/** A probability in per cent. Below 1 it never reads 100 %. */
+export function formatProbability(probability: number): string {
+  const percent = 100 * probability;
   if (percent > 0 && percent < 0.005) {
     return "<0.01 %";
   }
   for (let digits = 2; digits <= 6; ++digits) {
     const text = percent.toFixed(digits);
-    if (share >= 1 || !text.startsWith("100")) {
-      return `${trimZeros(text)} %`;
+    if (probability >= 1 || !text.startsWith("100")) {
+      return `${text} %`;
     }
   }
   return ">99.9999 %";
+}
+
+/** A share in per cent. */
+export function formatShare(share: number): string {
+  return `${trimZeros((100 * share).toFixed(1))} %`;
 }
 
 /** A length for people, in the unit that keeps it short. */

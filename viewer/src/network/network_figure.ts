@@ -20,7 +20,8 @@ import {
 import { listenForKeys } from "../scene/keyboard";
 import type { OrbitState, StandardView } from "../scene/orbit";
 import { RenderService } from "../scene/render_service";
-import { isPrinting, onBeforePrint, onThemeChange, palette } from "../theme";
+import { isPrinting, onPaper } from "../paper";
+import { onThemeChange, palette } from "../theme";
 import { GraphView, linkLabel } from "./graph_view";
 import { MatrixView } from "./matrix_view";
 import { counts, NetworkModel, type Selection } from "./network_model";
@@ -469,7 +470,7 @@ class NetworkFigure {
     });
     this.#service.onRestored(() => this.#redraw());
     new ResizeObserver(() => this.#layOut()).observe(stage.surface);
-    onBeforePrint(() => this.#drawNow());
+    onPaper(() => this.#drawNow());
     let plansWidth = 0;
     new ResizeObserver(() => {
       if (!isPrinting() && this.#graph.element.clientWidth !== plansWidth) {

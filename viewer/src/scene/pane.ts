@@ -41,6 +41,8 @@ export class Pane {
   readonly #model: SceneModel;
   readonly #numbers = h("dl", { class: "pane-numbers" });
   readonly #iteration = h("span", { class: "pane-iteration", "data-number": "iteration", title: "Iteration" });
+  /** The verdict on the alignment's own pose. */
+  readonly #badge: HTMLElement | null;
   readonly #paper = h("img", { class: "pane-paper", alt: "", decoding: "sync" });
   readonly #hint = h("div", { class: "pane-hint", hidden: true, "aria-hidden": "true" });
   readonly #mark: SVGPathElement | null = null;
@@ -108,6 +110,7 @@ export class Pane {
     }
     heading.append(h("span", { title: name }, name));
     const status = statusOf(run);
+    this.#badge = status && h("span", { class: "badge", "data-status": status.kind }, status.text);
     this.maximise = button("", () => onMaximise(this), {
       class: "quiet enlarge",
       "aria-pressed": "false",
@@ -138,14 +141,7 @@ export class Pane {
     this.element = h(
       "div",
       { class: "pane", role: "group", "aria-label": run ? `Strategy ${name}` : name },
-      h(
-        "div",
-        { class: "pane-head" },
-        heading,
-        this.#iteration,
-        status && h("span", { class: "badge", "data-status": status.kind }, status.text),
-        this.maximise,
-      ),
+      h("div", { class: "pane-head" }, heading, this.#iteration, this.#badge, this.maximise),
       this.surface,
       this.#numbers,
     );
@@ -268,6 +264,7 @@ export class Pane {
     const { run } = this;
     const entries: [string, string, string][] = [];
     const shown = this.shownPose;
+    this.#badge?.toggleAttribute("hidden", shown !== null);
     if (shown) {
       this.#iteration.textContent = shown.label;
     } else if (run) {

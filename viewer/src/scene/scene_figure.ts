@@ -4,7 +4,8 @@ import type { Run, SceneSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatNumber, labelOf } from "../math/format";
 import { offeredPoses, onPoseShown, showPose, type ShownPose } from "../shown_pose";
-import { isPrinting, onBeforePrint, onThemeChange, palette } from "../theme";
+import { isPrinting, onPaper } from "../paper";
+import { onThemeChange, palette } from "../theme";
 import type { ColorMode } from "./coloring";
 import {
   kHardwareBudget,
@@ -143,7 +144,7 @@ class SceneFigure {
       this.#redraw();
     });
     onPoseShown(section.id, (shown) => this.#showPose(shown));
-    onBeforePrint(() => this.#drawNow());
+    onPaper(() => this.#drawNow());
     new ResizeObserver(() => this.#layOut()).observe(this.#stage);
     new IntersectionObserver(
       (entries) => {

@@ -178,6 +178,7 @@ export class Timeline {
     const width = this.#slider.clientWidth;
     this.#points = [];
     this.#curve.setAttribute("width", String(width));
+    this.#curve.setAttribute("viewBox", `0 0 ${width} ${kCurveHeight}`);
     const metric = this.#metric;
     if (!metric || width === 0) {
       return;
