@@ -83,7 +83,8 @@ class AnswerFigure {
 
   constructor(section: AnswerSection) {
     this.#section = section;
-    this.#alignment = section.alignments[0];
+    // Of several, first the one whose pose was checked.
+    this.#alignment = section.alignments.find(({ judged }) => judged) ?? section.alignments[0];
     if (section.scene) {
       for (const alignment of section.alignments) {
         offerPoses(

@@ -2,7 +2,7 @@
 import { announce, button, copyButton, download, h } from "./dom";
 import type { Cell, Table } from "./document/report";
 import { csvBlob } from "./export";
-import { formatFixed, formatNumber } from "./math/format";
+import { formatFixed, formatNumber, superscript } from "./math/format";
 import { isPrinting, kPaperWidth, onPaper } from "./paper";
 
 const kFirstRows = 200;
@@ -65,6 +65,11 @@ export function csvRows(table: Table): Cell[][] {
   return [table.columns.map(({ name, unit }) => (unit ? `${name} [${unit}]` : name)), ...table.rows];
 }
 
+/** "10^-3 m^2" as people write it. */
+export function unitText(unit: string): string {
+  return unit.replace(/\^(-?\d+)/g, (_, exponent: string) => superscript(Number(exponent)));
+}
+
 function hasLongWord(text: string): boolean {
   return text.split(/\s+/).some((word) => word.length > kLongWord);
 }
@@ -95,7 +100,12 @@ function rowFigure(table: Table, title: string, fileName: string): HTMLElement {
           "div",
           null,
           h("dt", null, name),
-          h("dd", { class: hasLongWord(text) ? "long" : null }, text, unit && h("span", { class: "unit" }, ` ${unit}`)),
+          h(
+            "dd",
+            { class: hasLongWord(text) ? "long" : null },
+            text,
+            unit && h("span", { class: "unit" }, ` ${unitText(unit)}`),
+          ),
         );
       }),
     ),
@@ -131,14 +141,14 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
   let limit = kFirstRows;
   let wanted = "";
 
-  const labels = table.columns.map(({ name, unit }) => (unit ? `${name} (${unit})` : name));
+  const labels = table.columns.map(({ name, unit }) => (unit ? `${name} (${unitText(unit)})` : name));
   const body = h("tbody");
   const more = h("div", { class: "more-rows" });
   const count = h("span", { class: "muted", role: "status" });
   const headers = table.columns.map((column, index) => {
     const sortButton = button(column.name, () => sortBy(index), { class: "sort" });
     sortButton.append(
-      ...(column.unit ? [h("span", { class: "unit" }, ` ${column.unit}`)] : []),
+      ...(column.unit ? [h("span", { class: "unit" }, ` ${unitText(column.unit)}`)] : []),
       h("span", { class: "sort-mark", "aria-hidden": "true" }),
     );
     return h(

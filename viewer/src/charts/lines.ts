@@ -86,11 +86,10 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
     })),
   );
   const inX = points.filter((point) => drawable(point.x, chart.xScale));
-  const xDomain = extent(
-    inX.map((point) => point.x),
-    chart.xScale,
-    false,
-  );
+  const xs = inX.map((point) => point.x);
+  const [first, last] = [Math.min(...xs), Math.max(...xs)];
+  // Curves end where their axis does.
+  const xDomain: [number, number] = first < last ? [first, last] : extent(xs, chart.xScale, false);
   const shown = [...inX.flatMap((point) => [point.y, point.low, point.high]), chart.threshold?.value ?? NaN];
   const fromZero = options.yFrom === "zero" && chart.yScale === "linear";
   const yDomain = fromZero ? extentFromZero(shown) : extent(shown, chart.yScale, false);

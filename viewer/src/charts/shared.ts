@@ -76,7 +76,10 @@ export function tickFormat(scale: Scale, domain: [number, number]): (value: numb
 /** The values' extent with zero in it: differences look as large as they are. */
 export function extentFromZero(values: number[]): [number, number] {
   const [low, high] = extent([0, ...values], "linear");
-  return values.some((value) => value < 0) ? [low, high] : [0, Math.max(high, 0) || 1];
+  if (values.some((value) => value < 0)) {
+    return [low, high];
+  }
+  return [0, values.some((value) => value > 0) ? high : 1];
 }
 
 /** The values' extent with some air; on a log scale only what is positive counts. */

@@ -384,7 +384,7 @@ class SceneFigure {
     const height =
       width < kStacksBelow && !this.#solo
         ? Math.max(240, Math.min(420, width * 0.8))
-        : Math.max(200, tall / rows - (frame || 96));
+        : Math.max(180, tall / rows - (frame || 96));
     this.#stage.style.setProperty("--columns", String(columns));
     this.#stage.style.setProperty("--pane-height", `${Math.round(height)}px`);
     for (const pane of this.#panes) {
