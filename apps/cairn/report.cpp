@@ -268,7 +268,7 @@ void Assembly::add_experiment(const std::string& folder) {
   } else if (kind == "sweep") {
     const Study study = parse_study(text_of("study.yaml"), path_of("study.yaml"));
     const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common_.executor()});
-    add_study(report_, study.name, study_answers(study, analysis),
+    add_study(report_, study.name, study_findings(study, analysis), study_answers(study, analysis),
               report::study_sections(study, analysis, runs), prefix());
   } else {
     throw Error(ErrorKind::kInput, path, "its experiment is neither 'paper' nor 'sweep'",

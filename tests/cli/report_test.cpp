@@ -100,7 +100,7 @@ TEST_F(WrittenReportTest, AlignShowsEachIterationOfEachStrategy) {
   EXPECT_EQ(document.at("title"), "source.map to target.map");
   EXPECT_THAT(document.at("subtitle").get<std::string>(),
               StartsWith("The lowest score is that of"));
-  EXPECT_THAT(section_ids(report), ElementsAre("scene", "strategies", "convergence",
+  EXPECT_THAT(section_ids(report), ElementsAre("answer", "scene", "strategies", "convergence",
                                                "translation-error", "rotation-error"));
 
   const Json& provenance = document.at("provenance");
@@ -195,7 +195,7 @@ TEST_F(WrittenReportTest, MapsThatAreGoneOrChangedAreNamedAndLeftOut) {
                                    HasSubstr("target.map is not the file that was aligned")));
   const ReportPage report = page("r.html");
   EXPECT_THAT(report.document.at("maps"), IsEmpty());
-  EXPECT_THAT(section_ids(report), ElementsAre("strategies", "convergence", "remarks"));
+  EXPECT_THAT(section_ids(report), ElementsAre("answer", "strategies", "convergence", "remarks"));
   EXPECT_THAT(section(report, "remarks").at("text").get<std::string>(),
               HasSubstr("source.map is gone"));
   // The errors are known from the result.
@@ -242,8 +242,8 @@ TEST_F(WrittenReportTest, SeveralResultsStandBelowEachOther) {
   const ReportPage report = page("r.html");
   EXPECT_EQ(report.document.at("maps").size(), 5U);
   EXPECT_THAT(section_ids(report),
-              ElementsAre("r1-scene", "r1-strategies", "r1-convergence", "r2-scene",
-                          "r2-strategies", "r2-convergence", "r3-scene"));
+              ElementsAre("r1-answer", "r1-scene", "r1-strategies", "r1-convergence", "r2-answer",
+                          "r2-scene", "r2-strategies", "r2-convergence", "r3-scene"));
 }
 
 TEST_F(WrittenReportTest, DemoTellsItsStory) {

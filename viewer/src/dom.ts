@@ -72,22 +72,30 @@ export function announce(text: string): void {
   }
 }
 
-/** A button that copies the text of `shown`, or selects it where the browser refuses. */
-export function copyButton(shown: HTMLElement, label = "Copy"): HTMLButtonElement {
+interface CopyOptions {
+  caption?: string;
+  /** For screen readers; the caption if it is not given. */
+  label?: string;
+  text?: () => string;
+}
+
+/** A button that copies the text of `shown`, or `text` in its stead; where the browser refuses, it selects `shown`. */
+export function copyButton(shown: HTMLElement, options: CopyOptions = {}): HTMLButtonElement {
+  const caption = options.caption ?? "Copy";
   const copy = button(
-    "Copy",
+    caption,
     async () => {
       try {
-        await navigator.clipboard.writeText(shown.textContent ?? "");
-        announce("Command copied.");
+        await navigator.clipboard.writeText(options.text?.() ?? shown.textContent ?? "");
+        announce("Copied.");
         copy.textContent = "Copied";
-        setTimeout(() => (copy.textContent = "Copy"), 2000);
+        setTimeout(() => (copy.textContent = caption), 2000);
       } catch {
         getSelection()?.selectAllChildren(shown);
-        announce("Command selected.");
+        announce("Selected, to be copied.");
       }
     },
-    { "aria-label": label },
+    { "aria-label": options.label ?? caption, class: "copy" },
   );
   return copy;
 }

@@ -4,6 +4,7 @@ import { readEmbedded } from "./document/embedded";
 import { parseReport } from "./document/parse";
 import { h } from "./dom";
 import { buildPage } from "./page";
+import { startPaper } from "./paper";
 import { startTheme } from "./theme";
 
 async function start(): Promise<void> {
@@ -11,6 +12,7 @@ async function start(): Promise<void> {
   if (!page) {
     return;
   }
+  startPaper();
   startTheme();
   try {
     const [json, buffers] = await Promise.all([

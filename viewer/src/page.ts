@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+import { answerFigure } from "./answer";
 import { chartFigure } from "./charts/chart_figure";
 import { h, paragraphs, s } from "./dom";
 import type { Report, Section } from "./document/report";
@@ -36,6 +37,8 @@ function contents(report: Report): HTMLElement {
 
 function sectionContent(section: Section, settled: () => void): HTMLElement[] {
   switch (section.kind) {
+    case "answer":
+      return [answerFigure(section)];
     case "scene":
       return [sceneFigure(section, settled)];
     case "chart":
@@ -68,6 +71,11 @@ function sectionElement(section: Section, settled: () => void): HTMLElement {
     ...(section.text ? paragraphs(section.text, "section-text") : []),
     ...sectionContent(section, settled),
   );
+}
+
+/** Whether the first section says what the subtitle does. */
+function answersItself({ sections: [first] }: Report): boolean {
+  return first?.kind === "answer" && first.alignments.length === 1 && first.alignments[0].judged;
 }
 
 /** Marks the section in view in the contents. */
@@ -105,7 +113,7 @@ export async function buildPage(page: HTMLElement, report: Report): Promise<void
       "header",
       { class: "lead" },
       h("h1", null, report.title),
-      report.subtitle && h("p", { class: "subtitle" }, report.subtitle),
+      report.subtitle && !answersItself(report) && h("p", { class: "subtitle" }, report.subtitle),
     ),
     ...report.sections.map((section) => sectionElement(section, section === firstScene ? settle : () => {})),
     provenanceSection(report.provenance, report.cairnVersion),

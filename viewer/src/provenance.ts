@@ -19,6 +19,9 @@ function valueTree(value: unknown, depth = 0): Node {
   if (Array.isArray(value) && value.every((item) => typeof item !== "object" || item === null)) {
     return document.createTextNode(value.length ? value.map((item) => String(item)).join(", ") : "–");
   }
+  if (isMatrix(value)) {
+    return h("div", null, ...value.map((row) => h("div", null, row.map((item) => String(item)).join(", "))));
+  }
   const entries = Object.entries(value);
   return entries.length === 0
     ? h("span", { class: "muted" }, "none")
@@ -29,6 +32,11 @@ function valueTree(value: unknown, depth = 0): Node {
           h("div", null, h("dt", null, name), h("dd", null, valueTree(item, depth + 1))),
         ),
       );
+}
+
+function isMatrix(value: unknown): value is unknown[][] {
+  const isRow = (row: unknown) => Array.isArray(row) && row.every((item) => typeof item !== "object" || item === null);
+  return Array.isArray(value) && value.every(isRow);
 }
 
 /** Options are shown as they were given: no grouping, no rounding. */
@@ -61,7 +69,9 @@ export function provenanceSection(provenance: Provenance | null, version: string
   if (provenance.command) {
     const text = shellCommand(provenance.command);
     const code = h("code", null, text);
-    card.append(h("div", { class: "command" }, h("pre", { tabindex: 0 }, code), copyButton(code)));
+    card.append(
+      h("div", { class: "command" }, h("pre", { tabindex: 0 }, code), copyButton(code, { label: "Copy the command" })),
+    );
   }
   card.append(facts);
   if (provenance.inputs.length > 0) {
@@ -85,10 +95,10 @@ export function provenanceSection(provenance: Provenance | null, version: string
               h(
                 "tr",
                 null,
-                h("td", null, input.role ?? "–"),
-                h("td", { class: "path" }, input.path ?? "–"),
-                h("td", { class: "hash" }, h("code", null, input.hash ?? "–")),
-                h("td", null, valueTree(input.details)),
+                h("td", { "data-label": "Role" }, input.role ?? "–"),
+                h("td", { class: "path", "data-label": "File" }, input.path ?? "–"),
+                h("td", { class: "hash", "data-label": "Hash" }, h("code", null, input.hash ?? "–")),
+                h("td", { "data-label": "Details" }, valueTree(input.details)),
               ),
             ),
           ),

@@ -2,10 +2,17 @@
 import { announce, button, copyButton, download, h } from "./dom";
 import type { Cell, Table } from "./document/report";
 import { csvBlob } from "./export";
-import { formatFixed, formatNumber } from "./math/format";
+import { formatFixed, formatNumber, superscript } from "./math/format";
+import { isPrinting, kPaperWidth, onPaper } from "./paper";
 
 const kFirstRows = 200;
 const kFilterFrom = 25;
+/** A single row of more columns than these reads better as a list of names and values. */
+const kWideRow = 5;
+/** Longer words may be broken: paths, hashes. */
+const kLongWord = 28;
+/** By which a table is smaller on paper: its font, and less between its columns. */
+const kPaperScale = 0.8;
 
 type Direction = "ascending" | "descending";
 
@@ -51,28 +58,97 @@ function cellText(cell: Cell, digits: number | null): string {
 /** A command with a button that copies it. */
 function copyCell(command: string): HTMLElement {
   const code = h("code", null, command);
-  return h("div", { class: "copy-cell" }, code, copyButton(code, `Copy ${command}`));
+  return h("div", { class: "copy-cell" }, code, copyButton(code, { label: `Copy ${command}` }));
 }
 
 export function csvRows(table: Table): Cell[][] {
   return [table.columns.map(({ name, unit }) => (unit ? `${name} [${unit}]` : name)), ...table.rows];
 }
 
+/** "10^-3 m^2" as people write it. */
+export function unitText(unit: string): string {
+  return unit.replace(/\^(-?\d+)/g, (_, exponent: string) => superscript(Number(exponent)));
+}
+
+function hasLongWord(text: string): boolean {
+  return text.split(/\s+/).some((word) => word.length > kLongWord);
+}
+
+function csvButton(table: Table, title: string, fileName: string): HTMLElement {
+  return h(
+    "div",
+    { class: "exports", role: "group", "aria-label": `Export “${title}”` },
+    button("CSV", () => {
+      download(`${fileName}.csv`, csvBlob(csvRows(table)));
+      announce(`${fileName}.csv saved.`);
+    }),
+  );
+}
+
+/** One row as names and values. */
+function rowFigure(table: Table, title: string, fileName: string): HTMLElement {
+  const [row] = table.rows;
+  return h(
+    "figure",
+    { class: "card table-figure" },
+    h(
+      "dl",
+      { class: "row-facts", "aria-label": title },
+      ...table.columns.map(({ name, unit, digits }, column) => {
+        const text = cellText(row[column], digits);
+        return h(
+          "div",
+          null,
+          h("dt", null, name),
+          h(
+            "dd",
+            { class: hasLongWord(text) ? "long" : null },
+            text,
+            unit && h("span", { class: "unit" }, ` ${unitText(unit)}`),
+          ),
+        );
+      }),
+    ),
+    h("div", { class: "figure-foot" }, csvButton(table, title, fileName)),
+  );
+}
+
+/**
+ * A table that is wider than its place becomes a list of rows, each cell with its column's name: nothing is cut off, and
+ * nothing has to be scrolled sideways.
+ */
+function stackWhereNarrow(figure: HTMLElement, scroll: HTMLElement, table: HTMLElement): void {
+  const fit = () => {
+    figure.classList.remove("is-stacked");
+    table.style.width = "0"; // no table gets narrower than its longest words
+    const needed = table.offsetWidth;
+    table.style.width = "";
+    const room = isPrinting() ? kPaperWidth / kPaperScale : scroll.clientWidth;
+    figure.classList.toggle("is-stacked", room > 0 && needed > room);
+  };
+  new ResizeObserver(fit).observe(figure);
+  onPaper(fit, fit);
+}
+
 /** A table whose headers sort it, with a filter once it is long. */
 export function tableFigure(table: Table, title: string, fileName: string): HTMLElement {
+  if (table.rows.length === 1 && table.columns.length > kWideRow) {
+    return rowFigure(table, title, fileName);
+  }
   const best = bestValues(table);
   let order = table.rows.map((_, index) => index);
   let sorted: { column: number; direction: Direction } | null = null;
   let limit = kFirstRows;
   let wanted = "";
 
+  const labels = table.columns.map(({ name, unit }) => (unit ? `${name} (${unitText(unit)})` : name));
   const body = h("tbody");
   const more = h("div", { class: "more-rows" });
   const count = h("span", { class: "muted", role: "status" });
   const headers = table.columns.map((column, index) => {
     const sortButton = button(column.name, () => sortBy(index), { class: "sort" });
     sortButton.append(
-      ...(column.unit ? [h("span", { class: "unit" }, ` ${column.unit}`)] : []),
+      ...(column.unit ? [h("span", { class: "unit" }, ` ${unitText(column.unit)}`)] : []),
       h("span", { class: "sort-mark", "aria-hidden": "true" }),
     );
     return h(
@@ -106,7 +182,8 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
         const { type, digits } = table.columns[column];
         const text = cellText(cell, digits);
         const isBest = best[column] !== null && cell === best[column];
-        const data = h("td", { class: type === "number" ? "number" : null });
+        const data = h("td", { class: type === "number" ? "number" : null, "data-label": labels[column] });
+        data.classList.toggle("long", hasLongWord(text));
         if (isBest) {
           data.classList.add("best");
           data.append(h("span", { class: "best-mark", title: "best in this column" }, "★"), h("strong", null, text));
@@ -142,34 +219,36 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
     fill();
   });
   fill();
-  return h(
+  // In place of the headers, where rows are lists.
+  const sorts = h(
+    "select",
+    { "aria-label": `Sort “${title}” by` },
+    h("option", { value: "" }, "as they are"),
+    ...labels.map((label, index) => h("option", { value: index }, label)),
+  );
+  sorts.addEventListener("change", () => sorts.value !== "" && sortBy(Number(sorts.value)));
+  const whole = h(
+    "table",
+    null,
+    h("caption", { class: "visually-hidden" }, title),
+    h("thead", null, h("tr", null, ...headers)),
+    body,
+  );
+  const scroll = h("div", { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title }, whole);
+  const figure = h(
     "figure",
     { class: "card table-figure" },
-    h(
-      "div",
-      { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title },
-      h(
-        "table",
-        null,
-        h("caption", { class: "visually-hidden" }, title),
-        h("thead", null, h("tr", null, ...headers)),
-        body,
-      ),
-    ),
+    table.rows.length > 1 && h("label", { class: "check stacked-sort" }, "Sort by", sorts),
+    scroll,
     more,
     h(
       "div",
       { class: "figure-foot" },
       table.rows.length >= kFilterFrom && filter,
       count,
-      h(
-        "div",
-        { class: "exports", role: "group", "aria-label": `Export “${title}”` },
-        button("CSV", () => {
-          download(`${fileName}.csv`, csvBlob(csvRows(table)));
-          announce(`${fileName}.csv saved.`);
-        }),
-      ),
+      csvButton(table, title, fileName),
     ),
   );
+  stackWhereNarrow(figure, scroll, whole);
+  return figure;
 }

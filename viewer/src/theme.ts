@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { h } from "./dom";
+import { isPrinting, onPaper } from "./paper";
 
 export type ThemeName = "light" | "dark";
 type Choice = "auto" | ThemeName;
@@ -70,7 +71,8 @@ const systemDark = window.matchMedia("(prefers-color-scheme: dark)");
 let choice: Choice = "auto";
 
 export function palette(): Palette {
-  const dark = choice === "dark" || (choice === "auto" && systemDark.matches);
+  // Paper is white, whatever the reader's theme is.
+  const dark = !isPrinting() && (choice === "dark" || (choice === "auto" && systemDark.matches));
   return dark ? kDark : kLight;
 }
 
@@ -111,6 +113,7 @@ export function startTheme(): void {
   choice = remembered();
   applyTheme();
   systemDark.addEventListener("change", applyTheme);
+  onPaper(applyTheme, applyTheme);
 }
 
 /** The control: follow the system, light or dark. */

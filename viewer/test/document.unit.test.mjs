@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { gzipSync } from "node:zlib";
-import { BufferWriter, encodeMatches, hostileSample, networkSample, random, smallSample } from "./sample.mjs";
+import { answerSample, BufferWriter, encodeMatches, hostileSample, networkSample, random, smallSample } from "./sample.mjs";
 import { loadModule } from "./support/load_module.mjs";
 
 const { parseReport } = await loadModule("src/document/parse.ts");
@@ -70,6 +70,26 @@ test("the small sample decodes, unknown kinds become notices", () => {
   assert.equal(scene.runs.length, 4);
   assert.equal(scene.source.count, 900);
   assert.equal(scene.runs[0].poses.length, 7 * (scene.runs[0].iterations + 1));
+});
+
+test("an answer reads back, and what is wrong with one is said by name", () => {
+  const { document, buffers } = answerSample();
+  const [answer] = parseReport(JSON.stringify(document), toArrayBuffer(buffers)).sections;
+  assert.equal(answer.kind, "answer");
+  assert.equal(answer.scene, "scene");
+  assert.deepEqual(answer.alignments.map(({ status, judged }) => [status, judged]), [["aligned", true], ["ambiguous", true], ["rejected", true], ["converged", false]]);
+  assert.deepEqual(answer.alignments[1].open[0], { translation: [0, 1, 0], rotation: [0, 0, 0], logScale: 0 });
+  assert.deepEqual(answer.alignments[0].deviations.rotationDeg, [0.05, 0.02, 0.11]);
+  assert.equal(answer.alignments[0].candidates[0].evidence.length, 2);
+  assert.equal(answer.alignments[3].candidates.length, 0);
+  const broken = (change) => {
+    const copy = structuredClone(document);
+    change(copy.sections[0].alignments[0]);
+    return parseReport(JSON.stringify(copy), toArrayBuffer(buffers)).sections[0].message;
+  };
+  assert.match(broken((one) => one.estimate.pose.pop()), /alignments\[0\]\.estimate\.pose: expected 7 entries, found 6/);
+  assert.match(broken((one) => (one.judged = "yes")), /judged: expected true or false/);
+  assert.match(broken((one) => (one.candidates[1].probability = null)), /candidates\[1\]\.probability: expected a number/);
 });
 
 test("a broken section says what is wrong and leaves the others alone", () => {

@@ -12,7 +12,10 @@ const { shellCommand } = await loadModule("src/provenance.ts");
 const { columnScale, levelOf, scaleTicks } = await loadModule("src/scene/coloring.ts");
 const { pickLandmark } = await loadModule("src/scene/picking.ts");
 const { fromAbove, spread } = await loadModule("src/network/graph_layout.ts");
-const { durationText } = await loadModule("src/math/format.ts");
+const { durationText, formatProbability, formatShare } = await loadModule("src/math/format.ts");
+const { differenceOf, poseOf, rollPitchYaw } = await loadModule("src/math/pose.ts");
+const { unitText } = await loadModule("src/table.ts");
+const { extentFromZero } = await loadModule("src/charts/shared.ts");
 
 const near = (actual, expected, tolerance = 1e-12) => assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
 
@@ -157,4 +160,40 @@ test("seen from above, x points right and y away", () => {
 
 test("durations are read at a glance", () => {
   assert.deepEqual([0.25, 59.94, 60, 200, 3600, 90061].map(durationText), ["0.25 s", "59.9 s", "1 min", "3 min 20 s", "1 h", "1 d 1 h"]);
+});
+
+test("a probability below 1 never reads 100 %", () => {
+  assert.equal(formatProbability(0.00102), "0.10 %");
+  assert.equal(formatProbability(0.9983), "99.83 %");
+  assert.equal(formatProbability(0.99996), "99.996 %");
+  assert.equal(formatProbability(1 - 1e-12), ">99.9999 %");
+  assert.equal(formatProbability(1e-9), "<0.01 %");
+  assert.equal(formatProbability(0), "0.00 %");
+  assert.equal(formatShare(0.5), "50 %");
+  assert.equal(formatShare(0.3364), "33.6 %");
+});
+
+test("angles are those of Rz(yaw) Ry(pitch) Rx(roll), and poses differ by an angle and a length", () => {
+  const quarter = Math.SQRT1_2;
+  const turned = poseOf([1, 2, 2], [quarter, 0, 0, quarter], 2);
+  const [roll, pitch, yaw] = rollPitchYaw(turned);
+  near(roll, 0, 1e-9);
+  near(pitch, 0, 1e-9);
+  near(yaw, 90, 1e-9);
+  const difference = differenceOf(turned, poseOf([0, 0, 0], [1, 0, 0, 0]));
+  near(difference.rotationDeg, 90, 1e-9);
+  near(difference.translation, 3);
+});
+
+test("units of plain text read as people write them", () => {
+  assert.equal(unitText("10^-3 m^2"), "10⁻³ m²");
+  assert.equal(unitText("%"), "%");
+});
+
+test("an axis from zero holds zero and all values", () => {
+  const [low, high] = extentFromZero([0.0186, 0.01862, NaN]);
+  assert.equal(low, 0);
+  assert.ok(high > 0.01862 && high < 0.02);
+  assert.deepEqual(extentFromZero([0, 0]), [0, 1]);
+  assert.ok(extentFromZero([-3, -1])[0] < -3 && extentFromZero([-3, -1])[1] >= 0);
 });

@@ -339,6 +339,282 @@ test("on a phone nothing is wider than the screen", async () => {
   });
 });
 
+/** What is cut off: cells and labels whose content is wider than they are, and boxes that scroll sideways. */
+const cutOff = (page) =>
+  page.evaluate(() => {
+    const visible = (element) => element.clientWidth > 0 && !element.closest(".visually-hidden, .kind-answer > h2");
+    const name = (element) => `${element.tagName} ${element.className}: ${element.textContent.slice(0, 60)}`;
+    const narrow = [...document.querySelectorAll("th, td, dt, dd, .chip, .choice, .badge, .verdict p, .answer-part")];
+    const boxes = [...document.querySelectorAll(".table-scroll, .chart-stage, .scene, .card")];
+    return [...narrow, ...boxes].filter((element) => visible(element) && element.scrollWidth > element.clientWidth + 1).map(name);
+  });
+
+for (const [name, width] of [["answer", 1400], ["answer", 390], ["small", 1400], ["small", 390], ["network", 1400], ["network", 390]]) {
+  test(`nothing of the ${name} sample is cut off at ${width} pixels`, onSamples, async () => {
+    const phone = width < 500 ? { isMobile: true, hasTouch: true } : {};
+    await withReport(sampleFile(name), { viewport: { width, height: 900 }, ...phone }, async ({ page }) => {
+      await scrollThrough(page);
+      assert.deepEqual(await cutOff(page), []);
+      // Words are not broken where they could stand on a line of their own.
+      const broken = await page.evaluate(() =>
+        [...document.querySelectorAll(".table-figure th, .table-figure td:not(.long)")]
+          .filter((cell) => cell.clientWidth > 0 && !cell.closest(".is-stacked"))
+          .flatMap((cell) => {
+            const range = document.createRange();
+            const walker = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+            const words = [];
+            while (walker.nextNode()) {
+              for (const { index, 0: word } of walker.currentNode.data.matchAll(/[\p{L}\d.]+/gu)) {
+                range.setStart(walker.currentNode, index);
+                range.setEnd(walker.currentNode, index + word.length);
+                if (new Set([...range.getClientRects()].map(({ top }) => Math.round(top))).size > 1) {
+                  words.push(word);
+                }
+              }
+            }
+            return words;
+          }));
+      assert.deepEqual(broken, []);
+    });
+  });
+}
+
+test("the whole figure fits the window, and the slider covers no view", onSamples, async () => {
+  for (const name of ["answer", "network"]) {
+    await withReport(sampleFile(name), { viewport: { width: 1400, height: 900 } }, async ({ page }) => {
+      await page.locator("[data-scene]").first().scrollIntoViewIfNeeded();
+      await settled(page);
+      const places = await page.evaluate(() => {
+        const scene = document.querySelector("[data-scene]");
+        const bar = document.querySelector(".bar").offsetHeight;
+        const parts = [...scene.children].filter((part) => part.matches(".toolbar, .scene-body, .timeline, .legend"));
+        const rect = (element) => element.getBoundingClientRect();
+        return { tall: rect(parts.at(-1)).bottom - rect(parts[0]).top, room: innerHeight - bar,
+          stage: rect(scene.querySelector(".scene-body")).bottom, slider: rect(scene.querySelector(".timeline")).top,
+          position: getComputedStyle(scene.querySelector(".timeline")).position };
+      });
+      assert.equal(places.position, "static");
+      assert.ok(places.slider >= places.stage - 1, `${name}: the slider at ${places.slider}, the views down to ${places.stage}`);
+      if (name === "answer") {
+        assert.ok(places.tall <= places.room + 1, `${places.tall} of ${places.room}`);
+      }
+    });
+  }
+});
+
+test("without a record there is no empty panel beside the views", onSamples, async () => {
+  await withReport(sampleFile("answer"), { viewport: { width: 1400, height: 900 } }, async ({ page }) => {
+    const widths = () => page.evaluate(() => [document.querySelector(".stage").clientWidth, document.querySelector(".scene").clientWidth]);
+    const [stage, scene] = await widths();
+    assert.ok(stage >= scene - 2, `${stage} of ${scene}`);
+    assert.ok(!(await page.locator(".scene-side").first().isVisible()));
+  });
+});
+
+test("what is switched off looks off, not disabled", onSamples, async () => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
+    const chip = page.locator("[data-layer=matches]").first();
+    const looks = () => chip.evaluate((element) => {
+      const style = getComputedStyle(element);
+      return { color: style.color, line: style.textDecorationLine, border: style.borderStyle, tick: getComputedStyle(element, "::before").backgroundImage };
+    });
+    const on = await looks();
+    await chip.click();
+    const off = await looks();
+    assert.equal(off.color, on.color);
+    assert.equal(off.line, "none");
+    assert.equal(off.border, "solid");
+    assert.notEqual(off.tick, on.tick);
+  });
+});
+
+test("the answer comes first: verdict in words, probability, reason, pose, deviations", onSamples, async () => {
+  await withReport(sampleFile("answer"), { viewport: { width: 1400, height: 900 } }, async ({ page }) => {
+    const answer = page.locator(".answer");
+    const verdict = answer.locator(".verdict");
+    assert.match(await verdict.innerText(), /Aligned[^]*99\.996 %[^]*412 of 700 landmarks match/);
+    assert.ok(await verdict.evaluate((element) => element.getBoundingClientRect().bottom < innerHeight));
+    assert.ok(await answer.locator(".answer-pose").evaluate((element) => element.getBoundingClientRect().bottom < innerHeight));
+    assert.equal(await answer.locator(".matrix td").count(), 16);
+    assert.equal(await answer.locator(".deviations .bar-mark").count(), 6);
+    assert.match(await answer.locator("[data-deviation=translation-y]").innerText(), /3\.4 mm/);
+    // Bars start at zero: they are as long as their values.
+    const widths = await answer.locator(".deviations.translation .bar-fill").evaluateAll((bars) => bars.map((bar) => Number(bar.getAttribute("width"))));
+    assert.deepEqual(widths.map((w) => Math.round(100 * w) / 100), [35.29, 100, 23.53]);
+
+    await answer.getByRole("button", { name: "observations" }).click();
+    assert.match(await verdict.innerText(), /Ambiguous/);
+    assert.match(await answer.locator(".answer-uncertainty").innerText(), /2 open directions[^]*moving along y[^]*turning about \(0\.00 0\.71 0\.71\)/);
+    await answer.getByRole("button", { name: "distance" }).click();
+    assert.match(await verdict.innerText(), /Rejected[^]*No pose can be trusted/);
+    assert.match(await answer.locator(".answer-pose h3").textContent(), /not trusted/);
+    await answer.getByRole("button", { name: "icp" }).click();
+    assert.match(await verdict.innerText(), /Not judged/);
+    assert.equal(await answer.locator(".answer-candidates").count(), 0);
+  });
+});
+
+test("the pose is copied with all its digits, and the page reads it as given", onSamples, async () => {
+  await withReport(sampleFile("answer"), { permissions: ["clipboard-read", "clipboard-write"] }, async ({ page }) => {
+    const copied = async (name) => {
+      await page.locator(".answer").getByRole("button", { name }).click();
+      return (await page.evaluate(() => navigator.clipboard.readText())).trim().split(/\s+/).map(Number);
+    };
+    const [tx, ty, tz, w, x, y, z] = await copied("Copy translation and quaternion");
+    const matrix = await copied("Copy matrix");
+    assert.equal(matrix.length, 16);
+    assert.deepEqual([matrix[3], matrix[7], matrix[11]], [tx, ty, tz]);
+    const expected = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)];
+    expected.forEach((value, i) => assert.ok(Math.abs(matrix[i] - value) < 1e-12));
+    assert.deepEqual(matrix.slice(12), [0, 0, 0, 1]);
+  });
+});
+
+test("a candidate is chosen by the keyboard, in the answer or over the view, and both follow", onSamples, async () => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
+    await scrollThrough(page);
+    await page.locator("[data-scene]").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    const own = (await drawing(page)).sum;
+    const title = page.locator(".answer-pose h3");
+    const first = page.locator("[data-candidate='0']");
+    assert.ok(await first.isChecked());
+    await first.focus();
+    await page.keyboard.press("ArrowDown");
+    assert.ok(await page.locator("[data-candidate='1']").isChecked());
+    assert.equal(await page.evaluate(() => document.activeElement.dataset.candidate), "1", "the focus stays");
+    assert.equal(await title.textContent(), "Pose of candidate 2");
+    await settled(page);
+    assert.notEqual((await drawing(page)).sum, own);
+    assert.equal(await page.locator(".pane-iteration").first().textContent(), "Candidate 2");
+    assert.ok(!(await page.locator(".pane .badge").first().isVisible()), "the verdict is not the candidate's");
+    assert.equal(await page.locator(".pane-iteration").nth(1).textContent(), "20 of 20", "other strategies stay");
+
+    await page.getByRole("combobox", { name: "Pose shown" }).selectOption({ label: "robust: Candidate 3" });
+    assert.ok(await page.locator("[data-candidate='2']").isChecked());
+    await moveSlider(page, 20);
+    assert.ok(await first.isChecked(), "the slider goes back to the alignment's own pose");
+    assert.equal((await drawing(page)).sum, own);
+    await page.getByRole("button", { name: "Show all 12" }).click();
+    assert.equal(await page.locator("[data-candidate]").count(), 12);
+    assert.match(await page.locator(".course-svg").getAttribute("aria-label"), /12 candidates: candidate 1, Matched 58\.8 %, Evidence 812, Probability 99\.996 %/);
+  });
+});
+
+test("curves start at zero unless another axis is chosen", onSamples, async () => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
+    await scrollThrough(page);
+    const ticks = () => page.locator("#section-flat .chart-svg g[aria-label='y-axis tick label'] text").allTextContents();
+    assert.ok((await ticks()).includes("0"), (await ticks()).join());
+    const range = page.locator(".curve-range").first();
+    assert.match(await range.textContent(), /^0 – /);
+    await page.getByRole("combobox", { name: "Vertical axis of “Convergence”" }).selectOption("values");
+    assert.ok(!(await ticks()).includes("0"));
+    await page.getByRole("button", { name: "From zero" }).first().click();
+    assert.doesNotMatch(await range.textContent(), /^0 – /);
+  });
+});
+
+test("paper has every chart and view within its width, in light colours, and nothing folded away", onSamples, async () => {
+  for (const colorScheme of ["light", "dark"]) {
+    await withReport(sampleFile("answer"), { colorScheme }, async ({ page }) => {
+      const theme = await page.getAttribute("html", "data-theme");
+      // Neither scrolled to nor drawn before.
+      await page.evaluate(() => dispatchEvent(new Event("beforeprint")));
+      await page.emulateMedia({ media: "print", colorScheme });
+      await page.setViewportSize({ width: 718, height: 1000 });
+      await page.waitForFunction(() => [...document.querySelectorAll(".pane-paper")].every((image) => image.complete && image.naturalWidth > 0));
+      assert.equal(await page.getAttribute("html", "data-theme"), "light");
+      const views = await page.evaluate(() => [...document.querySelectorAll(".pane-paper")].map((image) => {
+        const copy = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d");
+        copy.drawImage(image, 0, 0);
+        const { data } = copy.getImageData(0, 0, image.naturalWidth, image.naturalHeight);
+        let inked = 0;
+        for (let i = 0; i < data.length; i += 4) {
+          inked += data[i] === 255 && data[i + 1] === 255 && data[i + 2] === 255 ? 0 : 1;
+        }
+        return { corner: [...data.slice(0, 3)], share: inked / (data.length / 4) };
+      }));
+      assert.equal(views.length, 4);
+      for (const { corner, share } of views) {
+        assert.deepEqual(corner, [255, 255, 255]);
+        assert.ok(share > 0.005 && share < 0.5, `${share} of the picture`);
+      }
+      assert.ok(await page.locator(".scene-summary").first().evaluate((details) => details.open));
+      assert.equal(await page.locator("[data-candidate]").count(), 12);
+      const right = await page.evaluate(() => innerWidth);
+      const wide = await page.evaluate((edge) => [...document.querySelectorAll(".card, .chart-svg, table, td, .pane-paper, .curve")]
+        .filter((element) => element.getBoundingClientRect().right > edge + 1).map((element) => element.outerHTML.slice(0, 80)), right);
+      assert.deepEqual(wide, []);
+      assert.deepEqual(await cutOff(page), []);
+      for (const gone of [".bar", ".toolbar", ".slider", ".exports", "button.copy"]) {
+        assert.ok(!(await page.locator(gone).first().isVisible()), gone);
+      }
+      await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+      assert.equal(await page.getAttribute("html", "data-theme"), theme);
+    });
+  }
+});
+
+test("colours of text stand out from what is behind them, in light and dark", onSamples, async () => {
+  for (const colorScheme of ["light", "dark"]) {
+    await withReport(sampleFile("answer"), { colorScheme }, async ({ page }) => {
+      const low = await page.evaluate(() => {
+        const numbers = (color) => color.match(/[\d.]+/g).map(Number);
+        const luminance = (color) => numbers(color).slice(0, 3).map((v) => v / 255).map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+          .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+        const behind = (element) => {
+          for (let at = element; at; at = at.parentElement) {
+            const { backgroundColor } = getComputedStyle(at);
+            if ((numbers(backgroundColor)[3] ?? 1) === 1) {
+              return backgroundColor;
+            }
+          }
+          return "rgb(255, 255, 255)";
+        };
+        return [...document.querySelectorAll(".verdict *, .answer-part p, .answer-part td, .answer-part th, .answer-part dt, .choice *, .chip, .legend *, .muted, .badge")]
+          .filter((element) => element.clientWidth > 0 && element.textContent.trim() && !(element instanceof SVGElement))
+          .map((element) => {
+            const [a, b] = [luminance(getComputedStyle(element).color), luminance(behind(element))].sort((x, y) => y - x);
+            return [(a + 0.05) / (b + 0.05), `${element.tagName}.${element.className}`];
+          })
+          .filter(([contrast]) => contrast < 4.5);
+      });
+      assert.deepEqual(low, []);
+    });
+  }
+});
+
+test("every control can be reached and pressed without a mouse", onSamples, async () => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
+    const wanted = await page.evaluate(() => [...document.querySelectorAll("button, select, input:not([type=radio]), a[href], summary")]
+      .filter((element) => element.offsetParent !== null && !element.disabled).length);
+    const seen = await page.evaluate(() => window.reached_ = new Set());
+    assert.ok(seen);
+    let invisible = [];
+    for (let i = 0; i < wanted + 60; ++i) {
+      await page.keyboard.press("Tab");
+      const at = await page.evaluate(() => {
+        const element = document.activeElement;
+        const again = window.reached_.has(element);
+        window.reached_.add(element);
+        const style = getComputedStyle(element);
+        return { again, body: element === document.body, name: element.outerHTML.slice(0, 60), outline: style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 1 };
+      });
+      if (at.body || at.again) {
+        break;
+      }
+      if (!at.outline) {
+        invisible.push(at.name);
+      }
+    }
+    assert.deepEqual(invisible, [], "focus is visible");
+    const missed = await page.evaluate(() => [...document.querySelectorAll("button, select, input:not([type=radio]), a[href], summary")]
+      .filter((element) => element.offsetParent !== null && !element.disabled && !window.reached_.has(element)).map((element) => element.outerHTML.slice(0, 80)));
+    assert.deepEqual(missed, []);
+  });
+});
+
 test("every control has a name and focus is visible", onSamples, async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     const nameless = await page.evaluate(() =>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Sample documents for tests and for looking at the page: node test/sample.mjs NAME OUT.html, where NAME is
-// small, paper, million, network or hostile. Seeded: the same every time.
+// small, answer, paper, million, network or hostile. Seeded: the same every time.
 import { readFileSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -447,6 +447,59 @@ export function smallSample() {
   return { document, buffers: writer.bytes() };
 }
 
+/** What alignments came to, of every verdict, before their scene; a table of one row, and curves that hardly fall. */
+export function answerSample() {
+  const writer = new BufferWriter();
+  const { rng, truth, initial, target, source, centroid } = pair(700, 800, 19);
+  const later = mapOf("later", "later.map", source, writer, rng, { shift: 0.1 });
+  const earlier = mapOf("earlier", "earlier.map", target, writer, rng);
+  const names = ["robust", "observations", "distance", "icp"];
+  const result = icp(source, target, null, 1, initial, 25);
+  const runs = names.map((name) => runOf(name, { ...result, matches: encodeMatches(result.history, writer) }, truth, centroid, writer));
+  const estimate = { pose: numbers(result.poses.at(-1)), scale: 1 };
+  const turned = (angle, shift) => ({ pose: numbers({ q: multiply(rotation([0, 0, 1], angle), truth.q), t: truth.t.map((value, i) => value + shift[i]) }), scale: 1 });
+  const candidate = (pose, probability, share, evidence, contradicted) => ({
+    ...pose, probability, matches: Math.round(700 * share), share, contradicted,
+    evidence: [{ name: "Match distances", value: 0.6 * evidence }, { name: "Descriptors of the matches", value: 0.4 * evidence }],
+  });
+  const others = Array.from({ length: 11 }, (_, i) => candidate(turned(0.5 + 0.45 * i, [0.2 * i, 0.1, 0]), 1e-6 / (i + 1), 0.31 - 0.02 * i, 60 - 5 * i, 0.2 + 0.05 * i));
+  const deviations = { translation: [0.0012, 0.0034, 0.0008], rotation_deg: [0.05, 0.02, 0.11], log_scale: null };
+  const judged = (name, status, probability, reason, more) => ({ name, status, judged: true, probability, reason, radius: 0.05, estimate, deviations, open: [], candidates: [], ...more });
+  const answer = {
+    kind: "answer", id: "answer", title: "Answer", text: null, length_unit: "m", scene: "scene",
+    alignments: [
+      judged("robust", "aligned", 0.99996, "412 of 700 landmarks match, 40 times as likely as at any other pose", { candidates: [candidate(estimate, 0.99996, 0.588, 812, 0.004), ...others] }),
+      judged("observations", "ambiguous", 0.52, "two poses fit nearly as well", {
+        deviations: null, open: [{ translation: [0, 1, 0], rotation: [0, 0, 0], log_scale: 0 }, { translation: [0.1, 0.2, 0], rotation: [0, 0.7, 0.7], log_scale: 0 }],
+        candidates: [candidate(estimate, 0.52, 0.4, 300, null), candidate(turned(3.1, [0.4, 0, 0]), 0.47, 0.39, 290, null)],
+      }),
+      judged("distance", "rejected", 0.0004, "too few landmarks agree", { candidates: [candidate(estimate, 0.0004, 0.08, 3, 0.41)] }),
+      { name: "icp", status: "converged", judged: false, probability: null, reason: "the mean squared distance settled", radius: null, estimate, deviations: null, open: [], candidates: [] },
+    ],
+  };
+  const columns = [["Strategy", null, "text", null], ["k", null, "number", 0], ["Status", null, "text", null], ["Iterations", null, "number", 0], ["Score before", "m²", "number", 6], ["Score after", "m²", "number", 6], ["Rotation error", "deg", "number", 4], ["Translation error", "m", "number", 5], ["Overlap of source", null, "number", 3], ["Overlap of target", null, "number", 3], ["Time", "s", "number", 3]].map(([name, unit, type, digits]) => ({ name, unit, type, digits }));
+  const row = (name) => [name, 5, "ambiguous", 25, 0.034521, 0.018612, 0.0331, 0.00049, 0.871, 0.852, 0.412];
+  const document = {
+    schema: { name: "cairn.report", version: 1 },
+    cairn_version: "0.4.0",
+    title: "later.map to earlier.map",
+    subtitle: "Four methods, four answers.",
+    provenance: kProvenance,
+    maps: [later, earlier],
+    sections: [
+      answer,
+      scene("scene", "Alignment", null, runs, truth),
+      { kind: "table", id: "numbers", title: "Numbers", text: null, columns, rows: [row("robust")], best: null },
+      { kind: "table", id: "strategies", title: "Strategies", text: null, columns, rows: names.map(row), best: [null, null, null, null, null, "low", "low", "low", "high", "high", null] },
+      { kind: "table", id: "files", title: "Files", text: null, columns: [{ name: "File", unit: null, type: "text", digits: null }, { name: "Content hash", unit: null, type: "text", digits: null }, { name: "Observations", unit: null, type: "number", digits: 0 }],
+        rows: [["/srv/robots/2026-11-26/warehouse-north/session-0042/maps/later.map", "xxh3:8f1c0e7a55d2b3904cc1f0e2a7b6d915", 123456], ["earlier.map", "xxh3:17aa90be4f02c1d8730e5b6cd2f8a344", 98765]], best: null },
+      { kind: "chart", id: "flat", title: "Convergence", text: null, chart: "lines", x_label: "Iteration", y_label: "Score (m²)", x_scale: "linear", y_scale: "log", threshold: null,
+        series: [{ name: "robust", x: [0, 1, 2, 3], y: [0.01862, 0.01861, 0.0186, 0.0186], low: null, high: null }] },
+    ],
+  };
+  return { document, buffers: writer.bytes() };
+}
+
 /** 6,000 landmarks, 150 iterations, 4 strategies; a tenth of the matches changes in each iteration. */
 export function paperSample() {
   const writer = new BufferWriter();
@@ -666,7 +719,7 @@ export function hostileSample() {
   return { document, buffers: writer.bytes() };
 }
 
-export const kSamples = { small: smallSample, paper: paperSample, million: millionSample, network: networkSample, hostile: hostileSample };
+export const kSamples = { small: smallSample, answer: answerSample, paper: paperSample, million: millionSample, network: networkSample, hostile: hostileSample };
 
 if (process.argv[1] === fileURLToPath(import.meta.url)) {
   const [name, path] = process.argv.slice(2);

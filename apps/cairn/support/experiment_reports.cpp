@@ -94,6 +94,12 @@ void add_sections(report::Report& report, std::vector<report::Section> sections,
   }
 }
 
+std::string paragraphs_of(const std::vector<std::string>& sentences) {
+  std::string text;
+  for (const std::string& sentence : sentences) text += (text.empty() ? "" : "\n\n") + sentence;
+  return text;
+}
+
 void add_one_configuration(report::Report& report, const ShownPaper& shown,
                            const CommonArguments& common, const std::string& prefix) {
   const auto published = published_experiments();
@@ -116,6 +122,7 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
   pair.truth = shown.pair->truth;
   pair.results = align_by_all(shown.pair->source, shown.pair->target, strategies,
                               by_icp_alone(align, shown.points), shown.pair->truth, common);
+  pair.answer = false;  // that of the experiment is above
   pair.story = fmt::format("One of the 45 configurations: initial {}, k = {}.",
                            describe(one->initial), align.k);
   add_pair(report, pair, prefix);
@@ -130,22 +137,32 @@ void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& 
         fmt::format("The paper's experiments on {} and {}", shown.source_name, shown.target_name);
   }
   if (!report.subtitle) report.subtitle = count_of(*shown.results, shown.tolerance);
+  // First how many runs succeed; one run in 3D is an example of them.
+  auto& sections = shown.sections;
+  const auto successes = std::find_if(sections.begin(), sections.end(),
+                                      [](const auto& one) { return one.id == "table-successes"; });
+  if (successes != sections.end()) {
+    add_sections(report, {*successes}, prefix);
+    sections.erase(successes);
+  }
   if (shown.pair != nullptr) add_one_configuration(report, shown, common, prefix);
-  add_sections(report, std::move(shown.sections), prefix);
+  add_sections(report, std::move(sections), prefix);
 }
 
 void add_study(report::Report& report, const std::string& name,
-               const std::vector<std::string>& answers, std::vector<report::Section> sections,
-               const std::string& prefix) {
+               const std::vector<std::string>& findings, const std::vector<std::string>& answers,
+               std::vector<report::Section> sections, const std::string& prefix) {
   if (report.title.empty()) report.title = "Study " + name;
-  if (!report.subtitle) report.subtitle = answers.front();
-  std::string text;
-  for (const std::string& answer : answers) text += (text.empty() ? "" : "\n\n") + answer;
-  report.sections.push_back({.id = prefix + "answers",
-                             .title = "Answers",
-                             .text = std::move(text),
+  if (!report.subtitle) report.subtitle = findings.front();
+  report.sections.push_back({.id = prefix + "findings",
+                             .title = "Findings",
+                             .text = paragraphs_of(findings),
                              .content = report::Text()});
   add_sections(report, std::move(sections), prefix);
+  report.sections.push_back({.id = prefix + "answers",
+                             .title = "Every comparison",
+                             .text = paragraphs_of(answers),
+                             .content = report::Text()});
 }
 
 void write_figures(const std::string& folder, const std::vector<report::Section>& sections) {

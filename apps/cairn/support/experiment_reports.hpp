@@ -24,18 +24,19 @@ struct ShownPaper {
   std::vector<report::Section> sections = {};  ///< paper_sections()
 };
 
-/// Adds one configuration in 3D, Table 1's displacement with the paper's k, by every strategy; then the
-/// figures and tables. A report without title or subtitle gets them.
+/// Adds how many runs succeed; one configuration in 3D, Table 1's displacement with the paper's k, by every
+/// strategy; then the figures and tables. A report without title or subtitle gets them.
 /// @param prefix of the ids, for several results in one report; may be empty
 void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& common,
                const std::string& prefix = {});
 
-/// Adds a study's answers, figures and tables.
-/// @param answers study_answers(), at least one
+/// Adds a study's findings, figures and tables, and then its answers in full.
+/// @param findings study_findings(), at least one
+/// @param answers study_answers()
 /// @param sections study_sections()
 void add_study(report::Report& report, const std::string& name,
-               const std::vector<std::string>& answers, std::vector<report::Section> sections,
-               const std::string& prefix = {});
+               const std::vector<std::string>& findings, const std::vector<std::string>& answers,
+               std::vector<report::Section> sections, const std::string& prefix = {});
 
 /// Writes each section that is a chart as figures/ID.svg.
 void write_figures(const std::string& folder, const std::vector<report::Section>& sections);

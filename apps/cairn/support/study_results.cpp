@@ -129,7 +129,7 @@ void conclude_study(const Study& study, const std::string& folder, const CommonA
     json.erase("tables");
     report::Report report = begin_report("", common);
     set_provenance(report, json);
-    add_study(report, study.name, answers, std::move(sections));
+    add_study(report, study.name, study_findings(study, analysis), answers, std::move(sections));
     write_report(report, common);
   }
   std::string text = fmt::format("{}: {} runs\n\n", folder, runs.size());

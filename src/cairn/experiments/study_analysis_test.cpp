@@ -167,5 +167,29 @@ TEST(StudyTables, HaveACellForEachColumn) {
   EXPECT_THAT(answers.back(), HasSubstr("0 of 12 pairs"));
 }
 
+TEST(StudyTables, LeadWithWhatDiffersHoweverManyComparisonsThereAre) {
+  const Study study = study_of({"base", "observations", "distance"});
+  const auto same = runs_of(
+      study, [](const Trial& trial) { return yaw(trial) < 40.0; }, honest_score);
+  const auto findings =
+      study_findings(study, analyse_study(study, same, {.bootstrap_resamples = 200}));
+  ASSERT_EQ(findings.size(), 4U);
+  EXPECT_THAT(findings[0], HasSubstr("Success, highest: "));
+  EXPECT_THAT(findings[1],
+              HasSubstr("No difference between strategies is significant (3 comparisons"));
+  EXPECT_THAT(findings[2], HasSubstr("0 of 12 pairs"));
+  EXPECT_THAT(findings[3], HasSubstr("12 pairs of maps"));
+
+  const auto worse = runs_of(
+      study, [](const Trial& trial) { return trial.strategy != "distance" && yaw(trial) < 40.0; },
+      honest_score);
+  const auto different =
+      study_findings(study, analyse_study(study, worse, {.bootstrap_resamples = 200}));
+  EXPECT_THAT(different[0], HasSubstr("lowest: distance 0.0 %"));
+  EXPECT_THAT(different[1], HasSubstr("2 of 3 differences between strategies are significant"));
+  EXPECT_THAT(different[1], HasSubstr("base over distance +"));
+  EXPECT_THAT(different[1], HasSubstr("observations over distance +"));
+}
+
 }  // namespace
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #include "cairn/experiments/study_tables.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
@@ -239,6 +240,93 @@ std::string answer(const Study& study, const StudyAnalysis& analysis,
   return text + ".";
 }
 
+constexpr const char* kNoTruth =
+    "Without a truth only the score can tell success from failure, and it may well be wrong.";
+
+std::string scope_text(const Study& study, const StudyAnalysis& analysis) {
+  return fmt::format(
+      "{} of maps ({} with a known truth), {} starts each; a success is within {:g} "
+      "degrees and {:g} m of the true pose.",
+      analysis.pairs.size() == 1 ? "1 pair" : fmt::format("{} pairs", analysis.pairs.size()),
+      analysis.pairs_with_truth, study.initial_count, study.success.rotation_deg,
+      study.success.translation_m);
+}
+
+std::string score_text(const ScoreJudgement& score) {
+  return fmt::format(
+      "The score as a judge: within a pair a right pose has a lower score than a wrong one with "
+      "probability {:.2f} (median of {} pairs, lowest {:.2f}); in {} of {} pairs the lowest "
+      "score of "
+      "all belongs to a wrong pose.",
+      score.median_auc, score.pairs, score.lowest_auc, score.lowest_is_wrong.count.successes,
+      score.lowest_is_wrong.count.trials);
+}
+
+std::string rate_text(const StrategySummary& strategy) {
+  const Interval interval = strategy.interval.value_or(strategy.success.interval);
+  return fmt::format("{} {:.1f} % ({:.1f} to {:.1f})", strategy.name,
+                     kPercent * strategy.success.estimate.value_or(0.0), kPercent * interval.low,
+                     kPercent * interval.high);
+}
+
+// Which strategies succeed most and least often.
+std::string range_text(const Study& study, const StudyAnalysis& analysis) {
+  const auto less = [](const StrategySummary& a, const StrategySummary& b) {
+    return a.success.estimate.value_or(0.0) < b.success.estimate.value_or(0.0);
+  };
+  const auto [least, most] =
+      std::minmax_element(analysis.strategies.begin(), analysis.strategies.end(), less);
+  if (analysis.strategies.size() == 1) {
+    return fmt::format("Success: {}, {:g} % interval.", rate_text(*most),
+                       kPercent * study.confidence_level);
+  }
+  return fmt::format("Success, highest: {}; lowest: {}; {:g} % intervals over pairs.",
+                     rate_text(*most), rate_text(*least), kPercent * study.confidence_level);
+}
+
+// Which comparisons show a difference, the largest first.
+std::string difference_text(const Study& study, const StudyAnalysis& analysis) {
+  constexpr std::size_t kNamed = 5;
+  const double level = 1.0 - study.confidence_level;
+  std::vector<const StrategyComparison*> different;
+  double lowest = 1.0;
+  std::size_t equivalent = 0;
+  for (const StrategyComparison& comparison : analysis.comparisons) {
+    lowest = std::min(lowest, comparison.by_pair_adjusted);
+    if (comparison.by_pair_adjusted < level) different.push_back(&comparison);
+    if (comparison.equivalence && comparison.equivalence->equivalent) ++equivalent;
+  }
+  const auto difference = [](const StrategyComparison& comparison) {
+    return comparison.difference.difference.estimate;
+  };
+  std::sort(different.begin(), different.end(), [&](const auto* a, const auto* b) {
+    return std::abs(difference(*a)) > std::abs(difference(*b));
+  });
+  const std::size_t count = analysis.comparisons.size();
+  const char* const test = "Wilcoxon's test by pairs, Holm's correction";
+  std::string text =
+      different.empty()
+          ? fmt::format("No difference between strategies is significant ({} {}; {}: lowest {}).",
+                        count, count == 1 ? "comparison" : "comparisons", test, p_text(lowest))
+          : fmt::format("{} of {} differences between strategies {} significant ({}, p < {:g}): ",
+                        different.size(), count, different.size() == 1 ? "is" : "are", test, level);
+  for (std::size_t i = 0; i < std::min(kNamed, different.size()); ++i) {
+    const bool first_is_better = difference(*different[i]) > 0.0;
+    const std::string& first = analysis.strategies[different[i]->first].name;
+    const std::string& second = analysis.strategies[different[i]->second].name;
+    text += fmt::format("{}{} over {} {:+.1f} points", i > 0 ? "; " : "",
+                        first_is_better ? first : second, first_is_better ? second : first,
+                        kPercent * std::abs(difference(*different[i])));
+  }
+  if (different.size() > kNamed) text += fmt::format("; and {} more", different.size() - kNamed);
+  if (!different.empty()) text += ".";
+  if (equivalent > 0) {
+    text += fmt::format(" {} of {} are shown equivalent within {:g} points.", equivalent, count,
+                        kPercent * study.equivalence_margin);
+  }
+  return text;
+}
+
 }  // namespace
 
 std::vector<ResultTable> study_tables(const Study& study, const StudyAnalysis& analysis) {
@@ -254,15 +342,9 @@ std::vector<ResultTable> study_tables(const Study& study, const StudyAnalysis& a
 
 std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& analysis) {
   std::vector<std::string> answers;
-  answers.push_back(fmt::format(
-      "{} of maps ({} with a known truth), {} starts each; a success is within {:g} "
-      "degrees and {:g} m of the true pose.",
-      analysis.pairs.size() == 1 ? "1 pair" : fmt::format("{} pairs", analysis.pairs.size()),
-      analysis.pairs_with_truth, study.initial_count, study.success.rotation_deg,
-      study.success.translation_m));
+  answers.push_back(scope_text(study, analysis));
   if (analysis.pairs_with_truth == 0) {
-    answers.emplace_back(
-        "Without a truth only the score can tell success from failure, and it may well be wrong.");
+    answers.emplace_back(kNoTruth);
     return answers;
   }
   if (analysis.friedman) {
@@ -274,17 +356,21 @@ std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& 
   for (const StrategyComparison& comparison : analysis.comparisons) {
     answers.push_back(answer(study, analysis, comparison));
   }
-  const ScoreJudgement& score = analysis.judgement;
-  if (score.pairs > 0) {
-    answers.push_back(fmt::format(
-        "The score as a judge: within a pair a right pose has a lower score than a wrong one with "
-        "probability {:.2f} (median of {} pairs, lowest {:.2f}); in {} of {} pairs the lowest "
-        "score of "
-        "all belongs to a wrong pose.",
-        score.median_auc, score.pairs, score.lowest_auc, score.lowest_is_wrong.count.successes,
-        score.lowest_is_wrong.count.trials));
-  }
+  if (analysis.judgement.pairs > 0) answers.push_back(score_text(analysis.judgement));
   return answers;
+}
+
+std::vector<std::string> study_findings(const Study& study, const StudyAnalysis& analysis) {
+  std::vector<std::string> findings;
+  if (analysis.pairs_with_truth == 0) {
+    findings.emplace_back(kNoTruth);
+  } else {
+    findings.push_back(range_text(study, analysis));
+    if (!analysis.comparisons.empty()) findings.push_back(difference_text(study, analysis));
+    if (analysis.judgement.pairs > 0) findings.push_back(score_text(analysis.judgement));
+  }
+  findings.push_back(scope_text(study, analysis));
+  return findings;
 }
 
 }  // namespace cairn

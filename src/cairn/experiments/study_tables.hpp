@@ -17,4 +17,9 @@ std::vector<ResultTable> study_tables(const Study& study, const StudyAnalysis& a
 /// of observations stand in for the covariance, can the score judge.
 std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& analysis);
 
+/// The findings among them, for people who read no more: what was done, which strategies succeed most and
+/// least often, which of them differ by more than chance, whether the score can judge. At most a handful of
+/// sentences, however many strategies there are.
+std::vector<std::string> study_findings(const Study& study, const StudyAnalysis& analysis);
+
 }  // namespace cairn

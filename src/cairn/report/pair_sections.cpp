@@ -2,13 +2,62 @@
 #include "cairn/report/pair_sections.hpp"
 
 #include <cctype>
+#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "cairn/geometry/angles.hpp"
 #include "cairn/report/map_builder.hpp"
 
 namespace cairn::report {
+namespace {
+
+PoseDeviations deviations_of(const RegistrationResult& result) {
+  const Eigen::Matrix<double, 6, 1> deviations = result.covariance->diagonal().cwiseSqrt();
+  PoseDeviations named{.translation = deviations.head<3>(),
+                       .rotation_deg = deviations.tail<3>() * degrees(1.0)};
+  if (const auto& all = result.covariance_with_scale) named.log_scale = std::sqrt((*all)(6, 6));
+  return named;
+}
+
+// What the probability is made of. The shares of one thing that may stand in two places are left out, as there.
+std::vector<std::pair<std::string, double>> evidence_of(const Support& support) {
+  std::vector<std::pair<std::string, double>> evidence = {
+      {"Match distances", support.spread_evidence},
+      {"Distances compared with other candidates", support.proximity.spread}};
+  if (support.likeness)
+    evidence.emplace_back("Descriptors of the matches", support.spread_likeness);
+  if (support.agreement) {
+    evidence.emplace_back("Descriptor matches that agree", support.agreement->evidence());
+  }
+  return evidence;
+}
+
+}  // namespace
+
+AlignmentAnswer answer_of(const Alignment& alignment, const std::string& name) {
+  AlignmentAnswer answer{.name = name,
+                         .status = std::string(status_of(alignment)),
+                         .judged = alignment.verdict.has_value(),
+                         .probability = alignment.probability,
+                         .reason = alignment.reason,
+                         .target_from_source = alignment.estimate};
+  if (alignment.radius > 0.0) answer.radius = alignment.radius;
+  if (alignment.registration.covariance) answer.deviations = deviations_of(alignment.registration);
+  for (const OpenDirection& open : alignment.registration.unobservable) {
+    answer.open.push_back({open.translation, open.rotation, open.log_scale});
+  }
+  for (const PlacementCandidate& candidate : alignment.candidates) {
+    answer.candidates.push_back({.target_from_source = candidate.similarity(),
+                                 .probability = candidate.probability,
+                                 .matches = candidate.support.matches(),
+                                 .share = candidate.support.share,
+                                 .contradicted = candidate.contradicted,
+                                 .evidence = evidence_of(candidate.support)});
+  }
+  return answer;
+}
 
 AlignmentRun make_run(const Alignment& alignment, const ShownPoints& source,
                       const ShownPoints& target, RunOptions options) {
@@ -53,7 +102,21 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
       {{.id = "translation-error", .title = "Translation error"},
        error_chart(runs, pair.unit, true)},
       {{.id = "rotation-error", .title = "Rotation error"}, error_chart(runs, pair.unit, false)}};
-  if (pair.source != nullptr && pair.target != nullptr) {
+  const bool has_maps = pair.source != nullptr && pair.target != nullptr;
+  const std::string names = pair.source_name + " to " + pair.target_name;
+  if (pair.answer && !pair.alignments.empty()) {
+    Answer answer{.length_unit = pair.unit,
+                  .scene = has_maps ? std::optional(prefix + "scene") : std::nullopt};
+    for (const ShownAlignment& shown : pair.alignments) {
+      answer.alignments.push_back(answer_of(*shown.alignment, shown.name));
+    }
+    report.sections.push_back({.id = prefix + "answer",
+                               .title = prefix.empty() ? "Answer" : names,
+                               .text = std::nullopt,
+                               .content = std::move(answer)});
+  }
+  const bool several = runs.size() > 1;
+  if (has_maps) {
     const auto add_shown = [&](const char* role, const LandmarkMap& map, const std::string& name) {
       report.maps.push_back(make_map(
           map,
@@ -63,7 +126,7 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
     add_shown("target", *pair.target, pair.target_name);
     report.sections.push_back(
         {.id = prefix + "scene",
-         .title = prefix.empty() ? "Alignment" : pair.source_name + " to " + pair.target_name,
+         .title = prefix.empty() ? "Alignment" : names + (pair.answer ? ", in 3D" : ""),
          .text = pair.story,
          .content = Scene{.source = prefix + "source",
                           .target = prefix + "target",
@@ -73,7 +136,7 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
   }
   report.sections.push_back(
       {.id = prefix + "strategies",
-       .title = "Strategies",
+       .title = several ? "Strategies" : "Numbers",
        .text = "The score is the mean squared distance of the source landmarks to the nearest "
                "target landmark. A lower one is a closer fit, not always a better pose.",
        .content = std::move(table)});

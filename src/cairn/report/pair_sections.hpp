@@ -36,6 +36,7 @@ struct ShownPair {
   Rigid3 initial = {};
   std::optional<Similarity3> truth = {};  ///< target_from_source: adds errors
   std::optional<std::string> story = {};  ///< a paragraph above the scene
+  bool answer = true;                     ///< whether what they came to stands before the scene
   std::vector<ShownAlignment> alignments = {};
 };
 
@@ -43,7 +44,10 @@ struct ShownPair {
 /// @throws Error (misuse) if a match names a landmark that is not there
 std::vector<AlignmentRun> runs_of(const ShownPair& pair);
 
-/// Adds the maps, the scene, the table of results and the curves of convergence.
+/// What an alignment came to: verdict, pose and its uncertainty, candidates.
+AlignmentAnswer answer_of(const Alignment& alignment, const std::string& name);
+
+/// Adds the maps, what the alignments came to, the scene, the table of results and the curves of convergence.
 /// @param runs from runs_of()
 /// @param prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
 void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> runs,

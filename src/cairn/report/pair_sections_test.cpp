@@ -2,12 +2,15 @@
 #include "cairn/report/pair_sections.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn::report {
@@ -44,11 +47,11 @@ class PairSections : public ::testing::Test {
 TEST_F(PairSections, ShowSceneResultsAndCurves) {
   Report report;
   add_pair(report, pair_, runs_of(pair_));
-  EXPECT_THAT(ids(report), ElementsAre("scene", "strategies", "convergence", "translation-error",
-                                       "rotation-error"));
+  EXPECT_THAT(ids(report), ElementsAre("answer", "scene", "strategies", "convergence",
+                                       "translation-error", "rotation-error"));
   ASSERT_EQ(report.maps.size(), 2U);
   EXPECT_EQ(report.maps[0].id, "source");
-  const auto& scene = std::get<Scene>(report.sections[0].content);
+  const auto& scene = std::get<Scene>(report.sections[1].content);
   EXPECT_EQ(scene.target, "target");
   ASSERT_EQ(scene.runs.size(), 1U);
   EXPECT_EQ(scene.runs[0].name, "icp");
@@ -61,7 +64,8 @@ TEST_F(PairSections, OfSeveralPairsHaveIdsOfTheirOwn) {
   add_pair(report, pair_, runs_of(pair_), "r2-");
   EXPECT_EQ(report.sections[0].title, "monday.map to tuesday.map");
   for (const std::string& id : ids(report)) EXPECT_THAT(id, StartsWith("r2-"));
-  EXPECT_EQ(std::get<Scene>(report.sections[0].content).source, "r2-source");
+  EXPECT_EQ(std::get<Answer>(report.sections[0].content).scene, "r2-scene");
+  EXPECT_EQ(std::get<Scene>(report.sections[1].content).source, "r2-source");
   EXPECT_EQ(report.maps[0].id, "r2-source");
 }
 
@@ -70,8 +74,54 @@ TEST_F(PairSections, WithoutMapsHaveNoSceneAndNoErrors) {
   pair_.target = nullptr;
   Report report;
   add_pair(report, pair_, runs_of(pair_));
-  EXPECT_THAT(ids(report), ElementsAre("strategies", "convergence"));
+  EXPECT_THAT(ids(report), ElementsAre("answer", "strategies", "convergence"));
+  EXPECT_EQ(std::get<Answer>(report.sections[0].content).scene, std::nullopt);
   EXPECT_TRUE(report.maps.empty());
+}
+
+TEST_F(PairSections, LeadWithWhatTheAlignmentCameTo) {
+  Report report;
+  add_pair(report, pair_, runs_of(pair_));
+  const auto& answer = std::get<Answer>(report.sections[0].content);
+  EXPECT_EQ(answer.scene, "scene");
+  ASSERT_EQ(answer.alignments.size(), 1U);
+  const AlignmentAnswer& one = answer.alignments[0];
+  EXPECT_EQ(one.name, "icp");
+  EXPECT_EQ(one.status, "aligned");
+  EXPECT_TRUE(one.judged);
+  EXPECT_EQ(one.probability, alignment_.probability);
+  EXPECT_EQ(one.reason, alignment_.reason);
+  ASSERT_TRUE(one.target_from_source && one.deviations);
+  EXPECT_EQ(one.target_from_source->matrix(), alignment_.estimate->matrix());
+  const Matrix6d& covariance = *alignment_.registration.covariance;
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_DOUBLE_EQ(one.deviations->translation[i], std::sqrt(covariance(i, i)));
+    EXPECT_DOUBLE_EQ(one.deviations->rotation_deg[i], degrees(std::sqrt(covariance(i + 3, i + 3))));
+  }
+  EXPECT_EQ(one.deviations->log_scale, std::nullopt);
+  ASSERT_EQ(one.candidates.size(), alignment_.candidates.size());
+  EXPECT_EQ(one.candidates[0].probability, alignment_.candidates[0].probability);
+  EXPECT_EQ(one.candidates[0].matches, alignment_.candidates[0].support.matches());
+  EXPECT_EQ(one.candidates[0].share, alignment_.candidates[0].support.share);
+  EXPECT_FALSE(one.candidates[0].evidence.empty());
+}
+
+TEST_F(PairSections, NameTheDirectionsThatAreOpen) {
+  Alignment open = alignment_;
+  open.registration.covariance.reset();
+  open.registration.unobservable = {{.translation = {0, 1, 0}, .rotation = {0, 0, 0.5}}};
+  const AlignmentAnswer answer = answer_of(open, "icp");
+  EXPECT_FALSE(answer.deviations);
+  ASSERT_EQ(answer.open.size(), 1U);
+  EXPECT_EQ(answer.open[0].translation, Eigen::Vector3d(0, 1, 0));
+  EXPECT_EQ(answer.open[0].rotation, Eigen::Vector3d(0, 0, 0.5));
+}
+
+TEST_F(PairSections, LeaveTheAnswerOutWhereItStandsElsewhere) {
+  pair_.answer = false;
+  Report report;
+  add_pair(report, pair_, runs_of(pair_));
+  EXPECT_EQ(ids(report).front(), "scene");
 }
 
 TEST_F(PairSections, ARunSaysTheVerdictNotWhatTheMethodThinksOfItself) {

@@ -332,6 +332,52 @@ struct Images {
   std::vector<Image> images = {};
 };
 
+/// A pose that was held against others, and what speaks for it.
+struct AnswerCandidate {
+  Similarity3 target_from_source = {};
+  double probability = 0.0;                 ///< that it is the right pose
+  std::size_t matches = 0;                  ///< landmarks matched within AlignmentAnswer::radius
+  double share = 0.0;                       ///< of the smaller map's landmarks that are matched
+  std::optional<double> contradicted = {};  ///< share of the lines of sight compared
+  /// Log-likelihood ratios against a wrong pose, by what gave them.
+  std::vector<std::pair<std::string, double>> evidence = {};
+};
+
+/// Square roots of the covariance's diagonal: a left perturbation in the target's frame.
+struct PoseDeviations {
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< along x, y, z; the maps' unit
+  Eigen::Vector3d rotation_deg = Eigen::Vector3d::Zero();  ///< about x, y, z; degrees
+  std::optional<double> log_scale = {};                    ///< where a scale was estimated
+};
+
+/// A small motion that the matches leave open; see OpenDirection.
+struct AnswerDirection {
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
+  double log_scale = 0.0;
+};
+
+/// What one alignment came to.
+struct AlignmentAnswer {
+  std::string name = {};                ///< of its run
+  std::string status = {};              ///< the verdict's word or, unjudged, how the method ended
+  bool judged = false;                  ///< whether there is a verdict
+  std::optional<double> probability{};  ///< of the pose
+  std::string reason = {};
+  std::optional<Similarity3> target_from_source = {};  ///< the best pose found, trusted or not
+  std::optional<PoseDeviations> deviations = {};
+  std::vector<AnswerDirection> open = {};
+  std::vector<AnswerCandidate> candidates = {};  ///< likeliest first
+  std::optional<double> radius = {};             ///< within which landmarks count as matched
+};
+
+/// What the alignments of a pair came to, before how they came to it.
+struct Answer {
+  LengthUnit length_unit = LengthUnit::kMetres;
+  std::optional<std::string> scene = {};  ///< id of the section that shows the poses in 3D
+  std::vector<AlignmentAnswer> alignments = {};
+};
+
 /// Only the section's text.
 struct Text {};
 
@@ -339,7 +385,7 @@ struct Section {
   std::string id = {};  ///< unique among the report's sections; lower-case letters, digits and '-'
   std::string title = {};
   std::optional<std::string> text = {};  ///< a paragraph; of Text, blank lines separate several
-  std::variant<Scene, Chart, Table, Images, Text, Network> content = Text();
+  std::variant<Scene, Chart, Table, Images, Text, Network, Answer> content = Text();
 };
 
 struct Report {

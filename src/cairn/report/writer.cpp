@@ -322,6 +322,7 @@ class Document {
   void add(Json& json, const Images& images, const std::string& where);
   static void add(Json& json, const Text& text, const std::string& where);
   void add(Json& json, const Network& network, const std::string& where);
+  void add(Json& json, const Answer& answer, const std::string& where) const;
   Json node_json(const NetworkNode& node, const Network& network, const std::string& where);
 
   const Map* find_map(const std::string& id) const {
@@ -386,7 +387,8 @@ Json Document::frames_json(const Frames& frames, const std::string& where) {
 }
 
 Json Document::section_json(const Section& section) {
-  static constexpr const char* kKinds[] = {"scene", "chart", "table", "images", "text", "network"};
+  static constexpr const char* kKinds[] = {"scene", "chart",   "table", "images",
+                                           "text",  "network", "answer"};
   static_assert(std::size(kKinds) == std::variant_size_v<decltype(section.content)>);
   Json json = {{"kind", kKinds[section.content.index()]},
                {"id", section.id},
@@ -696,6 +698,63 @@ void Document::add(Json& json, const Network& network, const std::string& where)
                               {"kind", thing.kind},
                               {"group", thing.group},
                               {"boxes", std::move(boxes)}});
+  }
+}
+
+// tx ty tz qw qx qy qz, and the scale beside it.
+Json pose_json(const Similarity3& pose) {
+  return {{"pose", to_json(numbers_of<double>({pose.rigid()}))}, {"scale", to_json(pose.scale())}};
+}
+
+Json candidate_json(const AnswerCandidate& candidate) {
+  Json json = pose_json(candidate.target_from_source);
+  json["probability"] = to_json(candidate.probability);
+  json["matches"] = candidate.matches;
+  json["share"] = to_json(candidate.share);
+  json["contradicted"] = to_json(candidate.contradicted);
+  json["evidence"] = Json::array();
+  for (const auto& [name, value] : candidate.evidence) {
+    json["evidence"].push_back({{"name", name}, {"value", to_json(value)}});
+  }
+  return json;
+}
+
+Json alignment_json(const AlignmentAnswer& alignment) {
+  Json json = {{"name", alignment.name},     {"status", alignment.status},
+               {"judged", alignment.judged}, {"probability", to_json(alignment.probability)},
+               {"reason", alignment.reason}, {"radius", to_json(alignment.radius)},
+               {"estimate", nullptr},        {"deviations", nullptr}};
+  if (alignment.target_from_source) json["estimate"] = pose_json(*alignment.target_from_source);
+  if (const auto& deviations = alignment.deviations) {
+    json["deviations"] = {{"translation", to_json(deviations->translation)},
+                          {"rotation_deg", to_json(deviations->rotation_deg)},
+                          {"log_scale", to_json(deviations->log_scale)}};
+  }
+  json["open"] = Json::array();
+  for (const AnswerDirection& direction : alignment.open) {
+    json["open"].push_back({{"translation", to_json(direction.translation)},
+                            {"rotation", to_json(direction.rotation)},
+                            {"log_scale", to_json(direction.log_scale)}});
+  }
+  json["candidates"] = Json::array();
+  for (const AnswerCandidate& candidate : alignment.candidates) {
+    json["candidates"].push_back(candidate_json(candidate));
+  }
+  return json;
+}
+
+void Document::add(Json& json, const Answer& answer, const std::string& where) const {
+  const bool known =
+      !answer.scene ||
+      std::any_of(report_.sections.begin(), report_.sections.end(), [&](const Section& section) {
+        return section.id == *answer.scene && std::holds_alternative<Scene>(section.content);
+      });
+  require(known, where, "no scene '" + answer.scene.value_or("") + "'", "one of the report's");
+  json["length_unit"] = answer.length_unit == LengthUnit::kMetres ? "m" : "mapunits";
+  json["scene"] = to_json(answer.scene);
+  json["alignments"] = Json::array();
+  for (const AlignmentAnswer& alignment : answer.alignments) {
+    json["alignments"].push_back(alignment_json(alignment));
   }
 }
 

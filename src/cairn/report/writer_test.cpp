@@ -49,6 +49,25 @@ std::string refusal(const Report& report, std::string_view page = kStubPage) {
   return "";
 }
 
+Answer ambiguous_answer() {
+  AlignmentAnswer one{.name = "base",
+                      .status = "ambiguous",
+                      .judged = true,
+                      .probability = 0.75,
+                      .reason = "one of two",
+                      .target_from_source = Similarity3(
+                          1.5, Rigid3(Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0), {1.0, 2.0, 3.0})),
+                      .deviations = PoseDeviations{{0.25, 0.5, 1.0}, {1.0, 2.0, 3.0}, 0.125},
+                      .open = {{{0.0, 1.0, 0.0}, {0.0, 0.0, 0.5}, 0.0}},
+                      .radius = 0.5};
+  one.candidates = {{.probability = 0.75,
+                     .matches = 12,
+                     .share = 0.5,
+                     .contradicted = 0.25,
+                     .evidence = {{"distances", 2.5}}}};
+  return {LengthUnit::kFree, "scene", {one, {.name = "none", .status = "failed"}}};
+}
+
 // One section of each kind, with all that may be unknown known once and unknown once.
 Report full_report() {
   Report report;
@@ -138,7 +157,8 @@ Report full_report() {
        .title = "Images",
        .text = {},
        .content = Images{{{"One place", ImageType::kPng, {137, 80, 78}, 640, 480}}}},
-      {.id = "text", .title = "Notes", .text = "One.\n\nTwo.", .content = Text()}};
+      {.id = "text", .title = "Notes", .text = "One.\n\nTwo.", .content = Text()},
+      {.id = "answer", .title = "Answer", .text = {}, .content = ambiguous_answer()}};
   return report;
 }
 
@@ -199,6 +219,18 @@ TEST(WriteReport, DocumentSaysWhatTheReportSays) {
                 {"name": "Score", "unit": "m²", "type": "number", "digits": 3}],
     "rows": [["base", 0.5], [null, null]], "best": [null, "low"]})");
   expect_section(9, R"({"kind": "text", "id": "text", "title": "Notes", "text": "One.\n\nTwo."})");
+  expect_section(10, R"({"kind": "answer", "id": "answer", "title": "Answer", "text": null,
+    "length_unit": "mapunits", "scene": "scene", "alignments": [
+      {"name": "base", "status": "ambiguous", "judged": true, "probability": 0.75,
+       "reason": "one of two", "radius": 0.5,
+       "estimate": {"pose": [1, 2, 3, 0.6, 0, 0.8, 0], "scale": 1.5},
+       "deviations": {"translation": [0.25, 0.5, 1], "rotation_deg": [1, 2, 3], "log_scale": 0.125},
+       "open": [{"translation": [0, 1, 0], "rotation": [0, 0, 0.5], "log_scale": 0}],
+       "candidates": [{"pose": [0, 0, 0, 1, 0, 0, 0], "scale": 1, "probability": 0.75,
+                       "matches": 12, "share": 0.5, "contradicted": 0.25,
+                       "evidence": [{"name": "distances", "value": 2.5}]}]},
+      {"name": "none", "status": "failed", "judged": false, "probability": null, "reason": "",
+       "radius": null, "estimate": null, "deviations": null, "open": [], "candidates": []}]})");
   const Json& image = json.at("sections").at(8).at("images").at(0);
   EXPECT_EQ(image.at("media_type"), "image/png");
   EXPECT_EQ(image.at("width"), 640);
@@ -356,6 +388,9 @@ TEST(WriteReport, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_THAT(broken([](Report& r) { r.provenance.options_json = "{"; }),
               HasSubstr("Provenance.options_json"));
   EXPECT_THAT(broken([](Report& r) { r.sections[9].text.reset(); }), HasSubstr("section text"));
+  // A table is no scene.
+  EXPECT_THAT(broken([](Report& r) { std::get<Answer>(r.sections[10].content).scene = "table"; }),
+              HasSubstr("no scene 'table'"));
 }
 
 TEST(GzipBase64, HeaderHoldsNoTimeAndPiecesMakeTheWhole) {

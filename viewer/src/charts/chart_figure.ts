@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { announce, button, download, h } from "../dom";
 import { messageOf } from "../document/errors";
-import type { Chart, ChartSection } from "../document/report";
+import type { Chart, ChartSection, LinesChart } from "../document/report";
 import { csvBlob, svgText, svgToPng } from "../export";
+import { isPrinting, kPaperWidth, onPaper } from "../paper";
 import { exportPalette, onThemeChange, palette } from "../theme";
 import { chartRows } from "./chart_data";
 import { drawHeatmap } from "./heatmap";
@@ -69,18 +70,39 @@ function hiddenOnLogAxis(chart: Chart): number {
   return 0;
 }
 
+type CurveAxis = "zero" | "values" | "log";
+
+const kCurveAxes: [CurveAxis, string][] = [
+  ["zero", "From zero"],
+  ["values", "Fitted to the values"],
+  ["log", "Logarithmic"],
+];
+
+/** Values over more than a decade need the logarithm that the document asks for; others start at zero. */
+export function firstCurveAxis(chart: LinesChart): CurveAxis {
+  const positive = chart.series.flatMap(({ y }) => y).filter((value) => value > 0);
+  const [low, high] = [Math.min(...positive), Math.max(...positive)];
+  return chart.yScale === "log" && high > 10 * low ? "log" : "zero";
+}
+
 /** A chart with its exports. It is drawn when it comes near the view, and again for another width or theme. */
 export function chartFigure(section: ChartSection): HTMLElement {
   const stage = h("div", { class: "chart-stage" });
   const figure = h("figure", { class: "card chart", "data-chart": section.chart.chart }, stage);
+  const given = section.chart;
+  let axis: CurveAxis = given.chart === "lines" ? firstCurveAxis(given) : "values";
   let drawnWidth = 0;
   let visible = false;
 
-  const draw = () => {
-    const width = Math.max(kMinWidth, Math.floor(stage.clientWidth));
+  const chart = (): Chart =>
+    given.chart === "lines" ? { ...given, yScale: axis === "log" ? "log" : "linear" } : given;
+  const options = (): Pick<DrawOptions, "yFrom"> => ({ yFrom: axis === "zero" ? "zero" : "values" });
+
+  const draw = (paper = 0) => {
+    const width = paper || Math.max(kMinWidth, Math.floor(stage.clientWidth));
     drawnWidth = width;
     try {
-      const svg = drawChart(section.chart, { width, colors: palette(), interactive: true });
+      const svg = drawChart(chart(), { width, colors: palette(), interactive: paper === 0, ...options() });
       svg.setAttribute("aria-label", describe(section));
       stage.replaceChildren(svg);
     } catch (error) {
@@ -88,7 +110,7 @@ export function chartFigure(section: ChartSection): HTMLElement {
     }
   };
   const exported = () => {
-    const svg = drawChart(section.chart, { width: kExportWidth, colors: exportPalette(), interactive: false });
+    const svg = drawChart(chart(), { width: kExportWidth, colors: exportPalette(), interactive: false, ...options() });
     return {
       text: svgText(svg, exportPalette().background),
       width: Number(svg.getAttribute("width")),
@@ -114,20 +136,33 @@ export function chartFigure(section: ChartSection): HTMLElement {
       saved(`${section.id}.csv`);
     }),
   );
-  const hidden = hiddenOnLogAxis(section.chart);
-  figure.append(
-    h(
-      "div",
-      { class: "figure-foot" },
-      hidden > 0 && h("p", { class: "muted" }, `${hidden} values are not positive and so not on the logarithmic axis.`),
-      exports,
-    ),
-  );
+  const remark = h("p", { class: "muted" });
+  const say = () => {
+    const hidden = hiddenOnLogAxis(chart());
+    remark.textContent = hidden > 0 ? `${hidden} values are not positive and so not on the logarithmic axis.` : "";
+  };
+  say();
+  const foot = h("div", { class: "figure-foot" });
+  if (given.chart === "lines") {
+    const chooser = h(
+      "select",
+      { "aria-label": `Vertical axis of “${section.title}”` },
+      ...kCurveAxes.map(([value, label]) => h("option", { value, selected: value === axis }, label)),
+    );
+    chooser.addEventListener("change", () => {
+      axis = chooser.value as CurveAxis;
+      say();
+      draw();
+    });
+    foot.append(h("label", { class: "check axis-choice" }, "Vertical axis", chooser));
+  }
+  foot.append(remark, exports);
+  figure.append(foot);
 
   const observer = new IntersectionObserver(
     (entries) => {
       visible = entries.some((entry) => entry.isIntersecting);
-      if (visible && drawnWidth !== Math.max(kMinWidth, Math.floor(stage.clientWidth))) {
+      if (visible && !isPrinting() && drawnWidth !== Math.max(kMinWidth, Math.floor(stage.clientWidth))) {
         draw();
       }
     },
@@ -135,11 +170,14 @@ export function chartFigure(section: ChartSection): HTMLElement {
   );
   observer.observe(figure);
   new ResizeObserver(() => {
-    if (visible && Math.abs(stage.clientWidth - drawnWidth) > 1) {
+    if (visible && !isPrinting() && Math.abs(stage.clientWidth - drawnWidth) > 1) {
       draw();
     }
   }).observe(stage);
   onThemeChange(() => (visible ? draw() : (drawnWidth = 0)));
-  window.addEventListener("beforeprint", () => drawnWidth === 0 && draw());
+  onPaper(
+    () => draw(kPaperWidth),
+    () => (visible ? draw() : (drawnWidth = 0)),
+  );
   return figure;
 }

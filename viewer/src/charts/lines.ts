@@ -4,7 +4,16 @@ import type { LinesChart, ScatterChart } from "../document/report";
 import { formatNumber } from "../math/format";
 import { seriesColor, seriesDash, seriesSymbol } from "../series_style";
 import type { Palette } from "../theme";
-import { compose, drawable, extent, plotStyle, thresholdMarks, tickFormat, type DrawOptions } from "./shared";
+import {
+  compose,
+  drawable,
+  extent,
+  extentFromZero,
+  plotStyle,
+  thresholdMarks,
+  tickFormat,
+  type DrawOptions,
+} from "./shared";
 
 const kMarkersUpTo = 30;
 
@@ -56,6 +65,15 @@ function axes(
   ];
 }
 
+/** As many ticks as fit; between whole numbers, such as iterations, there are none. */
+function tickCount(points: LinePoint[], width: number): number {
+  const fit = Math.max(4, Math.round(width / 90));
+  const xs = points.map(({ x }) => x);
+  return xs.length > 0 && xs.every(Number.isInteger)
+    ? Math.max(1, Math.min(fit, Math.max(...xs) - Math.min(...xs)))
+    : fit;
+}
+
 export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElement {
   const { colors } = options;
   const points: LinePoint[] = chart.series.flatMap((series) =>
@@ -68,15 +86,13 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
     })),
   );
   const inX = points.filter((point) => drawable(point.x, chart.xScale));
-  const xDomain = extent(
-    inX.map((point) => point.x),
-    chart.xScale,
-    false,
-  );
-  const yDomain = extent(
-    [...inX.flatMap((point) => [point.y, point.low, point.high]), chart.threshold?.value ?? NaN],
-    chart.yScale,
-  );
+  const xs = inX.map((point) => point.x);
+  const [first, last] = [Math.min(...xs), Math.max(...xs)];
+  // Curves end where their axis does.
+  const xDomain: [number, number] = first < last ? [first, last] : extent(xs, chart.xScale, false);
+  const shown = [...inX.flatMap((point) => [point.y, point.low, point.high]), chart.threshold?.value ?? NaN];
+  const fromZero = options.yFrom === "zero" && chart.yScale === "linear";
+  const yDomain = fromZero ? extentFromZero(shown) : extent(shown, chart.yScale, false);
   const bands = inX.filter((point) => drawable(point.low, chart.yScale) && drawable(point.high, chart.yScale));
   const marked = inX.filter(
     (point) =>
@@ -90,7 +106,7 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
     ...frame(chart, xDomain, yDomain, colors),
     marks: [
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
-      ...axes(chart, xDomain, yDomain, colors, { xTicks: Math.max(4, Math.round(options.width / 90)) }),
+      ...axes(chart, xDomain, yDomain, colors, { xTicks: tickCount(inX, options.width) }),
       Plot.areaY(bands, { x: "x", y1: "low", y2: "high", z: "name", fill: color, fillOpacity: 0.16 }),
       ...chart.series.map((series) =>
         Plot.line(

@@ -13,6 +13,8 @@ export interface DrawOptions {
   colors: Palette;
   /** Tips under the pointer; off in exports. */
   interactive: boolean;
+  /** Where the y axis of curves starts. */
+  yFrom?: "zero" | "values";
 }
 
 export interface LegendItem {
@@ -69,6 +71,15 @@ export function tickFormat(scale: Scale, domain: [number, number]): (value: numb
     }
     return formatNumber(value, 3);
   };
+}
+
+/** The values' extent with zero in it: differences look as large as they are. */
+export function extentFromZero(values: number[]): [number, number] {
+  const [low, high] = extent([0, ...values], "linear");
+  if (values.some((value) => value < 0)) {
+    return [low, high];
+  }
+  return [0, values.some((value) => value > 0) ? high : 1];
 }
 
 /** The values' extent with some air; on a log scale only what is positive counts. */

@@ -43,6 +43,10 @@ export class Field {
     return this.isNull ? null : this.number();
   }
 
+  truth(): boolean {
+    return typeof this.value === "boolean" ? this.value : this.fail("true or false");
+  }
+
   count(): number {
     const value = this.value;
     return typeof value === "number" && Number.isSafeInteger(value) && value >= 0 ? value : this.fail("a count");

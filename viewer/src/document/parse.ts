@@ -4,6 +4,8 @@ import { ReportError, messageOf } from "./errors";
 import { Field } from "./field";
 import { validateMatches, type Matches } from "./matches";
 import type {
+  AlignmentAnswer,
+  AnswerSection,
   Chart,
   Column,
   Frames,
@@ -18,6 +20,7 @@ import type {
   Run,
   SceneSection,
   Section,
+  SimilarityPose,
   SummaryValue,
   Table,
   Threshold,
@@ -177,6 +180,8 @@ function parseSection(field: Field, buffers: Buffers, lookUp: MapLookup, taken: 
         return { ...head, kind, images: parseImages(field.get("images"), buffers) };
       case "network":
         return { ...head, ...parseNetwork(field, buffers, lookUp) };
+      case "answer":
+        return { ...head, ...parseAnswer(field) };
       case "text":
         return { ...head, kind };
       default:
@@ -296,6 +301,66 @@ function parseNetwork(
     nodes,
     links,
     things,
+  };
+}
+
+function parseAnswer(field: Field): Omit<AnswerSection, "id" | "title" | "text"> {
+  return {
+    kind: "answer",
+    lengthUnit: field.get("length_unit").oneOf("m", "mapunits"),
+    scene: field.get("scene").textOrNull(),
+    alignments: field.get("alignments").list().map(parseAlignment),
+  };
+}
+
+function parseSimilarity(field: Field): SimilarityPose {
+  return { pose: field.get("pose").finiteNumbers(7), scale: field.get("scale").numberOrNull() ?? 1 };
+}
+
+function vector(field: Field): Vector3 {
+  return field.finiteNumbers(3) as unknown as Vector3;
+}
+
+function parseAlignment(field: Field): AlignmentAnswer {
+  const deviations = field.get("deviations");
+  const estimate = field.get("estimate");
+  return {
+    name: field.get("name").text(),
+    status: field.get("status").text(),
+    judged: field.get("judged").truth(),
+    probability: field.get("probability").numberOrNull(),
+    reason: field.get("reason").textOrNull() ?? "",
+    radius: field.get("radius").numberOrNull(),
+    estimate: estimate.isNull ? null : parseSimilarity(estimate),
+    deviations: deviations.isNull
+      ? null
+      : {
+          translation: vector(deviations.get("translation")),
+          rotationDeg: vector(deviations.get("rotation_deg")),
+          logScale: deviations.get("log_scale").numberOrNull(),
+        },
+    open: field
+      .get("open")
+      .listOrEmpty()
+      .map((open) => ({
+        translation: vector(open.get("translation")),
+        rotation: vector(open.get("rotation")),
+        logScale: open.get("log_scale").numberOrNull() ?? 0,
+      })),
+    candidates: field
+      .get("candidates")
+      .listOrEmpty()
+      .map((candidate) => ({
+        ...parseSimilarity(candidate),
+        probability: candidate.get("probability").number(),
+        matches: candidate.get("matches").count(),
+        share: candidate.get("share").number(),
+        contradicted: candidate.get("contradicted").numberOrNull(),
+        evidence: candidate
+          .get("evidence")
+          .listOrEmpty()
+          .map((one) => ({ name: one.get("name").text(), value: one.get("value").number() })),
+      })),
   };
 }
 

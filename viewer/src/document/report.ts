@@ -247,6 +247,51 @@ export interface NetworkSection extends SectionHead {
   things: NetworkThing[];
 }
 
+/** x_in_target = scale * R * x_in_source + t. */
+export interface SimilarityPose {
+  /** tx ty tz qw qx qy qz. */
+  pose: number[];
+  scale: number;
+}
+
+export interface AnswerCandidate extends SimilarityPose {
+  probability: number;
+  /** Landmarks that are matched, and their share of the smaller map. */
+  matches: number;
+  share: number;
+  /** Share of the lines of sight; null: too few were compared. */
+  contradicted: number | null;
+  /** Log-likelihood ratios. */
+  evidence: { name: string; value: number }[];
+}
+
+export interface OpenDirection {
+  translation: Vector3;
+  rotation: Vector3;
+  logScale: number;
+}
+
+export interface AlignmentAnswer {
+  name: string;
+  status: string;
+  judged: boolean;
+  probability: number | null;
+  reason: string;
+  radius: number | null;
+  estimate: SimilarityPose | null;
+  deviations: { translation: Vector3; rotationDeg: Vector3; logScale: number | null } | null;
+  open: OpenDirection[];
+  candidates: AnswerCandidate[];
+}
+
+export interface AnswerSection extends SectionHead {
+  kind: "answer";
+  lengthUnit: "m" | "mapunits";
+  /** Id of the scene that shows the poses. */
+  scene: string | null;
+  alignments: AlignmentAnswer[];
+}
+
 /** A section that this viewer cannot show; the reason stands in its place. */
 export interface NoticeSection extends SectionHead {
   kind: "notice";
@@ -261,4 +306,5 @@ export type Section =
   | ImagesSection
   | TextSection
   | NetworkSection
+  | AnswerSection
   | NoticeSection;

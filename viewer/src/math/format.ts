@@ -67,6 +67,26 @@ function groupDigits(text: string, negative: boolean): string {
   return `${negative ? kMinus : ""}${grouped}${fraction ? `.${fraction}` : ""}`;
 }
 
+/** A probability in per cent. Below 1 it never reads 100 %. */
+export function formatProbability(probability: number): string {
+  const percent = 100 * probability;
+  if (percent > 0 && percent < 0.005) {
+    return "<0.01 %";
+  }
+  for (let digits = 2; digits <= 6; ++digits) {
+    const text = percent.toFixed(digits);
+    if (probability >= 1 || !text.startsWith("100")) {
+      return `${text} %`;
+    }
+  }
+  return ">99.9999 %";
+}
+
+/** A share in per cent. */
+export function formatShare(share: number): string {
+  return `${trimZeros((100 * share).toFixed(1))} %`;
+}
+
 /** A length for people, in the unit that keeps it short. */
 export function formatLength(value: number, unit: "m" | "mapunits"): string {
   if (!Number.isFinite(value)) {

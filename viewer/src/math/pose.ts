@@ -43,6 +43,34 @@ export function similarityAt(poses: ArrayLike<number>, scales: ArrayLike<number>
   return pose.map((value, i) => (i % 4 === 3 ? value : scale * value));
 }
 
+/** Roll, pitch and yaw in degrees of the rotation Rz(yaw)·Ry(pitch)·Rx(roll). */
+export function rollPitchYaw(transform: Affine): [number, number, number] {
+  const scale = scaleOf(transform) || 1;
+  const r = (row: number, column: number) => transform[4 * row + column] / scale;
+  const degrees = 180 / Math.PI;
+  return [
+    Math.atan2(r(2, 1), r(2, 2)) * degrees,
+    Math.asin(Math.min(1, Math.max(-1, -r(2, 0)))) * degrees,
+    Math.atan2(r(1, 0), r(0, 0)) * degrees,
+  ];
+}
+
+/** The angle in degrees of the rotation between two transforms, and the distance of their translations. */
+export function differenceOf(a: Affine, b: Affine): { rotationDeg: number; translation: number } {
+  const scale = scaleOf(a) * scaleOf(b) || 1;
+  let trace = 0;
+  for (let row = 0; row < 3; ++row) {
+    for (let column = 0; column < 3; ++column) {
+      trace += (a[4 * row + column] * b[4 * row + column]) / scale;
+    }
+  }
+  const cosine = Math.min(1, Math.max(-1, (trace - 1) / 2));
+  return {
+    rotationDeg: (Math.acos(cosine) * 180) / Math.PI,
+    translation: Math.hypot(a[3] - b[3], a[7] - b[7], a[11] - b[11]),
+  };
+}
+
 export function scaleOf(transform: Affine): number {
   return Math.hypot(transform[0], transform[4], transform[8]);
 }

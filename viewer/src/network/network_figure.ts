@@ -20,6 +20,7 @@ import {
 import { listenForKeys } from "../scene/keyboard";
 import type { OrbitState, StandardView } from "../scene/orbit";
 import { RenderService } from "../scene/render_service";
+import { isPrinting, onPaper } from "../paper";
 import { onThemeChange, palette } from "../theme";
 import { GraphView, linkLabel } from "./graph_view";
 import { MatrixView } from "./matrix_view";
@@ -469,9 +470,10 @@ class NetworkFigure {
     });
     this.#service.onRestored(() => this.#redraw());
     new ResizeObserver(() => this.#layOut()).observe(stage.surface);
+    onPaper(() => this.#drawNow());
     let plansWidth = 0;
     new ResizeObserver(() => {
-      if (this.#graph.element.clientWidth !== plansWidth) {
+      if (!isPrinting() && this.#graph.element.clientWidth !== plansWidth) {
         plansWidth = this.#graph.element.clientWidth;
         this.#drawPlans();
       }
@@ -532,12 +534,22 @@ class NetworkFigure {
     } else if (this.#near && !this.#frame) {
       this.#frame = requestAnimationFrame(() => {
         this.#frame = 0;
+        if (isPrinting()) {
+          return;
+        }
         this.#dirty = false;
         if (this.#stage.surface.clientWidth > 0) {
           this.#stage.draw(this.#service, this.#resolution(), this.#moving);
         }
         this.#report();
       });
+    }
+  }
+
+  /** For paper, which does not wait. */
+  #drawNow(): void {
+    if (this.#service.available && this.#stage.surface.clientWidth > 0) {
+      this.#stage.drawForPaper(this.#service);
     }
   }
 

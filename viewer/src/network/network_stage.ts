@@ -54,7 +54,16 @@ export class NetworkStage {
   readonly overlay = h("canvas", { class: "pane-overlay", tabindex: 0, role: "img", "aria-label": "3D view" });
   readonly tooltip = h("div", { class: "pane-tip", hidden: true });
   readonly hintBox = h("div", { class: "pane-hint", hidden: true, "aria-hidden": "true" });
-  readonly surface = h("div", { class: "pane-surface" }, this.canvas, this.overlay, this.tooltip, this.hintBox);
+  readonly #paper = h("img", { class: "pane-paper", alt: "", decoding: "sync" });
+  readonly surface = h(
+    "div",
+    { class: "pane-surface" },
+    this.canvas,
+    this.#paper,
+    this.overlay,
+    this.tooltip,
+    this.hintBox,
+  );
   orbit: OrbitState;
   readonly #model: NetworkModel;
   readonly #view: NetworkView;
@@ -426,6 +435,11 @@ export class NetworkStage {
   }
 
   /** The current picture with its annotations at `ratio` pixels per CSS pixel. */
+  /** As one picture for paper; see Pane. */
+  drawForPaper(service: RenderService): void {
+    this.#paper.src = this.picture(service, 2).toDataURL();
+  }
+
   picture(service: RenderService, ratio: number): HTMLCanvasElement {
     this.draw(service, ratio, false);
     const canvas = document.createElement("canvas");

@@ -14,6 +14,7 @@ import type { OrbitState } from "./orbit";
 import { pickLandmark, type Pick, type PickLayer } from "./picking";
 import { PointLayer, setMatrix } from "./point_layer";
 import type { RenderService } from "./render_service";
+import type { ShownPose } from "../shown_pose";
 import type { Role, SceneModel } from "./scene_model";
 import type { ViewState } from "./view_state";
 
@@ -40,6 +41,9 @@ export class Pane {
   readonly #model: SceneModel;
   readonly #numbers = h("dl", { class: "pane-numbers" });
   readonly #iteration = h("span", { class: "pane-iteration", "data-number": "iteration", title: "Iteration" });
+  /** The verdict on the alignment's own pose. */
+  readonly #badge: HTMLElement | null;
+  readonly #paper = h("img", { class: "pane-paper", alt: "", decoding: "sync" });
   readonly #hint = h("div", { class: "pane-hint", hidden: true, "aria-hidden": "true" });
   readonly #mark: SVGPathElement | null = null;
   readonly #scene = new Scene();
@@ -106,6 +110,7 @@ export class Pane {
     }
     heading.append(h("span", { title: name }, name));
     const status = statusOf(run);
+    this.#badge = status && h("span", { class: "badge", "data-status": status.kind }, status.text);
     this.maximise = button("", () => onMaximise(this), {
       class: "quiet enlarge",
       "aria-pressed": "false",
@@ -124,18 +129,19 @@ export class Pane {
         }),
       ),
     );
-    this.surface = h("div", { class: "pane-surface" }, this.canvas, this.overlay, this.tooltip, this.#hint);
+    this.surface = h(
+      "div",
+      { class: "pane-surface" },
+      this.canvas,
+      this.#paper,
+      this.overlay,
+      this.tooltip,
+      this.#hint,
+    );
     this.element = h(
       "div",
       { class: "pane", role: "group", "aria-label": run ? `Strategy ${name}` : name },
-      h(
-        "div",
-        { class: "pane-head" },
-        heading,
-        this.#iteration,
-        status && h("span", { class: "badge", "data-status": status.kind }, status.text),
-        this.maximise,
-      ),
+      h("div", { class: "pane-head" }, heading, this.#iteration, this.#badge, this.maximise),
       this.surface,
       this.#numbers,
     );
@@ -197,11 +203,23 @@ export class Pane {
     this.moveTo();
   }
 
+  /** The pose chosen in place of the iteration's, if it is of this pane's run. */
+  get shownPose(): ShownPose | null {
+    const { shown } = this.#state;
+    return shown && shown.run === this.run?.name ? shown : null;
+  }
+
+  /** Matches belong to iterations; a pose chosen in their place has none. */
+  #matchesNow(): Int32Array | null {
+    return this.shownPose ? null : this.#model.matches(this.run, this.#state.iteration);
+  }
+
   /** Puts everything where it is at the state's iteration. */
   moveTo(): void {
     const { iteration, layers, color, scale } = this.#state;
     const model = this.#model;
-    this.#pose = model.pose(this.run, iteration);
+    const shown = this.shownPose;
+    this.#pose = shown?.pose ?? model.pose(this.run, iteration);
     for (const { role, layer } of this.#points) {
       const pose = role === "target" ? kIdentity : role === "truth" ? (model.truth ?? kIdentity) : this.#pose;
       layer.place(pose, model.centre);
@@ -212,8 +230,15 @@ export class Pane {
       layer.object.visible = layers.cameras && layers[role];
     }
     this.#grid.object.visible = layers.grid;
-    const matches = model.matches(this.run, iteration);
+    const matches = this.#matchesNow();
     let rms = NaN;
+    if (shown && this.#matches && this.#residualLevels) {
+      this.#matches.object.visible = false;
+      if (color.kind === "residual") {
+        this.#residualLevels.fill(kNoLevel);
+        this.#points.find(({ role }) => role === "source")?.layer.showLevels(this.#residualLevels, this.#colors);
+      }
+    }
     if (matches && this.#residuals && this.#residualLevels && this.#matches) {
       const byResidual = color.kind === "residual" && scale !== null;
       if (byResidual || this.#residuals.length <= kResidualsUpTo) {
@@ -238,7 +263,11 @@ export class Pane {
   #showNumbers(rms: number): void {
     const { run } = this;
     const entries: [string, string, string][] = [];
-    if (run) {
+    const shown = this.shownPose;
+    this.#badge?.toggleAttribute("hidden", shown !== null);
+    if (shown) {
+      this.#iteration.textContent = shown.label;
+    } else if (run) {
       const i = Math.min(this.#state.iteration, run.iterations);
       const unit = this.#model.lengthUnit;
       const square = unit === "m" ? "m²" : "map units²";
@@ -323,6 +352,11 @@ export class Pane {
     );
   }
 
+  /** As one picture for paper, where a canvas that was cleared would cover what lies below it. */
+  drawForPaper(service: RenderService): void {
+    this.#paper.src = this.picture(service, 2).toDataURL();
+  }
+
   /** Where a point of the scene's frame is on the screen, or null behind the camera. */
   #project(p: readonly number[], width: number, height: number): [number, number] | null {
     const v = new Vector4(p[0], p[1], p[2], 1)
@@ -405,13 +439,13 @@ export class Pane {
     if (pick.role !== "source") {
       return null;
     }
-    const match = this.#model.matches(this.run, this.#state.iteration)?.[pick.index] ?? -1;
+    const match = this.#matchesNow()?.[pick.index] ?? -1;
     return match >= 0 ? match : null;
   }
 
   /** How many source landmarks are matched with a target landmark at this iteration. */
   countMatchedWith(targetIndex: number): number {
-    const matches = this.#model.matches(this.run, this.#state.iteration);
+    const matches = this.#matchesNow();
     return matches ? matches.reduce((count, target) => count + Number(target === targetIndex), 0) : 0;
   }
 

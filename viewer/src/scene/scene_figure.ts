@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { announce, button, download, h } from "../dom";
-import type { Cell, Run, SceneSection, Table } from "../document/report";
+import type { Run, SceneSection } from "../document/report";
 import { canvasToPng } from "../export";
-import { labelOf } from "../math/format";
-import { tableFigure } from "../table";
+import { formatNumber, labelOf } from "../math/format";
+import { offeredPoses, onPoseShown, showPose, type ShownPose } from "../shown_pose";
+import { isPrinting, onPaper } from "../paper";
 import { onThemeChange, palette } from "../theme";
 import type { ColorMode } from "./coloring";
 import {
@@ -88,6 +89,7 @@ class SceneFigure {
       pointSize:
         model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : model.landmarkCount > 6000 ? 3 : 3.5,
       selected: null,
+      shown: null,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
     const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
@@ -108,12 +110,13 @@ class SceneFigure {
         "div",
         { class: "scene-body" },
         this.#stage,
-        h("aside", { class: "scene-side", "aria-label": "Legend and record" }, this.#legend, this.#record),
+        h("aside", { class: "scene-side", "aria-label": "Record of a landmark" }, this.#record),
       ),
     );
     if (this.#timeline) {
       this.element.append(this.#timeline.element);
     }
+    this.element.append(this.#legend);
     const summary = summaryTable(section);
     if (summary) {
       this.element.append(
@@ -140,6 +143,8 @@ class SceneFigure {
       this.#refreshSide();
       this.#redraw();
     });
+    onPoseShown(section.id, (shown) => this.#showPose(shown));
+    onPaper(() => this.#drawNow());
     new ResizeObserver(() => this.#layOut()).observe(this.#stage);
     new IntersectionObserver(
       (entries) => {
@@ -201,6 +206,10 @@ class SceneFigure {
         return chip;
       });
       bar.append(toolGroup("Strategies", ...chips));
+    }
+    const poses = offeredPoses(this.#section.id);
+    if (poses.length > 1) {
+      bar.append(toolGroup("Pose", this.#poseChooser(poses)));
     }
     const has: Record<LayerName, boolean> = {
       source: model.source !== null,
@@ -289,6 +298,32 @@ class SceneFigure {
     return select;
   }
 
+  /** What the alignment came to, or a candidate that it was held against. */
+  #poseChooser(poses: readonly ShownPose[]): HTMLSelectElement {
+    const several = this.#section.runs.length > 1;
+    const select = h(
+      "select",
+      { "aria-label": "Pose shown" },
+      h("option", { value: "" }, "As aligned"),
+      ...poses.map(({ run, label }, index) => h("option", { value: index }, several ? `${run}: ${label}` : label)),
+    );
+    select.addEventListener("change", () => {
+      showPose(this.#section.id, select.value === "" ? null : poses[Number(select.value)]);
+    });
+    onPoseShown(this.#section.id, (shown) => {
+      select.value = shown ? String(poses.indexOf(shown)) : "";
+    });
+    return select;
+  }
+
+  #showPose(shown: ShownPose | null): void {
+    this.#state.shown = shown;
+    this.#panes.forEach((pane) => pane.moveTo());
+    this.#refreshRecord();
+    this.#redraw();
+    announce(shown ? `${shown.label} shown.` : "The alignment’s own pose shown.");
+  }
+
   #colourChips(): void {
     for (const [pane, chip] of this.#chips) {
       chip.setAttribute("aria-pressed", String(this.#shown.has(pane)));
@@ -299,6 +334,9 @@ class SceneFigure {
 
   #goTo(iteration: number): void {
     this.#state.iteration = iteration;
+    if (this.#state.shown) {
+      showPose(this.#section.id, null);
+    }
     for (const pane of this.#shown) {
       pane.moveTo();
     }
@@ -329,18 +367,24 @@ class SceneFigure {
   }
 
   #layOut(): void {
+    if (isPrinting()) {
+      return;
+    }
     const visible = this.#visiblePanes();
     const width = this.#stage.clientWidth;
     const wanted = visible.length <= 1 || width < kStacksBelow ? 1 : visible.length === 3 || visible.length > 4 ? 3 : 2;
     const columns = width < 960 ? Math.min(wanted, 2) : wanted;
     const rows = Math.ceil(visible.length / columns);
-    // All rows and the timeline fit the window together once the toolbar is scrolled away.
-    const around = (this.#timeline?.element.offsetHeight ?? 0) + (this.#solo ? (this.#bar?.offsetHeight ?? 0) + 8 : 60);
-    const tall = Math.min(this.#solo ? Infinity : this.#timeline ? 960 : 700, innerHeight) - around;
+    // The whole figure fits the window below the page's bar: nothing has to cover anything.
+    const parts = [this.#bar, this.#timeline?.element, this.#legend];
+    const around = parts.reduce((sum, part) => sum + (part?.offsetHeight ?? 0), this.#solo ? 8 : 72);
+    const tall = Math.min(this.#solo ? Infinity : 1000, innerHeight) - around;
+    const first = visible[0]?.element;
+    const frame = first && !first.hidden ? first.offsetHeight - visible[0].surface.offsetHeight : 0;
     const height =
       width < kStacksBelow && !this.#solo
         ? Math.max(240, Math.min(420, width * 0.8))
-        : Math.max(220, tall / rows - (visible[0]?.run ? 96 : 44));
+        : Math.max(180, tall / rows - (frame || 96));
     this.#stage.style.setProperty("--columns", String(columns));
     this.#stage.style.setProperty("--pane-height", `${Math.round(height)}px`);
     for (const pane of this.#panes) {
@@ -430,7 +474,7 @@ class SceneFigure {
     const { selected } = this.#state;
     this.element.classList.toggle("has-record", selected !== null);
     if (!selected) {
-      this.#record.replaceChildren(h("p", { class: "muted small" }, "Click or tap a landmark for its record."));
+      this.#record.replaceChildren();
       return;
     }
     this.#record.replaceChildren(
@@ -442,6 +486,7 @@ class SceneFigure {
   #refreshSide(): void {
     const stride = Math.max(...this.#panes.map((pane) => pane.matchStride));
     this.#legend.replaceChildren(
+      h("p", { class: "muted small" }, "Click or tap a landmark for its record."),
       ...legendContent(this.#model, this.#state, palette(), stride > 1 ? `one in ${stride} drawn` : null),
     );
   }
@@ -470,6 +515,16 @@ class SceneFigure {
     }
   }
 
+  /** For paper, which does not wait: every pane in full, seen or not. */
+  #drawNow(): void {
+    this.element.querySelector<HTMLDetailsElement>(".scene-summary")?.setAttribute("open", "");
+    if (this.#service.available) {
+      for (const pane of this.#visiblePanes()) {
+        pane.drawForPaper(this.#service);
+      }
+    }
+  }
+
   #isHeavy(): boolean {
     const drawn = this.#model.landmarkCount * this.#visiblePanes().length;
     return this.#service.software || drawn > kSmoothUpTo;
@@ -477,6 +532,9 @@ class SceneFigure {
 
   #drawFrame(): void {
     this.#frame = 0;
+    if (isPrinting()) {
+      return;
+    }
     const quality = this.#quality();
     const drawn = this.#model.landmarkCount * this.#visiblePanes().length;
     const oneAtATime = !quality.preview && drawn > kSoftwareBudget && this.#service.software;
@@ -557,39 +615,37 @@ function copyOrbit(orbit: OrbitState): OrbitState {
   return { ...orbit, target: [...orbit.target] };
 }
 
-const kBestOf: Record<string, "low" | "high"> = {
-  score: "low",
-  rotation_error_deg: "low",
-  translation_error_m: "low",
-  probability: "high",
-};
-
-/** What the alignments' results say, a row for each strategy; keys without any value are left out. */
+/** What the alignments' results say: a row for each value that any of them has, a column for each strategy. */
 function summaryTable(section: SceneSection): HTMLElement | null {
-  const keys = [...new Set(section.runs.flatMap((run) => run.summary.map(([key]) => key)))].filter((key) =>
-    section.runs.some((run) => run.summary.some(([name, value]) => name === key && value !== null)),
+  const summaries = section.runs.map((run) => new Map(run.summary));
+  const keys = [...new Set(summaries.flatMap((summary) => [...summary.keys()]))].filter((key) =>
+    summaries.some((summary) => (summary.get(key) ?? null) !== null),
   );
   if (keys.length === 0) {
     return null;
   }
-  const rows: Cell[][] = section.runs.map((run) => {
-    const values = new Map(run.summary);
-    return [run.name, ...keys.map((key) => values.get(key) ?? null)];
-  });
-  const table: Table = {
-    columns: [
-      { name: "Strategy", unit: null, type: "text", digits: null },
-      ...keys.map((key, index) => ({
-        name: labelOf(key).label,
-        unit: labelOf(key).unit,
-        type: rows.some((row) => typeof row[index + 1] === "string") ? ("text" as const) : ("number" as const),
-        digits: null,
-      })),
-    ],
-    rows,
-    best: [null, ...keys.map((key) => (Object.prototype.hasOwnProperty.call(kBestOf, key) ? kBestOf[key] : null))],
-  };
-  return tableFigure(table, `Results of “${section.title}”`, `${section.id}-results`);
+  const text = (value: string | number | null) =>
+    value === null ? "–" : typeof value === "number" ? formatNumber(value, 5) : value;
+  return h(
+    "table",
+    { class: "summary-table" },
+    h("thead", null, h("tr", null, h("td", null), ...section.runs.map((run) => h("th", { scope: "col" }, run.name)))),
+    h(
+      "tbody",
+      null,
+      ...keys.map((key) => {
+        const { label, unit } = labelOf(key);
+        return h(
+          "tr",
+          null,
+          h("th", { scope: "row" }, label, unit && h("span", { class: "unit" }, ` ${unit}`)),
+          ...summaries.map((summary, i) =>
+            h("td", { "data-label": section.runs[i].name }, text(summary.get(key) ?? null)),
+          ),
+        );
+      }),
+    ),
+  );
 }
 
 /** The 3D view of a section; `settled` is called once it has drawn its first picture. */

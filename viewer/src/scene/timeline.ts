@@ -33,6 +33,7 @@ export class Timeline {
   readonly #max: number;
   readonly #lengthUnit: string;
   readonly #onMove: (iteration: number) => void;
+  #fromZero = true;
   #visible: (run: Run) => boolean = () => true;
   #metric: (typeof kMetrics)[number] | null;
   #timer = 0;
@@ -68,6 +69,15 @@ export class Timeline {
       this.#metric = metrics.find(({ key }) => key === chooser.value) ?? null;
       this.redraw();
     });
+    const zero = button(
+      "From zero",
+      () => {
+        this.#fromZero = !this.#fromZero;
+        zero.setAttribute("aria-pressed", String(this.#fromZero));
+        this.redraw();
+      },
+      { class: "chip", "aria-pressed": "true", title: "Whether the curve’s axis starts at zero or fits the values" },
+    );
     this.element = h(
       "div",
       { class: "timeline" },
@@ -80,7 +90,13 @@ export class Timeline {
         this.#output,
       ),
       h("div", { class: "timeline-track" }, metrics.length > 0 && this.#curve, this.#slider),
-      h("div", { class: "timeline-metric" }, metrics.length > 0 && chooser, this.#range),
+      h(
+        "div",
+        { class: "timeline-metric" },
+        metrics.length > 1 ? chooser : h("span", { class: "metric-name" }, metrics[0]?.label ?? ""),
+        metrics.length > 0 && zero,
+        this.#range,
+      ),
     );
     new ResizeObserver(() => this.redraw()).observe(this.#slider);
   }
@@ -162,6 +178,7 @@ export class Timeline {
     const width = this.#slider.clientWidth;
     this.#points = [];
     this.#curve.setAttribute("width", String(width));
+    this.#curve.setAttribute("viewBox", `0 0 ${width} ${kCurveHeight}`);
     const metric = this.#metric;
     if (!metric || width === 0) {
       return;
@@ -169,9 +186,9 @@ export class Timeline {
     const shown = this.#runs.filter((run) => run[metric.key] && this.#visible(run));
     const all = this.#runs.flatMap((run) => [...(run[metric.key] ?? [])]).filter((v) => Number.isFinite(v));
     const positive = all.filter((v) => v > 0);
-    const logarithmic = positive.length > all.length * 0.9;
+    const logarithmic = !this.#fromZero && positive.length > all.length * 0.9;
     const values = logarithmic ? positive : all;
-    const low = values.reduce((a, b) => Math.min(a, b), Infinity);
+    const low = values.reduce((a, b) => Math.min(a, b), this.#fromZero ? 0 : Infinity);
     const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
     const place = (v: number) => {
       const t = logarithmic ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { ColorMode, ColorScale } from "./coloring";
 import type { Pick } from "./picking";
+import type { ShownPose } from "../shown_pose";
 
 export type LayerName = "source" | "target" | "matches" | "cameras" | "truth" | "grid";
 
@@ -14,4 +15,6 @@ export interface ViewState {
   scale: ColorScale | null;
   pointSize: number;
   selected: Pick | null;
+  /** A pose in place of that of a run's iteration. */
+  shown: ShownPose | null;
 }
