@@ -209,22 +209,24 @@ struct ExportArguments : AtlasArguments {
   std::string with;
 
   void add_to(CLI::App& command) {
-    add_text(
-        command, "-o,--output", output,
-        ".g2o or .json: the graph of links and poses; .tum: the keyframes of the placed maps; "
-        ".ply: "
-        "their landmarks, side by side; a folder: every map as .cairn, and the graph. Required",
-        "FILE");
+    add_text(command, "-o,--output", output,
+             ".g2o or .json: the graph of links and poses; .tum: the keyframes of the placed maps; "
+             ".ply: their landmarks, side by side; .mcap: the placed maps and their links, for "
+             "Foxglove, "
+             "Lichtblick and rerun; a folder: every map as .cairn, and the graph. Required",
+             "FILE");
     add_text(command, "--map", map, "This map alone, in its own frame, in any map format", "NAME");
     add_text(command, "--with", with,
-             "Of .tum and .ply: the maps in one frame with this one; else the largest group",
+             "Of .tum, .ply and .mcap: the maps in one frame with this one; else the largest group",
              "NAME");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
         "Example: the graph for another optimiser, the keyframes to evaluate\n"
         "  cairn atlas export --atlas town.atlas -o town.g2o\n"
-        "  cairn atlas export --atlas town.atlas -o town.tum");
+        "  cairn atlas export --atlas town.atlas -o town.tum\n"
+        "Example: maps and links in Foxglove\n"
+        "  cairn atlas export --atlas town.atlas -o town.mcap");
   }
 
   AtlasComponent component(const AtlasState& state) const {
@@ -272,6 +274,17 @@ struct ExportArguments : AtlasArguments {
     write_graph(state, (fs::path(output) / "graph.json").string(), false);
   }
 
+  void write_recording(Atlas& atlas, const AtlasState& state) const {
+    const AtlasComponent shown_maps = component(state);
+    write_file(output, [&](const ByteSink& sink) { write_mcap(atlas, state, shown_maps, sink); });
+    const std::size_t others = state.nodes.size() - shown_maps.nodes.size();
+    if (others > 0) {
+      common.console().remark(fmt::format("{}: {} of {} maps are in no frame with {}; left out",
+                                          output, others, state.nodes.size(),
+                                          name_of(state, shown_maps.frame)));
+    }
+  }
+
   int run() {
     if (output.empty()) {
       throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of a file or folder");
@@ -281,8 +294,9 @@ struct ExportArguments : AtlasArguments {
     if (!map.empty()) {
       require_map_path(output, "--output");
     } else if (!is_folder && ending != ".g2o" && ending != ".json" && ending != ".tum" &&
-               ending != ".ply") {
-      throw Error(ErrorKind::kMisuse, "--output", output, ".g2o, .json, .tum, .ply, or a folder");
+               ending != ".ply" && ending != ".mcap") {
+      throw Error(ErrorKind::kMisuse, "--output", output,
+                  ".g2o, .json, .tum, .ply, .mcap, or a folder");
     }
     if (!is_folder) require_folder_of(output);
     Atlas atlas = open_to_read();
@@ -299,6 +313,8 @@ struct ExportArguments : AtlasArguments {
       write_file(output, [&](const ByteSink& sink) { write_tum_trajectory(trajectory, sink); });
     } else if (ending == ".ply") {
       save_map(cloud_of(atlas, state, component(state)), output, common);
+    } else if (ending == ".mcap") {
+      write_recording(atlas, state);
     } else {
       write_graph(state, output, ending == ".g2o");
     }

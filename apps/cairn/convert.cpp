@@ -64,6 +64,7 @@ struct ConvertArguments {
   std::string beginning() const;
   bool move_points(std::string_view first) const;
   bool convert_trajectory(std::string_view first) const;
+  void refuse_atlas(std::string_view first) const;
   bool write_graph(std::string_view first) const;
 };
 
@@ -143,6 +144,8 @@ void ConvertArguments::add_to(CLI::App& command) {
       "  cairn convert first.map first.ply --confidence covariance,observations\n"
       "Example: the pose graph of an RTAB-Map database\n"
       "  cairn convert rtabmap.db graph.g2o\n"
+      "Example: a map in Foxglove, Lichtblick or rerun\n"
+      "  cairn convert desk.map desk.mcap\n"
       "Example: move a dense cloud as its map was aligned\n"
       "  cairn align sparse/0 other/sparse/0 --scale --json result.json\n"
       "  cairn convert dense/fused.ply moved.ply --apply result.json");
@@ -252,6 +255,20 @@ bool ConvertArguments::convert_trajectory(std::string_view first) const {
   return true;
 }
 
+// An atlas holds many maps, and what it is asked for has options of its own.
+void ConvertArguments::refuse_atlas(std::string_view first) const {
+  constexpr std::string_view kApplicationId = "CRNA";  // of the SQLite file (docs/formats.md)
+  constexpr std::size_t kPlace = 68;
+  if (!first.starts_with("SQLite format 3") || first.size() < kPlace ||
+      !first.substr(kPlace).starts_with(kApplicationId)) {
+    return;
+  }
+  throw Error(
+      ErrorKind::kMisuse, input, "is an atlas, not a map",
+      fmt::format("'cairn atlas export --atlas {} -o {}', with --map NAME for one of its maps",
+                  input, output));
+}
+
 // Writes the graph of an RTAB-Map database, if that is what the names say. @return false for a map
 bool ConvertArguments::write_graph(std::string_view first) const {
   const std::filesystem::path path(output);
@@ -277,6 +294,7 @@ int ConvertArguments::run() {
     throw Error(ErrorKind::kMisuse, "--apply", "stands beside --transform", "one of them");
   }
   const std::string first = beginning();
+  refuse_atlas(first);
   if (!apply.empty() && move_points(first)) return kDone;
   if (convert_trajectory(first)) return kDone;
   if (write_graph(first)) return kDone;

@@ -13,6 +13,7 @@
 #include "cairn/core/random.hpp"
 
 #include "cli.hpp"
+#include "support/mcap_recording.hpp"
 #ifdef CAIRN_HAS_POSTGRES
 #include "support/postgres_server.hpp"
 #endif
@@ -122,7 +123,22 @@ TEST_F(AtlasCliTest, ExportsGraphKeyframesLandmarksAndMaps) {
   EXPECT_TRUE(fs::exists(path("all") / "graph.json"));
   answer(atlas({"export", "--map", "source", "-o", "again.map"}));
   EXPECT_EQ(read_map(path("again.map")).landmark_count(), 900U);
-  expect_refusal(atlas({"export", "-o", "town.xyz"}), kWrongUsage, {".g2o, .json, .tum, .ply"});
+  const CommandResult recorded = cairn(atlas({"export", "-o", "town.mcap"}));
+  EXPECT_EQ(recorded.output, "wrote town.mcap\n") << recorded.errors;
+  EXPECT_THAT(recorded.errors,
+              HasSubstr("town.mcap: 1 of 3 maps are in no frame with target; left out"));
+  const McapRecording recording = read_mcap(content("town.mcap"));
+  EXPECT_EQ(recording.of_topic("/tf").size(), 2U);
+  EXPECT_EQ(recording.of_topic("/map/source/landmarks").size(), 1U);
+  EXPECT_EQ(protobuf_fields(recording.of_topic("/links").at(0).data).at(2).size(), 1U);
+  answer(atlas({"export", "--map", "stranger", "-o", "one.mcap"}));
+  EXPECT_EQ(read_mcap(content("one.mcap")).of_topic("/tf").size(), 10U);
+  expect_refusal({"convert", "town.atlas", "direct.mcap"}, kWrongUsage,
+                 {"town.atlas: is an atlas, not a map",
+                  "cairn atlas export --atlas town.atlas -o direct.mcap"});
+  EXPECT_FALSE(fs::exists(path("direct.mcap")));
+  expect_refusal(atlas({"export", "-o", "town.xyz"}), kWrongUsage,
+                 {".g2o, .json, .tum, .ply, .mcap"});
 }
 
 TEST_F(AtlasCliTest, LogsUndoesAndLooksBack) {

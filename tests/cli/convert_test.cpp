@@ -8,6 +8,7 @@
 #include "cairn/map/operations.hpp"
 
 #include "cli.hpp"
+#include "support/mcap_recording.hpp"
 
 namespace cairn::testing {
 namespace {
@@ -214,6 +215,37 @@ TEST_F(ConvertTest, SaysWhatAPointCloudCannotHold) {
   EXPECT_TRUE(output.at("frames").is_null());
   EXPECT_TRUE(output.at("observations").is_null());
   EXPECT_EQ(output.at("landmarks"), 3);
+}
+
+TEST_F(ConvertTest, RecordingsAreForOtherViewers) {
+  const LandmarkMap map = write_pair().source;
+  const CommandResult result =
+      cairn({"convert", "source.map", "source.mcap", "--confidence", "covariance"});
+  EXPECT_EQ(result.output, "source.mcap: 20 frames, 600 landmarks\n") << result.errors;
+  EXPECT_THAT(result.errors, HasSubstr("MCAP has no place for: "));
+  const McapRecording recording = read_mcap(content("source.mcap"));
+  EXPECT_EQ(recording.of_topic("/tf").size(), map.frame_count());
+  EXPECT_THAT(recording.of_topic("/landmarks").at(0).data, HasSubstr("confidence_covariance"));
+  EXPECT_EQ(
+      answer({"convert", "source.map", "-", "--format", "mcap", "--confidence", "covariance"}),
+      content("source.mcap"));
+
+  expect_refusal({"convert", "source.map", "strict.mcap", "--strict"}, kBadInput,
+                 {"--strict", "MCAP has no place for: "});
+  expect_refusal({"convert", "source.mcap", "back.map"}, kBadInput,
+                 {"source.mcap: is an MCAP recording, which Cairn writes and does not read"});
+  expect_refusal({"convert", "source.map", "source.mcab"}, kWrongUsage, {"source.mcab", ".mcap"});
+  expect_refusal({"convert", "source.map", "nowhere/source.mcap"}, kSystemError, {"nowhere"});
+  expect_refusal({"convert", "source.map", "a.mcap", "--ascii"}, kWrongUsage,
+                 {"--ascii: a.mcap is neither PLY nor PCD"});
+  EXPECT_THAT(files(), ::testing::UnorderedElementsAre("source.map", "target.map", "source.mcap",
+                                                       "truth.txt", "start.txt"));
+}
+
+TEST_F(ConvertTest, AMapOfNothingIsARecording) {
+  write("empty.map", "CAIRN 2\n");
+  EXPECT_EQ(answer({"convert", "empty.map", "empty.mcap"}), "empty.mcap: 0 frames, 0 landmarks\n");
+  EXPECT_EQ(read_mcap(content("empty.mcap")).messages.size(), 1U);
 }
 
 TEST_F(ConvertTest, FramesCutAMiniMap) {

@@ -3,8 +3,12 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
+#include <string>
 #include <utility>
+#include <vector>
 
+#include "cairn/interchange/mcap.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -54,6 +58,28 @@ LandmarkMap cloud_of(Atlas& atlas, const AtlasState& state, const AtlasComponent
   }
   all.columns.push_back(std::move(nodes));
   return LandmarkMap(std::move(tables));
+}
+
+void write_mcap(Atlas& atlas, const AtlasState& state, const AtlasComponent& component,
+                const ByteSink& sink) {
+  std::map<NodeId, std::size_t> indices;
+  std::vector<McapMap> maps;
+  for (const NodeId id : component.nodes) {
+    const AtlasNode& node = state.nodes.at(id);
+    indices[id] = maps.size();
+    maps.push_back({node.name, state.poses.at(id).frame_from_node,
+                    [&atlas, &node] { return atlas.map(node); }});
+  }
+  std::vector<McapLink> links;
+  for (const auto& [id, link] : state.links) {
+    const auto target = indices.find(link.target);
+    const auto source = indices.find(link.source);
+    if (!link.is_aligned() || target == indices.end() || source == indices.end()) continue;
+    const auto agrees = state.agrees.find(id);
+    links.push_back({target->second, source->second, std::string(to_string(link.kind)),
+                     link.probability, agrees == state.agrees.end() || agrees->second});
+  }
+  write_mcap(maps, links, sink);
 }
 
 }  // namespace cairn

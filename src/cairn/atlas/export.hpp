@@ -2,6 +2,7 @@
 #pragma once
 
 #include "cairn/atlas/atlas.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/trajectory/trajectory.hpp"
 
 namespace cairn {
@@ -14,5 +15,10 @@ inline constexpr const char* kNodeColumn = "map";
 
 /// Landmarks of a component's maps, in its frame, side by side: nothing is fused, and there are no frames.
 LandmarkMap cloud_of(Atlas& atlas, const AtlasState& state, const AtlasComponent& component);
+
+/// Writes a component as an MCAP recording (interchange/mcap.hpp): its maps, each in a frame of its own, and the
+/// aligned links between them.
+void write_mcap(Atlas& atlas, const AtlasState& state, const AtlasComponent& component,
+                const ByteSink& sink);
 
 }  // namespace cairn

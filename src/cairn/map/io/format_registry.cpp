@@ -150,7 +150,9 @@ std::string FormatRegistry::endings_text() const {
 
 std::string FormatRegistry::titles_text() const {
   std::vector<std::string> titles;
-  for (const MapFormat& format : formats_) titles.push_back(format.title);
+  for (const MapFormat& format : formats_) {
+    if (format.is_read) titles.push_back(format.title);
+  }
   return alternatives(titles);
 }
 

@@ -43,6 +43,7 @@ struct MapFormat {
   bool is_folder = false;      ///< written as a folder of files
   bool holds_frames = true;    ///< false: landmarks only
   bool holds_several = false;  ///< a file may hold several maps, of which "path#N" names one
+  bool is_read = true;         ///< false: only written, and reading one says so
   /// Whether a file or folder is in this format. Looks at the path, what lies beside it, and the first
   /// bytes; does not read from the source.
   std::function<bool(const MapInput& input)> recognises = {};

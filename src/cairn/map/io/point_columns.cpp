@@ -25,6 +25,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
 constexpr std::array<const char*, 3> kChannels = {"red", "green", "blue"};
+constexpr std::size_t kAlpha = kChannels.size();  // index of the channel that follows them
 
 // The lower triangle, in the order of the names: it is what the test of a covariance goes by, so a
 // matrix that passed it passes again although it was not quite symmetric.
@@ -856,6 +857,9 @@ PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType posi
     add("rgb", ScalarType::kUint32, Content::kPackedColor);
   } else if (all_colored) {
     for (std::size_t i = 0; i < 3; ++i) add(kChannels[i], ScalarType::kUint8, Content::kChannel, i);
+    if (format == PointFormat::kFoxglove) {
+      add("alpha", ScalarType::kUint8, Content::kChannel, kAlpha);
+    }
   }
   const bool has_counts = !map.observations().offsets.empty();
   if (has_counts) add("observations", ScalarType::kUint32, Content::kCount);
@@ -905,7 +909,11 @@ void PointRows::visit(std::size_t field, std::size_t row, Put&& put) const {
     }
     case Content::kChannel: {
       const Color color = *landmarks.colors[row];
-      put(index == 0 ? color.red : index == 1 ? color.green : color.blue);
+      constexpr std::uint8_t kOpaque = 255;
+      put(index == kAlpha ? kOpaque
+          : index == 0    ? color.red
+          : index == 1    ? color.green
+                          : color.blue);
       break;
     }
     case Content::kPackedColor: {

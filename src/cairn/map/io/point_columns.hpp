@@ -17,7 +17,11 @@
 // Private to cairn/map/io and cairn/interchange.
 namespace cairn::detail {
 
-enum class PointFormat { kPly, kPcd };
+enum class PointFormat {
+  kPly,
+  kPcd,
+  kFoxglove,  ///< as PLY, with an alpha value; only written
+};
 
 enum class ScalarType : std::uint8_t {
   kInt8,

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+// Protocol Buffers' wire format (https://protobuf.dev/programming-guides/encoding). Private to cairn/interchange.
+namespace cairn::detail {
+
+/// The bytes of a message, field by field; a field's number is that of its description.
+class ProtobufMessage {
+ public:
+  /// int32, int64, bool and enum; not negative.
+  ProtobufMessage& whole(std::uint32_t field, std::uint64_t value);
+  ProtobufMessage& fixed32(std::uint32_t field, std::uint32_t value);
+  ProtobufMessage& fixed32s(std::uint32_t field, std::span<const std::uint32_t> values);
+  ProtobufMessage& real(std::uint32_t field, double value);
+  /// @param text UTF-8
+  ProtobufMessage& text(std::uint32_t field, std::string_view text) { return bytes(field, text); }
+  ProtobufMessage& bytes(std::uint32_t field, std::string_view value);
+  ProtobufMessage& message(std::uint32_t field, const ProtobufMessage& message) {
+    return bytes(field, message.bytes_);
+  }
+
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  void varint(std::uint64_t value);
+  void little_endian(std::uint64_t value, int size);
+
+  std::string bytes_;
+};
+
+}  // namespace cairn::detail
