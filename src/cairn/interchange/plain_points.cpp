@@ -274,8 +274,12 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
 }
 
 // Frames and observations have no place in any of these formats, which says so in its row.
-constexpr detail::Holdings kPositionsOnly{
-    .timestamps = true, .keypoints = true, .depths = true, .octaves = true, .colors = false};
+constexpr detail::Holdings kPositionsOnly{.timestamps = true,
+                                          .keypoints = true,
+                                          .depths = true,
+                                          .octaves = true,
+                                          .measured = true,
+                                          .colors = false};
 
 // --- Archives of arrays ---------------------------------------------------------------------------
 

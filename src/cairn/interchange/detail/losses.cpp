@@ -45,8 +45,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
     add(!observations.keypoints.empty() && !holdings.keypoints, "indices of keypoints");
     add(!observations.depths.empty() && !holdings.depths, "depths of observations");
     add(!observations.octaves.empty() && !holdings.octaves, "octaves of observations");
-    add(!observations.sources.empty() || !observations.sigmas_px.empty(),
-        "how observations were measured");
+    const bool measured = !observations.sources.empty() || !observations.sigmas_px.empty();
+    add(measured && !holdings.measured, "how observations were measured");
   }
   return lost;
 }

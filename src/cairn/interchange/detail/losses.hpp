@@ -20,6 +20,7 @@ struct Holdings {
   bool keypoints = false;
   bool depths = false;
   bool octaves = false;
+  bool measured = false;  ///< how observations were, and how exactly
   bool colors = true;
   bool covariances = false;
   bool length_unit = false;
