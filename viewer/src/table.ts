@@ -234,7 +234,16 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
     h("thead", null, h("tr", null, ...headers)),
     body,
   );
-  const scroll = h("div", { class: "table-scroll", tabindex: 0, role: "region", "aria-label": title }, whole);
+  const scroll = h(
+    "div",
+    {
+      class: table.rows.length >= kFilterFrom ? "table-scroll is-long" : "table-scroll",
+      tabindex: 0,
+      role: "region",
+      "aria-label": title,
+    },
+    whole,
+  );
   const figure = h(
     "figure",
     { class: "card table-figure" },
@@ -249,6 +258,12 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
       csvButton(table, title, fileName),
     ),
   );
+  onPaper(() => {
+    if (limit !== Infinity) {
+      limit = Infinity; // paper has no button for the rest
+      fill();
+    }
+  });
   stackWhereNarrow(figure, scroll, whole);
   return figure;
 }

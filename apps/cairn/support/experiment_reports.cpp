@@ -2,6 +2,7 @@
 #include "support/experiment_reports.hpp"
 
 #include <algorithm>
+#include <span>
 #include <utility>
 #include <variant>
 
@@ -94,7 +95,7 @@ void add_sections(report::Report& report, std::vector<report::Section> sections,
   }
 }
 
-std::string paragraphs_of(const std::vector<std::string>& sentences) {
+std::string paragraphs_of(std::span<const std::string> sentences) {
   std::string text;
   for (const std::string& sentence : sentences) text += (text.empty() ? "" : "\n\n") + sentence;
   return text;
@@ -153,10 +154,12 @@ void add_study(report::Report& report, const std::string& name,
                const std::vector<std::string>& findings, const std::vector<std::string>& answers,
                std::vector<report::Section> sections, const std::string& prefix) {
   if (report.title.empty()) report.title = "Study " + name;
+  // The first stands below the title, unless the report has others beside this study.
+  const bool alone = prefix.empty() && !report.subtitle && findings.size() > 1;
   if (!report.subtitle) report.subtitle = findings.front();
   report.sections.push_back({.id = prefix + "findings",
                              .title = "Findings",
-                             .text = paragraphs_of(findings),
+                             .text = paragraphs_of(std::span(findings).subspan(alone ? 1 : 0)),
                              .content = report::Text()});
   add_sections(report, std::move(sections), prefix);
   report.sections.push_back({.id = prefix + "answers",
