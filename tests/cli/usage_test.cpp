@@ -281,7 +281,7 @@ TEST_F(UsageTest, UnreadableInputIsNamedWithTheReason) {
   write_plain();
   std::filesystem::create_directory(path("folder"));
   expect_refusal({"info", "missing.map"}, kBadInput, {"missing.map", "No such file"});
-  expect_refusal({"info", "folder"}, kBadInput, {"folder", "directory"});
+  expect_refusal({"info", "folder"}, kBadInput, {"folder", "is a folder, but no map"});
   expect_refusal({"align", "plain.map", "missing.map"}, kBadInput, {"missing.map"});
   expect_refusal({"align", "missing.map", "plain.map"}, kBadInput, {"missing.map"});
   expect_refusal({"convert", "missing.map", "out.map"}, kBadInput, {"missing.map"});
