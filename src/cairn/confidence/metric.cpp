@@ -198,7 +198,6 @@ Metric metric_named(std::string_view name) {
     if (end == std::string_view::npos) break;
     begin = end + 1;
   }
-  if (factors.size() == 1) return std::move(factors.front());
   return product_metric(std::move(factors));
 }
 

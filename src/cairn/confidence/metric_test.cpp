@@ -79,6 +79,12 @@ TEST(ParallaxMetric, IsTheWidestAngleBetweenViewingRays) {
   EXPECT_EQ(values[2], 0.0);
 }
 
+TEST(ParallaxMetric, IsInRadiansFromAnyDistance) {
+  MapTables tables = small_tables();
+  tables.landmarks.positions[0] = {2, 0, 2};
+  EXPECT_DOUBLE_EQ(parallax_metric().evaluate(LandmarkMap(tables))[0], std::numbers::pi / 4);
+}
+
 TEST(ReprojectionMetric, FallsWithTheMeanErrorInPixels) {
   // Errors of 0 and 3 px for the first landmark, 1 px for the second.
   const std::vector<double> values = reprojection_metric().evaluate(LandmarkMap(small_tables()));
@@ -93,6 +99,14 @@ TEST(ReprojectionMetric, TrustsNoLandmarkBehindItsCamera) {
   EXPECT_EQ(reprojection_metric().evaluate(LandmarkMap(tables))[1], 0.0);
 }
 
+TEST(ReprojectionMetric, CountsFramesWithACameraOnly) {
+  MapTables tables = small_tables();
+  tables.frames.cameras = {CameraIndex{0}, std::nullopt};
+  tables.observations.frames = {FrameIndex{0}, FrameIndex{1}, FrameIndex{1}};
+  // The first landmark's error in frame 0 is 0 px; no frame with a camera sees the second.
+  EXPECT_THAT(reprojection_metric().evaluate(LandmarkMap(tables)), ElementsAre(1.0, 0.0, 0.0));
+}
+
 TEST(ColumnMetric, IsTheColumnWithZeroForUnknown) {
   MapTables tables = small_tables();
   tables.landmarks.columns = {{"trust", {0.5, std::nan(""), -1.0}}};
@@ -104,6 +118,10 @@ TEST(ProductMetric, MultipliesLandmarkByLandmark) {
   const Metric product = metric_named("covariance*observations");
   EXPECT_EQ(product.name, "covariance*observations");
   EXPECT_THAT(product.evaluate(map), ElementsAre(2.0 / 6.0, 1.0, 0.0));
+}
+
+TEST(ProductMetric, NeedsAFactor) {
+  EXPECT_THROW(product_metric({}), Error);
 }
 
 TEST(Metrics, FailByNameWhereTheMapLacksTheirInput) {
@@ -126,6 +144,20 @@ TEST(Metrics, FailByNameWhereTheMapLacksTheirInput) {
   }
   EXPECT_THAT(message_of(column_metric("trust"), LandmarkMap(small_tables())),
               HasSubstr("no column 'trust'"));
+}
+
+TEST(Metrics, FailOfASingleLandmarkToo) {
+  MapTables tables = small_tables();
+  tables.landmarks = {};
+  tables.landmarks.ids = {LandmarkId{10}};
+  tables.landmarks.positions = {{1, 0, 1}};
+  tables.frames.cameras.clear();
+  tables.observations.offsets = {0, 2};
+  tables.observations.frames.resize(2);
+  tables.observations.pixels.resize(2);
+  const LandmarkMap map(tables);
+  EXPECT_THAT(message_of(covariance_metric(), map), HasSubstr("no landmark covariances"));
+  EXPECT_THAT(message_of(reprojection_metric(), map), HasSubstr("no cameras"));
 }
 
 TEST(MetricNamed, KnowsEachMetricByItsName) {
