@@ -3,9 +3,12 @@
 
 #include <cmath>
 #include <numeric>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
+#include "cairn/core/random.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -63,6 +66,50 @@ TEST(SeenViews, SaysNothingOfWhatNoCameraLookedAt) {
   LandmarkCloud blind = wall();
   blind.views.clear();
   EXPECT_EQ(counts(blind, blind, Rigid3()).total(), 0U);
+}
+
+// One camera at the origin, and the landmarks that it sees.
+SeenViews seen_from_origin(std::vector<Eigen::Vector3d> landmarks) {
+  LandmarkCloud cloud;
+  cloud.positions = std::move(landmarks);
+  LandmarkView& view = cloud.views.emplace_back();
+  view.landmarks.resize(cloud.size());
+  std::iota(view.landmarks.begin(), view.landmarks.end(), 0U);
+  return SeenViews(cloud);
+}
+
+TEST(SeenViews, AgreesFromTheNearestToTheFarthestThatADirectionShows) {
+  const SeenViews views = seen_from_origin({{3.0, 0.0, 0.0}, {4.0, 0.0, 0.0}, {2.0, 0.0, 0.0}});
+  const auto at = [&](double x) {
+    return views.count(std::vector<Eigen::Vector3d>{{x, 0.0, 0.0}});
+  };
+  for (const double x : {1.93, 2.0, 2.5, 4.0, 4.15}) EXPECT_EQ(at(x).agree, 1U) << x;
+  for (const double x : {0.5, 1.79}) EXPECT_EQ(at(x).in_front, 1U) << x;
+  for (const double x : {4.41, 9.0}) EXPECT_EQ(at(x).behind, 1U) << x;
+  // Between the two, and where the camera itself is, nothing is said.
+  for (const double x : {1.81, 1.91, 4.17, 4.39, 0.0}) EXPECT_EQ(at(x).total(), 0U) << x;
+}
+
+TEST(SeenViews, KeepsDirectionsApartAllAround) {
+  Random random(1);
+  for (int trial = 0; trial < 200; ++trial) {
+    const double x = random.uniform(0.2, 1.0);
+    const double y = random.uniform(0.2, 1.0);
+    const double z = random.uniform(0.2, 1.0);
+    std::vector<Eigen::Vector3d> mirrored;
+    for (const double sx : {-1.0, 1.0}) {
+      for (const double sy : {-1.0, 1.0}) {
+        for (const double sz : {-1.0, 1.0}) mirrored.emplace_back(sx * x, sy * y, sz * z);
+      }
+    }
+    for (const Eigen::Vector3d& seen : mirrored) {
+      const SeenViews views = seen_from_origin({seen});
+      const SightCounts all = views.count(mirrored);
+      EXPECT_EQ(all.agree, 1U) << seen.transpose();
+      EXPECT_EQ(all.total(), 1U) << seen.transpose();
+      EXPECT_EQ(views.count(std::vector<Eigen::Vector3d>{1.02 * seen}).agree, 1U);
+    }
+  }
 }
 
 TEST(SeenViews, AgreeAtTheRightPoseOfTwoMaps) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/verdict.hpp"
 
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -46,6 +47,8 @@ TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
   best.support.likeness = Likeness{200, 50};
   EXPECT_THAT(verdict_of({best}).reason,
               HasSubstr("25.0 % of the matches look alike (1.6 % would by chance)"));
+  best.support.likeness = Likeness{1, 1};
+  EXPECT_THAT(verdict_of({best}).reason, HasSubstr("100.0 % of the matches look alike"));
   best.support.likeness = Likeness{0, 0};
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
 }
@@ -55,6 +58,27 @@ TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
       verdict_of({candidate(0.4), candidate(0.35), candidate(0.24), candidate(0.005)});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
+}
+
+TEST(Verdict, CountsAsRivalsThosePosesThatAreATwentiethAsLikely) {
+  const Judgement judgement =
+      verdict_of({candidate(0.5), candidate(0.44), candidate(0.028), candidate(0.024)});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
+}
+
+TEST(Verdict, TakesTheLeastProbabilityItself) {
+  const std::vector<PlacementCandidate> one = {candidate(0.75)};
+  EXPECT_EQ(judge(one, known_pose(), 3000, 0.75).verdict, Verdict::kAligned);
+  EXPECT_EQ(judge(one, known_pose(), 3000, 0.7501).verdict, Verdict::kRejected);
+  const std::vector<PlacementCandidate> two = {candidate(0.5), candidate(0.25)};
+  EXPECT_EQ(judge(two, known_pose(), 3000, 0.75).verdict, Verdict::kAmbiguous);
+}
+
+TEST(Verdict, SaysWhetherThereIsAnotherPose) {
+  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("there is no other"));
+  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.15)}).reason,
+              HasSubstr("the next pose 15.0 %"));
 }
 
 TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
@@ -76,6 +100,23 @@ TEST(Verdict, AmbiguousByNameIfADirectionIsOpenHoweverLikelyThePose) {
   EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason, HasSubstr("the scale"));
 }
 
+TEST(Verdict, NamesAnOpenDirectionAfterItsLargestPart) {
+  const auto reason = [](std::vector<OpenDirection> open) {
+    RegistrationResult result = known_pose();
+    result.unobservable = std::move(open);
+    return verdict_of({candidate(1.0)}, result).reason;
+  };
+  EXPECT_THAT(reason({{{0.9, 0.0, 0.0}, {0.0, 0.5, 0.0}, -1.0}}), HasSubstr("determine the scale"));
+  EXPECT_THAT(reason({{{0.9, 0.0, 0.0}, {0.0, 0.5, 0.0}, 0.7}}),
+              HasSubstr("the shift along (1.00, 0.00, 0.00)"));
+  EXPECT_THAT(reason({{{0.5, 0.0, 0.0}, {0.0, 0.9, 0.0}, 0.7}}),
+              HasSubstr("the turn about (0.00, 1.00, 0.00)"));
+  EXPECT_THAT(reason({{{0.0, 0.0, 2.0}, {2.0, 0.0, 0.0}, 0.0}}), HasSubstr("the shift"));
+  EXPECT_THAT(
+      reason({{{0.0, 0.0, -3.0}, {0.0, 0.0, 0.0}, 0.0}, {{0, 0, 0}, {0, -2.0, 0}, 0.0}}),
+      HasSubstr("the shift along (0.00, 0.00, -1.00) and the turn about (0.00, -1.00, 0.00)"));
+}
+
 TEST(Verdict, AmbiguousWithoutACovariance) {
   const Judgement judgement = verdict_of({candidate(1.0)}, RegistrationResult{});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
@@ -85,9 +126,17 @@ TEST(Verdict, AmbiguousWithoutACovariance) {
 TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
   PlacementCandidate best = candidate(0.996);
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
+  best.support.agreement = DescriptorAgreement{0, 0, 0, 0.0};
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
   best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
   EXPECT_THAT(verdict_of({best}).reason,
               HasSubstr("50 of 200 descriptor matches agree with it (1.2 would by chance)"));
+}
+
+TEST(Verdict, IsNamedInResults) {
+  EXPECT_EQ(to_string(Verdict::kAligned), "aligned");
+  EXPECT_EQ(to_string(Verdict::kAmbiguous), "ambiguous");
+  EXPECT_EQ(to_string(Verdict::kRejected), "rejected");
 }
 
 TEST(Verdict, NeverSaysThatAPoseIsCertain) {
@@ -109,6 +158,13 @@ TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
   EXPECT_EQ(with({.agree = 980, .in_front = 20, .behind = 2000}).verdict, Verdict::kAligned);
   // Outdoors much is behind what the other map saw.
   EXPECT_EQ(with({.agree = 50, .in_front = 0, .behind = 950}).verdict, Verdict::kAligned);
+  // At the limits.
+  EXPECT_EQ(with({.agree = 75, .in_front = 25}).verdict, Verdict::kAligned);
+  EXPECT_EQ(with({.agree = 74, .in_front = 26}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with({.agree = 73, .in_front = 26}).verdict, Verdict::kAligned) << "of too few";
+  EXPECT_EQ(with({.agree = 2, .behind = 98}).verdict, Verdict::kAligned);
+  EXPECT_EQ(with({.agree = 1, .behind = 99}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with({.agree = 1, .behind = 98}).verdict, Verdict::kAligned) << "of too few";
   // A few say nothing.
   EXPECT_EQ(with({.agree = 45, .in_front = 45}).verdict, Verdict::kAligned);
   EXPECT_EQ(with({.agree = 0, .in_front = 0, .behind = 90}).verdict, Verdict::kAligned);

@@ -73,6 +73,31 @@ TEST(Probability, GrowsWithHowManyMatchesLookAlikeAndHowManyDescriptorMatchesAgr
   }
 }
 
+double log_odds_of(double probability) {
+  return std::log(probability / (1.0 - probability));
+}
+
+TEST(Probability, OfALonePoseIsAsIfAnotherMatchedHalfAsManyClosely) {
+  const PlacementCandidate lone = candidate(0.12, 10.0);
+  PlacementCandidate other = candidate(0.0, 0.0);
+  other.support.within = lone.support.within;
+  for (std::size_t& matches : other.support.within) matches /= 2;
+  const double beside = best_of({lone, other});
+  ASSERT_GT(beside, 0.01);
+  ASSERT_LT(beside, 0.9);
+  EXPECT_NEAR(log_odds_of(best_of({lone})), log_odds_of(beside), 0.02);
+}
+
+TEST(Probability, IsComparedWithTheBestOfAllOtherPoses) {
+  const PlacementCandidate best = candidate(0.15, 10.0);
+  const PlacementCandidate close = candidate(0.12, 0.0);
+  const PlacementCandidate far = candidate(0.03, 0.0);
+  const double beside_close = best_of({best, close});
+  EXPECT_LT(log_odds_of(beside_close), log_odds_of(best_of({best, far})) - 0.5);
+  EXPECT_NEAR(log_odds_of(best_of({best, far, close})), log_odds_of(beside_close), 0.02);
+  EXPECT_NEAR(log_odds_of(best_of({best, close, far})), log_odds_of(beside_close), 0.02);
+}
+
 TEST(Probability, FollowsThePriorOdds) {
   const std::vector<PlacementCandidate> poses = {candidate(0.15, 100.0, 0.03),
                                                  candidate(0.08, 0.0, 0.1)};
