@@ -52,6 +52,13 @@ TEST(G2o, ReadsVerticesEdgesAndWhatIsFixed) {
   EXPECT_EQ(read(written(graph)), graph);
 }
 
+TEST(G2o, TakesQuaternionsWhoseNormIsWithinAHundredthOfOne) {
+  EXPECT_EQ(read("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1.0099\n").vertices.size(), 1U);
+  EXPECT_EQ(read("VERTEX_SE3:QUAT 1 0 0 0 0 0.9901 0 0\n").vertices.size(), 1U);
+  EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1.0101\n"), HasSubstr("within 1e-2"));
+  EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 0 0 0.9899 0 0\n"), HasSubstr("within 1e-2"));
+}
+
 TEST(G2o, RefusesByLineAndField) {
   EXPECT_THAT(complaint(""), HasSubstr("a.g2o: no vertices"));
   EXPECT_THAT(complaint(kTwo + "VERTEX_SE2 1 0 0 0\n"),

@@ -111,6 +111,10 @@ TEST(IsNewView, IsFarEnoughAwayOrTurned) {
   EXPECT_FALSE(is_new_view(Rigid3(rotation_exp({0.0, radians(1.0), 0.0}), {0.01, 0.0, 0.0})));
   EXPECT_TRUE(is_new_view(Rigid3(Eigen::Matrix3d::Identity(), {1.0, 0.0, 0.0})));
   EXPECT_TRUE(is_new_view(Rigid3(rotation_exp({0.0, radians(60.0), 0.0}), {0.0, 0.0, 0.0})));
+  // The limits are 0.15 m and 0.17 rad; neither makes up for the other.
+  EXPECT_FALSE(is_new_view(Rigid3(rotation_exp({0.0, 0.0, 0.16}), {0.0, 0.14, 0.0})));
+  EXPECT_TRUE(is_new_view(Rigid3(rotation_exp({0.0, 0.0, 0.18}), {0.0, 0.0, 0.0})));
+  EXPECT_TRUE(is_new_view(Rigid3(rotation_exp({0.0, 0.0, 0.0}), {0.0, 0.16, 0.0})));
 }
 
 }  // namespace
