@@ -112,6 +112,30 @@ TEST(TrajectoryFile, NamesLineAndFieldOfWhatItRefuses) {
   EXPECT_THAT(refusal_of(folder.write("a", "")), HasSubstr("no poses"));
 }
 
+TEST(TrajectoryFile, TakesRotationsWithinAHundredth) {
+  const TemporaryFolder folder;
+  const auto euroc = [&](const std::string& quaternion) {
+    // The first line tells the format.
+    return folder.write("a", "100,1,2,3,1,0,0,0\n200,1,2,3," + quaternion + "\n");
+  };
+  EXPECT_EQ(read_trajectory(euroc("1.0099,0,0,0")).size(), 2U);
+  EXPECT_EQ(read_trajectory(euroc("0,0.9901,0,0")).size(), 2U);
+  EXPECT_THAT(refusal_of(euroc("1.0101,0,0,0")), HasSubstr("norm 1 within 1e-2"));
+  EXPECT_THAT(refusal_of(euroc("0,0.9899,0,0")), HasSubstr("norm 1 within 1e-2"));
+
+  // R·Rᵀ - I of a rotation times 1 + e has the norm 2·√3·e.
+  const auto kitti = [&](const std::string& x) {
+    return folder.write(
+        "b", "1 0 0 1 0 1 0 2 0 0 1 3\n" + x + " 0 0 1 0 " + x + " 0 2 0 0 " + x + " 3\n");
+  };
+  const Rigid3 pose = read_trajectory(kitti("1.0028")).poses()[1].world_from_camera;
+  EXPECT_NEAR(pose.rotation()(0, 0), 1.0, 1e-15);
+  EXPECT_EQ(read_trajectory(kitti("0.9972")).size(), 2U);
+  EXPECT_THAT(refusal_of(kitti("1.0030")), HasSubstr("not a rotation"));
+  EXPECT_THAT(refusal_of(kitti("0.9970")), HasSubstr("not a rotation"));
+  EXPECT_THAT(refusal_of(kitti("-1")), HasSubstr("not a rotation")) << "but a reflection";
+}
+
 TEST(TrajectoryFile, RefusesTimesThatNanosecondsDoNotHold) {
   EXPECT_THROW(written(Trajectory({{1e15, Rigid3()}}), TrajectoryFormat::kEuroc), Error);
   EXPECT_THROW(

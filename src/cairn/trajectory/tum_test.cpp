@@ -72,6 +72,21 @@ TEST(TumTrajectory, NamesLineAndFieldOfWhatItRefuses) {
               HasSubstr("a.tum:2: field 1 (timestamp): 1.000000 does not come after 2.000000"));
 }
 
+TEST(TumTrajectory, TakesQuaternionsWhoseNormIsWithinAHundredthOfOne) {
+  EXPECT_EQ(message_of("1 0 0 0 0 0 0 1.0099\n"), "no error");
+  EXPECT_EQ(message_of("1 0 0 0 0 0.9901 0 0\n"), "no error");
+  EXPECT_THAT(message_of("1 0 0 0 0 0 0 1.0101\n"), HasSubstr("norm 1 within 1e-2"));
+  EXPECT_THAT(message_of("1 0 0 0 0 0.9899 0 0\n"), HasSubstr("norm 1 within 1e-2"));
+  const Trajectory read = parsed("1 0 0 0 0 0 0 1.0099\n");
+  EXPECT_NEAR(read.poses()[0].world_from_camera.quaternion().norm(), 1.0, 1e-15);
+}
+
+TEST(TumTrajectory, RefusesATimeThatComesTwice) {
+  EXPECT_THAT(message_of("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n"),
+              HasSubstr("1.000000 does not come after 1.000000"));
+  EXPECT_EQ(message_of("1 0 0 0 0 0 0 1\n1.000001 0 0 0 0 0 0 1\n"), "no error");
+}
+
 TEST(TumTrajectory, ReadsTheBenchmarksGroundTruth) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
