@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/estimation/pose_covariance.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -54,6 +55,99 @@ TEST(PoseUncertainty, IsCalibratedForRightMatchesWithUnequalAnisotropicNoise) {
   // Chi-square with 6 degrees of freedom has mean 6; the mean of 400 has deviation 0.17, and the
   // estimator's own scatter raises it a little.
   EXPECT_NEAR(normalised_error / kTrials, 6.0, 0.8);
+}
+
+TEST(PoseUncertainty, AllowsForTheFreedomsThatFewMatchesLose) {
+  Random random(2);
+  constexpr int kTrials = 2000;
+  constexpr std::size_t kPoints = 8;
+  double squared_error = 0.0;
+  double variance = 0.0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    Points source(kPoints);
+    Points target(kPoints);
+    for (std::size_t i = 0; i < kPoints; ++i) {
+      source[i] = random_vector(random);
+      target[i] = source[i] + 0.01 * random_vector(random);
+    }
+    const Rigid3 found = closest_motion(source, target);
+    Points moved;
+    for (const auto& p : source) moved.push_back(found * p);
+    const PoseUncertainty uncertainty = pose_uncertainty(found, moved, target, one_to_one(kPoints));
+    ASSERT_TRUE(uncertainty.covariance);
+    squared_error += found.translation().squaredNorm();
+    variance += uncertainty.covariance->topLeftCorner<3, 3>().trace();
+  }
+  // Without the factor n/(n - 2) it would be 0.75.
+  EXPECT_NEAR(variance / squared_error, 1.0, 0.12);
+}
+
+TEST(PoseUncertainty, TakesAWeightAsTheEstimateDid) {
+  // Matches of weight 0 might as well not be; weights that are all alike change nothing.
+  Random random(3);
+  Points source(30);
+  Points target(30);
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    source[i] = random_vector(random);
+    target[i] = source[i] + 0.01 * random_vector(random);
+  }
+  const Points few_source(source.begin(), source.begin() + 10);
+  const Points few_target(target.begin(), target.begin() + 10);
+  std::vector<double> weights(30, 0.0);
+  std::fill_n(weights.begin(), 10, 2.5);
+  const auto all = pose_uncertainty(Rigid3(), source, target, one_to_one(30), weights);
+  const auto few = pose_uncertainty(Rigid3(), few_source, few_target, one_to_one(10));
+  ASSERT_TRUE(all.covariance && few.covariance);
+  // But for the factors of 30 and of 10 matches.
+  const Matrix6d expected = (30.0 / 28.0) / (10.0 / 8.0) * *few.covariance;
+  EXPECT_LT((*all.covariance - expected).norm(), 1e-9 * expected.norm());
+  const std::vector<double> none(30, 0.0);
+  EXPECT_FALSE(pose_uncertainty(Rigid3(), source, target, one_to_one(30), none).covariance);
+}
+
+TEST(PoseUncertainty, OfASimilarityIsThatOfItsMotionAboutThePivot) {
+  PoseEvidence<7> evidence;
+  evidence.pivot = {3, -1, 2};
+  evidence.length = 0.5;
+  Matrix7d root = Matrix7d::Identity();
+  root.diagonal() << 1, 2, 3, 4, 5, 6, 7;
+  root(0, 4) = root(2, 6) = root(5, 6) = 1.5;
+  evidence.information = root.transpose() * root;
+  evidence.scatter = 1e-4 * evidence.information;
+  const Similarity3 pose(1.3, Rigid3::from_roll_pitch_yaw({-2, 4, 1}, 0.3, -0.2, 1.0));
+  const PoseUncertainty uncertainty = pose_uncertainty(pose, evidence);
+  ASSERT_TRUE(uncertainty.covariance_with_scale);
+
+  // How the pose's parameters follow a small motion about the pivot.
+  constexpr double kStep = 1e-6;
+  Matrix7d by_motion = Matrix7d::Zero();
+  for (int i = 0; i < 7; ++i) {
+    const Eigen::Matrix<double, 7, 1> motion = kStep * Eigen::Matrix<double, 7, 1>::Unit(i);
+    const Eigen::Vector3d turn = motion.segment<3>(3) / evidence.length;
+    const double log_scale = motion[6] / evidence.length;
+    const Eigen::Vector3d arm = pose.translation() - evidence.pivot;
+    const Eigen::Vector3d moved =
+        evidence.pivot + motion.head<3>() + std::exp(log_scale) * (rotation_exp(turn) * arm);
+    by_motion.col(i) << (moved - pose.translation()) / kStep, turn / kStep, log_scale / kStep;
+  }
+  const Matrix7d expected =
+      1e-4 * by_motion * Matrix7d(evidence.information.inverse()) * by_motion.transpose();
+  EXPECT_LT((*uncertainty.covariance_with_scale - expected).norm(), 1e-5 * expected.norm());
+  EXPECT_LT((*uncertainty.covariance - expected.topLeftCorner<6, 6>()).norm(),
+            1e-5 * expected.norm());
+}
+
+TEST(PoseUncertainty, KeepsTheSenseOfAScrewThatIsOpen) {
+  PoseEvidence<6> evidence;
+  evidence.length = 2.0;
+  Vector6d screw;
+  screw << 0, 0, 1, 0, 0, -1;
+  evidence.information = Matrix6d::Identity() - 0.5 * screw * screw.transpose();
+  const PoseUncertainty uncertainty = pose_uncertainty(Similarity3(), evidence);
+  ASSERT_EQ(uncertainty.unobservable.size(), 1U);
+  const OpenDirection& open = uncertainty.unobservable.front();
+  // One unit along z for half a radian about -z.
+  EXPECT_NEAR(open.rotation.z() / open.translation.z(), -0.5, 1e-9);
 }
 
 TEST(PoseUncertainty, FindsTheSpinOfALine) {
