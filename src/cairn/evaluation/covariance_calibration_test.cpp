@@ -69,6 +69,17 @@ TEST(NormalisedSquaredError, IsUnknownOfACertainDirection) {
       {1, 0, 0}, Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN())));
 }
 
+TEST(NormalisedSquaredError, TakesADirectionAsCertainByItsShareOfTheLargestVariance) {
+  const auto known = [](double largest, double smallest) {
+    const Eigen::Matrix3d covariance = Eigen::Vector3d(largest, smallest, largest).asDiagonal();
+    return normalised_squared_error({0, 0, 0}, covariance).has_value();
+  };
+  for (const double largest : {1e-4, 1.0, 1e4}) {
+    EXPECT_TRUE(known(largest, 1.5e-14 * largest)) << largest;
+    EXPECT_FALSE(known(largest, 0.8e-14 * largest)) << largest;
+  }
+}
+
 // Sampling error: the mean of n draws of chi-squared with 3 degrees of freedom has standard
 // deviation sqrt(6 / n), a share of 0.95 has sqrt(0.0475 / n). Four of these are allowed.
 TEST(CalibrateCovariances, RightCovariancesGiveThreeAnd95Percent) {
@@ -132,7 +143,20 @@ TEST(CalibrateCovariances, BinsReachFromTheirBoundToTheNext) {
   EXPECT_EQ(by_observations, (std::vector<std::size_t>{1, 2, 1, 1, 2}));
   EXPECT_EQ(result.by_depth[1].from, 1.0);
   EXPECT_EQ(result.by_depth[1].to, 2.0);
+  EXPECT_EQ(result.by_depth[3].to, 4.0);
   EXPECT_FALSE(result.by_depth.back().to);
+}
+
+TEST(CalibrateCovariances, CountsTheLandmarksInsideTheBound) {
+  std::vector<LandmarkEstimate> landmarks(4);
+  for (LandmarkEstimate& landmark : landmarks) {
+    landmark.truth = Eigen::Vector3d::Zero();
+    landmark.covariance = Eigen::Matrix3d::Identity();
+  }
+  landmarks[0].estimate = {0, 3, 0};
+  landmarks[1].estimate = {2.7, 0, 0};
+  const CovarianceCalibration result = calibrate_covariances(landmarks);
+  EXPECT_EQ(result.all->inside_95, 0.75) << "9 is beyond the bound of 7.81, 7.29 is not";
 }
 
 TEST(CalibrateCovariances, CountsWhatItCouldNotJudgeOnce) {
@@ -157,7 +181,15 @@ TEST(CalibrateCovariances, RefusesBinsThatDoNotAscend) {
   EXPECT_THROW(calibrate_covariances({}, options), Error);
   options.depth_bins = {0.0, std::nan("")};
   EXPECT_THROW(calibrate_covariances({}, options), Error);
+  for (const double no_number : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    options.depth_bins = {no_number};
+    EXPECT_THROW(calibrate_covariances({}, options), Error);
+  }
+  options.depth_bins = {2.0, 1.0, 3.0};
+  EXPECT_THROW(calibrate_covariances({}, options), Error);
   options = {};
+  options.observation_bins = {5, 3, 7};
+  EXPECT_THROW(calibrate_covariances({}, options), Error);
   options.observation_bins = {5, 3};
   EXPECT_THROW(calibrate_covariances({}, options), Error);
 }

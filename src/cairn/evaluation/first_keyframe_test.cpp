@@ -92,6 +92,30 @@ TEST(EstimatesInFirstKeyframe, NameWhatTheMapLacks) {
               HasSubstr("truth_in_keyframe: 0 entries; expected 3, one a landmark"));
 }
 
+TEST(EstimatesInFirstKeyframe, NameWhatAMapOfOneLandmarkLacks) {
+  MapTables tables;
+  tables.frames.ids = {FrameId{1}};
+  tables.frames.translations = {{0, 0, 0}};
+  tables.frames.quaternions = {{1, 0, 0, 0}};
+  tables.landmarks.ids = {LandmarkId{1}};
+  tables.landmarks.positions = {{0, 0, 1}};
+  tables.observations.offsets = {0, 1};
+  tables.observations.frames = {FrameIndex{0}};
+  tables.observations.pixels = {{320, 240}};
+  const LandmarkMap map(std::move(tables));
+  EXPECT_THAT(message_of([&] {
+                estimates_in_first_keyframe(map, std::vector<std::optional<Eigen::Vector3d>>(1));
+              }),
+              HasSubstr("the map has no landmark covariances"));
+  EXPECT_THAT(message_of([&] { keyframe_poses(map, Trajectory()); }), HasSubstr("no timestamps"));
+  EXPECT_THAT(message_of([] { keyframe_poses(LandmarkMap(), Trajectory()); }),
+              HasSubstr("no error"));
+}
+
+TEST(EstimatesInFirstKeyframe, OfAnEmptyMapAreNone) {
+  EXPECT_TRUE(estimates_in_first_keyframe(LandmarkMap(), {}).empty());
+}
+
 // The synthetic map says of its covariances that they are its estimates' own.
 TEST(Calibration, OfASyntheticMapIsRight) {
   const SyntheticOptions options = {.seed = 4, .landmarks = 4000, .frames = 40};
@@ -151,6 +175,14 @@ TEST(KeyframePoses, OfATrajectoryAreTheNearestInTime) {
   EXPECT_FALSE(poses[1]) << "ten seconds off";
   EXPECT_EQ(keyframe_poses(map, Trajectory({at(19.99)}))[1]->translation().x(), 19.99);
   EXPECT_FALSE(keyframe_poses(map, Trajectory())[0]);
+  // Nearer than the difference given, not as near as that.
+  tables.frames.timestamps_s = {10.0, 20.0};
+  const Trajectory later({at(10.5), at(19.75)});
+  EXPECT_FALSE(keyframe_poses(LandmarkMap(tables), later, 0.5)[0]);
+  EXPECT_TRUE(keyframe_poses(LandmarkMap(tables), later, 0.5)[1]);
+  EXPECT_TRUE(keyframe_poses(LandmarkMap(tables), later, 0.75)[0]);
+  tables.frames.timestamps_s = {std::nullopt, 20.0};
+  EXPECT_FALSE(keyframe_poses(LandmarkMap(tables), later, 100.0)[0]) << "of unknown time";
   // Two cameras may take their frames at one time.
   tables.frames.timestamps_s = {10.0, 10.0};
   const auto both = keyframe_poses(LandmarkMap(tables), Trajectory({at(10.0), at(10.01)}));

@@ -57,7 +57,6 @@ MapConsistency map_consistency(const LandmarkMap& map, const MapConsistencyOptio
   }
   if (!has_cameras) result.missing_for_reprojection = "cameras of its frames";
   if (!has_depths) result.missing_for_depth = "depths of its observations";
-  if (!has_cameras && !has_depths) return result;
 
   if (has_cameras) result.reprojection_px.resize(observations.frames.size());
   if (has_depths) result.depth_errors.resize(observations.frames.size());

@@ -2,6 +2,7 @@
 #include "cairn/evaluation/map_consistency.hpp"
 
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -112,6 +113,78 @@ TEST(MapConsistency, LandmarksBehindTheCameraAreNoInliers) {
   EXPECT_EQ(result.reprojection->px.count, 1U);
   EXPECT_LE(result.reprojection->inlier_share, 1.0 / 3.0);
   EXPECT_FALSE(result.reprojection_px[0]);
+}
+
+TEST(MapConsistency, CountsLandmarksBehindTheCameraInTheirOctaves) {
+  const Camera camera = {CameraId{0}, "PINHOLE", 640, 480, {500.0, 500.0, 320.0, 240.0}};
+  MapTables tables = testing::plain_tables();
+  tables.landmarks.positions[0] = {0.5, 0.0, -2.0};  // seen twice
+  tables.landmarks.positions[1] = {0.0, 0.0, 2.0};   // seen once
+  tables.observations.octaves = {0, 1, 0};
+  LandmarkMap map = with_camera(LandmarkMap(std::move(tables)), camera);
+  const std::uint32_t frame = map.observing_frames(LandmarkIndex{1})[0].value;
+  const Eigen::Vector3d x =
+      map.world_from_camera(FrameIndex{frame}).inverse() * map.landmarks().positions[1];
+  MapTables seen = std::move(map).tables();
+  seen.observations.pixels[2] = {320.0 + 500.0 * x.x() / x.z(), 240.0 + 500.0 * x.y() / x.z()};
+  const MapConsistency result = map_consistency(LandmarkMap(std::move(seen)));
+  EXPECT_DOUBLE_EQ(result.reprojection->inlier_share, 1.0 / 3.0);
+  ASSERT_EQ(result.by_octave.size(), 1U) << "of octave 1 nothing is in front";
+  EXPECT_EQ(result.by_octave[0].octave, 0);
+  EXPECT_DOUBLE_EQ(result.by_octave[0].statistics.inlier_share, 0.5);
+}
+
+TEST(MapConsistency, TakesFramesWithoutACameraForDepthsOnly) {
+  const LandmarkMap map = testing::full_map();  // its frame 1 has no camera
+  const MapConsistency result = map_consistency(map);
+  const auto frames = map.observations().frames;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (frames[i] == FrameIndex{1}) {
+      EXPECT_FALSE(result.reprojection_px[i]) << i;
+    }
+    EXPECT_EQ(result.depth_errors[i].has_value(), map.observations().depths[i].has_value()) << i;
+  }
+  EXPECT_EQ(result.depth->count, 2U);
+}
+
+TEST(MapConsistency, MeasuresPixelsAndCallsInliersThoseBelowTheThreshold) {
+  MapTables tables;
+  tables.cameras = {{CameraId{0}, "PINHOLE", 640, 480, {500.0, 500.0, 320.0, 240.0}}};
+  tables.frames.ids = {FrameId{1}};
+  tables.frames.translations = {{0, 0, 0}};
+  tables.frames.quaternions = {{1, 0, 0, 0}};
+  tables.frames.cameras = {CameraIndex{0}};
+  tables.landmarks.ids = {LandmarkId{1}};
+  tables.landmarks.positions = {{0, 0, 2}};
+  tables.observations.offsets = {0, 1};
+  tables.observations.frames = {FrameIndex{0}};
+  tables.observations.pixels = {{320.75, 241.0}};
+  const LandmarkMap map(std::move(tables));
+  const auto inliers = [&](double inlier_px) {
+    return map_consistency(map, {.inlier_px = inlier_px}).reprojection->inlier_share;
+  };
+  EXPECT_EQ(map_consistency(map).reprojection_px[0], 1.25);
+  EXPECT_EQ(inliers(1.25), 0.0);
+  EXPECT_EQ(inliers(1.26), 1.0);
+  EXPECT_EQ(inliers(0.5), 0.0);
+}
+
+TEST(MapConsistency, NeedsNoCamerasForDepths) {
+  MapTables tables = std::move(exact_map()).tables();
+  tables.cameras.clear();
+  tables.frames.cameras.clear();
+  const MapConsistency result = map_consistency(LandmarkMap(std::move(tables)));
+  EXPECT_FALSE(result.reprojection);
+  EXPECT_EQ(result.missing_for_reprojection, "cameras of its frames");
+  EXPECT_THAT(result.missing_for_depth, IsEmpty());
+  ASSERT_TRUE(result.depth);
+  EXPECT_LT(result.depth->highest, 1e-9);
+}
+
+TEST(MapConsistency, RefusesAThresholdThatIsNoPositiveNumber) {
+  for (const double bad : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    EXPECT_THROW(map_consistency(exact_map(), {.inlier_px = bad}), Error) << bad;
+  }
 }
 
 TEST(MapConsistency, NamesWhatTheMapLacks) {

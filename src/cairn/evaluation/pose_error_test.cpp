@@ -28,6 +28,18 @@ TEST(PoseError, MeasuresTranslationAtTheLandmarksAndNotAtTheOrigin) {
   EXPECT_NEAR(error.translation, 0.0, 1e-9);
 }
 
+TEST(PoseError, CountsAScaleTwiceAndHalfAsLargeAlike) {
+  const Similarity3 truth(0.5, Rigid3(Eigen::Quaterniond::Identity(), {1, 0, 0}));
+  const std::vector<Eigen::Vector3d> source = {{0, 0, 4}};
+  const PoseError larger = pose_error(Similarity3(1.0, truth.rigid()), truth, source);
+  EXPECT_NEAR(larger.log_scale, std::numbers::ln2, 1e-15);
+  EXPECT_NEAR(larger.translation, 2.0, 1e-15) << "from 2 m to 4 m away";
+  const PoseError smaller = pose_error(Similarity3(0.25, truth.rigid()), truth, source);
+  EXPECT_NEAR(smaller.log_scale, std::numbers::ln2, 1e-15);
+  EXPECT_NEAR(smaller.translation, 1.0, 1e-15);
+  EXPECT_EQ(pose_error(truth, truth, source).log_scale, 0.0);
+}
+
 TEST(PoseError, IsSymmetricInRotation) {
   const auto a = Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0.1, 0.2, 0.3);
   const auto b = Rigid3::from_roll_pitch_yaw({0, 3, 4}, -0.3, 0.2, 0.1);
