@@ -110,6 +110,16 @@ TEST(LandmarkMap, RefusesBrokenFrames) {
          t.frames.quaternions[0] = {0, 1.25, 0, 0};
        },
        "frame 7: quaternion of norm 1.25; expected norm 1 within 1e-3"},
+      {"quaternion a little long",
+       [](MapTables& t) {
+         t.frames.quaternions[0] = {0, 1.00101, 0, 0};
+       },
+       "frame 7: quaternion of norm 1.00101; expected norm 1 within 1e-3"},
+      {"quaternion a little short",
+       [](MapTables& t) {
+         t.frames.quaternions[0] = {0.99899, 0, 0, 0};
+       },
+       "frame 7: quaternion of norm 0.99899; expected norm 1 within 1e-3"},
       {"quaternion NaN",
        [](MapTables& t) {
          t.frames.quaternions[0] = {kNan, 0, 0, 0};

@@ -2,11 +2,15 @@
 #include "cairn/registration/coarse_to_fine.hpp"
 
 #include <optional>
+#include <span>
 #include <stop_token>
+#include <vector>
 
 #include <gtest/gtest.h>
 
+#include "cairn/core/random.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
+#include "cairn/geometry/moved_points.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -77,6 +81,45 @@ TEST(CoarseToFine, HasNoSamplesOfASmallMap) {
   EXPECT_EQ(coarse.coarse_iterations, 0);
   EXPECT_EQ(coarse.target_from_source.matrix(), plain.target_from_source.matrix());
   EXPECT_EQ(coarse.iterations, plain.iterations);
+}
+
+// How many iterations samples take of two equal sets of points, moved, at most one a sample.
+int samples_of(std::size_t count) {
+  Random random(count);
+  std::vector<Eigen::Vector3d> source(count);
+  for (auto& x : source) x = {random.uniform(), random.uniform(), random.uniform()};
+  const std::vector<Eigen::Vector3d> target =
+      moved_points(source, Rigid3::from_roll_pitch_yaw({0.2, 0, 0}, 0, 0, 0.5));
+  const BatchTree tree(target);
+  return align_samples({source, {}, {}}, {tree, target, {}}, {.max_iterations = 1}).iterations;
+}
+
+TEST(CoarseToFine, QuartersThePointsWhileAFewHundredAreLeft) {
+  EXPECT_EQ(samples_of(1199), 0);
+  EXPECT_EQ(samples_of(1200), 1);
+  EXPECT_EQ(samples_of(4799), 1);
+  EXPECT_EQ(samples_of(4800), 2);
+}
+
+TEST(CoarseToFine, MatchesSamplesByTheirConfidence) {
+  // Each target point has a copy beside it that is more confident.
+  const Maps pair = maps();
+  std::vector<Eigen::Vector3d> target = pair.target.positions;
+  std::vector<double> confidences(target.size(), 1.0);
+  for (const Eigen::Vector3d& x : pair.target.positions) {
+    target.emplace_back(x + Eigen::Vector3d(0.1, 0.0, 0.0));
+    confidences.push_back(2.0);
+  }
+  const std::vector<Eigen::Vector3d> source = moved_points(pair.source.positions, pair.truth);
+  const BatchTree tree(target);
+  const auto found = [&](std::span<const double> known) {
+    return align_samples({source, {}, {}}, {tree, target, known}, {.matching = {.k = 10}})
+        .target_from_source;
+  };
+  const PoseDistance distance = PoseDistance::of(source);
+  const Rigid3 copies(Eigen::Quaterniond::Identity(), {0.1, 0.0, 0.0});
+  EXPECT_LT(distance(found(confidences), copies), 0.03);
+  EXPECT_GT(distance(found({}), copies), 0.04);
 }
 
 TEST(CoarseToFine, GivesTheSameBytesWithAnyNumberOfThreads) {

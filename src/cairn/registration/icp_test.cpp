@@ -113,6 +113,19 @@ TEST(Align, FindsASmallMotionOfTheSameMapExactly) {
   EXPECT_LT(result.covariance->norm(), 1e-12) << "no residuals, no uncertainty";
 }
 
+TEST(Align, OverlapIsOfEachSetsOwnPoints) {
+  const PointSet target = random_points(3, 400);
+  PointSet source = target;
+  source.positions.resize(100);
+  source.confidences.resize(100);
+  IcpOptions options;
+  options.k = 1;
+  options.overlap_radius = 1e-6;
+  const RegistrationResult result = icp(source, target, options);
+  EXPECT_EQ(result.overlap->source, 1.0);
+  EXPECT_EQ(result.overlap->target, 0.25);
+}
+
 TEST(Align, OneCandidateOrNoConfidencesIsTheBaseIcp) {
   const PointSet target = random_points(4, 300);
   const PointSet source = random_points(5, 200);

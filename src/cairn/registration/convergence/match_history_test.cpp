@@ -12,6 +12,7 @@ TEST(MatchHistory, KnowsNoCycleAmongDifferentMatches) {
   MatchHistory history;
   EXPECT_FALSE(history.add(Matches{{0, 1, 0.5}, {1, 2, 0.5}}));
   EXPECT_FALSE(history.add(Matches{{0, 2, 0.5}, {1, 1, 0.5}})) << "other pairs";
+  EXPECT_FALSE(history.add(Matches{{2, 1, 0.5}, {3, 2, 0.5}})) << "of other sources";
   EXPECT_FALSE(history.add(Matches{{0, 1, 0.5}})) << "fewer";
   EXPECT_FALSE(history.add(Matches{}));
 }

@@ -32,6 +32,8 @@ TEST(PclCriteria, StopsWithoutMotion) {
   EXPECT_EQ(PclCriteria()(state), StopReason::kNoMotion);
   state.step = Rigid3(Eigen::Quaterniond::Identity(), {1e-30, 0, 0});
   EXPECT_EQ(PclCriteria()(state), std::nullopt) << "any motion is motion";
+  state.step = Rigid3(rotation_exp({0, 0, 0.01}), Eigen::Vector3d::Zero());
+  EXPECT_EQ(PclCriteria()(state), std::nullopt) << "so is a turn on the spot";
 }
 
 TEST(PclCriteria, StopsWhenTheErrorChangesByLessThanTheThreshold) {
