@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "bindings/support.hpp"
+#include "bindings/text.hpp"
 
 namespace cairn::python {
 namespace {
@@ -22,12 +22,8 @@ void translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);
   } catch (const Error& error) {
-    const std::string text = error.what();
-    // Paths may be any bytes.
-    const auto message = py::reinterpret_steal<py::object>(
-        PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "surrogateescape"));
-    const py::object made =
-        py::module_::import("cairn._errors").attr("made")(name_of(error.kind()), message);
+    const py::object made = py::module_::import("cairn._errors")
+                                .attr("made")(name_of(error.kind()), decoded(error.what()));
     PyErr_SetObject(py::type::handle_of(made).ptr(), made.ptr());
   } catch (const py::cast_error&) {
     PyErr_SetString(PyExc_TypeError, "an argument, or something in it, is of the wrong type");

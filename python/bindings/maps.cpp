@@ -14,6 +14,7 @@
 
 #include "bindings/optional_columns.hpp"
 #include "bindings/support.hpp"
+#include "bindings/text.hpp"
 
 namespace cairn::python {
 
@@ -34,13 +35,6 @@ static_assert(sizeof(Pixel) == 16 && sizeof(Eigen::Vector3d) == 24 &&
               sizeof(Eigen::Matrix3d) == 72);
 
 struct NoOptions {};
-
-// What is remarked while a file is read becomes a Python warning.
-void warn(const std::vector<std::string>& remarks) {
-  for (const std::string& remark : remarks) {
-    if (PyErr_WarnEx(PyExc_UserWarning, remark.c_str(), 2) != 0) throw py::error_already_set();
-  }
-}
 
 SharedMap read(const std::filesystem::path& path, const py::kwargs& keywords) {
   static const Keywords<NoOptions> kKeywords("read_map");

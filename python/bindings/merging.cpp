@@ -1,29 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "bindings/merging.hpp"
+
 #include <fmt/format.h>
 
-#include "cairn/merging/merge.hpp"
-
-#include "bindings/support.hpp"
+#include "bindings/text.hpp"
 
 namespace cairn::python {
 namespace {
 
-struct Merged {
-  MergeResult result;
-  std::vector<std::string> names;
-  SharedMap map;  ///< null if no two maps were placed
-};
-
 struct MergedPart {
   std::string name;
   MergedMap part;
-};
-
-struct Link {
-  std::string source;
-  std::string target;
-  MapLink link;
-  bool used = false;
 };
 
 const Keywords<MergeOptions>& merge_keywords() {
@@ -71,7 +58,7 @@ Merged merge_maps(const std::vector<SharedMap>& maps,
 
 void bind_merging(py::module_& module) {
   py::class_<MergedPart>(module, "MergedMap", "What became of one of the merged maps.")
-      .def_readonly("name", &MergedPart::name)
+      .def_property_readonly("name", [](const MergedPart& self) { return decoded(self.name); })
       .def_property_readonly("placed", [](const MergedPart& self) { return self.part.placed; })
       .def_property_readonly(
           "reason", [](const MergedPart& self) { return self.part.reason; },
@@ -95,24 +82,36 @@ void bind_merging(py::module_& module) {
           },
           "Landmarks that became one with a landmark of a map before it.")
       .def("__repr__", [](const MergedPart& self) {
-        return fmt::format("<MergedMap {}: {}>", self.name,
-                           self.part.placed ? "placed" : self.part.reason);
+        return decoded(fmt::format("<MergedMap {}: {}>", self.name,
+                                   self.part.placed ? "placed" : self.part.reason));
       });
-  py::class_<Link>(module, "Link", "What align() came to for two of the merged maps.")
-      .def_readonly("source", &Link::source)
-      .def_readonly("target", &Link::target)
+  py::class_<Link>(module, "Link", "What is known of how two maps lie to each other.")
+      .def_property_readonly("source", [](const Link& self) { return decoded(self.source); })
+      .def_property_readonly("target", [](const Link& self) { return decoded(self.target); })
+      .def_property_readonly(
+          "kind", [](const Link& self) { return std::string(to_string(self.link.kind)); },
+          "'placement' (from align()), 'odometry' or 'manual'.")
       .def_property_readonly(
           "verdict", [](const Link& self) { return std::string(to_string(self.link.verdict)); })
-      .def_property_readonly("probability", [](const Link& self) { return self.link.probability; })
+      .def_property_readonly(
+          "probability", [](const Link& self) { return self.link.probability; },
+          "That the transform is right; None if nobody judged it.")
       .def_property_readonly("reason", [](const Link& self) { return self.link.reason; })
       .def_property_readonly(
           "target_from_source",
           [](const Link& self) { return pose_array(self.link.target_from_source); },
           "4x4; None unless the verdict is 'aligned'.")
+      .def_property_readonly(
+          "covariance", [](const Link& self) { return matrix_or_none(self.link.covariance); },
+          "(6, 6): (dt, dphi), a left perturbation in the target; or None.")
+      .def_property_readonly(
+          "covariance_with_scale",
+          [](const Link& self) { return matrix_or_none(self.link.covariance_with_scale); },
+          "(7, 7): (dt, dphi, dlog s), of a link that measures the scale; else None.")
       .def_readonly("used", &Link::used, "Aligned, and in agreement with the poses of the maps.")
       .def("__repr__", [](const Link& self) {
-        return fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
-                           to_string(self.link.verdict), self.used ? "" : ", not used");
+        return decoded(fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
+                                   to_string(self.link.verdict), self.used ? "" : ", not used"));
       });
   py::class_<Merged>(module, "MergeResult", "One map out of many.")
       .def_readonly("map", &Merged::map,
@@ -138,7 +137,10 @@ void bind_merging(py::module_& module) {
             }
             return links;
           },
-          "Of all pairs, aligned or not.")
+          "Of all pairs that were tried or stated, aligned or not.")
+      .def_property_readonly(
+          "adjusted", [](const Merged& self) { return self.result.adjustment.has_value(); },
+          "Whether all keyframes and landmarks were adjusted, as Atlas.merge(adjust=True) does.")
       .def_property_readonly(
           "placed", [](const Merged& self) { return self.result.placed(); },
           "How many maps were placed.")

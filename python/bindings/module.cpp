@@ -3,6 +3,10 @@
 
 #include "bindings/support.hpp"
 
+namespace cairn::python {
+void bind_atlas(py::module_& module);
+}
+
 PYBIND11_MODULE(_cairn, module) {
   namespace python = cairn::python;
   // Signatures are in the documentation, in the form that inspect reads.
@@ -15,6 +19,9 @@ PYBIND11_MODULE(_cairn, module) {
   python::bind_alignment(module);
 #ifdef CAIRN_HAS_MERGING
   python::bind_merging(module);
+#endif
+#ifdef CAIRN_HAS_ATLAS
+  python::bind_atlas(module);
 #endif
   python::bind_evaluation(module);
   python::bind_experiments(module);

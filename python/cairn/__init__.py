@@ -18,6 +18,22 @@ from ._tables import to_pandas as _to_pandas
 
 LandmarkMap.to_pandas = _to_pandas  # noqa: F405
 
+# What a build may lack, and the libraries that it needs.
+_OPTIONAL = {
+    "Atlas": "Ceres and SQLite",
+    "merge": "Ceres",
+    "simulate": "Embree and OpenCV",
+    "ImageLocator": "Ceres and OpenCV",
+    "Odometry": "Ceres and OpenCV",
+    "map_sequence": "Ceres and OpenCV",
+}
+
+
+def __getattr__(name):
+    missing = f"; this build is without {_OPTIONAL[name]}" if name in _OPTIONAL else ""
+    raise AttributeError(f"module 'cairn' has no attribute '{name}'{missing}")
+
+
 __all__ = sorted(
     [name for name in vars(_cairn) if not name.startswith("_")]
     + ["CancelledError", "Error", "InputError", "MisuseError", "StorageError"]

@@ -15,7 +15,8 @@ EXAMPLES = pathlib.Path(__file__).parent.parent / "examples"
 TREE = ast.parse((PACKAGE / "__init__.pyi").read_text())
 # What a build without a large library lacks.
 OPTIONAL = {"merge", "MergeResult", "MergedMap", "Link", "simulate", "Simulation", "SimulatedFrame", "Odometry",
-            "FrameReport", "MappedSequence", "map_sequence"}
+            "FrameReport", "MappedSequence", "map_sequence", "ImageLocator", "ImageLocation", "Atlas", "AtlasMap",
+            "AtlasCommit", "AtlasRoute", "AtlasLinkResult", "AtlasOptimised"}
 
 
 def stub_parameters(function):
@@ -68,6 +69,14 @@ class Stubs(unittest.TestCase):
                     continue
                 stub = stub_parameters(item)
                 self.assertEqual(stub, true_parameters(getattr(cls, name), True), where)
+
+    def test_what_this_build_lacks_is_named_with_what_it_needs(self):
+        with self.assertRaisesRegex(AttributeError, "no attribute 'mergers'$"):
+            cairn.mergers
+        for name in cairn._OPTIONAL:
+            self.assertIn(name, OPTIONAL)
+            with self.assertRaisesRegex(AttributeError, f"'{name}'; this build is without "):
+                cairn.__getattr__(name)
 
     def test_everything_is_documented(self):
         for name in cairn.__all__:

@@ -1,0 +1,829 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/atlas/atlas.hpp"
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <mutex>
+#include <stop_token>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <pwd.h>
+#include <unistd.h>
+
+#include "cairn/atlas/route.hpp"
+#include "cairn/core/plain_text.hpp"
+
+#include "bindings/maps.hpp"
+#include "bindings/merging.hpp"
+#include "bindings/text.hpp"
+
+namespace cairn::python {
+namespace {
+
+std::string user_name() {
+  const passwd* const entry = ::getpwuid(::geteuid());
+  return entry == nullptr ? fmt::format("{}", ::geteuid()) : entry->pw_name;
+}
+
+std::string host_name() {
+  std::array<char, 256> name = {};
+  if (::gethostname(name.data(), name.size() - 1) != 0) return {};
+  return name.data();
+}
+
+enum class OnInterrupt {
+  kStopStore,  ///< statements of the store end too
+  kKeep,       ///< the store stays in use, so that the work can keep what it has found
+};
+
+// Several Python threads may use one object; each call has the atlas to itself.
+class SharedAtlas {
+ public:
+  SharedAtlas(std::string location, AtlasStoreOptions options)
+      : location_(std::move(location)), options_(std::move(options)) {}
+
+  std::string name() const { return without_password(location_); }
+  bool read_only() const { return options_.read_only; }
+  bool is_closed() const { return closed_; }
+
+  /// Calls `work(atlas, execution)` as run() does.
+  template <class Work>
+  void alone(const std::string& doing, const Work& work, const CallOptions& call = {},
+             OnInterrupt on_interrupt = OnInterrupt::kStopStore) {
+    run(doing, call, [&](const Execution& execution) {
+      const std::unique_lock lock = locked(execution.stop);
+      if (closed_) throw Error(ErrorKind::kMisuse, name(), "is closed", "an open atlas");
+      if (!atlas_ || stop_.stop_requested()) open();
+      const std::stop_callback stop(execution.stop, [&] {
+        if (on_interrupt == OnInterrupt::kStopStore) stop_.request_stop();
+      });
+      atlas_->begin_run();
+      work(*atlas_, execution);
+    });
+  }
+
+  void close() {
+    run("closing", {}, [&](const Execution& execution) {
+      const std::unique_lock lock = locked(execution.stop);
+      closed_ = true;
+      atlas_.reset();
+    });
+  }
+
+ private:
+  std::unique_lock<std::timed_mutex> locked(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_, std::defer_lock);
+    while (!lock.try_lock_for(std::chrono::milliseconds(20))) {
+      if (stop.stop_requested()) throw Error(ErrorKind::kCancelled, name(), "stopped as asked", "");
+    }
+    return lock;
+  }
+
+  // What was stopped once stays so: after an interrupt, it is opened anew.
+  void open() {
+    atlas_.reset();
+    stop_ = std::stop_source();
+    AtlasStoreOptions options = options_;
+    options.stop = stop_.get_token();
+    atlas_.emplace(Atlas::open(location_, options));
+  }
+
+  const std::string location_;
+  const AtlasStoreOptions options_;
+  std::timed_mutex mutex_;
+  std::atomic<bool> closed_ = false;
+  std::stop_source stop_;
+  std::optional<Atlas> atlas_;
+};
+
+// --- What an atlas holds ----------------------------------------------------------------------------
+
+struct HeldMap {
+  AtlasNode node;
+  std::optional<AtlasPose> pose;
+  std::string frame;  ///< name of the map whose frame the pose is in
+};
+
+HeldMap held_map(const AtlasState& state, NodeId id) {
+  HeldMap held{state.nodes.at(id), std::nullopt, {}};
+  const auto pose = state.poses.find(id);
+  if (pose != state.poses.end()) {
+    held.pose = pose->second;
+    held.frame = state.nodes.at(pose->second.frame).name;
+  }
+  return held;
+}
+
+const AtlasNode& node_named(Atlas& atlas, const AtlasState& state, const std::string& name) {
+  if (const AtlasNode* const node = state.find(name)) return *node;
+  std::vector<std::string> names;
+  for (const auto& [id, node] : state.nodes) {
+    if (names.size() < 8) names.push_back(node.name);
+  }
+  throw Error(ErrorKind::kMisuse, atlas.store().name(), fmt::format("no map {}", printable(name)),
+              names.empty() ? std::string("a map, but there is none")
+                            : fmt::format("one of its maps: {}{}", fmt::join(names, ", "),
+                                          names.size() < state.nodes.size() ? ", ..." : ""));
+}
+
+bool is_used(const AtlasState& state, const AtlasLink& link) {
+  const auto agrees = state.agrees.find(link.id);
+  return link.is_aligned() && agrees != state.agrees.end() && agrees->second;
+}
+
+MapLink map_link(const AtlasLink& link) {
+  return {.target = 0,
+          .source = 0,
+          .kind = link.kind,
+          .verdict = link.verdict,
+          .probability = link.probability,
+          .reason = link.reason,
+          .target_from_source = link.target_from_source,
+          .covariance = link.covariance,
+          .covariance_with_scale = link.covariance_with_scale};
+}
+
+Link held_link(const AtlasState& state, const AtlasLink& link) {
+  return {state.nodes.at(link.source).name, state.nodes.at(link.target).name, map_link(link),
+          is_used(state, link)};
+}
+
+struct Route {
+  AtlasRoute route;
+  std::vector<std::string> maps;
+  std::vector<Link> links;
+};
+
+py::list decoded_all(const std::vector<std::string>& texts) {
+  py::list list;
+  for (const std::string& text : texts) list.append(decoded(text));
+  return list;
+}
+
+py::object text_or_none(const std::string& text) {
+  if (text.empty()) return py::none();
+  return decoded(text);
+}
+
+py::object utc_time(std::int64_t time_ms) {
+  const py::module_ datetime = py::module_::import("datetime");
+  return datetime.attr("datetime")
+      .attr("fromtimestamp")(1e-3 * static_cast<double>(time_ms),
+                             datetime.attr("timezone").attr("utc"));
+}
+
+// --- Making and opening -----------------------------------------------------------------------------
+
+struct OpenKeywords {
+  AtlasStoreOptions options;
+  double wait_s = 1e-3 * static_cast<double>(AtlasStoreOptions().wait.count());
+};
+
+const Keywords<OpenKeywords>& create_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<OpenKeywords> keywords("create");
+    keywords.add("insist", [](auto& o) -> auto& { return o.options.insist; })
+        .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+const Keywords<OpenKeywords>& open_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<OpenKeywords> keywords("open");
+    keywords.add("read_only", [](auto& o) -> auto& { return o.options.read_only; })
+        .add("insist", [](auto& o) -> auto& { return o.options.insist; })
+        .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+AtlasStoreOptions store_options(OpenKeywords given) {
+  if (!(given.wait_s >= 0.0 && given.wait_s <= 1e6)) {
+    throw Error(ErrorKind::kMisuse, "wait_s", fmt::format("{}", given.wait_s), "0 to 1e6 seconds");
+  }
+  given.options.wait = std::chrono::milliseconds(std::llround(1e3 * given.wait_s));
+  given.options.author = user_name();
+  given.options.host = host_name();
+  return given.options;
+}
+
+std::string location_of(const py::object& location) {
+  const auto path = py::module_::import("os").attr("fsencode")(location).cast<std::string>();
+  if (path.empty() || path.find('\0') != path.npos) {
+    throw Error(ErrorKind::kMisuse, "location", path.empty() ? "empty" : printable(path),
+                "the path of a file, or postgresql://...");
+  }
+  return path;
+}
+
+std::shared_ptr<SharedAtlas> opened(const std::string& location, const AtlasStoreOptions& options) {
+  auto atlas = std::make_shared<SharedAtlas>(location, options);
+  atlas->alone("opening", [](Atlas&, const Execution&) {});
+  return atlas;
+}
+
+std::shared_ptr<SharedAtlas> create_atlas(const py::object& where, const py::kwargs& given) {
+  AtlasStoreOptions options = store_options(create_keywords().read(given));
+  const std::string location = location_of(where);
+  run("creating", {}, [&](const Execution& execution) {
+    AtlasStoreOptions stoppable = options;
+    stoppable.stop = execution.stop;
+    Atlas::create(location, stoppable);
+  });
+  return opened(location, options);
+}
+
+std::shared_ptr<SharedAtlas> open_atlas(const py::object& where, const py::kwargs& given) {
+  const AtlasStoreOptions options = store_options(open_keywords().read(given));
+  return opened(location_of(where), options);
+}
+
+// --- Changes ----------------------------------------------------------------------------------------
+
+HeldMap add(SharedAtlas& self, const LandmarkMap& map, const py::object& name,
+            const py::object& session) {
+  const std::string map_name = encoded(name, "name");
+  const std::string map_session = session.is_none() ? "" : encoded(session, "session");
+  HeldMap held;
+  self.alone("adding", [&](Atlas& atlas, const Execution&) {
+    const NodeId node = atlas.add(map, map_name, map_session).node;
+    held = held_map(atlas.state(), node);
+  });
+  return held;
+}
+
+struct LinkKeywords {
+  AtlasLinkOptions options;
+  std::optional<std::vector<std::string>> only;
+};
+
+const Keywords<LinkKeywords>& link_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<LinkKeywords> keywords("link");
+    keywords
+        .add("only", py::none(),
+             [](LinkKeywords& call, py::handle value) {
+               if (value.is_none()) return;
+               if (py::isinstance<py::str>(value)) {
+                 throw py::type_error("only: str; expected a sequence of names");
+               }
+               call.only.emplace();
+               for (const py::handle name : value) call.only->push_back(encoded(name, "only"));
+             })
+        .add("retry", [](auto& c) -> auto& { return c.options.retry; })
+        .add("candidates", [](auto& c) -> auto& { return c.options.candidates; })
+        .add("shard", [](auto& c) -> auto& { return c.options.shard; })
+        .add("shards", [](auto& c) -> auto& { return c.options.shards; })
+        .add("min_probability", [](auto& c) -> auto& { return c.options.links.min_probability; })
+        .add("prior_odds", [](auto& c) -> auto& { return c.options.links.prior_odds; })
+        .add("effort", [](auto& c) -> auto& { return c.options.links.effort; })
+        .add("min_observations",
+             [](auto& c) -> auto& { return c.options.links.points.min_observations; })
+        .add("seed", [](auto& c) -> auto& { return c.options.links.seed; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
+  CallOptions call;
+  LinkKeywords keywords = link_keywords().read(given, &call);
+  keywords.options.validate();
+  AtlasLinkResult result;
+  // To the library, an empty list means all pairs.
+  if (keywords.only && keywords.only->empty()) return result;
+  const auto work = [&](Atlas& atlas, const Execution& execution) {
+    const AtlasState state = atlas.state();
+    for (const std::string& name : keywords.only.value_or(std::vector<std::string>())) {
+      keywords.options.only.push_back(node_named(atlas, state, name).id);
+    }
+    keywords.options.links.execution = execution;
+    result = atlas.link(keywords.options);
+  };
+  self.alone("linking", work, call, OnInterrupt::kKeep);
+  return result;
+}
+
+// Of 6x6 numbers, without the scale's, or 7x7.
+Matrix7d covariance_of(py::handle value) {
+  const auto given = py::array::ensure(value);
+  PyErr_Clear();
+  const py::ssize_t size = given && given.ndim() == 2 && given.shape(0) == 7 ? 7 : 6;
+  const auto numbers = real_array(value, "covariance", {size, size});
+  Matrix7d covariance = Matrix7d::Zero();
+  for (py::ssize_t i = 0; i < size; ++i) {
+    for (py::ssize_t j = 0; j < size; ++j) covariance(i, j) = numbers.at(i, j);
+  }
+  return covariance;
+}
+
+bool link_by_odometry(SharedAtlas& self, const py::object& target, const py::object& source,
+                      const py::object& target_from_source, const py::object& covariance) {
+  const std::string to = encoded(target, "target");
+  const std::string from = encoded(source, "source");
+  PoseLink link;
+  link.target_from_source = similarity_of(target_from_source, "target_from_source");
+  const Matrix7d uncertainty = covariance_of(covariance);
+  if (uncertainty(6, 6) > 0.0) {
+    link.covariance_with_scale = uncertainty;
+  } else {
+    link.covariance = uncertainty.topLeftCorner<6, 6>();
+  }
+  std::size_t added = 0;
+  self.alone("linking", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    link.target = node_named(atlas, state, to).id;
+    link.source = node_named(atlas, state, from).id;
+    added = atlas.link_by_odometry(std::span(&link, 1));
+  });
+  return added > 0;
+}
+
+void link_manually(SharedAtlas& self, const py::object& target, const py::object& source,
+                   const py::object& target_from_source, const py::object& covariance,
+                   const py::object& reason) {
+  const std::string to = encoded(target, "target");
+  const std::string from = encoded(source, "source");
+  const std::string why = encoded(reason, "reason");
+  const Similarity3 pose = similarity_of(target_from_source, "target_from_source");
+  const Matrix7d uncertainty = covariance_of(covariance);
+  self.alone("linking", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    atlas.link_manually(node_named(atlas, state, to).id, node_named(atlas, state, from).id, pose,
+                        uncertainty, why);
+  });
+}
+
+void unlink(SharedAtlas& self, const py::object& a, const py::object& b, const py::object& reason) {
+  const std::string first = encoded(a, "a");
+  const std::string second = encoded(b, "b");
+  const std::string why = encoded(reason, "reason");
+  self.alone("unlinking", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    atlas.unlink(node_named(atlas, state, first).id, node_named(atlas, state, second).id, why);
+  });
+}
+
+const Keywords<PoseOptimisationOptions>& optimize_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<PoseOptimisationOptions> keywords("optimize");
+    keywords.add("agreement", [](auto& o) -> auto& { return o.agreement; })
+        .add("max_iterations", [](auto& o) -> auto& { return o.max_iterations; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+AtlasOptimised optimize(SharedAtlas& self, const py::kwargs& given) {
+  CallOptions call;
+  PoseOptimisationOptions options = optimize_keywords().read(given, &call);
+  AtlasOptimised result;
+  const auto work = [&](Atlas& atlas, const Execution& execution) {
+    options.execution = execution;
+    result = atlas.optimize(options);
+  };
+  self.alone("optimizing", work, call);
+  return result;
+}
+
+void remove_map(SharedAtlas& self, const py::object& name) {
+  const std::string map = encoded(name, "name");
+  self.alone("removing", [&](Atlas& atlas, const Execution&) {
+    atlas.remove(node_named(atlas, atlas.state(), map).id);
+  });
+}
+
+py::list split_map(SharedAtlas& self, const py::object& name, const py::object& frames) {
+  const std::string map = encoded(name, "name");
+  std::size_t count = 0;
+  from_python(frames, "frames", count);
+  std::vector<std::string> names;
+  self.alone("splitting", [&](Atlas& atlas, const Execution&) {
+    const std::vector<NodeId> parts = atlas.split(node_named(atlas, atlas.state(), map).id, count);
+    const AtlasState state = atlas.state();
+    for (const NodeId id : parts) names.push_back(state.nodes.at(id).name);
+  });
+  return decoded_all(names);
+}
+
+std::uint64_t undo(SharedAtlas& self, const py::object& commit) {
+  std::optional<std::uint64_t> which;
+  from_python(commit, "commit", which);
+  CommitId undone;
+  self.alone("undoing", [&](Atlas& atlas, const Execution&) {
+    undone = atlas.undo(which ? std::optional(CommitId{*which}) : std::nullopt);
+  });
+  return undone.value;
+}
+
+// --- Reading ----------------------------------------------------------------------------------------
+
+py::dict maps_of(SharedAtlas& self) {
+  std::vector<HeldMap> held;
+  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    for (const auto& [id, node] : state.nodes) held.push_back(held_map(state, id));
+  });
+  py::dict maps;
+  for (HeldMap& map : held) {
+    const py::str name = decoded(map.node.name);
+    maps[name] = std::move(map);
+  }
+  return maps;
+}
+
+std::vector<Link> links_of(SharedAtlas& self) {
+  std::vector<Link> links;
+  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    for (const auto& [id, link] : state.links) links.push_back(held_link(state, link));
+  });
+  return links;
+}
+
+std::vector<AtlasCommit> log_of(SharedAtlas& self) {
+  std::vector<AtlasCommit> log;
+  self.alone("reading", [&](Atlas& atlas, const Execution&) { log = atlas.store().log(); });
+  return log;
+}
+
+SharedMap map_named(SharedAtlas& self, const py::object& name) {
+  const std::string map_name = encoded(name, "name");
+  SharedMap map;
+  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    map = std::make_shared<LandmarkMap>(atlas.map(node_named(atlas, state, map_name)));
+  });
+  return map;
+}
+
+std::optional<Route> path_between(SharedAtlas& self, const py::object& target,
+                                  const py::object& source) {
+  const std::string to = encoded(target, "target");
+  const std::string from = encoded(source, "source");
+  std::optional<Route> path;
+  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = atlas.state();
+    const auto found =
+        find_route(state, node_named(atlas, state, to).id, node_named(atlas, state, from).id);
+    if (!found) return;
+    path.emplace(Route{*found, {}, {}});
+    for (const NodeId id : found->nodes) path->maps.push_back(state.nodes.at(id).name);
+    for (const AtlasLinkId id : found->links) {
+      path->links.push_back(held_link(state, state.links.at(id)));
+    }
+  });
+  return path;
+}
+
+py::list verify(SharedAtlas& self) {
+  AtlasVerification found;
+  self.alone("verifying", [&](Atlas& atlas, const Execution&) { found = atlas.store().verify(); });
+  return decoded_all(found.problems);
+}
+
+struct MergeKeywords {
+  MergePlacedOptions placed;
+  std::optional<std::string> frame;
+  std::optional<std::uint64_t> at;
+};
+
+const Keywords<MergeKeywords>& merge_keywords() {
+  static const auto kKeywords = [] {
+    Keywords<MergeKeywords> keywords("merge");
+    keywords
+        .add("frame", py::none(),
+             [](MergeKeywords& call, py::handle value) {
+               if (!value.is_none()) call.frame = encoded(value, "frame");
+             })
+        .add("at", [](auto& c) -> auto& { return c.at; })
+        .add("fusion_probability", [](auto& c) -> auto& { return c.placed.fusion.min_probability; })
+        .add("adjust", [](auto& c) -> auto& { return c.placed.adjust; })
+        .add("refine_intrinsics",
+             [](auto& c) -> auto& { return c.placed.adjustment.refine_intrinsics; })
+        .add("matching_rounds", [](auto& c) -> auto& { return c.placed.matching_rounds; })
+        .add("seed", [](auto& c) -> auto& { return c.placed.fusion.seed; });
+    return keywords;
+  }();
+  return kKeywords;
+}
+
+// What became of all maps of the atlas, as merge() without an atlas tells it.
+Merged merged_of(const AtlasState& state, AtlasMerged found) {
+  Merged merged;
+  std::map<NodeId, std::size_t> index;
+  for (const auto& [id, node] : state.nodes) {
+    index[id] = merged.names.size();
+    merged.names.push_back(node.name);
+    MergedMap& part = merged.result.maps.emplace_back();
+    const auto pose = state.poses.find(id);
+    part.reason = pose == state.poses.end()
+                      ? "it has no pose: no aligned link places it, or optimize() has not seen it"
+                      : fmt::format("it is placed in another frame, that of {}",
+                                    state.nodes.at(pose->second.frame).name);
+  }
+  for (std::size_t i = 0; i < found.nodes.size(); ++i) {
+    const AtlasPose& pose = state.poses.at(found.nodes[i]);
+    MergedMap& part = merged.result.maps[index.at(found.nodes[i])];
+    part.placed = true;
+    part.reason.clear();
+    part.world_from_map = pose.frame_from_node;
+    part.covariance = pose.covariance;
+    part.fusion = found.merged.maps[i];
+  }
+  for (const auto& [id, link] : state.links) {
+    MapLink plain = map_link(link);
+    plain.target = index.at(link.target);
+    plain.source = index.at(link.source);
+    merged.result.links.push_back(std::move(plain));
+    merged.result.used.push_back(is_used(state, link));
+  }
+  merged.result.adjustment = found.merged.adjustment;
+  merged.map = std::make_shared<LandmarkMap>(std::move(found.merged.map));
+  return merged;
+}
+
+Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
+  CallOptions call;
+  const MergeKeywords keywords = merge_keywords().read(given, &call);
+  keywords.placed.validate();
+  Merged merged;
+  std::vector<std::string> remarks;
+  const auto work = [&](Atlas& atlas, const Execution& execution) {
+    const AtlasState state =
+        atlas.state(keywords.at ? std::optional(CommitId{*keywords.at}) : std::nullopt);
+    AtlasMergeOptions options;
+    options.placed = keywords.placed;
+    if (keywords.frame) options.frame = node_named(atlas, state, *keywords.frame).id;
+    options.placed.fusion.execution = execution;
+    options.placed.fusion.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    merged = merged_of(state, atlas.merge(options, state.commit));
+  };
+  self.alone("merging", work, call);
+  warn(remarks);
+  return merged;
+}
+
+// --- Classes ----------------------------------------------------------------------------------------
+
+std::string held_map_text(const HeldMap& self) {
+  return fmt::format("<AtlasMap {}: {} landmarks, {} frames, {}>", self.node.name,
+                     self.node.landmarks, self.node.frames,
+                     self.pose ? "in the frame of " + self.frame : "not placed");
+}
+
+void bind_contents(py::module_& module) {
+  py::class_<HeldMap>(module, "AtlasMap",
+                      "A map in an atlas, as it was when it was asked for; without its landmarks, "
+                      "which Atlas.map() gives.")
+      .def_property_readonly("name", [](const HeldMap& self) { return decoded(self.node.name); })
+      .def_property_readonly(
+          "session", [](const HeldMap& self) { return text_or_none(self.node.session); },
+          "Maps of one run share it; None if unknown.")
+      .def_property_readonly(
+          "length_unit",
+          [](const HeldMap& self) { return std::string(to_string(self.node.length_unit)); },
+          "'metres' or 'free'.")
+      .def_property_readonly("landmarks", [](const HeldMap& self) { return self.node.landmarks; })
+      .def_property_readonly("frames", [](const HeldMap& self) { return self.node.frames; })
+      .def_property_readonly("observations",
+                             [](const HeldMap& self) { return self.node.observations; })
+      .def_property_readonly(
+          "frame",
+          [](const HeldMap& self) { return text_or_none(self.pose ? self.frame : std::string()); },
+          "Name of the map in whose frame the pose is; None if it has none. Maps with the same "
+          "are in one frame.")
+      .def_property_readonly(
+          "frame_from_map",
+          [](const HeldMap& self) -> py::object {
+            if (!self.pose) return py::none();
+            return pose_array(self.pose->frame_from_node);
+          },
+          "4x4, with the scale in it; None until optimize() has placed the map.")
+      .def_property_readonly(
+          "covariance",
+          [](const HeldMap& self) -> py::object {
+            if (!self.pose) return py::none();
+            return copied_matrix(self.pose->covariance);
+          },
+          "(7, 7): (dt, dphi, dlog s), a left perturbation in the frame; or None.")
+      .def("__repr__", [](const HeldMap& self) { return decoded(held_map_text(self)); });
+  py::class_<AtlasCommit>(module, "AtlasCommit", "A change of an atlas.")
+      .def_property_readonly("id", [](const AtlasCommit& self) { return self.id.value; })
+      .def_property_readonly(
+          "time", [](const AtlasCommit& self) { return utc_time(self.time_ms); },
+          "A datetime, in UTC.")
+      .def_property_readonly("author",
+                             [](const AtlasCommit& self) { return text_or_none(self.author); })
+      .def_property_readonly("host",
+                             [](const AtlasCommit& self) { return text_or_none(self.host); })
+      .def_property_readonly(
+          "verb", [](const AtlasCommit& self) { return decoded(self.verb); },
+          "'add', 'link' and so on.")
+      .def_property_readonly(
+          "text", [](const AtlasCommit& self) { return decoded(self.text); },
+          "What was done, for people.")
+      .def_property_readonly(
+          "run", [](const AtlasCommit& self) { return self.run.value; },
+          "Id of the first commit of the same call.")
+      .def_property_readonly(
+          "undoes",
+          [](const AtlasCommit& self) {
+            return self.undoes ? std::optional(self.undoes->value) : std::nullopt;
+          },
+          "Id of the last commit of the call that this one undid; or None.")
+      .def("__repr__", [](const AtlasCommit& self) {
+        return decoded(
+            fmt::format("<AtlasCommit {}: {}: {}>", self.id.value, self.verb, self.text));
+      });
+  py::class_<Route>(module, "AtlasRoute", "A chain of links from one map of an atlas to another.")
+      .def_property_readonly(
+          "maps", [](const Route& self) { return decoded_all(self.maps); },
+          "Their names, from the target to the source.")
+      .def_readonly("links", &Route::links, "One fewer.")
+      .def_property_readonly(
+          "target_from_source",
+          [](const Route& self) { return pose_array(self.route.target_from_source); },
+          "4x4, along the links.")
+      .def_property_readonly(
+          "covariance", [](const Route& self) { return matrix_or_none(self.route.covariance); },
+          "(7, 7): (dt, dphi, dlog s), a left perturbation in the target; None if a link has none.")
+      .def_property_readonly(
+          "optimised", [](const Route& self) { return pose_array(self.route.optimised); },
+          "4x4: target_from_source by the poses of both maps, in which all links take part; None "
+          "if they are not in one frame.")
+      .def("__repr__", [](const Route& self) {
+        return decoded(fmt::format("<AtlasRoute: {}>", fmt::join(self.maps, " <- ")));
+      });
+}
+
+void bind_results(py::module_& module) {
+  py::class_<AtlasLinkResult>(module, "AtlasLinkResult", "How many pairs Atlas.link() tried.")
+      .def_readonly("pairs", &AtlasLinkResult::pairs, "That there are.")
+      .def_readonly("tried", &AtlasLinkResult::tried, "In this call.")
+      .def_readonly("tried_before", &AtlasLinkResult::tried_before, "Or linked by a person.")
+      .def_readonly("not_likely", &AtlasLinkResult::not_likely, "Left out by recognition.")
+      .def_readonly("aligned", &AtlasLinkResult::aligned, "Of those tried in this call.")
+      .def("__repr__", [](const AtlasLinkResult& self) {
+        return fmt::format(
+            "<AtlasLinkResult: {} of {} pairs tried, {} aligned; {} tried before, {} not likely>",
+            self.tried, self.pairs, self.aligned, self.tried_before, self.not_likely);
+      });
+  py::class_<AtlasOptimised>(module, "AtlasOptimised", "What Atlas.optimize() came to.")
+      .def_readonly("placed", &AtlasOptimised::placed, "How many maps have a pose.")
+      .def_readonly("contradicted", &AtlasOptimised::contradicted,
+                    "Aligned links that disagree with the poses: not used.")
+      .def_readonly("changed", &AtlasOptimised::changed, "Whether any pose is another.")
+      .def_property_readonly("commit", [](const AtlasOptimised& self) { return self.commit.value; })
+      .def("__repr__", [](const AtlasOptimised& self) {
+        return fmt::format("<AtlasOptimised: {} maps placed, {} links contradicted>", self.placed,
+                           self.contradicted);
+      });
+}
+
+using AtlasClass = py::class_<SharedAtlas, std::shared_ptr<SharedAtlas>>;
+
+void bind_changes(AtlasClass& atlas) {
+  atlas
+      .def("add", &add, py::arg("map"), py::arg("name"), py::kw_only(),
+           py::arg("session") = py::none(),
+           "add($self, map, name, *, session=None)\n--\n\n"
+           "Adds a map, and returns what the atlas says of it. If the same map is there already, "
+           "under whatever\n"
+           "name, nothing changes and that one is returned.\n\n"
+           "session        the run that it is of; maps of one run share it")
+      .def(
+          "link", &link,
+          kept(link_keywords().signature("$self") +
+               "Aligns pairs of maps that were not tried yet, and keeps what came of each, aligned "
+               "or not.\n"
+               "Results are kept as they come: after an interrupt, another call goes on from "
+               "there.\n\n"
+               "only           names: only pairs of which one is among these maps\n"
+               "retry          try again what was tried and not aligned\n"
+               "candidates     with how many of the others each map is tried, the likeliest; 0: "
+               "all.\n"
+               "               None: all in an atlas of up to 32 maps, else 10\n"
+               "shard, shards  of several processes that share a file's pairs: this does every\n"
+               "               shards-th, from shard"))
+      .def("link_by_odometry", &link_by_odometry, py::arg("target"), py::arg("source"),
+           py::arg("target_from_source"), py::arg("covariance"),
+           "link_by_odometry($self, target, source, target_from_source, covariance)\n--\n\n"
+           "Links two maps of one run as odometry has them; False if odometry has linked them "
+           "already.\n\n"
+           "covariance     (6, 6): (dt, dphi), a left perturbation in the target; (7, 7) with the\n"
+           "               scale's")
+      .def("link_manually", &link_manually, py::arg("target"), py::arg("source"),
+           py::arg("target_from_source"), py::arg("covariance"), py::kw_only(),
+           py::arg("reason") = "",
+           "link_manually($self, target, source, target_from_source, covariance, *, "
+           "reason='')\n--\n\n"
+           "Links two maps as a person states it, instead of what a person stated before.\n\n"
+           "covariance     as of link_by_odometry()\n"
+           "reason         one sentence for people")
+      .def("unlink", &unlink, py::arg("a"), py::arg("b"), py::kw_only(), py::arg("reason") = "",
+           "unlink($self, a, b, *, reason='')\n--\n\n"
+           "Replaces the links between two maps by one that says that there is none. The pair is "
+           "not tried again.")
+      .def("optimize", &optimize,
+           kept(optimize_keywords().signature("$self") +
+                "Computes the poses of all maps that aligned links connect. Each group has the "
+                "frame of its first\n"
+                "map. Links that disagree with the others are not used.\n\n"
+                "agreement      share of a map's radius by which two poses that agree may move it"))
+      .def("remove", &remove_map, py::arg("name"),
+           "remove($self, name)\n--\n\n"
+           "Removes a map, its links and its pose; poses in its frame too.")
+      .def("split", &split_map, py::arg("name"), py::arg("frames"),
+           "split($self, name, frames)\n--\n\n"
+           "Makes maps of so many keyframes each of a map, linked as they lie in it; its own links "
+           "go.\n"
+           "Returns their names.")
+      .def("undo", &undo, py::arg("commit") = py::none(),
+           "undo($self, commit=None)\n--\n\n"
+           "Undoes all that the call did which this commit belongs to, or the last that is not "
+           "undone.\n"
+           "Returns the id of the commit that was undone.");
+}
+
+void bind_reading(AtlasClass& atlas) {
+  atlas
+      .def_property_readonly("maps", &maps_of,
+                             "A dict of AtlasMap by name, in the order in which they were added.")
+      .def_property_readonly("links", &links_of, "Of all pairs that were tried or stated.")
+      .def_property_readonly("log", &log_of, "All commits, oldest first.")
+      .def("map", &map_named, py::arg("name"), "map($self, name)\n--\n\nThe map, in its own frame.")
+      .def("path", &path_between, py::arg("target"), py::arg("source"),
+           "path($self, target, source)\n--\n\n"
+           "The chain of aligned links between two maps whose transform is the most certain; None "
+           "if none\nconnects them.")
+      .def(
+          "merge", &merge_atlas,
+          kept(merge_keywords().signature("$self") +
+               "The maps that are in one frame as one map, with what became of all others. The "
+               "atlas does not\n"
+               "change. The result is in the frame of their first.\n\n"
+               "frame          name of a map: those in one frame with it; None: the largest "
+               "group\n"
+               "at             id of a commit: as the atlas was after it\n"
+               "adjust         move all keyframes and landmarks so that all observations fit best; "
+               "a warning\n"
+               "               says why if the maps do not allow it"))
+      .def("verify", &verify,
+           "verify($self)\n--\n\nReads and checks everything; a list of sentences on what is "
+           "damaged.");
+}
+
+}  // namespace
+
+void bind_atlas(py::module_& module) {
+  bind_contents(module);
+  bind_results(module);
+  AtlasClass atlas(
+      module, "Atlas",
+      "Maps, how they lie to each other, and how that came to be, in a file or a PostgreSQL "
+      "database.\n\n"
+      "Every change is a commit, and on disk when the call returns. Several threads may use one "
+      "object, which\n"
+      "takes one call at a time; other processes open the same location for themselves. Use it in "
+      "a `with`\n"
+      "statement, or close() it.");
+  atlas
+      .def_static("create", &create_atlas, py::arg("location"),
+                  kept(create_keywords().signature("location", false) +
+                       "Makes an atlas without maps, and opens it.\n\n"
+                       "location       path of a file, or URL of a database "
+                       "('postgresql://user@host/name')\n"
+                       "insist         allow a network file system, or a server that does not wait "
+                       "for its disk\n"
+                       "wait_s         for another process that writes"))
+      .def_static("open", &open_atlas, py::arg("location"),
+                  kept(open_keywords().signature("location", false) +
+                       "Opens an atlas that is there.\n\n"
+                       "read_only      works in a folder that cannot be written, too\n"
+                       "insist, wait_s as of create()"))
+      .def_property_readonly(
+          "location", [](const SharedAtlas& self) { return decoded(self.name()); },
+          "Without the password, if it is a URL.")
+      .def_property_readonly("read_only", &SharedAtlas::read_only)
+      .def("close", &SharedAtlas::close,
+           "close($self)\n--\n\nEnds its use, after a call in another thread. Closing again does "
+           "nothing.")
+      .def("__enter__", [](const std::shared_ptr<SharedAtlas>& self) { return self; })
+      .def("__exit__", [](SharedAtlas& self, const py::args&) { self.close(); })
+      .def("__repr__", [](const SharedAtlas& self) {
+        return decoded(fmt::format("<Atlas {}{}{}>", self.name(),
+                                   self.read_only() ? ", read-only" : "",
+                                   self.is_closed() ? ", closed" : ""));
+      });
+  bind_changes(atlas);
+  bind_reading(atlas);
+}
+
+}  // namespace cairn::python
