@@ -80,9 +80,8 @@ void AlignArguments::add_to(CLI::App& command) {
            "Map to move: " + all_formats().titles_text() + "; - for stdin");
   add_text(command, "target", target, "Map to align it to");
   auto* const list = add_text(command, "--pairs", pairs,
-                              "Instead of two maps: align many pairs, as a CSV file with the "
-                              "columns source and target lists "
-                              "them; - for stdin",
+                              "Align the pairs listed in a CSV file (columns source and target) "
+                              "instead of two maps; - for stdin",
                               "FILE|-");
   add_text(command, "--confidence", confidence,
            "Trust in landmarks: " + confidence_help() +
@@ -114,8 +113,8 @@ void AlignArguments::add_to(CLI::App& command) {
       "is reached, as PCL does");
   command.add_flag(
       "--fast", options.coarse_to_fine,
-      "With icp: align growing samples of the maps first: sooner done, and now and then at "
-      "another optimum");
+      "With icp: align growing samples of the maps first: faster, but it may end at a different "
+      "pose");
   add_number(command, "--min-observations", point_options.min_observations,
              "Leave out landmarks observed less often");
   add_number(command, "--max-distance", options.max_distance,
@@ -145,7 +144,8 @@ void AlignArguments::add_to(CLI::App& command) {
   common.add_to(command);
   auto* const everywhere = command.add_flag(
       "--anywhere", anywhere,
-      "Search for the pose everywhere: what is done anyway without --initial and --method icp");
+      "Search for the pose without a guess, which is the default unless --initial or --method icp "
+      "is given");
   for (const char* const other :
        {"--initial", "--initial-matrix", "--method", "--max-iterations", "--one-to-one"}) {
     everywhere->excludes(command.get_option(other));
@@ -337,6 +337,12 @@ std::string numbers_text(const Vector& vector, int digits) {
 }
 
 // The trusted pose, or one that was not judged, in full.
+// Of the two quaternions of a rotation the one with qw >= 0.
+Eigen::Quaterniond shown_quaternion(const Rigid3& pose) {
+  const Eigen::Quaterniond q = pose.quaternion();
+  return q.w() < 0.0 ? Eigen::Quaterniond(-q.coeffs()) : q;
+}
+
 std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_scale) {
   const Similarity3& pose = *alignment.estimate;
   const RegistrationResult& result = alignment.registration;
@@ -347,7 +353,7 @@ std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_s
     text += fmt::format("    {:>13.9f} {:>13.9f} {:>13.9f} {:>14.9f}\n", matrix(row, 0),
                         matrix(row, 1), matrix(row, 2), matrix(row, 3));
   }
-  const Eigen::Quaterniond q = pose.rigid().quaternion();
+  const Eigen::Quaterniond q = shown_quaternion(pose.rigid());
   text += fmt::format("  quaternion (qw qx qy qz): {}\n",
                       numbers_text(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()), 9));
   if (with_scale) text += fmt::format("  scale of the source: {:.6g}\n", pose.scale());
@@ -573,7 +579,7 @@ void AlignArguments::check_outputs(std::size_t strategies) {
 void AlignArguments::write_pose_file(const Similarity3& target_from_source) const {
   std::string text = matrix_text(target_from_source);
   if (pose_format == "tum") {
-    const Eigen::Quaterniond q = target_from_source.rigid().quaternion();
+    const Eigen::Quaterniond q = shown_quaternion(target_from_source.rigid());
     const Eigen::Vector3d& t = target_from_source.translation();
     text = fmt::format("0 {} {} {} {} {} {} {}\n", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
   }

@@ -26,7 +26,7 @@ std::string encoded(py::handle text, const std::string& name) {
 
 void warn(const std::vector<std::string>& remarks) {
   for (const std::string& remark : remarks) {
-    if (PyErr_WarnEx(PyExc_UserWarning, remark.c_str(), 2) != 0) throw py::error_already_set();
+    if (PyErr_WarnEx(PyExc_UserWarning, remark.c_str(), 1) != 0) throw py::error_already_set();
   }
 }
 

@@ -394,7 +394,7 @@ class AnswerFigure {
       h(
         "p",
         { class: "muted small" },
-        h("span", { class: "how-to" }, "Choose one to see its pose here and in 3D. "),
+        candidates.length > 1 && h("span", { class: "how-to" }, "Choose one to see its pose here and in 3D. "),
         "Matched: landmarks with a counterpart",
         radius === null ? "" : ` within ${formatLength(radius, lengthUnit)}`,
         ", and their share of the smaller map. Evidence: log-likelihood ratio against a wrong pose.",
@@ -412,7 +412,11 @@ class AnswerFigure {
             h("tbody", null, ...rows),
           ),
           likeliest > 0 || none > 0
-            ? h("p", { class: "muted small" }, `None of them is right: ${formatProbability(Math.max(0, none))}`)
+            ? h(
+                "p",
+                { class: "muted small" },
+                `${candidates.length > 1 ? "None of them is right" : "It is not right"}: ${formatProbability(Math.max(0, none))}`,
+              )
             : null,
           candidates.length > count
             ? button(`Show all ${candidates.length}`, () => {

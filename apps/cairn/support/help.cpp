@@ -57,6 +57,7 @@ std::string HelpFormatter::make_subcommand(const CLI::App* verb) const {
 std::string HelpFormatter::make_option(const CLI::Option* option, bool is_positional) const {
   std::string name =
       CLI::detail::find_and_replace(make_option_name(option, is_positional), ",", ", ");
+  name = CLI::detail::find_and_replace(name, "{false}", "");  // of the flag that says no
   if (!is_positional && option->get_type_size() != 0) name += " " + option->get_type_name();
   std::string description = option->get_description();
   if (!option->get_default_str().empty())

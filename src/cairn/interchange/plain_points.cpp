@@ -128,6 +128,41 @@ class Points {
   std::size_t left_out_ = 0;
 };
 
+// Files of other numbers that also begin with three a line.
+class OtherNumbers {
+ public:
+  void add(const std::vector<std::string_view>& words) {
+    ++lines_;
+    is_trajectory_ =
+        is_trajectory_ && words.size() == 8 && std::abs(square_sum(words, 4, 8) - 1.0) < 1e-3;
+    is_matrix_ = is_matrix_ && words.size() == 4 && lines_ <= 4;
+    ends_a_matrix_ =
+        words.size() == 4 && square_sum(words, 0, 3) == 0.0 && square_sum(words, 3, 4) == 1.0;
+  }
+  /// Empty if these may be points.
+  std::string_view what() const {
+    if (lines_ > 0 && is_trajectory_) return "a trajectory (timestamp tx ty tz qx qy qz qw)";
+    return lines_ == 4 && is_matrix_ && ends_a_matrix_ ? "a transform of 4x4 numbers" : "";
+  }
+
+ private:
+  static double square_sum(const std::vector<std::string_view>& words, std::size_t begin,
+                           std::size_t end) {
+    double sum = 0.0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const double value =
+          parse_number(words[i]).value_or(std::numeric_limits<double>::quiet_NaN());
+      sum += value * value;
+    }
+    return sum;
+  }
+
+  std::size_t lines_ = 0;
+  bool is_trajectory_ = true;
+  bool is_matrix_ = true;
+  bool ends_a_matrix_ = false;
+};
+
 // A table with a header: all of its columns that hold numbers.
 class TableReader {
  public:
@@ -440,6 +475,7 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
   Points points(source.name(), options);
   bool is_first = true;
   bool has_more = false;
+  OtherNumbers others;
   std::uint64_t reported = 0;
   while (const auto next = lines.next()) {
     constexpr std::uint64_t kBlock = std::uint64_t{1} << 20;
@@ -454,6 +490,7 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
       if (named_columns(words)) return TableReader(source, lines, words, options).read();
     }
     has_more = has_more || words.size() > 3;
+    others.add(words);
     Eigen::Vector3d position;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto refuse = [&](std::string_view what) {
@@ -473,6 +510,9 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
                   "the last line does not end with a newline: it may have been cut", "a newline");
     }
     points.add(position);
+  }
+  if (!others.what().empty()) {
+    throw Error(ErrorKind::kInput, source.name(), fmt::format("holds {}", others.what()), "points");
   }
   if (has_more) points.remark("columns other than x, y and z are left out");
   return std::move(points).finish();

@@ -85,6 +85,16 @@ TEST_F(PlainPointsTest, TextErrorsNameLineAndField) {
   EXPECT_THAT(refused("1 2 3\n4 5 6"), HasSubstr("points:2: the last line does not end"));
 }
 
+TEST_F(PlainPointsTest, TrajectoriesAndTransformsAreNoPoints) {
+  EXPECT_THAT(
+      refused("1.5 0 1 2 0 0 0 1\n1.6 0 1 2 0.6 0 0 0.8\n"),
+      HasSubstr("points: holds a trajectory (timestamp tx ty tz qx qy qz qw); expected points"));
+  EXPECT_THAT(refused("1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n"),
+              HasSubstr("points: holds a transform of 4x4 numbers; expected points"));
+  EXPECT_EQ(read_text("1 2 3 4 5 6 7 8\n").landmark_count(), 1U);
+  EXPECT_EQ(read_text("1 2 3 4\n0 1 0 6\n0 0 1 7\n0 0 0 2\n").landmark_count(), 4U);
+}
+
 TEST_F(PlainPointsTest, CairnTextIsNotMistakenForPoints) {
   EXPECT_EQ(read_text("FRAME 1 0 0 0 1 0 0 0\n").frame_count(), 1U);
   EXPECT_THAT(refused("hello world again\n"), HasSubstr("expected FRAME or LANDMARK"));

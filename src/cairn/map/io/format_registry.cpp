@@ -166,10 +166,14 @@ std::string FormatRegistry::written_names_text() const {
 
 void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
   std::size_t maps = 0;
+  std::filesystem::path first;
   std::error_code error;
   for (std::filesystem::directory_iterator entry(path, error), end; !error && entry != end;
        entry.increment(error)) {
-    if (format_of_ending(entry->path()) != nullptr) ++maps;
+    // Other texts are more often called so than maps.
+    if (format_of_ending(entry->path()) == nullptr || has_ending(entry->path(), ".txt")) continue;
+    ++maps;
+    if (first.empty() || entry->path() < first) first = entry->path();
   }
   if (error)
     throw Error(ErrorKind::kInput, path.string(), "cannot be read: " + error.message(), "");
@@ -177,7 +181,7 @@ void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
     throw Error(ErrorKind::kInput, path.string(),
                 fmt::format("is a folder; it holds {} file{} with the ending of a map", maps,
                             maps == 1 ? "" : "s"),
-                "one map");
+                "one map, such as " + first.string());
   }
   throw Error(ErrorKind::kInput, path.string(), "is a folder, but no map in a known format",
               "a map file, or a folder that is one map");

@@ -118,10 +118,12 @@ TEST(FormatRegistry, SaysWhatAFolderIsThatIsNoMap) {
   EXPECT_THAT(message(), HasSubstr("is a folder, but no map in a known format"));
   folder.write("a.map", "");
   folder.write("b.cairn", "");
-  folder.write("notes.md", "");
+  folder.write("notes.txt", "");
   EXPECT_THAT(
       message(),
-      HasSubstr("is a folder; it holds 2 files with the ending of a map; expected one map"));
+      HasSubstr(
+          "is a folder; it holds 2 files with the ending of a map; expected one map, such as " +
+          (folder / "a.map").string()));
 }
 
 TEST(FormatRegistry, RefusesToWriteWhatItCannot) {
