@@ -69,10 +69,17 @@ TEST(MostConfident, IsTheNearestWithoutConfidences) {
 }
 
 TEST(Trimmed, LeavesOutTheFarthestAndKeepsTheOrder) {
-  const std::vector<Match> matches = {{0, 0, 5.0}, {1, 1, 1.0}, {2, 2, 4.0}, {3, 3, 2.0}};
+  const std::vector<Match> matches = {{0, 0, 5.0}, {1, 1, 2.0}, {2, 2, 4.0}, {3, 3, 1.0}};
   EXPECT_THAT(pairs(trimmed(matches, 0.5)), ElementsAre(std::pair(1, 1), std::pair(3, 3)));
   EXPECT_EQ(trimmed(matches, 0.0), matches);
   EXPECT_EQ(trimmed(matches, 0.2), matches) << "less than one match";
+  EXPECT_THAT(pairs(trimmed(matches, 0.25)),
+              ElementsAre(std::pair(1, 1), std::pair(2, 2), std::pair(3, 3)));
+}
+
+TEST(Trimmed, LeavesOutTheLaterOfEquallyFarMatches) {
+  const std::vector<Match> matches = {{0, 0, 1.0}, {1, 1, 2.0}, {2, 2, 2.0}, {3, 3, 2.0}};
+  EXPECT_THAT(pairs(trimmed(matches, 0.5)), ElementsAre(std::pair(0, 0), std::pair(1, 1)));
 }
 
 // Target points at x = 0, 1, 2 whose confidence grows with x.
