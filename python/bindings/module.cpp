@@ -3,10 +3,6 @@
 
 #include "bindings/support.hpp"
 
-namespace cairn::python {
-void bind_atlas(py::module_& module);
-}
-
 PYBIND11_MODULE(_cairn, module) {
   namespace python = cairn::python;
   // Signatures are in the documentation, in the form that inspect reads.

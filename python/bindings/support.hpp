@@ -40,6 +40,7 @@ void bind_evaluation(py::module_& module);
 void bind_experiments(py::module_& module);
 void bind_report(py::module_& module);
 void bind_merging(py::module_& module);
+void bind_atlas(py::module_& module);
 void bind_simulation(py::module_& module);
 void bind_localization(py::module_& module);
 void bind_odometry(py::module_& module);
