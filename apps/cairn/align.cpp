@@ -72,7 +72,7 @@ struct AlignArguments {
                              const std::vector<StrategyResult>& alignments, LengthUnit unit,
                              const std::optional<Similarity3>& true_pose, const Json& json) const;
   void print(const LoadedMap& source_map, const LoadedMap& target_map,
-             const std::vector<StrategyResult>& alignments, LengthUnit unit) const;
+             const std::vector<StrategyResult>& results, LengthUnit unit) const;
 };
 
 void AlignArguments::add_to(CLI::App& command) {

@@ -132,8 +132,9 @@ void parse_shard(const std::string& text, AtlasLinkOptions& options) {
   if (text.empty()) return;
   const std::size_t slash = text.find('/');
   const auto number = parse_unsigned(std::string_view(text).substr(0, slash));
-  const auto count =
-      slash == text.npos ? std::nullopt : parse_unsigned(std::string_view(text).substr(slash + 1));
+  const auto count = slash == std::string::npos
+                         ? std::nullopt
+                         : parse_unsigned(std::string_view(text).substr(slash + 1));
   if (!number || !count || *number < 1 || *number > *count) {
     throw Error(ErrorKind::kMisuse, "--shard", printable(text), "I/N with I from 1 to N, as 2/8");
   }

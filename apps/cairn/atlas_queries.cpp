@@ -54,7 +54,7 @@ struct ShowArguments : AtlasArguments {
     command.footer("Example: cairn atlas show --atlas town.atlas --report town.html");
   }
 
-  Json nodes_json(const AtlasState& state) const {
+  static Json nodes_json(const AtlasState& state) {
     Json nodes = Json::array();
     for (const auto& [id, node] : state.nodes) {
       const auto pose = state.poses.find(id);

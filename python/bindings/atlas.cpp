@@ -183,24 +183,24 @@ struct OpenKeywords {
 };
 
 const Keywords<OpenKeywords>& create_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<OpenKeywords> keywords("create");
     keywords.add("insist", [](auto& o) -> auto& { return o.options.insist; })
         .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 const Keywords<OpenKeywords>& open_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<OpenKeywords> keywords("open");
     keywords.add("read_only", [](auto& o) -> auto& { return o.options.read_only; })
         .add("insist", [](auto& o) -> auto& { return o.options.insist; })
         .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 AtlasStoreOptions store_options(OpenKeywords given) {
@@ -214,8 +214,8 @@ AtlasStoreOptions store_options(OpenKeywords given) {
 }
 
 std::string location_of(const py::object& location) {
-  const auto path = py::module_::import("os").attr("fsencode")(location).cast<std::string>();
-  if (path.empty() || path.find('\0') != path.npos) {
+  auto path = py::module_::import("os").attr("fsencode")(location).cast<std::string>();
+  if (path.empty() || path.find('\0') != std::string::npos) {
     throw Error(ErrorKind::kMisuse, "location", path.empty() ? "empty" : printable(path),
                 "the path of a file, or postgresql://...");
   }
@@ -258,17 +258,17 @@ HeldMap add(SharedAtlas& self, const LandmarkMap& map, const py::object& name,
   return held;
 }
 
-struct LinkKeywords {
+struct Lintable {
   AtlasLinkOptions options;
   std::optional<std::vector<std::string>> only;
 };
 
-const Keywords<LinkKeywords>& link_keywords() {
-  static const auto kKeywords = [] {
-    Keywords<LinkKeywords> keywords("link");
+const Keywords<Lintable>& link_keywords() {
+  static const auto table = [] {
+    Keywords<Lintable> keywords("link");
     keywords
         .add("only", py::none(),
-             [](LinkKeywords& call, py::handle value) {
+             [](Lintable& call, py::handle value) {
                if (value.is_none()) return;
                if (py::isinstance<py::str>(value)) {
                  throw py::type_error("only: str; expected a sequence of names");
@@ -288,12 +288,12 @@ const Keywords<LinkKeywords>& link_keywords() {
         .add("seed", [](auto& c) -> auto& { return c.options.links.seed; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
   CallOptions call;
-  LinkKeywords keywords = link_keywords().read(given, &call);
+  Lintable keywords = link_keywords().read(given, &call);
   keywords.options.validate();
   AtlasLinkResult result;
   // To the library, an empty list means all pairs.
@@ -371,13 +371,13 @@ void unlink(SharedAtlas& self, const py::object& a, const py::object& b, const p
 }
 
 const Keywords<PoseOptimisationOptions>& optimize_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<PoseOptimisationOptions> keywords("optimize");
     keywords.add("agreement", [](auto& o) -> auto& { return o.agreement; })
         .add("max_iterations", [](auto& o) -> auto& { return o.max_iterations; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 AtlasOptimised optimize(SharedAtlas& self, const py::kwargs& given) {
@@ -495,7 +495,7 @@ struct MergeKeywords {
 };
 
 const Keywords<MergeKeywords>& merge_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<MergeKeywords> keywords("merge");
     keywords
         .add("frame", py::none(),
@@ -511,7 +511,7 @@ const Keywords<MergeKeywords>& merge_keywords() {
         .add("seed", [](auto& c) -> auto& { return c.placed.fusion.seed; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 // What became of all maps of the atlas, as merge() without an atlas tells it.

@@ -37,9 +37,9 @@ static_assert(sizeof(Pixel) == 16 && sizeof(Eigen::Vector3d) == 24 &&
 struct NoOptions {};
 
 SharedMap read(const std::filesystem::path& path, const py::kwargs& keywords) {
-  static const Keywords<NoOptions> kKeywords("read_map");
+  static const Keywords<NoOptions> table("read_map");
   CallOptions call;
-  kKeywords.read(keywords, &call);
+  table.read(keywords, &call);
   SharedMap map;
   std::vector<std::string> remarks;
   run("reading", call, [&](const Execution& execution) {
@@ -54,9 +54,9 @@ SharedMap read(const std::filesystem::path& path, const py::kwargs& keywords) {
 }
 
 void write(const SharedMap& map, const std::filesystem::path& path, const py::kwargs& keywords) {
-  static const auto kKeywords = write_keywords();
+  static const auto table = write_keywords();
   CallOptions call;
-  MapWriteOptions options = kKeywords.read(keywords, &call);
+  MapWriteOptions options = table.read(keywords, &call);
   std::vector<std::string> remarks;
   options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
   all_formats().format_to_write(path, options);  // fails before the work
@@ -457,7 +457,7 @@ SharedMap unpacked(const py::bytes& bytes) {
 }
 
 std::vector<LandmarkIndex> landmark_indices(const LandmarkMap& map, py::handle given) {
-  py::object indices = py::reinterpret_borrow<py::object>(given);
+  auto indices = py::reinterpret_borrow<py::object>(given);
   if (const py::array array = py::array::ensure(given); array && array.dtype().kind() == 'b') {
     const auto count = static_cast<py::ssize_t>(map.landmark_count());
     if (array.ndim() != 1 || array.shape(0) != count) {
@@ -576,25 +576,25 @@ void bind_synthetic(py::module_& module) {
         return fmt::format("SyntheticPair(source: {}; target: {})", described(self.source),
                            described(self.target));
       });
-  static const auto kMap = synthetic_keywords("synthetic_map");
-  static const auto kPair = synthetic_keywords("synthetic_pair");
+  static const auto map_keywords = synthetic_keywords("synthetic_map");
+  static const auto pair_keywords = synthetic_keywords("synthetic_pair");
   module.def(
       "synthetic_map",
       [](const py::kwargs& keywords) {
         CallOptions call;
-        const SyntheticOptions options = kMap.read(keywords, &call);
+        const SyntheticOptions options = map_keywords.read(keywords, &call);
         SharedMap map;
         run("synthetic map", call,
             [&](const Execution&) { map = std::make_shared<LandmarkMap>(synthetic_map(options)); });
         return map;
       },
-      kept(kMap.signature("") +
+      kept(map_keywords.signature("") +
            "A synthetic session: landmarks on a desk and the boxes on it. Same seed, same map."));
   module.def(
       "synthetic_pair",
       [](const py::kwargs& keywords) {
         CallOptions call;
-        const SyntheticOptions options = kPair.read(keywords, &call);
+        const SyntheticOptions options = pair_keywords.read(keywords, &call);
         SharedPair shared;
         run("synthetic pair", call, [&](const Execution&) {
           SyntheticPair pair = synthetic_pair(options);
@@ -604,8 +604,9 @@ void bind_synthetic(py::module_& module) {
         });
         return shared;
       },
-      kept(kPair.signature("") + "Two synthetic sessions of one scene, each in a world frame of "
-                                 "its own, with the truth."));
+      kept(pair_keywords.signature("") +
+           "Two synthetic sessions of one scene, each in a world frame of "
+           "its own, with the truth."));
 }
 
 }  // namespace

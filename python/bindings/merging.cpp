@@ -14,7 +14,7 @@ struct MergedPart {
 };
 
 const Keywords<MergeOptions>& merge_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<MergeOptions> keywords("merge");
     keywords.add("min_probability", [](auto& o) -> auto& { return o.links.min_probability; })
         .add("prior_odds", [](auto& o) -> auto& { return o.links.prior_odds; })
@@ -24,7 +24,7 @@ const Keywords<MergeOptions>& merge_keywords() {
         .add("seed", [](auto& o) -> auto& { return o.seed; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 Merged merge_maps(const std::vector<SharedMap>& maps,

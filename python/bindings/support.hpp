@@ -237,7 +237,7 @@ class Keywords {
     });
   }
   /// @param initial the default as Python shows it
-  Keywords& add(const std::string& name, py::object initial, Set set) {
+  Keywords& add(const std::string& name, const py::object& initial, Set set) {
     names_.push_back(name);
     defaults_.push_back(py::repr(initial).template cast<std::string>());
     sets_.push_back(std::move(set));

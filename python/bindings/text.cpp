@@ -6,7 +6,7 @@
 namespace cairn::python {
 
 py::str decoded(const std::string& text) {
-  const auto result = py::reinterpret_steal<py::str>(
+  auto result = py::reinterpret_steal<py::str>(
       PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "surrogateescape"));
   if (!result) throw py::error_already_set();
   return result;

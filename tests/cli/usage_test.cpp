@@ -220,7 +220,7 @@ TEST_F(UsageTest, NothingInANameCommandsTheTerminal) {
 TEST_F(UsageTest, DeeplyNestedJsonIsRefused) {
   const std::size_t depth = 200'000;
   const std::string deep = std::string(depth, '[') + std::string(depth, ']');
-  write("deep.json", "{\"schema\": {\"name\": " + deep + "}, \"results\": " + deep + "}");
+  write("deep.json", R"({"schema": {"name": )" + deep + R"(}, "results": )" + deep + "}");
   write_plain();
   std::filesystem::create_directory(path("experiment"));
   write("experiment/experiment.json", "{\"experiment\": " + deep + "}");

@@ -6,6 +6,7 @@
 #include <list>
 #include <map>
 #include <mutex>
+#include <ranges>
 #include <set>
 #include <span>
 #include <string_view>
@@ -746,9 +747,9 @@ void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value
 CommitId Atlas::undo(std::optional<CommitId> commit_id) {
   const std::vector<AtlasCommit> log = store_->log();
   std::set<CommitId> undone;  // last commits of runs
-  for (auto commit = log.rbegin(); commit != log.rend(); ++commit) {
+  for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
     // An undoing that is undone itself does not count.
-    if (commit->undoes && !undone.contains(commit->id)) undone.insert(*commit->undoes);
+    if (commit.undoes && !undone.contains(commit.id)) undone.insert(*commit.undoes);
   }
   const AtlasCommit* of = nullptr;
   for (auto commit = log.rbegin(); commit != log.rend() && of == nullptr; ++commit) {

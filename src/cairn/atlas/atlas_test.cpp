@@ -19,7 +19,6 @@
 namespace cairn {
 namespace {
 
-using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 class AtlasTest : public ::testing::Test {

@@ -290,9 +290,10 @@ TEST_F(McapTest, IsWrittenByItsEndingAndNeverRead) {
 TEST_F(McapTest, MapsLieInFramesOfTheirOwn) {
   const LandmarkMap map = testing::plain_map();
   const Rigid3 pose = Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3);
-  const std::vector<McapMap> maps = {{"monday", {}, [&] { return map; }},
-                                     {"tues/day \xff", Similarity3(2.0, pose), [&] { return map; }},
-                                     {"robot", Similarity3(Rigid3()), [&] { return map; }}};
+  const std::vector<McapMap> maps = {
+      {"monday", {}, [&] { return LandmarkMap(map); }},
+      {"tues/day \xff", Similarity3(2.0, pose), [&] { return LandmarkMap(map); }},
+      {"robot", Similarity3(Rigid3()), [&] { return LandmarkMap(map); }}};
   const std::vector<McapLink> links = {{0, 1, "placement", 1.0, true},
                                        {1, 2, "placement", 0.25, true},
                                        {2, 0, "manual", std::nullopt, true},

@@ -136,13 +136,13 @@ class OtherNumbers {
     is_trajectory_ =
         is_trajectory_ && words.size() == 8 && std::abs(square_sum(words, 4, 8) - 1.0) < 1e-3;
     is_matrix_ = is_matrix_ && words.size() == 4 && lines_ <= 4;
-    ends_a_matrix_ =
-        words.size() == 4 && square_sum(words, 0, 3) == 0.0 && square_sum(words, 3, 4) == 1.0;
+    ends_a_matrix_ = lines_ == 4 && words.size() == 4 && square_sum(words, 0, 3) == 0.0 &&
+                     square_sum(words, 3, 4) == 1.0;
   }
   /// Empty if these may be points.
   std::string_view what() const {
     if (lines_ > 0 && is_trajectory_) return "a trajectory (timestamp tx ty tz qx qy qz qw)";
-    return lines_ == 4 && is_matrix_ && ends_a_matrix_ ? "a transform of 4x4 numbers" : "";
+    return is_matrix_ && ends_a_matrix_ ? "a transform of 4x4 numbers" : "";
   }
 
  private:

@@ -29,7 +29,7 @@ class PlainPointsTest : public testing::ImportTest {
   std::string refused(std::string_view bytes) { return ImportTest::refused(bytes, "points"); }
 };
 
-std::string npy(std::string header, std::size_t doubles) {
+std::string npy(const std::string& header, std::size_t doubles) {
   std::string bytes = "\x93NUMPY";
   bytes += '\x01';
   bytes += '\0';

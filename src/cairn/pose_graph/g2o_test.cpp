@@ -145,6 +145,7 @@ TEST(G2o, GivesAnErrorTheWeightThatG2oGivesIt) {
         squared += (i == j ? 1.0 : 2.0) * edge.information[next++] * e[i] * e[j];
       }
     }
+    // NOLINTNEXTLINE(readability-suspicious-call-argument): the estimate is in the place of the truth
     const double ours = normalised_squared_error(measured, *link.covariance, estimated);
     EXPECT_NEAR(squared / ours, 1.0, 1e-6);
   }

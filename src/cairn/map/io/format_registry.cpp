@@ -25,7 +25,7 @@ constexpr std::size_t kProbedBytes = 4096;
 // order mark among them is left out.
 class PrefixedSource final : public ByteSource {
  public:
-  PrefixedSource(std::string prefix, ByteSource& rest)
+  PrefixedSource(const std::string& prefix, ByteSource& rest)
       : prefix_(without_byte_order_mark(prefix)),
         mark_size_(prefix.size() - prefix_.size()),
         rest_(rest) {}
