@@ -112,7 +112,7 @@ class Page:
         code = html.escape(shown + signature(node, name, known), quote=False)
         mark = f' id="python_api_{name}"' if "." in name else ""
         doc = self.doc(name)
-        # What every object has says nothing of this one.
+        # The docstring that Python gives every object does not describe this one.
         if name.endswith("__") and doc.startswith("Initialize self"):
             doc = ""
         return f'<pre class="fragment signature"{mark}>{code}</pre>\n{text_of(doc)}\n'

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/atlas/atlas.hpp"
 
-#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -10,10 +9,9 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <pwd.h>
-#include <unistd.h>
 
 #include "cairn/atlas/route.hpp"
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/plain_text.hpp"
 
 #include "bindings/maps.hpp"
@@ -22,17 +20,6 @@
 
 namespace cairn::python {
 namespace {
-
-std::string user_name() {
-  const passwd* const entry = ::getpwuid(::geteuid());
-  return entry == nullptr ? fmt::format("{}", ::geteuid()) : entry->pw_name;
-}
-
-std::string host_name() {
-  std::array<char, 256> name = {};
-  if (::gethostname(name.data(), name.size() - 1) != 0) return {};
-  return name.data();
-}
 
 enum class OnInterrupt {
   kStopStore,  ///< statements of the store end too
@@ -208,8 +195,7 @@ AtlasStoreOptions store_options(OpenKeywords given) {
     throw Error(ErrorKind::kMisuse, "wait_s", fmt::format("{}", given.wait_s), "0 to 1e6 seconds");
   }
   given.options.wait = std::chrono::milliseconds(std::llround(1e3 * given.wait_s));
-  given.options.author = user_name();
-  given.options.host = host_name();
+  set_author(given.options);
   return given.options;
 }
 

@@ -9,9 +9,8 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <pwd.h>
-#include <unistd.h>
 
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/plain_text.hpp"
@@ -20,21 +19,6 @@
 #include "support/link_documents.hpp"
 
 namespace cairn::cli {
-namespace {
-
-std::string user_name() {
-  const passwd* const entry = ::getpwuid(::geteuid());
-  return entry == nullptr ? fmt::format("{}", ::geteuid()) : entry->pw_name;
-}
-
-std::string host_name() {
-  std::array<char, 256> name = {};
-  if (::gethostname(name.data(), name.size() - 1) != 0) return {};
-  return name.data();
-}
-
-}  // namespace
-
 void AtlasArguments::add_to(CLI::App& command) {
   add_text(command, "--atlas", location,
            "The atlas: path of its file, or postgresql://user@host/database. Required", "FILE|URL");
@@ -61,8 +45,7 @@ AtlasStoreOptions AtlasArguments::store_options(bool read_only) const {
   options.read_only = read_only;
   options.insist = insist;
   options.wait = std::chrono::milliseconds(std::llround(1e3 * wait_s));
-  options.author = user_name();
-  options.host = host_name();
+  set_author(options);
   options.stop = interrupt_requests();
   return options;
 }

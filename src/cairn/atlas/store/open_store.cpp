@@ -1,6 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/atlas/store/open_store.hpp"
 
+#include <array>
+
+#include <fmt/format.h>
+#include <pwd.h>
+#include <unistd.h>
+
 #include "cairn/atlas/store/postgres_store.hpp"
 #include "cairn/atlas/store/sqlite_store.hpp"
 
@@ -8,6 +14,14 @@ namespace cairn {
 
 bool is_postgres_url(const std::string& location) {
   return location.starts_with("postgresql://") || location.starts_with("postgres://");
+}
+
+void set_author(AtlasStoreOptions& options) {
+  const passwd* const entry = ::getpwuid(::geteuid());
+  options.author = entry == nullptr ? fmt::format("{}", ::geteuid()) : entry->pw_name;
+  std::array<char, 256> name = {};
+  const bool is_named = ::gethostname(name.data(), name.size() - 1) == 0;
+  options.host = is_named ? name.data() : "";
 }
 
 void create_store(const std::string& location, const AtlasStoreOptions& options) {

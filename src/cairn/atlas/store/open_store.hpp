@@ -12,6 +12,9 @@ namespace cairn {
 
 bool is_postgres_url(const std::string& location);
 
+/// Takes the names of this process's user and machine for those of its commits.
+void set_author(AtlasStoreOptions& options);
+
 /// @throws Error as create_sqlite_store() and create_postgres_store()
 void create_store(const std::string& location, const AtlasStoreOptions& options = {});
 
