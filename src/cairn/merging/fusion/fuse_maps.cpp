@@ -367,13 +367,6 @@ void Fusion::set_observations() {
   if (octaves) observations.octaves.resize(count);
   if (sources) observations.sources.resize(count);
   if (sigmas) observations.sigmas_px.resize(count);
-  std::vector<std::uint8_t> is_fused(known_.size(), 0);
-  {
-    std::vector<std::uint8_t> is_seen(known_.size(), 0);
-    for (const std::vector<std::uint32_t>& landmark_of : landmark_of_) {
-      for (const std::uint32_t i : landmark_of) is_fused[i] |= std::exchange(is_seen[i], 1);
-    }
-  }
   std::vector<std::uint64_t> next(observations.offsets.begin(), observations.offsets.end() - 1);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const ObservationTable& theirs = maps_[m].map->observations();
@@ -392,7 +385,7 @@ void Fusion::set_observations() {
         // A patch defines the landmark of its own map, not what several maps make of it together.
         const bool defines =
             !theirs.sources.empty() && theirs.sources[k] == PixelSource::kReference;
-        if (defines && is_fused[landmark_of_[m][i]] != 0) continue;
+        if (defines && parts_[landmark_of_[m][i]] > 1) continue;
         if (!theirs.sources.empty()) observations.sources[to] = theirs.sources[k];
         if (!theirs.sigmas_px.empty()) observations.sigmas_px[to] = theirs.sigmas_px[k];
       }
