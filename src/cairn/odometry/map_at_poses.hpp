@@ -24,7 +24,7 @@ struct MapAtPosesOptions {
   double max_time_difference_s = 0.02;  ///< of a frame to the nearest pose; positive
   /// Go on where an image cannot be read, without that keyframe. Else that is an error.
   bool skip_unreadable = false;
-  Executor executor = Executor(0);
+  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
   std::stop_token stop = {};
   std::function<void(const MappingProgress&)> progress = {};  ///< of keyframes
   LogSink log = {};

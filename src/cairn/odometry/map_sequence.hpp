@@ -41,7 +41,7 @@ struct MapSequenceOptions {
   /// Of map_sequence: go on where an image cannot be read, as if the camera had taken none. Else that
   /// is an error.
   bool skip_unreadable = false;
-  Executor executor = Executor(0);
+  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
   std::stop_token stop = {};
   std::function<void(const MappingProgress&)> progress = {};
   LogSink log = {};

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -11,8 +12,8 @@ namespace cairn {
 
 struct CoarseToFineOptions {
   ConfidentNeighborOptions matching = {};
-  bool reciprocal = false;   ///< keep only matches that hold both ways, within the sample
-  int max_iterations = 150;  ///< on each sample
+  bool reciprocal = false;  ///< keep only matches that hold both ways, within the sample
+  int max_iterations = PclCriteria().max_iterations;  ///< on each sample
   Execution execution = {};
 };
 

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/registration/result.hpp"
 
@@ -15,9 +16,10 @@ namespace cairn {
 struct IcpOptions {
   Rigid3 initial = {};  ///< target_from_source to start from
   std::size_t k = 5;  ///< candidates a point among which the most confident is matched; at least 1
-  int max_iterations = 150;  ///< at least 1; of a coarse_to_fine alignment, with each sample
+  /// At least 1; of a coarse_to_fine alignment, with each sample.
+  int max_iterations = PclCriteria().max_iterations;
   /// Stop below this change of the mean squared match distance.
-  double mse_change_threshold = 1e-12;
+  double mse_change_threshold = PclCriteria().mse_change_threshold;
   /// Stop as soon as matches come back, when all that would follow is known (see MatchHistory). Without
   /// it an alignment goes on, as PCL's does, until the change or the limit above ends it: in a limit
   /// cycle at whichever of its poses the limit falls upon.
