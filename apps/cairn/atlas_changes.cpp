@@ -11,7 +11,6 @@
 
 #include "cairn/atlas/state_difference.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -232,10 +231,7 @@ struct DiffArguments : AtlasArguments {
 
   // The maps of a session of that name, else the map.
   std::vector<NodeId> side(const AtlasState& state, const std::string& name) const {
-    std::vector<NodeId> nodes;
-    for (const auto& [id, node] : state.nodes) {
-      if (node.session == name && state.poses.contains(id)) nodes.push_back(id);
-    }
+    std::vector<NodeId> nodes = placed_of_session(state, name);
     if (nodes.empty()) nodes.push_back(node_named(state, name, *this).id);
     return nodes;
   }
@@ -368,7 +364,7 @@ struct VerifyArguments : AtlasArguments {
 };
 
 struct CompactArguments : AtlasArguments {
-  std::uint64_t keep = 100;
+  std::uint64_t keep = kKeptCommits;
   bool yes = false;
 
   void add_to(CLI::App& command) {
@@ -383,9 +379,9 @@ struct CompactArguments : AtlasArguments {
   }
 
   int run() {
-    if (keep < 1) throw Error(ErrorKind::kMisuse, "--keep", "0", "at least 1");
     Atlas atlas = open();
-    const AtlasCompaction result = atlas.store().compact(keep, !yes);
+    AtlasCompaction result;
+    with_option_names({{"keep", "--keep"}}, [&] { result = atlas.store().compact(keep, !yes); });
     Json json = head("compact", {{"keep", keep}, {"yes", yes}});
     json["done"] = yes;
     json["commits"] = result.commits;
@@ -421,11 +417,7 @@ struct SalvageArguments : AtlasArguments {
     if (output.empty())
       throw Error(ErrorKind::kMisuse, "--output", "not given", "a name for the new atlas");
     require_outputs(common);
-    if (is_postgres_url(location)) {
-      throw Error(ErrorKind::kMisuse, "--atlas", shown(),
-                  "the path of a file: a database is mended by the tools of its server");
-    }
-    const AtlasSalvage result = salvage_sqlite_store(location, output, store_options(false));
+    const AtlasSalvage result = salvage_store(location, output, store_options(false));
     Json json = head("salvage");
     json["output"] = output;
     json["maps"] = result.maps;

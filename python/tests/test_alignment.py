@@ -139,6 +139,23 @@ class Merge(unittest.TestCase):
         self.assertEqual(len(result.links), 3)
         (used,) = [link for link in result.links if link.used]
         self.assertEqual((used.source, used.target, used.verdict), ("source", "target", "aligned"))
+        self.assertFalse(result.adjusted)
+
+    def test_adjusts_if_asked_or_says_why_not(self):
+        maps = [part.with_camera(cairn.Camera.tum("fr1")) for part in (PAIR.target, PAIR.source)]
+        plain = cairn.merge(maps).map
+        adjusted = cairn.merge(maps, adjust=True, matching_rounds=0)
+        self.assertTrue(adjusted.adjusted)
+        self.assertFalse(np.array_equal(adjusted.map.frame_poses, plain.frame_poses))
+        before, after = (cairn.map_consistency(m).reprojection.rmse for m in (plain, adjusted.map))
+        self.assertLess(after, before)
+        bare = [cairn.LandmarkMap.from_arrays(m.positions, covariances=m.covariances) for m in maps]
+        with self.assertWarnsRegex(UserWarning, "not adjusted: no map knows its observations"):
+            self.assertFalse(cairn.merge(bare, adjust=True).adjusted)
+        for named, kind in (({"adjust": 1}, TypeError), ({"matching_rounds": 11}, cairn.MisuseError),
+                            ({"matching_rounds": 0.5}, TypeError), ({"refine_intrinsics": "x"}, TypeError)):
+            with self.assertRaises(kind, msg=str(named)):
+                cairn.merge(maps, **named)
 
 
 class LongCalls(unittest.TestCase):

@@ -58,6 +58,12 @@ struct AtlasComponent {
 /// Components of at least two maps, largest first.
 std::vector<AtlasComponent> components_of(const AtlasState& state);
 
+/// The component that a map is in, or the largest.
+/// @param name of the atlas, for messages
+/// @throws Error (misuse) if no two maps have poses in one frame, or the map has none
+AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
+                              const std::string& name);
+
 struct AtlasOptimised {
   CommitId commit;
   std::size_t placed = 0;

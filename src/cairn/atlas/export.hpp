@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
+#include <optional>
+
 #include "cairn/atlas/atlas.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/log.hpp"
 #include "cairn/trajectory/trajectory.hpp"
 
 namespace cairn {
@@ -20,5 +24,30 @@ LandmarkMap cloud_of(Atlas& atlas, const AtlasState& state, const AtlasComponent
 /// aligned links between them.
 void write_mcap(Atlas& atlas, const AtlasState& state, const AtlasComponent& component,
                 const ByteSink& sink);
+
+/// What export_atlas() writes.
+enum class AtlasExport {
+  kG2o,         ///< ".g2o": pose_graph(), without links whose covariance has seven numbers
+  kGraph,       ///< ".json": pose_graph()
+  kTrajectory,  ///< ".tum": keyframes_of()
+  kCloud,       ///< ".ply": cloud_of()
+  kRecording,   ///< ".mcap": write_mcap()
+  kFolder,      ///< a folder, or no ending: every map as .cairn, and graph.json
+};
+
+/// @throws Error (misuse) for another ending
+AtlasExport export_of(const std::filesystem::path& path);
+
+struct AtlasExportOptions {
+  /// Of a trajectory, cloud or recording: a map of the component; std::nullopt: the largest.
+  std::optional<NodeId> frame = {};
+  LogSink log = {};  ///< told what is left out
+};
+
+/// Writes what export_of() says; a file whole or not at all.
+/// @throws Error (misuse) as export_of() and component_with(), (input) if a trajectory would be empty,
+///         (storage) if it cannot be written
+void export_atlas(Atlas& atlas, const AtlasState& state, const std::filesystem::path& path,
+                  const AtlasExportOptions& options = {});
 
 }  // namespace cairn

@@ -351,13 +351,13 @@ class SqlStore : public AtlasStore {
   }
 
   AtlasCompaction compact(std::uint64_t keep, bool dry) override {
+    if (keep < 1) throw Error(ErrorKind::kMisuse, "keep", "0", "at least 1 commit");
     AtlasCompaction result;
     Transaction transaction(database_);
     const CommitId last = last_commit();
     const auto first =
         static_cast<std::uint64_t>(database_.integer("SELECT coalesce(min(id), 0) FROM commits"));
     if (first == 0) return result;
-    keep = std::max<std::uint64_t>(keep, 1);
     // Becomes the oldest that is left.
     const CommitId base{last.value + 1 > first + keep ? last.value + 1 - keep : first};
     result.commits = base.value - first;

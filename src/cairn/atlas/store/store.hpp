@@ -56,6 +56,9 @@ struct AtlasVerification {
   std::vector<std::string> problems;  ///< sentences; empty: all is sound
 };
 
+/// How many of the last commits a compaction keeps unless told otherwise.
+inline constexpr std::uint64_t kKeptCommits = 100;
+
 struct AtlasCompaction {
   std::uint64_t commits = 0;  ///< that become one
   std::uint64_t nodes = 0;    ///< dropped
@@ -123,6 +126,7 @@ class AtlasStore {
   virtual AtlasVerification verify() = 0;
   /// Makes one of the oldest commits so that `keep` commits are left, and drops what none of these needs.
   /// @param dry only say what would be done
+  /// @throws Error (misuse) for `keep` = 0
   virtual AtlasCompaction compact(std::uint64_t keep, bool dry) = 0;
 };
 
