@@ -80,6 +80,7 @@ class TemporaryFile {
       } else if (is_regular() && lock() && is_in_place()) {
         if (::ftruncate(descriptor_, 0) == 0) return;
         error_number_ = errno;
+        ::unlink(path_.c_str());
         close();
         return;
       } else {

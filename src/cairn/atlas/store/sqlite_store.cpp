@@ -170,11 +170,14 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
       configure(database);
       // So that compact() can give space back.
       database.execute("PRAGMA auto_vacuum = INCREMENTAL");
-      database.execute("PRAGMA journal_mode = WAL");
       sqlite::Transaction transaction(database);
       database.execute(fmt::format("PRAGMA application_id = {}", kApplicationId));
       migrate(database, 0);
       transaction.commit();
+      // Only now: what a journal of that kind holds reaches the file when it is closed, which reports no failure.
+      if (database.text("PRAGMA journal_mode = WAL") != "wal") {
+        throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
+      }
     }
     // Unlike a renaming, a link never replaces what another process has made meanwhile.
     fs::create_hard_link(temporary, path, failure);
