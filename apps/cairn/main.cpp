@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <memory>
@@ -37,6 +38,9 @@ namespace {
 
 using cairn::cli::ExitCode;
 using cairn::cli::print_error;
+
+// Printed without an allocation.
+constexpr const char* kOutOfMemory = "cairn: out of memory\n";
 
 int exit_code_of(cairn::ErrorKind kind) {
   switch (kind) {
@@ -229,31 +233,67 @@ int run(int argc, char** argv) {
       ->second();
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-#ifdef CAIRN_WHOLE_TOOL
-  if (!is_quick(argc, argv)) return become_whole_tool(argv);
-#endif
-  occupy_standard_streams();
+// The command, from its first allocation to the last byte of its answer.
+int work(int argc, char** argv) {
   cairn::cli::catch_interrupts();
   cairn::cli::keep_command_line(argc, argv);
+  const int code = run(argc, argv);
+  // An answer that never reached its file is no answer.
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    print_error("cairn: stdout: cannot be written\n");
+    return ExitCode::kInternalError;
+  }
+  return code;
+}
+
+// Says what is being caught.
+int explain() {
   try {
-    const int code = run(argc, argv);
-    // An answer that never reached its file is no answer.
-    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-      print_error("cairn: stdout: cannot be written\n");
-      return ExitCode::kInternalError;
-    }
-    return code;
+    throw;
   } catch (const cairn::Error& error) {
     if (error.kind() == cairn::ErrorKind::kCancelled) cairn::cli::end_by_interrupt();
     print_error(fmt::format("cairn: {}\n", error.what()));
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {
-    print_error("cairn: out of memory\n");
+    std::fputs(kOutOfMemory, stderr);
   } catch (const std::exception& error) {
     print_error(fmt::format("cairn: internal error: {}\n", error.what()));
+  }
+  return ExitCode::kInternalError;
+}
+
+std::terminate_handler default_end = nullptr;
+
+// Where memory runs out in a function that says it throws nothing (CLI11 and TBB have such), the command ends as it
+// does elsewhere. Anything else that nobody caught is a defect, and ends as one.
+void end_uncaught() {
+  try {
+    if (std::current_exception() != nullptr) throw;
+  } catch (const std::bad_alloc&) {
+    std::fputs(kOutOfMemory, stderr);
+    std::_Exit(ExitCode::kInternalError);
+  } catch (...) {
+  }
+  default_end();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  default_end = std::set_terminate(end_uncaught);
+  try {
+#ifdef CAIRN_WHOLE_TOOL
+    if (!is_quick(argc, argv)) return become_whole_tool(argv);
+#endif
+    occupy_standard_streams();
+    return work(argc, argv);
+  } catch (...) {
+    try {
+      return explain();
+    } catch (...) {
+      // There is no memory even for the message.
+      std::fputs(kOutOfMemory, stderr);
+    }
   }
   return ExitCode::kInternalError;
 }
