@@ -88,7 +88,7 @@ TEST_P(VerbTest, NumbersThatAreNoneAreRefused) {
 TEST_F(UsageTest, UnknownVerbIsNamedBesideThoseThereAre) {
   expect_refusal({"alignn", "a", "b"}, kWrongUsage,
                  {"'alignn'", "demo, info, convert, align, evaluate, experiment, report"});
-  expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected a verb"});
+  expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected one of"});
 }
 
 TEST_F(UsageTest, WhatWasMeantIsSuggested) {

@@ -35,7 +35,9 @@ struct MergeOptions {
 /// What became of one map.
 struct MergedMap {
   bool placed = false;
-  std::string reason;  ///< of a map that is not placed: one sentence for people
+  std::string reason;  ///< why it is not placed, in one sentence; empty if it is placed
+  /// Index in MergeResult::links of the likeliest link of a map that is not placed, if none is aligned.
+  std::optional<std::size_t> likeliest_link;
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
   std::optional<MapFusion> fusion;

@@ -56,7 +56,8 @@ void add_network(Report& report, std::span<const NetworkMap> maps,
 /// How far each link that was used is from the poses.
 IntervalsChart residual_chart(const Network& network);
 
-/// When each map's keyframes were taken; of maps without times nothing.
+/// When each map's keyframes were taken; maps without times have no bar. If the longest session would take
+/// less than 2 % of the common axis, each session starts at zero.
 SpansChart session_chart(std::span<const NetworkMap> maps);
 
 }  // namespace cairn::report
