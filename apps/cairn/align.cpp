@@ -100,8 +100,8 @@ void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "-o,--output", output,
            "Write the aligned source map, in the target's frame; - for stdout, with --format",
            "FILE|-");
-  add_text(command, "--format", format,
-           "Format of a map on stdout: " + all_formats().single_file_names_text(), "NAME");
+  add_text(command, "--format", format, "Format of a map on stdout: " + stdout_formats_text(),
+           "NAME");
   add_text(
       command, "--pose", pose,
       "Write target_from_source as 16 numbers, row-major, if the pose is aligned; - for stdout",

@@ -2,9 +2,12 @@
 #include "support/documents.hpp"
 
 #include <filesystem>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -163,8 +166,16 @@ void require_map_output(const std::string& path, const std::string& format,
     throw Error(ErrorKind::kMisuse, "--format",
                 format.empty() ? "not given, but stdout has no ending that names a format"
                                : printable(format) + " names no format of a single file",
-                all_formats().single_file_names_text());
+                stdout_formats_text());
   }
+}
+
+std::string stdout_formats_text() {
+  std::vector<std::string_view> names;
+  for (const MapFormat& format : all_formats().formats()) {
+    if (format.write_to != nullptr) names.push_back(format.name);
+  }
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs) {

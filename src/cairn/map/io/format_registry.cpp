@@ -164,14 +164,6 @@ std::string FormatRegistry::written_names_text() const {
   return alternatives(names);
 }
 
-std::string FormatRegistry::single_file_names_text() const {
-  std::vector<std::string> names;
-  for (const MapFormat& format : formats_) {
-    if (format.write_to != nullptr) names.push_back(format.name);
-  }
-  return alternatives(names);
-}
-
 void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
   std::size_t maps = 0;
   std::filesystem::path first;

@@ -82,8 +82,6 @@ class FormatRegistry {
   std::string titles_text() const;
   /// Names of the formats that can be written, as text for help and messages.
   std::string written_names_text() const;
-  /// Those of them that write one file, and therefore to stdout as well.
-  std::string single_file_names_text() const;
 
   /// Reads a map in any of the formats, recognised by content. A path that does not exist as it stands may
   /// be "path#N": map N of a file that holds several.
