@@ -21,7 +21,7 @@ struct TrackedFrame {
   std::string image_name;
   Features features;
   Rigid3 world_from_camera;
-  std::vector<std::optional<LandmarkIndex>> landmarks;  ///< one a keypoint
+  std::vector<std::optional<LandmarkIndex>> landmarks;  ///< one per keypoint
 };
 
 /// Whether a camera that moved so far sees enough that is new to make a keyframe.
@@ -76,7 +76,7 @@ class KeyframeMap {
   /// Forgets keyframes and landmarks.
   void clear() { graph_ = LandmarkGraph(sensor_); }
 
-  /// @param covariances one a landmark of the graph
+  /// @param covariances one per landmark of the graph
   LandmarkMap to_map(const MapOptions& options,
                      const std::vector<Eigen::Matrix3d>& covariances) const;
 
