@@ -113,7 +113,7 @@ TEST_F(UsageTest, HelpIsAVerbToo) {
 TEST_F(UsageTest, MissingArgumentIsNamed) {
   expect_refusal({"align"}, kWrongUsage, {"source"});
   expect_refusal({"align", "a.map"}, kWrongUsage, {"target"});
-  expect_refusal({"convert", "a.map"}, kWrongUsage, {"output"});
+  expect_refusal({"convert", "a.map"}, kWrongUsage, {"output: not given; expected: Map to write"});
   expect_refusal({"info"}, kWrongUsage, {"map"});
   expect_refusal({"info", "a.map", "--json"}, kWrongUsage, {"--json"});
 }
