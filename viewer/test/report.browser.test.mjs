@@ -432,7 +432,7 @@ test("the answer comes first: verdict in words, probability, reason, pose, devia
   await withReport(sampleFile("answer"), { viewport: { width: 1400, height: 900 } }, async ({ page }) => {
     const answer = page.locator(".answer");
     const verdict = answer.locator(".verdict");
-    assert.match(await verdict.innerText(), /Aligned[^]*99\.996 %[^]*412 of 700 landmarks match/);
+    assert.match(await verdict.innerText(), /Aligned[^]*99\.9960 %[^]*412 of 700 landmarks match/);
     assert.ok(await verdict.evaluate((element) => element.getBoundingClientRect().bottom < innerHeight));
     assert.ok(await answer.locator(".answer-pose").evaluate((element) => element.getBoundingClientRect().bottom < innerHeight));
     assert.equal(await answer.locator(".matrix td").count(), 16);
