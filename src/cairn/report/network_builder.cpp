@@ -173,8 +173,8 @@ Table links_table(const Network& network) {
                    {"Source", std::nullopt, CellType::kText, std::nullopt},
                    {"Probability", "%", CellType::kNumber, 2},
                    {"Use", std::nullopt, CellType::kText, std::nullopt},
-                   {"Off the poses", unit_of(network.length_unit), CellType::kNumber, 4},
-                   {"Off the poses", "°", CellType::kNumber, 3},
+                   {"Residual distance", unit_of(network.length_unit), CellType::kNumber, 4},
+                   {"Residual angle", "°", CellType::kNumber, 3},
                    {"Reason", std::nullopt, CellType::kText, std::nullopt}};
   for (const NetworkLink& link : network.links) {
     const auto number = [](const std::optional<double>& value, double factor) {

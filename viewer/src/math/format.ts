@@ -81,7 +81,7 @@ export function formatProbability(probability: number): string {
   return `${(Math.floor(100 * units * probability + 1e-6) / units).toFixed(digits)} %`;
 }
 
-/** A share in per cent. */
+/** A share in percent. */
 export function formatShare(share: number): string {
   return `${trimZeros((100 * share).toFixed(1))} %`;
 }

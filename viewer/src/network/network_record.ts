@@ -46,8 +46,8 @@ function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLEle
     facts(
       ["Probability", probabilityText(link)],
       ["Found by", link.kind],
-      ["Off the poses", link.residual === null ? null : formatLength(link.residual, model.lengthUnit)],
-      ["Turned by", link.residualDeg === null ? null : `${formatNumber(link.residualDeg, 3)}°`],
+      ["Residual distance", link.residual === null ? null : formatLength(link.residual, model.lengthUnit)],
+      ["Residual angle", link.residualDeg === null ? null : `${formatNumber(link.residualDeg, 3)}°`],
       ["Target", go(link.target)],
       ["Source", go(link.source)],
     ),
