@@ -13,6 +13,7 @@
 #include "cairn/atlas/route.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "atlas_verbs.hpp"
 #include "support/arguments.hpp"
@@ -42,9 +43,8 @@ struct ShowArguments : AtlasArguments {
   bool all = false;
 
   void add_to(CLI::App& command) {
-    command.add_flag("--all", all, "Also pairs that were tried and not aligned");
-    common.add_report_to(command,
-                         "graph and matrix of the maps and links, all of it in 3D, the log");
+    command.add_flag("--all", all, "Also list pairs that were tried and not aligned");
+    common.add_report_to(command, "maps and links as a graph, a matrix and in 3D, and the log");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer("Example: cairn atlas show --atlas town.atlas --report town.html");
@@ -93,7 +93,7 @@ struct ShowArguments : AtlasArguments {
       if (!all && !link.is_aligned()) continue;
       table.add_row(
           {fmt::format("{} <- {}", name_of(state, link.target), name_of(state, link.source)),
-           link.probability ? percent(*link.probability) : "-", status_of(link, state),
+           link.probability ? probability_text(*link.probability) : "-", status_of(link, state),
            std::string(cairn::to_string(link.kind))});
     }
     const Console console = common.console();
@@ -137,15 +137,15 @@ struct PathArguments : AtlasArguments {
     command.add_option("target", target, "A map: its name, or # and its id")
         ->required()
         ->type_name("A");
-    command.add_option("source", source, "Another map")->required()->type_name("B");
+    command.add_option("source", source, "Second map")->required()->type_name("B");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
-        "Prints the chain of links between two maps whose transform is the most certain, the "
-        "transform\n"
-        "along it, which takes points of B to A, and its standard deviation; and the transform "
-        "between\n"
-        "their optimised poses. Exit code 4: no chain of links connects them.\n"
+        "Prints the most certain chain of links between two maps, the transform A_from_B along it "
+        "with its\n"
+        "standard deviation, and the transform between the optimised poses. The exit code is 4 if "
+        "no chain\n"
+        "connects the maps.\n"
         "Example: cairn atlas path monday robot2 --atlas town.atlas");
   }
 
@@ -199,22 +199,23 @@ struct ExportArguments : AtlasArguments {
 
   void add_to(CLI::App& command) {
     add_text(command, "-o,--output", output,
-             ".g2o or .json: the graph of links and poses; .tum: the keyframes of the placed maps; "
-             ".ply: their landmarks, side by side; .mcap: the placed maps and their links, for "
-             "Foxglove, "
-             "Lichtblick and rerun; a folder: every map as .cairn, and the graph. Required",
+             "File or folder to write. .g2o, .json: graph of links and poses; .tum: keyframes of "
+             "the placed maps; .ply: their landmarks, not fused; .mcap: placed maps and links, for "
+             "Foxglove, Lichtblick and rerun; folder: every map as .cairn, and the graph. Required",
              "FILE");
-    add_text(command, "--map", map, "This map alone, in its own frame, in any map format", "NAME");
+    add_text(command, "--map", map, "Write only this map, in its own frame and any map format",
+             "NAME");
     add_text(command, "--with", with,
-             "Of .tum, .ply and .mcap: the maps in one frame with this one; else the largest group",
+             "For .tum, .ply and .mcap: write the maps in the frame of this one (default: the "
+             "largest group)",
              "NAME");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
-        "Example: the graph for another optimiser, the keyframes to evaluate\n"
+        "Example: write the graph for another optimiser, and the keyframes for an evaluation\n"
         "  cairn atlas export --atlas town.atlas -o town.g2o\n"
         "  cairn atlas export --atlas town.atlas -o town.tum\n"
-        "Example: maps and links in Foxglove\n"
+        "Example: write maps and links for Foxglove\n"
         "  cairn atlas export --atlas town.atlas -o town.mcap");
   }
 
@@ -249,17 +250,17 @@ struct ExportArguments : AtlasArguments {
 }  // namespace
 
 Run add_atlas_show(CLI::App& atlas) {
-  return add_atlas_verb<ShowArguments>(atlas, "show", "List its maps and links");
+  return add_atlas_verb<ShowArguments>(atlas, "show", "List maps and links");
 }
 
 Run add_atlas_path(CLI::App& atlas) {
-  return add_atlas_verb<PathArguments>(atlas, "path",
-                                       "How one map lies to another, over which links");
+  return add_atlas_verb<PathArguments>(
+      atlas, "path", "Print the transform between two maps and its chain of links");
 }
 
 Run add_atlas_export(CLI::App& atlas) {
   return add_atlas_verb<ExportArguments>(atlas, "export",
-                                         "Write its graph, keyframes, landmarks or maps");
+                                         "Write the graph, keyframes, landmarks or maps to files");
 }
 
 }  // namespace cairn::cli

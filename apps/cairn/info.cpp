@@ -42,11 +42,11 @@ struct InfoArguments {
 void InfoArguments::add_to(CLI::App& command) {
   add_text(command, "map", input, "Map to read: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
+           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
   loading.add_to(command);
   common.add_to(command);
   command.footer(
-      "Example: what the map holds, and how well it explains its images\n"
+      "Example: print what a map holds and its reprojection errors\n"
       "  cairn info desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"");
 }
 
@@ -118,8 +118,8 @@ std::vector<std::string> warnings(const LandmarkMap& map) {
   if (count == 0) result.emplace_back("the map has no landmarks");
   if (!map.has_observations()) {
     result.emplace_back(
-        "the map does not know its observations: confidences observations, distance, "
-        "parallax and reprojection cannot be had");
+        "the map has no observations: confidences observations, distance, parallax and "
+        "reprojection cannot be had");
   } else if (count > 0) {
     if (const auto none = observed_exactly(map, 0); none > 0) {
       result.push_back(fmt::format("landmarks without any observation: {}", none));
@@ -142,7 +142,7 @@ std::vector<std::string> warnings(const LandmarkMap& map) {
 }
 
 // What the verb finds out beside what the map itself says. `kept`: with two or more observations,
-// or all of a map that does not know its observations.
+// or all of a map without observations.
 struct Findings {
   std::vector<LandmarkIndex> kept;
   std::optional<std::size_t> unobserved;
@@ -263,7 +263,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
     }
     console.print("\n" + table.text());
     if (map.has_observations() && map.frames().cameras.empty()) {
-      console.print("reprojection needs the frames' camera: --camera gives it\n");
+      console.print("no reprojection errors: the frames have no camera; add --camera\n");
     }
   }
   if (findings.conventions.verdict != ConventionVerdict::kNotChecked) {
@@ -348,7 +348,7 @@ int InfoArguments::run() const {
 Run add_info(CLI::App& program) {
   auto arguments = std::make_shared<InfoArguments>();
   arguments->add_to(
-      *program.add_subcommand("info", "What a map holds, how good it is, what is wrong with it"));
+      *program.add_subcommand("info", "Print what a map holds, its quality and its defects"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -126,6 +126,17 @@ std::vector<std::string> option_names(const CLI::App& verb) {
   return names;
 }
 
+// "output: not given; expected: Map to write", for the first argument that is missing; empty if none is.
+std::string missing_argument(const CLI::App& verb) {
+  for (const CLI::Option* option : verb.get_options()) {
+    if (!option->get_required() || option->count() > 0) continue;
+    const std::string& what = option->get_description();
+    return fmt::format("{}: not given; expected: {}", option->get_name(),
+                       what.substr(0, what.find_first_of(":;,(")));
+  }
+  return {};
+}
+
 // What is wrong with the command line, for people.
 std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = program.remaining(true);
@@ -135,18 +146,22 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   }
   if (!names.empty()) {
     if (unexpected.empty()) {
-      return fmt::format("nothing to do; expected a verb: {}", fmt::join(names, ", "));
+      return fmt::format("no verb; expected one of: {}", fmt::join(names, ", "));
     }
     const std::string& word = unexpected.front();
-    return fmt::format("{}; expected a verb: {}{}", cairn::printable(word), fmt::join(names, ", "),
-                       did_you_mean(word, names));
+    return fmt::format("{} is no verb; expected one of: {}{}", cairn::printable(word),
+                       fmt::join(names, ", "), did_you_mean(word, names));
   }
-  // An option that is none is the mistake, whatever is missing for it.
+  // An unknown option is the mistake, even if an argument is missing as well.
   for (const std::string& word : unexpected) {
     if (!word.starts_with("--")) continue;
     const std::string name = word.substr(0, word.find('='));
     return fmt::format("there is no option {}{}", cairn::printable(name),
                        did_you_mean(name, option_names(*parsed_verbs(program).back())));
+  }
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr) {
+    const std::string missing = missing_argument(*parsed_verbs(program).back());
+    if (!missing.empty()) return missing;
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr) return error.what();
   const bool has_number =
@@ -222,8 +237,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     std::string words;
     for (const CLI::App* verb : parsed_verbs(program)) words += verb->get_name() + " ";
-    print_error(fmt::format("cairn: {}\nRun '{}--help' for what there is.\n",
-                            complaint(program, error), words));
+    print_error(
+        fmt::format("cairn: {}\nRun '{}--help' for help.\n", complaint(program, error), words));
     return ExitCode::kWrongUsage;
   }
   cairn::cli::require_distinct_files(*parsed_verbs(program).back());

@@ -104,68 +104,70 @@ struct MapArguments {
 };
 
 void MapArguments::add_to(CLI::App& command) {
-  add_text(command, "sequence", sequence,
-           "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images they name")
+  add_text(
+      command, "sequence", sequence,
+      "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that they list")
       ->required();
   add_text(
       command, "-o,--output", output,
       "Map to write: .map, .txt, .cairn, .ply or .pcd; with --mini-map-length a folder. Required",
       "FILE");
-  add_text(command, "--trajectory", trajectory,
-           "Also write where the camera was, in TUM format: timestamp tx ty tz qx qy qz qw a line",
-           "FILE");
+  add_text(
+      command, "--trajectory", trajectory,
+      "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy qz qw per line",
+      "FILE");
   add_text(command, "--camera", camera,
            fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
            "CAMERA");
   add_number(command, "--depth-units", depth_units,
-             "Depth image units a metre (default: as the camera file says, else 5000)");
+             "Depth image units per metre (default: from the camera file, else 5000)");
   add_number(command, "--max-time-difference", max_time_difference,
-             "A colour image has the depth image nearest in time, less than this many seconds off");
+             "Largest time difference between a colour image and its depth image, seconds");
   auto* const pose = add_text(command, "--start-pose", start_pose,
                               "Pose of the first camera, world_from_camera (default: the identity)",
                               "\"tx ty tz qw qx qy qz\"");
-  auto* const from =
-      add_text(command, "--start-from", start_from,
-               "The same, from a trajectory in TUM format at the time of the first frame", "FILE")
-          ->excludes(pose);
+  auto* const from = add_text(command, "--start-from", start_from,
+                              "Take the first camera's pose from a trajectory in TUM format, at "
+                              "the time of the first frame",
+                              "FILE")
+                         ->excludes(pose);
   auto* const length = add_text(
       command, "--mini-map-length", mini_map_length,
-      "Cut into mini-maps, each in its own frame: so many metres of path, or frames", "1m|50f");
-  auto* const loops =
-      command.add_flag("--close-loops", close_loops,
-                       "Close the loops of the session: cut it into mini-maps, align them with one "
-                       "another, and adjust "
-                       "all of them as one map. --trajectory then has every frame, corrected");
+      "Cut into mini-maps of this many metres of path or frames, each in its own frame", "1m|50f");
+  auto* const loops = command.add_flag(
+      "--close-loops", close_loops,
+      "Close the loops of the session: cut it into mini-maps, align these with each other, and "
+      "adjust them as one map. --trajectory then writes every frame, corrected");
   loops->excludes(length);
   command
       .add_flag("--refine-intrinsics", refine_intrinsics,
-                "With --close-loops: adjust the camera's parameters too")
+                "With --close-loops: also adjust the camera's parameters")
       ->needs(loops);
   add_text(command, "--poses", poses,
-           "Poses world_from_camera, known from elsewhere, as a trajectory in TUM format: nothing "
-           "is estimated but the landmarks, in that world",
+           "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
+           "estimated, in that world",
            "FILE")
       ->excludes(pose)
       ->excludes(from)
       ->excludes(length)
       ->excludes(loops);
   add_text(command, "--covariance", covariance,
-           "How landmark covariances are found: recursive, observation by observation, or "
-           "marginal, from the whole least-squares problem")
+           "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
+           "(from the whole least-squares problem)")
       ->capture_default_str();
   add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks that fewer keyframes observed");
-  add_number(command, "--features", features, "Corners wanted in an image");
+             "Leave out landmarks with fewer observations");
+  add_number(command, "--features", features, "Number of corners to detect in an image");
   command.add_flag("--no-descriptors", no_descriptors, "Leave out the landmarks' descriptors");
   command.add_flag("--skip-unreadable", skip_unreadable,
-                   "Go on where an image is missing or damaged, instead of refusing the sequence");
+                   "Skip missing and damaged images instead of refusing the sequence");
   common.add_to(command);
   command.footer(
-      "Example: the map of a TUM sequence in the frame of its ground truth, and how good it is\n"
+      "Example: map a TUM sequence in the frame of its ground truth, and evaluate the trajectory\n"
       "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum \\\n"
       "    --start-from rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
       "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
-      "The same where motion capture, or another SLAM, says where the camera was\n"
+      "Example: map with known camera poses, from motion capture or another SLAM system\n"
       "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map \\\n"
       "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt");
 }
@@ -293,8 +295,8 @@ void refuse_foreign_folder(const fs::path& folder) {
                                                     fs::exists(folder / kUnfinishedMark, ignored));
   if (is_ours) return;
   throw Error(ErrorKind::kStorage, folder.string(),
-              "stands where the unfinished mini-maps would and was not made by cairn",
-              "another name for the output, or this one moved away");
+              "is in the way of the unfinished mini-maps and was not created by cairn",
+              "another output name, or this file moved away");
 }
 
 // Makes a folder to be renamed when it is complete. One that a killed run left behind is cleared.
@@ -311,7 +313,8 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   try {
     make_unfinished_folder(unfinished);
   } catch (const fs::filesystem_error& error) {
-    throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
+    throw Error(ErrorKind::kStorage, output, error.code().message(),
+                "a folder that can be created");
   }
   try {
     std::vector<std::string> names;
@@ -352,7 +355,8 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   } catch (const fs::filesystem_error& error) {
     std::error_code ignored;
     fs::remove_all(unfinished, ignored);
-    throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
+    throw Error(ErrorKind::kStorage, output, error.code().message(),
+                "a folder that can be created");
   } catch (...) {
     std::error_code ignored;
     fs::remove_all(unfinished, ignored);
@@ -588,7 +592,7 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
   if (mapped.maps.empty()) {
     throw Error(ErrorKind::kInput, sequence,
                 fmt::format("none of {} frames could be tracked", mapped.frames),
-                "a frame with depth and texture to begin with");
+                "frames with depth and texture");
   }
   write(mapped);
   const LandmarkCounts landmarks = count_landmarks(mapped.maps);

@@ -92,6 +92,12 @@ class Align(unittest.TestCase):
         self.assertIn("aligned", repr(self.result))
         self.assertIn("<table>", self.result._repr_html_())
 
+    def test_a_path_for_a_map_says_how_to_read_one(self):
+        for call in (lambda: cairn.align("a.map", PAIR.target), lambda: cairn.align(PAIR.source, "b.map"),
+                     lambda: cairn.judge("a.map", PAIR.target, np.eye(4))):
+            with self.assertRaisesRegex(TypeError, r"str; expected a LandmarkMap, which cairn\.read_map\(path\)"):
+                call()
+
     def test_judge_holds_a_pose_against_the_others(self):
         right = cairn.judge(PAIR.source, PAIR.target, self.result.estimate)
         self.assertEqual(right.verdict, "aligned")

@@ -164,7 +164,7 @@ TEST_F(AtlasCliTest, LogsUndoesAndLooksBack) {
   answer(atlas({"unlink", "3", "2", "--reason", "no"}));
   answer(atlas({"remove", "1"}));
   EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
-  EXPECT_THAT(answer(atlas({"compact", "--keep", "1"})), HasSubstr("nothing was changed"));
+  EXPECT_THAT(answer(atlas({"compact", "--keep", "1"})), HasSubstr("no data was dropped"));
   EXPECT_THAT(answer(atlas({"compact", "--keep", "1", "--yes"})), HasSubstr("1 maps"));
   EXPECT_THAT(answer(atlas({"verify"})), HasSubstr("sound"));
   expect_refusal(atlas({"undo", "--commit", "3"}), kWrongUsage, {"no commit 3"});
@@ -179,7 +179,7 @@ TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {
   answer(atlas({"init"}));
   EXPECT_THAT(answer(atlas({"add", "robot"})),
               HasSubstr("added robot/2: 40 landmarks, 4 keyframes\n"));
-  EXPECT_THAT(answer(atlas({"add", "robot"})), HasSubstr("is there already, as robot/2\n"));
+  EXPECT_THAT(answer(atlas({"add", "robot"})), HasSubstr("is in the atlas already, as robot/2\n"));
   EXPECT_EQ(document(atlas({"show"})).at("maps").at(1).at("session"), "robot");
   answer(atlas({"add", "robot/1.cairn", "--name", "one more"}));
   EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
@@ -210,7 +210,7 @@ TEST_F(AtlasCliTest, SplitsAMap) {
 TEST_F(AtlasCliTest, RefusesWhatCannotBe) {
   expect_refusal({"atlas", "show"}, kWrongUsage, {"--atlas", "not given"});
   expect_refusal(atlas({"show"}), kBadInput, {"town.atlas", "no such file", "atlas init"});
-  expect_refusal({"atlas", "rename"}, kWrongUsage, {"expected a verb", "init"});
+  expect_refusal({"atlas", "rename"}, kWrongUsage, {"expected one of", "init"});
   fill_small(2);
   expect_refusal(atlas({"init"}), kSystemError, {"town.atlas", "exists already"});
   expect_refusal({"atlas", "show", "--atlas", "1.map"}, kBadInput, {"1.map", "no SQLite database"});
@@ -337,7 +337,7 @@ TEST_F(AtlasCliTest, ProcessesOnOneServerGiveTogetherWhatOneGives) {
     return words;
   };
   answer(atlas({"init"}));
-  EXPECT_THAT(answer(on_server({"init"})), StartsWith("made postgresql:///postgres?"));
+  EXPECT_THAT(answer(on_server({"init"})), StartsWith("created postgresql:///postgres?"));
   for (int i = 0; i < 3; ++i) {
     const SyntheticPair pair = synthetic_pair(
         {.seed = 40 + static_cast<std::uint64_t>(i), .landmarks = 300, .frames = 10});

@@ -97,7 +97,7 @@ TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
       1e-12);
   expect_refusal(
       {"convert", "plain.map", "no.map", "--apply", "by.txt", "--transform", "0 0 0 0 0 0"},
-      kWrongUsage, {"--apply", "stands beside --transform"});
+      kWrongUsage, {"--apply", "given with --transform"});
   expect_refusal({"convert", "mesh.ply", "no.ply", "--apply", "none.json"}, kBadInput,
                  {"none.json"});
 }
@@ -432,7 +432,7 @@ TEST_F(ConvertTest, SaysWhyCovariancesCannotBeEstimated) {
   write_pair();
   answer({"convert", "source.map", "points.ply"});
   expect_refusal({"convert", "points.ply", "out.map", "--estimate-covariances"}, kBadInput,
-                 {"does not know its observations"});
+                 {"has no observations"});
   expect_refusal({"convert", "source.map", "out.map", "--pixel-noise", "1"}, kWrongUsage,
                  {"--pixel-noise", "--estimate-covariances"});
   expect_refusal(

@@ -81,7 +81,7 @@ TEST_F(InfoTest, PointCloudDoesNotKnowItsObservations) {
   const std::string text = answer({"info", "source.ply"});
   EXPECT_THAT(text, ContainsRegex("observations +unknown\n"));
   EXPECT_THAT(text, ContainsRegex("columns +observations\n"));
-  EXPECT_THAT(text, HasSubstr("warning: the map does not know its observations"));
+  EXPECT_THAT(text, HasSubstr("warning: the map has no observations"));
   const Json json = document({"info", "source.ply"});
   EXPECT_TRUE(json.at("inputs").at("map").at("observations").is_null());
   EXPECT_TRUE(json.at("observed_twice_or_more").is_null());

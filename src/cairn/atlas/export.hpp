@@ -11,17 +11,17 @@
 
 namespace cairn {
 
-/// Keyframes of a component's maps that have a time, in its frame; of several at one time the first.
+/// Timed keyframes of a component's maps, in its frame; the first of several at one time.
 Trajectory keyframes_of(Atlas& atlas, const AtlasState& state, const AtlasComponent& component);
 
-/// Name of the column of cloud_of() that says which map a landmark is of.
+/// Column of cloud_of() with the id of a landmark's map.
 inline constexpr const char* kNodeColumn = "map";
 
-/// Landmarks of a component's maps, in its frame, side by side: nothing is fused, and there are no frames.
+/// Landmarks of a component's maps, in its frame, without fusion and without frames.
 LandmarkMap cloud_of(Atlas& atlas, const AtlasState& state, const AtlasComponent& component);
 
-/// Writes a component as an MCAP recording (interchange/mcap.hpp): its maps, each in a frame of its own, and the
-/// aligned links between them.
+/// Writes a component as an MCAP recording (interchange/mcap.hpp): its maps, each in its own frame, and
+/// their aligned links.
 void write_mcap(Atlas& atlas, const AtlasState& state, const AtlasComponent& component,
                 const ByteSink& sink);
 

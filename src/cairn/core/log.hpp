@@ -6,8 +6,8 @@
 
 namespace cairn {
 
-/// Receives what the library has to remark beside its result, e.g. records it left out and why. The
-/// library never prints; without a sink remarks are dropped.
+/// Receives remarks of the library, e.g. which records it left out and why. The library never prints;
+/// without a sink, remarks are dropped.
 using LogSink = std::function<void(std::string_view remark)>;
 
 }  // namespace cairn

@@ -13,7 +13,7 @@ namespace cairn {
 
 bool is_postgres_url(const std::string& location);
 
-/// Takes the names of this process's user and machine for those of its commits.
+/// Sets author and host to this process's user and machine.
 void set_author(AtlasStoreOptions& options);
 
 /// @throws Error as create_sqlite_store() and create_postgres_store()

@@ -5,17 +5,17 @@
 
 namespace cairn {
 
-/// The entries of the inverse of a sparse symmetric positive definite matrix where the matrix has entries,
-/// and more: where its Cholesky factor has (Takahashi, Fagan and Chen 1973). Takes little longer than the
-/// factor itself.
+/// The entries of the inverse of a sparse symmetric positive definite matrix at the nonzeros of its
+/// Cholesky factor, which include those of the matrix (Takahashi, Fagan and Chen 1973). Takes little longer
+/// than the factorisation.
 class SelectedInverse {
  public:
-  /// @param matrix its lower triangle is looked at
+  /// @param matrix only its lower triangle is used
   explicit SelectedInverse(const Eigen::SparseMatrix<double>& matrix);
 
   /// False if the matrix is not positive definite; then there are no entries.
   bool is_valid() const { return valid_; }
-  /// An entry; 0 where it was not computed.
+  /// An entry; 0 if it was not computed.
   double operator()(Eigen::Index row, Eigen::Index column) const;
 
  private:
