@@ -46,7 +46,7 @@ struct OptimisedPoses {
 /// Start: groups of nodes grow together, those of one session first. Two groups become one if more links between
 /// them agree on how they lie than on anything else; what links say by way of a third group counts too. So a wrong
 /// link decides only where no other speaks, and groups stay apart where one link stands against another.
-/// Then a robust pose graph (Ceres, Cauchy loss), whose errors are weighed by the links' covariances, of all links
+/// Then a robust pose graph (Cauchy loss), whose errors are weighed by the links' covariances, of all links
 /// that can be true. Links that disagree with its poses are left out, and so are nodes that nothing else
 /// connects; then it is solved again.
 ///
