@@ -49,7 +49,7 @@ set(SHARED_DETAIL core geometry adjustment)
 set(HEAVY
   "opencv2/" "localization odometry"
   "boost/" "experiments"
-  "ceres/" "adjustment merging odometry"
+  "ceres/" "adjustment odometry"
   "embree" "simulation"
   "jpeglib.h" "sequence"
   "png.h" "sequence"

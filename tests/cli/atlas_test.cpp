@@ -6,6 +6,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <sys/stat.h>
@@ -14,6 +15,7 @@
 
 #include "cli.hpp"
 #include "support/mcap_recording.hpp"
+#include "support/visits.hpp"
 #ifdef CAIRN_HAS_POSTGRES
 #include "support/postgres_server.hpp"
 #endif
@@ -126,7 +128,7 @@ TEST_F(AtlasCliTest, ExportsGraphKeyframesLandmarksAndMaps) {
   const CommandResult recorded = cairn(atlas({"export", "-o", "town.mcap"}));
   EXPECT_EQ(recorded.output, "wrote town.mcap\n") << recorded.errors;
   EXPECT_THAT(recorded.errors,
-              HasSubstr("town.mcap: 1 of 3 maps are in no frame with target; left out"));
+              HasSubstr("town.mcap: left out 1 of 3 maps, which are not in the frame of target"));
   const McapRecording recording = read_mcap(content("town.mcap"));
   EXPECT_EQ(recording.of_topic("/tf").size(), 2U);
   EXPECT_EQ(recording.of_topic("/map/source/landmarks").size(), 1U);
@@ -168,6 +170,74 @@ TEST_F(AtlasCliTest, LogsUndoesAndLooksBack) {
   EXPECT_THAT(answer(atlas({"compact", "--keep", "1", "--yes"})), HasSubstr("1 maps"));
   EXPECT_THAT(answer(atlas({"verify"})), HasSubstr("sound"));
   expect_refusal(atlas({"undo", "--commit", "3"}), kWrongUsage, {"no commit 3"});
+}
+
+TEST_F(AtlasCliTest, DiffOfTheWorldNamesTheThingThatMoved) {
+  const Rigid3 motion = Rigid3::from_roll_pitch_yaw({-0.9, 0.2, 0.1}, 0.0, 0.0, 0.3);
+  write_map(visit(with(wall(), box_at(0.3)), 11), path("monday.cairn"));
+  write_map(visit(with(wall(), moved(box_at(0.3), motion)), 12), path("tuesday.cairn"));
+  write("pose.txt", "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  answer(atlas({"init"}));
+  answer(atlas({"add", "monday.cairn", "tuesday.cairn"}));
+  const Words diff = atlas({"diff", "--world", "monday", "tuesday"});
+  expect_refusal(diff, kWrongUsage, {"monday has no pose", "cairn atlas optimize"});
+  answer(atlas({"link", "--manual", "monday", "tuesday", "--pose", "pose.txt"}));
+  answer(atlas({"optimize"}));
+
+  const std::string text = answer(diff);
+  EXPECT_THAT(text, AllOf(ContainsRegex("^[0-9,]+ and [0-9,]+ landmarks should be in the other, "
+                                        "[0-9.]+ % of them are; in the frame of monday\n"),
+                          ContainsRegex("moved .* at 0\\.[0-9]+ .*; now at -?[0-9.]+ ")));
+  const Json json = document(diff);
+  EXPECT_EQ(json.at("schema").at("name"), "cairn.atlas_diff_world");
+  EXPECT_EQ(json.at("frame"), "monday");
+  ASSERT_EQ(json.at("changes").size(), 1U);
+  const Json& change = json.at("changes").at(0);
+  EXPECT_EQ(change.at("kind"), "moved");
+  const auto position = [](const Json& place) {
+    return Eigen::Vector3d(place.at("position").at(0), place.at("position").at(1),
+                           place.at("position").at(2));
+  };
+  const Eigen::Vector3d before = position(change.at("before"));
+  EXPECT_LT((before - Eigen::Vector3d(0.45, 0.05, 2.05)).norm(), 0.06);
+  EXPECT_LT((position(change.at("after")) - motion * before).norm(), 0.06);
+  EXPECT_LT((pose_of(change.at("after_from_before")) * before - motion * before).norm(), 0.02);
+
+  EXPECT_THAT(answer(atlas({"diff", "--world", "monday", "tuesday", "--min-size", "0.6"})),
+              HasSubstr("no thing appeared, vanished or moved\n"));
+  // After the maps were added and before they were linked, nothing said how they lie.
+  expect_refusal(atlas({"diff", "--world", "monday", "tuesday", "--at", "2"}), kWrongUsage,
+                 {"monday has no pose"});
+  expect_refusal(atlas({"diff", "--world", "monday"}), kWrongUsage, {"--world", "two of them"});
+  expect_refusal(atlas({"diff", "--world", "monday", "monday"}), kWrongUsage,
+                 {"monday is on both sides"});
+  expect_refusal(atlas({"diff", "--world", "monday", "sunday"}), kWrongUsage, {"no map 'sunday'"});
+  expect_refusal(atlas({"diff", "--world", "monday", "tuesday", "--min-confidence", "1"}),
+                 kWrongUsage, {"--min-confidence: 1"});
+  expect_refusal(atlas({"diff", "1", "--at", "2"}), kWrongUsage, {"--at", "--world"});
+}
+
+TEST_F(AtlasCliTest, DiffOfTheWorldTakesAllMapsOfASession) {
+  for (const auto& [session, box] : {std::pair("monday", true), std::pair("tuesday", false)}) {
+    fs::create_directory(path(session));
+    for (std::uint64_t part = 0; part < 2; ++part) {
+      write_map(visit(box ? with(wall(), box_at(0.2)) : wall(), 11 + 2 * part + (box ? 0 : 1)),
+                path(session) / fmt::format("{}.cairn", part));
+    }
+  }
+  write("pose.txt", "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  answer(atlas({"init"}));
+  answer(atlas({"add", "monday", "tuesday"}));
+  for (const std::string other : {"monday/1", "tuesday/0", "tuesday/1"}) {
+    answer(atlas({"link", "--manual", "monday/0", other, "--pose", "pose.txt"}));
+  }
+  answer(atlas({"optimize"}));
+  for (const bool reversed : {false, true}) {
+    const Json json = document(reversed ? atlas({"diff", "--world", "tuesday", "monday"})
+                                        : atlas({"diff", "--world", "monday", "tuesday"}));
+    ASSERT_EQ(json.at("changes").size(), 1U);
+    EXPECT_EQ(json.at("changes").at(0).at("kind"), reversed ? "appeared" : "vanished");
+  }
 }
 
 TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {

@@ -515,6 +515,11 @@ class RealMapTest : public CliTest {
     return absolute_error(estimate, truth, associate(estimate, truth), alignment).value();
   }
 
+  std::size_t trajectory_size() const {
+    FileReader file(path("out.tum"));
+    return read_tum_trajectory(file).size();
+  }
+
   std::string data_;
   mutable std::string sequence_;
 };
@@ -541,6 +546,40 @@ TEST_F(RealMapTest, XyzIsNearTheTruth) {
   RecordProperty("ate_m", std::to_string(ate));
   EXPECT_LE(ate, 0.012);
   EXPECT_EQ(json.at("frames").at("lost"), 0);
+}
+
+TEST_F(RealMapTest, LoopsOfAShortSessionAreClosedAndEveryFrameIsCorrected) {
+  // The first 200 images of fr1/desk.
+  const fs::path whole = fs::path(data_) / "tum_fr1_desk";
+  fs::create_directory(path("desk"));
+  for (const char* const folder : {"rgb", "depth"}) {
+    fs::create_directory_symlink(whole / folder, path("desk") / folder);
+  }
+  for (const char* const list : {"depth.txt", "groundtruth.txt"}) {
+    fs::copy_file(whole / list, path("desk") / list);
+  }
+  const std::string images = read_text(whole / "rgb.txt");
+  std::size_t end = 0;
+  for (int line = 0; line < 201; ++line) end = images.find('\n', end) + 1;
+  write("desk/rgb.txt", images.substr(0, end));
+  data_ = path("").string();
+
+  const Json plain = map_sequence("desk");
+  const double before = error(TrajectoryAlignment::kSe3).translation.rmse;
+  const std::size_t tracked = trajectory_size();
+  const Json closed = map_sequence("desk", {"--close-loops"});
+  const double after = error(TrajectoryAlignment::kSe3).translation.rmse;
+  RecordProperty("ate_m", std::to_string(before));
+  RecordProperty("ate_closed_m", std::to_string(after));
+  EXPECT_EQ(plain.at("frames").at("tracked"), tracked);
+  EXPECT_EQ(trajectory_size(), tracked);
+  EXPECT_EQ(closed.at("frames"), plain.at("frames"));
+  const Json& loops = closed.at("loops");
+  EXPECT_GE(loops.at("mini_maps"), 3);
+  EXPECT_GE(loops.at("closed"), 1);
+  EXPECT_GT(loops.at("largest_shift_m"), 0.001);
+  EXPECT_TRUE(loops.at("adjustment").at("converged").get<bool>());
+  EXPECT_LE(after, before + 0.002);
 }
 
 // How far the landmarks of one map are from the nearest of another, in the middle; metres.

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cstddef>
 #include <string>
 
 #include "cairn/core/file.hpp"
@@ -11,6 +13,7 @@ namespace cairn::testing {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -259,6 +262,81 @@ TEST_F(WrittenReportTest, DemoTellsItsStory) {
   EXPECT_EQ(again.exit_code, kDone);
   EXPECT_THAT(again.errors, HasSubstr("demo.json names no source map"));
 }
+
+#ifdef CAIRN_HAS_MERGING
+// What a page's graph says of the link between two maps.
+std::string use_between(const Json& network, std::size_t a, std::size_t b) {
+  for (const Json& link : network.at("links")) {
+    const auto target = link.at("target").get<std::size_t>();
+    const auto source = link.at("source").get<std::size_t>();
+    if (std::minmax(target, source) == std::minmax(a, b)) return link.at("use");
+  }
+  return "none";
+}
+
+TEST_F(WrittenReportTest, MergeShowsWhatWasPlacedAndWhatWasLeftOut) {
+  write_pair(900);
+  write_map(synthetic_map({.seed = 77, .landmarks = 400, .frames = 10}), path("stranger.map"));
+  const CommandResult result = cairn({"merge", "target.map", "stranger.map", "source.map", "-o",
+                                      "both.map", "--report", "r.html"});
+  EXPECT_EQ(result.exit_code, kNoAlignment) << result.errors;
+  EXPECT_THAT(result.output, HasSubstr("r.html\n"));
+  const ReportPage report = page("r.html");
+  EXPECT_EQ(report.document.at("title"), "both.map");
+  EXPECT_THAT(report.document.at("subtitle").get<std::string>(),
+              AllOf(StartsWith("Placed 2 of 3 maps in the frame of target: 1,800 landmarks"),
+                    HasSubstr("Left out: stranger (")));
+  const Json& inputs = report.document.at("provenance").at("inputs");
+  ASSERT_EQ(inputs.size(), 3U);
+  for (const Json& input : inputs) {
+    const std::string file = input.at("role").get<std::string>() + ".map";
+    EXPECT_EQ(input.at("hash"), hash_file(path(file)));
+  }
+  const Json& network = section(report, "network");
+  ASSERT_EQ(network.at("nodes").size(), 3U);
+  EXPECT_EQ(network.at("nodes").at(1).at("name"), "stranger");
+  EXPECT_EQ(use_between(network, 0, 2), "used");
+  EXPECT_THAT(use_between(network, 0, 1), AnyOf("rejected", "ambiguous"));
+}
+#endif
+
+#ifdef CAIRN_HAS_ATLAS
+TEST_F(WrittenReportTest, AtlasShowsItsGraphAndHowToUndoEachCommand) {
+  for (const char* const name : {"1", "2", "3"}) {
+    write_map(synthetic_map({.seed = static_cast<std::uint64_t>(name[0]), .landmarks = 40}),
+              path(std::string(name) + ".map"));
+  }
+  write("pose.txt", "1 0 0 1  0 1 0 0  0 0 1 0  0 0 0 1\n");
+  const auto atlas = [&](Words words) {
+    words.insert(words.begin(), "atlas");
+    words.insert(words.end(), {"--atlas", "a town.atlas"});
+    return answer(words);
+  };
+  atlas({"init"});
+  atlas({"add", "1.map", "2.map", "3.map"});
+  atlas({"link", "--manual", "1", "2", "--pose", "pose.txt"});
+  atlas({"optimize"});
+  atlas({"show", "--report", "r.html"});
+  const ReportPage report = page("r.html");
+  EXPECT_EQ(report.document.at("title"), "a town.atlas");
+  EXPECT_EQ(report.document.at("subtitle"),
+            "After commit 5: 3 maps, 2 of them placed in the frame of 1; 1 of 1 pairs are "
+            "aligned.");
+  const Json& network = section(report, "network");
+  ASSERT_EQ(network.at("nodes").size(), 3U);
+  EXPECT_EQ(use_between(network, 0, 1), "used");
+  EXPECT_EQ(use_between(network, 0, 2), "none");
+  const Json& rows = section(report, "log").at("rows");
+  ASSERT_EQ(rows.size(), 5U);
+  EXPECT_EQ(rows.at(0).back(), "cairn atlas undo --commit 5 --atlas 'a town.atlas'");
+
+  // As it was: the poses are of the commit after it.
+  atlas({"show", "--at", "4", "--report", "before.html"});
+  const ReportPage before = page("before.html");
+  EXPECT_EQ(use_between(section(before, "network"), 0, 1), "undecided");
+  EXPECT_EQ(section(before, "log").at("rows").size(), 4U);
+}
+#endif
 
 TEST_F(WrittenReportTest, FailedAlignmentIsShownAsOne) {
   write("empty.map", "CAIRN 2\n");

@@ -170,8 +170,9 @@ void export_atlas(Atlas& atlas, const AtlasState& state, const fs::path& path,
   write_component(atlas, state, component, what, path);
   const std::size_t others = state.nodes.size() - component.nodes.size();
   if (others > 0 && options.log) {
-    options.log(fmt::format("{}: {} of {} maps are in no frame with {}; left out", path.string(),
-                            others, state.nodes.size(), state.nodes.at(component.frame).name));
+    options.log(fmt::format("{}: left out {} of {} maps, which are not in the frame of {}",
+                            path.string(), others, state.nodes.size(),
+                            state.nodes.at(component.frame).name));
   }
 }
 

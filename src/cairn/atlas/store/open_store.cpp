@@ -44,7 +44,7 @@ AtlasSalvage salvage_store(const std::string& from, const std::string& to,
   for (const std::string& location : {from, to}) {
     if (!is_postgres_url(location)) continue;
     throw Error(ErrorKind::kMisuse, without_password(location), "is a database",
-                "the path of a file: a database is mended by the tools of its server");
+                "the path of a file; repair a database with the tools of its server");
   }
   return salvage_sqlite_store(from, to, options);
 }

@@ -18,6 +18,8 @@ constexpr std::size_t kProposers = 64;
 constexpr std::size_t kKept = 3;
 // Deviations that an edge may be off.
 constexpr double kDeviations = 3.0;
+// Half a turn has the largest angle, half of which is this.
+constexpr double kRight = 1.5707963267948966;
 // Groups from this size on are refined.
 constexpr std::size_t kSmallestRefined = 8;
 
@@ -146,12 +148,16 @@ class Growth {
   // What an edge says of how a group lies to another.
   struct Opinion {
     std::size_t edge = 0;
+    std::size_t node = 0;  // its end in the second group
     Similarity3 first_from_second;
-    std::size_t node = 0;       // its end in the second group
-    Eigen::Vector3d in_second;  // centre of that node
     Similarity3 first_from_node;
+    Eigen::Vector3d in_second;  // centre of that node
     Eigen::Vector3d in_first;
-    bool spoken_for = false;
+    // Of first_from_second, as it is used to compare.
+    Eigen::Matrix3d linear;
+    Eigen::Vector4d quaternion;
+    double log_scale = 0.0;
+    double uncertainty = 0.0;  // of the edge, in radii and radians
   };
 
   Opinion opinion(std::size_t edge, std::size_t first) const {
@@ -165,60 +171,82 @@ class Growth {
     result.first_from_second = result.first_from_node * pose_[result.node].inverse();
     result.in_second = pose_[result.node] * extents_[result.node].centre;
     result.in_first = result.first_from_node * extents_[result.node].centre;
+    result.linear = result.first_from_second.linear();
+    result.quaternion = result.first_from_second.rigid().quaternion().coeffs();
+    result.log_scale = std::log(result.first_from_second.scale());
+    const Deviations& deviations = deviations_[edge];
+    result.uncertainty =
+        std::hypot(deviations.shift / extents_[result.node].radius, deviations.turn);
     return result;
   }
 
   // Whether what one edge says of another's node is what that says itself, as far as the edges can tell.
   bool agree(const Opinion& one, const Opinion& other) const {
-    return agree(one, other, other.first_from_node, other.in_first, other.edge);
-  }
-  bool agree(const Opinion& one, const Opinion& other, const Similarity3& first_from_node,
-             const Eigen::Vector3d& in_first, std::size_t other_edge) const {
     const Deviations& mine = deviations_[one.edge];
-    const Deviations& its = deviations_[other_edge];
-    const double scale = std::max(one.first_from_node.scale(), first_from_node.scale());
-    const double away = (one.in_first - in_first).norm();
-    const double lever = away * std::hypot(mine.turn, mine.growth);
-    const double shift = agreement_ * first_from_node.scale() * extents_[other.node].radius +
-                         kDeviations * std::hypot(scale * mine.shift, scale * its.shift, lever);
-    if ((one.first_from_second * other.in_second - in_first).norm() > shift) return false;
-    const Similarity3 said = one.first_from_second * pose_[other.node];
-    return (said.rigid().inverse() * first_from_node.rigid()).angle() <=
-               agreement_ + kDeviations * std::hypot(mine.turn, its.turn) &&
-           std::abs(std::log(said.scale() / first_from_node.scale())) <=
-               agreement_ + kDeviations * std::hypot(mine.growth, its.growth);
+    const Deviations& its = deviations_[other.edge];
+    const auto square = [](double x) { return x * x; };
+    const double scale = std::max(one.first_from_node.scale(), other.first_from_node.scale());
+    const double variance =
+        square(scale) * (square(mine.shift) + square(its.shift)) +
+        (one.in_first - other.in_first).squaredNorm() * (square(mine.turn) + square(mine.growth));
+    const double shift = agreement_ * other.first_from_node.scale() * extents_[other.node].radius +
+                         kDeviations * std::sqrt(variance);
+    const Eigen::Vector3d said = one.linear * other.in_second + one.first_from_second.translation();
+    if ((said - other.in_first).squaredNorm() > square(shift)) return false;
+    if (std::abs(one.log_scale - other.log_scale) >
+        agreement_ + kDeviations * std::hypot(mine.growth, its.growth)) {
+      return false;
+    }
+    const double cosine =
+        std::abs(one.quaternion.dot(other.quaternion));  // of half the turn between
+    if (cosine >= least_cosine_) return true;
+    const double turn = agreement_ + kDeviations * std::hypot(mine.turn, its.turn);
+    return cosine >= std::cos(std::min(0.5 * turn, kRight));
+  }
+
+  // What an edge says of the node that another's opinion is of, if it means that the groups lie so.
+  Opinion said_by(std::size_t edge, const Similarity3& first_from_second, Opinion opinion) const {
+    opinion.edge = edge;
+    opinion.first_from_second = first_from_second;
+    opinion.first_from_node = first_from_second * pose_[opinion.node];
+    opinion.in_first = first_from_second * opinion.in_second;
+    opinion.quaternion = first_from_second.rigid().quaternion().coeffs();
+    opinion.log_scale = std::log(first_from_second.scale());
+    return opinion;
   }
 
   // Finds what the edges between a group and a higher one propose.
   void propose(std::size_t first, Between& between) {
-    std::vector<Opinion> opinions;
-    for (const std::size_t edge : between.edges) opinions.push_back(opinion(edge, first));
-    const std::size_t step = (opinions.size() + kProposers - 1) / kProposers;
     between.proposals.clear();
     between.asked = between.edges.size();
-    while (between.proposals.size() < kKept) {
-      Proposal best;
-      std::vector<std::size_t> behind_best;
-      for (std::size_t i = 0; i < opinions.size(); i += step) {
-        const Opinion& one = opinions[i];
-        if (one.spoken_for) continue;
-        std::vector<std::size_t> behind;
-        for (std::size_t j = 0; j < opinions.size(); ++j) {
-          const Opinion& other = opinions[j];
-          if (!other.spoken_for && agree(one, other)) behind.push_back(j);
+    std::vector<Opinion> opinions;  // of nobody's that was proposed
+    opinions.reserve(between.edges.size());
+    for (const std::size_t edge : between.edges) opinions.push_back(opinion(edge, first));
+    const std::size_t step = (opinions.size() + kProposers - 1) / kProposers;
+    // The most certain first: a later one must then have more votes, not as many.
+    std::vector<std::size_t> proposers;
+    for (std::size_t i = 0; i < opinions.size(); i += step) proposers.push_back(i);
+    std::stable_sort(proposers.begin(), proposers.end(), [&](std::size_t a, std::size_t b) {
+      return opinions[a].uncertainty < opinions[b].uncertainty;
+    });
+    std::vector<std::size_t> voters(opinions.size());
+    std::iota(voters.begin(), voters.end(), std::size_t{0});
+    while (between.proposals.size() < kKept && !proposers.empty()) {
+      const Opinion* best = nullptr;
+      std::size_t votes = 0;
+      for (const std::size_t i : proposers) {
+        std::size_t others = 0;  // who vote against it
+        for (std::size_t k = 0; k < voters.size() && others + votes < voters.size(); ++k) {
+          others += agree(opinions[i], opinions[voters[k]]) ? 0 : 1;
         }
-        const Deviations& deviations = deviations_[one.edge];
-        const double radius = extents_[one.node].radius;
-        const double uncertainty = std::hypot(deviations.shift / radius, deviations.turn);
-        if (behind.size() > best.votes ||
-            (behind.size() == best.votes && uncertainty < best.uncertainty)) {
-          best = {one.edge, one.first_from_second, behind.size(), uncertainty};
-          behind_best = std::move(behind);
-        }
+        if (others + votes >= voters.size()) continue;
+        votes = voters.size() - others;
+        best = &opinions[i];
       }
-      if (best.votes == 0) break;
-      between.proposals.push_back(best);
-      for (const std::size_t j : behind_best) opinions[j].spoken_for = true;
+      if (best == nullptr) break;
+      between.proposals.push_back({best->edge, best->first_from_second, votes, best->uncertainty});
+      std::erase_if(voters, [&](std::size_t i) { return agree(*best, opinions[i]); });
+      std::erase_if(proposers, [&](std::size_t i) { return agree(*best, opinions[i]); });
     }
   }
 
@@ -244,9 +272,9 @@ class Growth {
               third < second ? on.first_from_second : on.first_from_second.inverse();
           const Similarity3 first_from_second = first_from_third * third_from_second;
           for (std::size_t i = 0; i < opinions.size(); ++i) {
+            // As if the third group's edge spoke of the same node.
             const Opinion& one = opinions[i];
-            if (agree(one, one, first_from_second * pose_[one.node],
-                      first_from_second * one.in_second, to.edge)) {
+            if (agree(one, said_by(to.edge, first_from_second, one))) {
               most[i] = std::max(most[i], std::min(to.votes, on.votes));
             }
           }
@@ -342,6 +370,8 @@ class Growth {
   std::span<const std::size_t> runs_;
   bool within_runs_ = true;  // only groups of one run become one
   double agreement_;
+  // Of half a turn that agrees whatever the edges' errors.
+  double least_cosine_ = std::cos(0.5 * agreement_);
   const std::function<void(PoseGroup& group)>& refine_;
   std::vector<Deviations> deviations_;             // by edge
   std::vector<std::size_t> group_of_;              // by node; a group is called by its first node

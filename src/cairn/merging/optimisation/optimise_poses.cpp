@@ -2,26 +2,22 @@
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <queue>
 #include <string>
 #include <tuple>
 #include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCore>
-#include <ceres/ceres.h>
-#include <ceres/rotation.h>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/geometry/covariance.hpp"
 #include "cairn/merging/detail/grown_poses.hpp"
-#include "cairn/merging/detail/selected_inverse.hpp"
+#include "cairn/merging/detail/pose_least_squares.hpp"
 
 namespace cairn {
 namespace {
@@ -29,11 +25,6 @@ namespace {
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-// Deviation of the scale's logarithm in a link that does not measure it: maps of one unit.
-constexpr double kSameScale = 1e-6;
-// Below which 99.9 % of chi-squared numbers of 7 degrees of freedom lie: where the loss turns robust.
-constexpr double kUsual = 24.3;
-
 // No link is more exact than a millionth of what it moves, or the problem's numbers would be lost.
 constexpr double kExact = 1e-6;
 
@@ -64,57 +55,6 @@ std::vector<PoseEdge> edges_of(const PoseGraph& graph, std::span<const NodeExten
   return edges;
 }
 
-// A pose as Ceres moves it.
-struct Block {
-  std::array<double, 4> q = {};  // x y z w
-  std::array<double, 3> t = {};
-  double log_scale = 0.0;
-};
-
-Block to_block(const Similarity3& pose) {
-  const Eigen::Quaterniond q = pose.rigid().quaternion();
-  const Eigen::Vector3d& t = pose.translation();
-  return {{q.x(), q.y(), q.z(), q.w()}, {t.x(), t.y(), t.z()}, std::log(pose.scale())};
-}
-
-Similarity3 to_pose(const Block& block) {
-  return {std::exp(block.log_scale),
-          Rigid3(Eigen::Quaterniond(block.q[3], block.q[0], block.q[1], block.q[2]),
-                 Eigen::Vector3d(block.t[0], block.t[1], block.t[2]))};
-}
-
-// The perturbation that the poses' target_from_source is of the measured one, whitened.
-class LinkCost {
- public:
-  LinkCost(const Similarity3& measured, const Matrix7& root_information)
-      : measured_(measured), root_information_(root_information) {}
-
-  template <class T>
-  bool operator()(const T* q_target, const T* t_target, const T* s_target, const T* q_source,
-                  const T* t_source, const T* s_source, T* residuals) const {
-    using Quaternion = Eigen::Quaternion<T>;
-    using Vector = Eigen::Matrix<T, 3, 1>;
-    const Quaternion target_from_world = Eigen::Map<const Quaternion>(q_target).conjugate();
-    const Quaternion rotation = target_from_world * Eigen::Map<const Quaternion>(q_source);
-    const Vector between = Eigen::Map<const Vector>(t_source) - Eigen::Map<const Vector>(t_target);
-    const Vector translation = target_from_world * between * ceres::exp(-s_target[0]);
-    const Quaternion error =
-        rotation * measured_.rigid().quaternion().conjugate().template cast<T>();
-    const std::array<T, 4> wxyz = {error.w(), error.x(), error.y(), error.z()};
-    Eigen::Matrix<T, 7, 1> perturbation;
-    ceres::QuaternionToAngleAxis(wxyz.data(), perturbation.data() + 3);
-    perturbation.template head<3>() = translation - measured_.translation().template cast<T>();
-    perturbation[6] = s_source[0] - s_target[0] - std::log(measured_.scale());
-    Eigen::Map<Eigen::Matrix<T, 7, 1>>{residuals} =
-        root_information_.template cast<T>() * perturbation;
-    return true;
-  }
-
- private:
-  Similarity3 measured_;
-  Matrix7 root_information_;
-};
-
 // Mean square of what a covariance lets a pose be off, in radii.
 double variance_of(const Matrix7d& c, double radius) {
   return (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
@@ -131,114 +71,20 @@ std::vector<std::size_t> runs_of(const PoseGraph& graph) {
   return runs;
 }
 
-// Poses of nodes, of which the first stays, and the edges between them.
-class Problem {
- public:
-  /// @param in_group beside all nodes of the graph: index into `poses`, or kNone
-  Problem(const std::vector<PoseEdge>& edges, const std::vector<Similarity3>& poses,
-          const std::vector<std::size_t>& in_group)
-      : graph_(ownership()) {
-    for (const Similarity3& pose : poses) blocks_.push_back(to_block(pose));
-    for (Block& block : blocks_) {
-      graph_.AddParameterBlock(block.q.data(), 4, &unit_quaternions_);
-      graph_.AddParameterBlock(block.t.data(), 3);
-      graph_.AddParameterBlock(&block.log_scale, 1);
-    }
-    for (const PoseEdge& edge : edges) {
-      const std::size_t to = in_group[edge.target];
-      const std::size_t from = in_group[edge.source];
-      if (to == kNone || from == kNone) continue;
-      measures_scale_ = measures_scale_ || edge.covariance(6, 6) > 4.0 * kSameScale * kSameScale;
-      // With C = L·Lᵀ the whitened error is L⁻¹·δ.
-      const Matrix7 root = Eigen::LLT<Matrix7>(edge.covariance).matrixL();
-      const Matrix7 inverse_root =
-          root.triangularView<Eigen::Lower>().solve(Matrix7::Identity().eval());
-      Block& target = blocks_[to];
-      Block& source = blocks_[from];
-      graph_.AddResidualBlock(new ceres::AutoDiffCostFunction<LinkCost, 7, 4, 3, 1, 4, 3, 1>(
-                                  new LinkCost(edge.target_from_source, inverse_root)),
-                              &loss_, target.q.data(), target.t.data(), &target.log_scale,
-                              source.q.data(), source.t.data(), &source.log_scale);
-    }
-    Block& first = blocks_.front();
-    graph_.SetParameterBlockConstant(first.q.data());
-    graph_.SetParameterBlockConstant(first.t.data());
-    for (std::size_t i = 0; i < blocks_.size(); ++i) {
-      // Maps of one unit stay so.
-      if (i == 0 || !measures_scale_) graph_.SetParameterBlockConstant(&blocks_[i].log_scale);
-    }
-  }
-
-  std::vector<Similarity3> solve(int max_iterations, double tolerance) {
-    ceres::Solver::Options how;
-    how.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    how.max_num_iterations = max_iterations;
-    how.num_threads = 1;
-    how.logging_type = ceres::SILENT;
-    how.function_tolerance = tolerance;
-    ceres::Solver::Summary summary;
-    ceres::Solve(how, &graph_, &summary);
-    std::vector<Similarity3> poses;
-    for (const Block& block : blocks_) poses.push_back(to_pose(block));
-    return poses;
-  }
-
-  // Of each pose, relative to the first.
-  std::vector<Matrix7d> covariances() {
-    std::vector<Matrix7d> result(blocks_.size(), Matrix7d::Zero());
-    if (blocks_.size() < 2) return result;
-    ceres::Problem::EvaluateOptions what;
-    for (std::size_t i = 1; i < blocks_.size(); ++i) {
-      what.parameter_blocks.push_back(blocks_[i].t.data());
-      what.parameter_blocks.push_back(blocks_[i].q.data());
-      if (measures_scale_) what.parameter_blocks.push_back(&blocks_[i].log_scale);
-    }
-    ceres::CRSMatrix rows;
-    graph_.Evaluate(what, nullptr, nullptr, nullptr, &rows);
-    const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
-        rows.num_rows, rows.num_cols, static_cast<Eigen::Index>(rows.values.size()),
-        rows.rows.data(), rows.cols.data(), rows.values.data());
-    const Eigen::SparseMatrix<double> columns = jacobian;
-    const Eigen::SparseMatrix<double> information = columns.transpose() * columns;
-    const SelectedInverse inverse(information);
-    if (!inverse.is_valid()) {
-      throw Error(ErrorKind::kInput, "pose graph", "its links do not determine the poses",
-                  "links whose covariances can be inverted");
-    }
-    const Eigen::Index size = measures_scale_ ? 7 : 6;
-    for (std::size_t i = 1; i < blocks_.size(); ++i) {
-      const Eigen::Index at = static_cast<Eigen::Index>(i - 1) * size;
-      for (Eigen::Index row = 0; row < size; ++row) {
-        for (Eigen::Index column = 0; column < size; ++column) {
-          // Ceres turns a quaternion by twice its tangent vector.
-          const auto factor = [](Eigen::Index k) { return k >= 3 && k < 6 ? 2.0 : 1.0; };
-          result[i](row, column) = factor(row) * factor(column) * inverse(at + row, at + column);
-        }
-      }
-    }
-    return result;
-  }
-
- private:
-  static ceres::Problem::Options ownership() {
-    ceres::Problem::Options keep;
-    keep.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    keep.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    return keep;
-  }
-
-  // Before the graph, which refers to them.
-  std::vector<Block> blocks_;
-  ceres::EigenQuaternionManifold unit_quaternions_;
-  ceres::CauchyLoss loss_{std::sqrt(kUsual)};
-  bool measures_scale_ = false;
-  ceres::Problem graph_;
-};
-
 std::vector<std::size_t> indices_in(const PoseGroup& group, std::size_t nodes) {
   std::vector<std::size_t> in_group(nodes, kNone);
   for (std::size_t i = 0; i < group.nodes.size(); ++i) in_group[group.nodes[i]] = i;
   return in_group;
+}
+
+// The edges' errors as a function of the group's poses.
+PoseLeastSquares least_squares(std::vector<PoseEdge> edges, const PoseGroup& group,
+                               const std::vector<std::size_t>& in_group) {
+  for (PoseEdge& edge : edges) {
+    edge.target = in_group[edge.target];
+    edge.source = in_group[edge.source];
+  }
+  return {std::move(edges), group.group_from_node};
 }
 
 // Those of the group's nodes that its edges still connect with one another, as many as possible.
@@ -335,16 +181,25 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
   OptimisedPoses poses;
   if (graph.nodes.empty()) return poses;
   const std::size_t count = graph.nodes.size();
+  std::vector<std::vector<std::size_t>> edges_to(count);
+  for (std::size_t i = 0; i < all.size(); ++i) edges_to[all[i].target].push_back(i);
   // Edges that agree with the poses of a group, or of which it can be true that they do: as far as the edges'
   // covariances and those of the poses, if they are given, allow. The others would not move the poses, and
   // make solving slow.
   const auto possible = [&](const PoseGroup& group, const std::vector<std::size_t>& in_group,
                             const std::vector<Matrix7d>& covariances) {
+    std::vector<std::size_t> within;
+    for (const std::size_t node : group.nodes) {
+      for (const std::size_t i : edges_to[node]) {
+        if (in_group[all[i].source] != kNone) within.push_back(i);
+      }
+    }
+    std::sort(within.begin(), within.end());
     std::vector<PoseEdge> edges;
-    for (const PoseEdge& edge : all) {
+    for (const std::size_t i : within) {
+      const PoseEdge& edge = all[i];
       const std::size_t target = in_group[edge.target];
       const std::size_t source = in_group[edge.source];
-      if (target == kNone || source == kNone) continue;
       double variance = variance_of(edge.covariance,
                                     extents[edge.source].radius * edge.target_from_source.scale());
       if (!covariances.empty()) {
@@ -365,8 +220,9 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     constexpr int kIterations = 10;
     constexpr double kTolerance = 1e-4;
     const std::vector<std::size_t> in_group = indices_in(group, count);
-    group.group_from_node = Problem(possible(group, in_group, {}), group.group_from_node, in_group)
-                                .solve(kIterations, kTolerance);
+    PoseLeastSquares problem = least_squares(possible(group, in_group, {}), group, in_group);
+    problem.solve(kIterations, kTolerance);
+    group.group_from_node = problem.poses();
   };
   PoseGroup group = grow_groups(all, extents, runs_of(graph), options.agreement, refine).front();
   std::vector<std::size_t> in_group = indices_in(group, count);
@@ -377,33 +233,61 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     return disagreement(group.group_from_node[target] * edge.target_from_source,
                         group.group_from_node[source], extents[edge.source]) <= options.agreement;
   };
+  const auto begin_at_first = [&] {
+    const Similarity3 first_from_group = group.group_from_node.front().inverse();
+    for (Similarity3& pose : group.group_from_node) pose = first_from_group * pose;
+    group.group_from_node.front() = Similarity3();
+  };
+  // The last problem whose covariances were asked for is kept, with its factor: often what is added to its edges
+  // goes again.
+  struct Kept {
+    std::vector<std::size_t> links;
+    PoseLeastSquares problem;
+    std::vector<Matrix7d> covariances;
+  };
+  std::optional<Kept> kept;
+  const auto is_kept = [&](const std::vector<PoseEdge>& edges) {
+    return kept && kept->problem.poses().size() == group.nodes.size() &&
+           std::equal(edges.begin(), edges.end(), kept->links.begin(), kept->links.end(),
+                      [](const PoseEdge& edge, std::size_t link) { return edge.link == link; });
+  };
   const auto solve = [&](const std::vector<PoseEdge>& edges, double tolerance) {
-    group.group_from_node =
-        Problem(edges, group.group_from_node, in_group).solve(options.max_iterations, tolerance);
+    std::optional<PoseLeastSquares> other;
+    if (!is_kept(edges)) other = least_squares(edges, group, in_group);
+    PoseLeastSquares& problem = other ? *other : kept->problem;
+    problem.solve(options.max_iterations, tolerance);
+    group.group_from_node = problem.poses();
+  };
+  const auto covariances_of = [&](const std::vector<PoseEdge>& edges) {
+    if (!is_kept(edges)) {
+      kept.emplace(Kept{{}, least_squares(edges, group, in_group), {}});
+      for (const PoseEdge& edge : edges) kept->links.push_back(edge.link);
+      kept->covariances = kept->problem.covariances();
+    }
+    return kept->covariances;
   };
   const auto keep_connected = [&](std::vector<PoseEdge>& edges) {
     std::erase_if(edges, [&](const PoseEdge& edge) { return !agrees(edge); });
+    const std::size_t first = group.nodes.front();
     group = largest_part(group, edges, in_group);
     in_group = indices_in(group, count);
+    if (group.nodes.front() != first) begin_at_first();
     std::erase_if(edges, [&](const PoseEdge& edge) { return !agrees(edge); });
   };
   // First by what agrees; then all that can be true has its say. What disagrees with the poses that come of
   // it goes, and with it what it alone connects, until the rest is of one mind.
+  begin_at_first();
   std::vector<PoseEdge> edges = possible(group, in_group, {});
-  solve(edges, 1e-6);
+  solve(edges, 1e-9);
   keep_connected(edges);
-  edges = possible(group, in_group, Problem(edges, group.group_from_node, in_group).covariances());
+  edges = possible(group, in_group, covariances_of(edges));
   for (std::size_t before = edges.size() + 1; edges.size() < before;) {
     before = edges.size();
     solve(edges, 1e-12);
     keep_connected(edges);
   }
 
-  const Similarity3 first_from_group = group.group_from_node.front().inverse();
-  for (Similarity3& pose : group.group_from_node) pose = first_from_group * pose;
-  group.group_from_node.front() = Similarity3();
-  const std::vector<Matrix7d> covariances =
-      Problem(edges, group.group_from_node, in_group).covariances();
+  const std::vector<Matrix7d> covariances = covariances_of(edges);
   poses.world_from_node.assign(count, std::nullopt);
   poses.covariances.assign(count, Matrix7d::Zero());
   poses.agrees.assign(graph.links.size(), false);

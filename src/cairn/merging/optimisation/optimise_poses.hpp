@@ -46,7 +46,7 @@ struct OptimisedPoses {
 /// Initial poses: groups of nodes grow together, those of one session first. Two groups join if more links
 /// between them agree on their relative pose than on any other; links by way of a third group count too. A
 /// wrong link therefore decides only if it is alone, and groups stay apart if one link contradicts another.
-/// Then solves a robust pose graph (Ceres, Cauchy loss, errors weighted by the links' covariances) of all
+/// Then solves a robust pose graph (Cauchy loss, errors weighted by the links' covariances) of all
 /// consistent links. Links that disagree with the result are removed, and nodes that only they connect;
 /// then it is solved again.
 ///
