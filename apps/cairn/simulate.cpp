@@ -89,6 +89,8 @@ void SimulateArguments::add_to(CLI::App& command) {
   add_number(command, "--exposure", options.sensor.exposure, "Factor on the brightness");
   add_number(command, "--motion-blur", options.shutter_s,
              "Seconds a frame is exposed; makes rendering six times slower if not 0");
+  add_number(command, "--readout", options.readout_s,
+             "Seconds from an image's first row to its last: a rolling shutter");
   add_number(command, "--noise", options.sensor.color_noise,
              "Standard deviation of the colours' noise, grey levels");
   add_number(command, "--depth-noise", options.sensor.depth_noise_m,
@@ -136,7 +138,8 @@ void SimulateArguments::check() {
                      {"SensorOptions.color_noise", "--noise"},
                      {"SensorOptions.depth_noise_m", "--depth-noise"},
                      {"SensorOptions.max_depth_m", "--max-depth"},
-                     {"SimulatorOptions.shutter_s", "--motion-blur"}},
+                     {"SimulatorOptions.shutter_s", "--motion-blur"},
+                     {"SimulatorOptions.readout_s", "--readout"}},
                     [&] {
                       path_options.validate();
                       environment_options.validate();
@@ -205,6 +208,7 @@ Json SimulateArguments::options_json() const {
           {"camera", to_json(model)},
           {"exposure", options.sensor.exposure},
           {"motion_blur_s", options.shutter_s},
+          {"readout_s", options.readout_s},
           {"color_noise", options.sensor.color_noise},
           {"depth_noise_m", options.sensor.depth_noise_m},
           {"depth_step_m", options.sensor.depth_step_m},
@@ -265,7 +269,8 @@ int SimulateArguments::run() {
   write_file(to / "groundtruth.txt",
              [&](const ByteSink& sink) { write_tum_trajectory(simulator.trajectory(), sink); });
   write_file(to / "camera.yaml", [&](const ByteSink& sink) {
-    sink(camera_file_text({options.camera, depth_units_per_metre}));
+    const auto readout = options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
+    sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
   });
   writer.finish();
   const auto end = std::chrono::steady_clock::now();

@@ -21,6 +21,9 @@ struct OdometryOptions {
   /// The pose of the first frame that the map is built from, asked for with that frame's time;
   /// empty: the identity.
   std::function<Rigid3(double timestamp_s)> start = {};
+  /// Seconds from an image's first row to its last: a rolling shutter; 0: all rows are taken at once.
+  /// 0 to 1.
+  double readout_s = 0.0;
   /// Fewer landmarks than this found in a frame: tracking is lost. At least 6.
   std::size_t min_tracked = 20;
   /// Keyframes that move in a local bundle adjustment. At least 1.

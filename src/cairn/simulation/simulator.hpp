@@ -22,7 +22,10 @@ struct SimulatorOptions {
   RendererOptions renderer;
   double shutter_s = 0.0;        ///< how long a frame is exposed: motion blur; 0 to 1
   std::size_t blur_samples = 5;  ///< pictures averaged for motion blur; 2 to 100
-  std::uint64_t seed = 1;        ///< of the sensor's noise
+  /// From the first row of an image to the last, both colour and depth: a rolling shutter. A frame's
+  /// time is that of its middle row. 0 to 1.
+  double readout_s = 0.0;
+  std::uint64_t seed = 1;  ///< of the sensor's noise
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -40,7 +43,7 @@ SessionSeeds session_seeds(std::uint64_t seed, std::uint64_t session);
 /// One frame of a simulated sequence; row by row from the top left.
 struct RgbdFrame {
   double timestamp_s = 0.0;
-  Rigid3 world_from_camera;  ///< exact, at the middle of the exposure
+  Rigid3 world_from_camera;  ///< exact, at the middle of the exposure of the middle row
   std::uint32_t width = 0;
   std::uint32_t height = 0;
   std::vector<std::uint8_t> bgr;     ///< 8-bit blue, green, red
@@ -65,6 +68,8 @@ class RgbdSimulator {
   RgbdFrame frame(std::size_t index, const Executor& executor = Executor()) const;
 
  private:
+  RenderedFrame picture_at(double timestamp_s, const Executor& executor) const;
+
   SimulatorOptions options_;
   Trajectory trajectory_;
   RayTable rays_;
