@@ -63,6 +63,7 @@ struct MapArguments {
   std::string trajectory;
   std::string camera;
   std::optional<double> depth_units;
+  std::optional<double> readout;
   double max_time_difference = SequenceOptions().max_time_difference_s;
   std::string start_pose;
   std::string start_from;
@@ -81,15 +82,18 @@ struct MapArguments {
 
  private:
   CameraFile load_camera() const;
-  MapSequenceOptions options() const;
-  MappedSequence map(const Camera& model, const SequenceOptions& sequence_options) const;
+  double readout_s(const CameraFile& camera_file) const {
+    return readout.value_or(camera_file.readout_s.value_or(0.0));
+  }
+  MapSequenceOptions options(const CameraFile& camera_file) const;
+  MappedSequence map(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
   void write(const MappedSequence& mapped) const;
   void write_mini_maps(const MappedSequence& mapped) const;
   void write_trajectory(const Trajectory& camera_path) const;
   Json describe(std::size_t frames, const CameraFile& camera_file) const;
   Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
                 const CameraFile& camera_file) const;
-  LoopClosedSequence map_closing_loops(const Camera& model,
+  LoopClosedSequence map_closing_loops(const CameraFile& camera_file,
                                        const SequenceOptions& sequence_options) const;
   void print_loops(const LoopClosedSequence& closed) const;
   void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
@@ -121,6 +125,10 @@ void MapArguments::add_to(CLI::App& command) {
            "CAMERA");
   add_number(command, "--depth-units", depth_units,
              "Depth image units per metre (default: from the camera file, else 5000)");
+  auto* const rolling = add_number(
+      command, "--readout", readout,
+      "Readout time of a rolling shutter, from the first image row to the last, seconds; 0: global "
+      "shutter (default: from the camera file, else 0). Not with --poses");
   add_number(command, "--max-time-difference", max_time_difference,
              "Largest time difference between a colour image and its depth image, seconds");
   auto* const pose = add_text(command, "--start-pose", start_pose,
@@ -149,6 +157,7 @@ void MapArguments::add_to(CLI::App& command) {
            "FILE")
       ->excludes(pose)
       ->excludes(from)
+      ->excludes(rolling)
       ->excludes(length)
       ->excludes(loops);
   add_text(command, "--covariance", covariance,
@@ -236,9 +245,10 @@ MappingProgressSink progress_of(const Console& console, const std::string& items
   };
 }
 
-MapSequenceOptions MapArguments::options() const {
+MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
   MapSequenceOptions options;
   options.odometry.features.count = features;
+  options.odometry.readout_s = readout_s(camera_file);
   if (!start_pose.empty()) {
     options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
   }
@@ -263,15 +273,16 @@ MapSequenceOptions MapArguments::options() const {
     return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
   });
   with_option_names({{"FeatureOptions.count", "--features"},
+                     {"OdometryOptions.readout_s", "--readout"},
                      {"MapOptions.min_observations", "--min-observations"}},
                     [&] { options.validate(); });
   return options;
 }
 
-MappedSequence MapArguments::map(const Camera& model,
+MappedSequence MapArguments::map(const CameraFile& camera_file,
                                  const SequenceOptions& sequence_options) const {
   const RgbdSequence images(sequence, sequence_options, common.console().log());
-  return map_sequence(images, model, options());
+  return map_sequence(images, camera_file.camera, options(camera_file));
 }
 
 std::string mini_map_name(std::size_t index) {
@@ -410,6 +421,7 @@ Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) c
                {{"camera", to_json(camera_file.camera)},
                 {"depth_units_per_metre",
                  depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
+                {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
                 {"max_time_difference_s", max_time_difference},
                 {"start_pose", text_or_null(start_pose)},
                 {"start_from", text_or_null(start_from)},
@@ -520,10 +532,10 @@ int MapArguments::run() {
   return kDone;
 }
 
-LoopClosedSequence MapArguments::map_closing_loops(const Camera& model,
+LoopClosedSequence MapArguments::map_closing_loops(const CameraFile& camera_file,
                                                    const SequenceOptions& sequence_options) const {
   const RgbdSequence images(sequence, sequence_options, common.console().log());
-  const MapSequenceOptions mapping = options();
+  const MapSequenceOptions mapping = options(camera_file);
   CloseLoopsOptions closing;
   closing.adjustment.refine_intrinsics = refine_intrinsics;
   closing.seed = common.seed;
@@ -531,7 +543,7 @@ LoopClosedSequence MapArguments::map_closing_loops(const Camera& model,
   closing.execution.executor = common.executor();
   closing.execution.stop = interrupt_requests();
   closing.execution.progress = common.console().progress("closing loops");
-  return map_and_close_loops(images, model, mapping, closing);
+  return map_and_close_loops(images, camera_file.camera, mapping, closing);
 }
 
 Json loops_json(const LoopClosedSequence& closed) {
@@ -583,9 +595,9 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
   const Stopwatch watch;
   LoopClosedSequence closed;
   if (close_loops) {
-    closed = map_closing_loops(camera_file.camera, sequence_options);
+    closed = map_closing_loops(camera_file, sequence_options);
   } else {
-    closed.mapped = map(camera_file.camera, sequence_options);
+    closed.mapped = map(camera_file, sequence_options);
   }
   const MappedSequence& mapped = closed.mapped;
   const double seconds = watch.seconds();

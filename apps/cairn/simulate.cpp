@@ -89,6 +89,8 @@ void SimulateArguments::add_to(CLI::App& command) {
   add_number(command, "--exposure", options.sensor.exposure, "Brightness factor");
   add_number(command, "--motion-blur", options.shutter_s,
              "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower");
+  add_number(command, "--readout", options.readout_s,
+             "Readout time of a rolling shutter, from the first image row to the last, seconds");
   add_number(command, "--noise", options.sensor.color_noise,
              "Standard deviation of the colour noise, grey levels");
   add_number(
@@ -137,7 +139,8 @@ void SimulateArguments::check() {
                      {"SensorOptions.color_noise", "--noise"},
                      {"SensorOptions.depth_noise_m", "--depth-noise"},
                      {"SensorOptions.max_depth_m", "--max-depth"},
-                     {"SimulatorOptions.shutter_s", "--motion-blur"}},
+                     {"SimulatorOptions.shutter_s", "--motion-blur"},
+                     {"SimulatorOptions.readout_s", "--readout"}},
                     [&] {
                       path_options.validate();
                       environment_options.validate();
@@ -206,6 +209,7 @@ Json SimulateArguments::options_json() const {
           {"camera", to_json(model)},
           {"exposure", options.sensor.exposure},
           {"motion_blur_s", options.shutter_s},
+          {"readout_s", options.readout_s},
           {"color_noise", options.sensor.color_noise},
           {"depth_noise_m", options.sensor.depth_noise_m},
           {"depth_step_m", options.sensor.depth_step_m},
@@ -266,7 +270,8 @@ int SimulateArguments::run() {
   write_file(to / "groundtruth.txt",
              [&](const ByteSink& sink) { write_tum_trajectory(simulator.trajectory(), sink); });
   write_file(to / "camera.yaml", [&](const ByteSink& sink) {
-    sink(camera_file_text({options.camera, depth_units_per_metre}));
+    const auto readout = options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
+    sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
   });
   writer.finish();
   const auto end = std::chrono::steady_clock::now();

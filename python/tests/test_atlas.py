@@ -239,7 +239,7 @@ class World(Folder):
         self.assertTrue((folder / "town.mcap").read_bytes().startswith(b"\x89MCAP0\r\n"))
         self.atlas.add(ELSEWHERE, "else/where")
         self.atlas.add(AGAIN, "else_where")
-        with self.assertWarnsRegex(UserWarning, "2 of 4 maps are in no frame with a; left out"):
+        with self.assertWarnsRegex(UserWarning, "left out 2 of 4 maps, which are not in the frame of a"):
             self.atlas.export(folder / "town.ply", frame="b")
         cloud = cairn.read_map(folder / "town.ply")
         self.assertEqual(len(cloud), sum(self.atlas.maps[name].landmarks for name in "ab"))

@@ -248,7 +248,9 @@ std::string confidence_help() {
 }
 
 CameraFile load_camera(const std::string& text) {
-  if (text == "fr1" || text == "fr2" || text == "fr3") return {tum_camera(text), std::nullopt};
+  if (text == "fr1" || text == "fr2" || text == "fr3") {
+    return {tum_camera(text), std::nullopt, tum_readout_s(text)};
+  }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   if (!std::filesystem::exists(text)) {
     throw Error(ErrorKind::kInput, "--camera", printable(text) + " is no camera and no file",

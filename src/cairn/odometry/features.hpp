@@ -11,6 +11,7 @@
 
 #include "cairn/map/camera.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/odometry/row_motion.hpp"
 
 namespace cairn {
 
@@ -32,10 +33,11 @@ using Descriptor = std::array<std::uint64_t, 4>;
 
 /// A corner of an image.
 struct Keypoint {
-  Pixel raw;              ///< in the original image
-  Eigen::Vector2f pixel;  ///< undistorted
-  float depth_m = 0.0F;   ///< along the optical axis; 0 if unknown or ambiguous
-  float angle = 0.0F;     ///< of the patch, radians
+  Pixel raw;                  ///< in the original image
+  Eigen::Vector2f pixel;      ///< undistorted, and moved to where the middle row would have seen it
+  float depth_m = 0.0F;       ///< along the optical axis, moved alike; 0 if unknown or ambiguous
+  float read_depth_m = 0.0F;  ///< the same as read from the depth image
+  float angle = 0.0F;         ///< of the patch, radians
   std::uint8_t octave = 0;
   PixelSource source = PixelSource::kCorner;
 };
@@ -69,6 +71,8 @@ class Features {
     keypoints_[index].pixel = pixel;
     keypoints_[index].source = PixelSource::kPatch;
   }
+  /// How the camera moved while the image was taken; set by FeatureExtractor::correct().
+  const RowMotion& row_motion() const { return row_motion_; }
   void set_source(std::uint32_t index, PixelSource source) { keypoints_[index].source = source; }
 
   /// Calls `visit(index)` for each keypoint within `radius` of `pixel` (a square window).
@@ -94,6 +98,7 @@ class Features {
   }
 
  private:
+  friend class FeatureExtractor;    // corrects keypoints
   static constexpr int kCell = 16;  // pixels
 
   int column(float x) const {
@@ -109,6 +114,8 @@ class Features {
   std::vector<cv::Mat> pyramid_;
   cv::Mat depth_m_;
   bool has_depth_ = false;
+  RowMotion row_motion_;
+  float usual_depth_m_ = 1.0F;  // for keypoints without
   int columns_ = 1;
   int rows_ = 1;
   std::vector<std::uint32_t> cell_starts_ = {0, 0};
@@ -150,6 +157,12 @@ class FeatureExtractor {
   /// zero if the surface is not known well enough.
   /// @param reach in pixels: half the side of the window
   static Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach);
+  /// Moves all keypoints and their depths to where the image's middle row would have seen them; those
+  /// without depth as if they had the median of the others. Colour and depth are read out alike.
+  void correct(Features& features, const RowMotion& motion) const;
+  /// One keypoint, by the motion that its features have.
+  void correct(Features& features, std::uint32_t index) const;
+  Keypoint corrected(const Features& features, Keypoint keypoint) const;
   /// @param raw within the image
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 

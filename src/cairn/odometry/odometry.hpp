@@ -20,6 +20,9 @@ struct OdometryOptions {
   SensorNoise noise;
   /// Pose of the first frame of the map, called with that frame's time; empty: the identity.
   std::function<Rigid3(double timestamp_s)> start = {};
+  /// Readout time of a rolling shutter, from an image's first row to its last, seconds; 0: global shutter.
+  /// 0 to 1.
+  double readout_s = 0.0;
   /// Tracking is lost if fewer landmarks than this are found in a frame. At least 6.
   std::size_t min_tracked = 20;
   /// Number of keyframes that a local bundle adjustment moves. At least 1.

@@ -22,7 +22,10 @@ struct SimulatorOptions {
   RendererOptions renderer;
   double shutter_s = 0.0;        ///< exposure time, which causes motion blur; 0 to 1
   std::size_t blur_samples = 5;  ///< images averaged for motion blur; 2 to 100
-  std::uint64_t seed = 1;        ///< of the sensor's noise
+  /// Readout time of a rolling shutter, from the first row of the colour and depth images to the last,
+  /// seconds. A frame's time is that of its middle row. 0 to 1.
+  double readout_s = 0.0;
+  std::uint64_t seed = 1;  ///< of the sensor's noise
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -40,7 +43,7 @@ SessionSeeds session_seeds(std::uint64_t seed, std::uint64_t session);
 /// One frame of a simulated sequence; row by row from the top left.
 struct RgbdFrame {
   double timestamp_s = 0.0;
-  Rigid3 world_from_camera;  ///< exact, at the middle of the exposure
+  Rigid3 world_from_camera;  ///< exact, at the middle of the exposure of the middle row
   std::uint32_t width = 0;
   std::uint32_t height = 0;
   std::vector<std::uint8_t> bgr;     ///< 8-bit blue, green, red
@@ -65,6 +68,8 @@ class RgbdSimulator {
   RgbdFrame frame(std::size_t index, const Executor& executor = Executor()) const;
 
  private:
+  RenderedFrame picture_at(double timestamp_s, const Executor& executor) const;
+
   SimulatorOptions options_;
   Trajectory trajectory_;
   RayTable rays_;

@@ -87,6 +87,9 @@ class KeyframeMap {
   };
   std::optional<FoundPatch> find_patch(const Features& features, LandmarkIndex landmark,
                                        const Rigid3& camera_from_world, const Pixel& start) const;
+  // Where a frame shows a point.
+  std::optional<Pixel> seen_at(const RowMotion& motion, const Eigen::Vector3d& x_in_camera) const;
+  Pixel pixel_in_map(const Keyframe& keyframe, const Keypoint& keypoint) const;
   std::vector<LandmarkIndex> worth_seeking(const ExpectedLandmarks& expected,
                                            std::span<const LandmarkMatch> matches) const;
   void cut_patch(const KeypointReference& reference);
