@@ -50,6 +50,7 @@ struct ConvertArguments {
   std::optional<int> format_version;
   bool ascii = false;
   bool double_precision = false;
+  bool enu = false;
   bool estimate_covariances = false;
   std::optional<double> pixel_noise;
   std::string apply;
@@ -113,6 +114,10 @@ void ConvertArguments::add_to(CLI::App& command) {
       "one; "
       "maps in any format move whole, with their scale",
       "FILE");
+  command.add_flag(
+      "--enu", enu,
+      "Move a map with a georeference into its frame: metres to the east, to the north "
+      "and up");
   add_text(command, "--confidence", confidence,
            "Add confidences as columns named confidence_METRIC: " + confidence_help(),
            "METRIC,...");
@@ -134,8 +139,10 @@ void ConvertArguments::add_to(CLI::App& command) {
   command.add_flag("--double", double_precision,
                    "PCD: positions in double precision, which PCL's point types do not take");
   loading.add_to(command);
-  command.add_flag("--strict", loading.strict,
-                   "An error, exit code 3, where a remark would say that something is left out");
+  command.add_flag(
+      "--strict", loading.strict,
+      "An error, exit code 3, where something would be left out, for want of a place in "
+      "Cairn's maps or in the output's format");
   common.add_to(command);
   command.footer(
       "Example: cut a long map into two mini-maps, and look at one in any PLY viewer\n"
@@ -293,6 +300,10 @@ int ConvertArguments::run() {
   if (!apply.empty() && transform.given()) {
     throw Error(ErrorKind::kMisuse, "--apply", "stands beside --transform", "one of them");
   }
+  if (enu && (!apply.empty() || transform.given())) {
+    throw Error(ErrorKind::kMisuse, "--enu", "stands beside another move of the map",
+                "one of them");
+  }
   const std::string first = beginning();
   refuse_atlas(first);
   if (!apply.empty() && move_points(first)) return kDone;
@@ -322,6 +333,12 @@ int ConvertArguments::run() {
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   if (new_from_old) map = transformed(map, *new_from_old);
+  if (enu) {
+    if (!map.info().georeference) {
+      throw Error(ErrorKind::kInput, input, "has no georeference", "a map that has, for --enu");
+    }
+    map = in_enu_frame(map);
+  }
   Json covariances = nullptr;
 #ifdef CAIRN_HAS_ADJUSTMENT
   if (estimate_covariances) map = with_estimated_covariances(map, covariances);
@@ -340,11 +357,7 @@ int ConvertArguments::run() {
   options.native_version = format_version;
   options.ascii = ascii;
   options.double_precision = double_precision;
-  if (loading.strict) {
-    const bool loses_frames = !written.holds_frames && map.frame_count() > 0;
-    options.log = strict_log({}, true);
-    if (loses_frames) options.log(fmt::format("{} holds landmarks only", written.title));
-  }
+  options.log = strict_log(common.console().log(), loading.strict);
   save_map(map, output, common, options);
 
   const bool has_frames = written.holds_frames;
@@ -361,6 +374,7 @@ int ConvertArguments::run() {
                         {"apply", text_or_null(apply)},
                         {"convention", loading.convention},
                         {"strict", loading.strict},
+                        {"enu", enu},
                         {"estimate_covariances", estimate_covariances},
                         {"pixel_noise", to_json(pixel_noise)}});
   json["covariances"] = std::move(covariances);

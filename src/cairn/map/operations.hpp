@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -31,13 +32,21 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 /// @throws Error (misuse) if the map does not know its observations, or has no such frame
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
-/// The map in another world frame: positions, covariances, poses and gravity moved, all lengths (those
+/// The map in another world frame: positions, covariances, poses, gravity and georeference moved, all lengths (those
 /// and the depths of observations, not named columns) times the scale. The unit of length is said to be
 /// the same.
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its lengths said to be in the unit.
 LandmarkMap with_length_unit(const LandmarkMap& map, LengthUnit unit);
+
+/// The map with another georeference, or none.
+LandmarkMap with_georeference(const LandmarkMap& map,
+                              const std::optional<GeoReference>& georeference);
+
+/// The map moved into the frame of its georeference: metres to the east, to the north and up.
+/// @throws Error (input) if it has none
+LandmarkMap in_enu_frame(const LandmarkMap& map);
 
 /// The map with a named column added; one of that name is replaced.
 /// @param values one a landmark
