@@ -95,7 +95,7 @@ TEST_F(OpenSfmTest, ShotsBecomeFramesAndPointsLandmarks) {
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[0], (Pixel{115.5, 81.5}));
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[1], (Pixel{-0.5, -0.5})) << "the image's corner";
   EXPECT_EQ(map.observations().keypoints[0], 3U);
-  EXPECT_THAT(map.info().georeference, GeoReference({47.0, 8.0, 400.0}));
+  EXPECT_EQ(map.info().georeference, (GeoReference{{47.0, 8.0, 400.0}}));
   EXPECT_THAT(remarks_, Contains(HasSubstr("holds 2 reconstructions, of which the first is read")));
 }
 
