@@ -667,6 +667,10 @@ int AlignArguments::run() {
     if (!output.empty()) {
       LandmarkMap aligned = transformed(source_map.map, *first.estimate);
       if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
+      // The frame is the target's now, and so is what is known of its place on the Earth.
+      if (const auto& georeference = target_map.map.info().georeference) {
+        aligned = with_georeference(aligned, georeference);
+      }
       save_map(aligned, output, common, {.format = format});
     }
     if (!pose.empty()) write_pose_file(*first.estimate);

@@ -50,6 +50,7 @@ struct ConvertArguments {
   std::optional<int> format_version;
   bool ascii = false;
   bool double_precision = false;
+  bool enu = false;
   bool estimate_covariances = false;
   std::optional<double> pixel_noise;
   std::string apply;
@@ -110,6 +111,9 @@ void ConvertArguments::add_to(CLI::App& command) {
       "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major. The "
       "input is a map, a trajectory, or a PLY cloud or mesh, whose other properties are kept",
       "FILE");
+  command.add_flag(
+      "--enu", enu,
+      "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
   add_text(command, "--confidence", confidence,
            "Add a column confidence_METRIC for each metric: " + confidence_help(), "METRIC,...");
   add_text(command, "--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
@@ -131,7 +135,8 @@ void ConvertArguments::add_to(CLI::App& command) {
                    "PCD: write positions in double precision, which PCL's point types cannot read");
   loading.add_to(command);
   command.add_flag("--strict", loading.strict,
-                   "Fail with exit code 3 instead of leaving out what the output cannot hold");
+                   "Fail with exit code 3 if Cairn's maps or the output's format cannot hold "
+                   "something of the input");
   common.add_to(command);
   command.footer(
       "Example: cut a long map into two mini-maps, and write one for a PLY viewer\n"
@@ -289,6 +294,10 @@ int ConvertArguments::run() {
   if (!apply.empty() && transform.given()) {
     throw Error(ErrorKind::kMisuse, "--apply", "given with --transform", "one of them");
   }
+  if (enu && (!apply.empty() || transform.given())) {
+    throw Error(ErrorKind::kMisuse, "--enu", "given with another transform of the map",
+                "one of them");
+  }
   const std::string first = beginning();
   refuse_atlas(first);
   if (!apply.empty() && move_points(first)) return kDone;
@@ -318,6 +327,12 @@ int ConvertArguments::run() {
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   if (new_from_old) map = transformed(map, *new_from_old);
+  if (enu) {
+    if (!map.info().georeference) {
+      throw Error(ErrorKind::kInput, input, "has no georeference", "a map that has, for --enu");
+    }
+    map = in_enu_frame(map);
+  }
   Json covariances = nullptr;
 #ifdef CAIRN_HAS_ADJUSTMENT
   if (estimate_covariances) map = with_estimated_covariances(map, covariances);
@@ -336,11 +351,7 @@ int ConvertArguments::run() {
   options.native_version = format_version;
   options.ascii = ascii;
   options.double_precision = double_precision;
-  if (loading.strict) {
-    const bool loses_frames = !written.holds_frames && map.frame_count() > 0;
-    options.log = strict_log({}, true);
-    if (loses_frames) options.log(fmt::format("{} holds landmarks only", written.title));
-  }
+  options.log = strict_log(common.console().log(), loading.strict);
   save_map(map, output, common, options);
 
   const bool has_frames = written.holds_frames;
@@ -357,6 +368,7 @@ int ConvertArguments::run() {
                         {"apply", text_or_null(apply)},
                         {"convention", loading.convention},
                         {"strict", loading.strict},
+                        {"enu", enu},
                         {"estimate_covariances", estimate_covariances},
                         {"pixel_noise", to_json(pixel_noise)}});
   json["covariances"] = std::move(covariances);

@@ -189,6 +189,17 @@ Findings examine(const LandmarkMap& map) {
   return findings;
 }
 
+std::string place_text(const GeodeticPosition& place) {
+  return fmt::format("latitude {:.7f}, longitude {:.7f}, altitude {:.2f} m", place.latitude_deg,
+                     place.longitude_deg, place.altitude_m);
+}
+
+Json place_json(const GeodeticPosition& place) {
+  return {{"latitude_deg", place.latitude_deg},
+          {"longitude_deg", place.longitude_deg},
+          {"altitude_m", place.altitude_m}};
+}
+
 // Lines "name  value" of what the map says of itself.
 std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& map,
                                                             const Findings& findings) {
@@ -237,6 +248,21 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
   if (map.info().world_frame) add("world frame", *map.info().world_frame);
   if (const auto& down = map.info().gravity) {
     add("gravity", fmt::format("{:.4g} {:.4g} {:.4g}", down->x(), down->y(), down->z()));
+  }
+  if (const auto& georeference = map.info().georeference) {
+    add("georeference", place_text(georeference->origin));
+    if (!georeference->is_enu()) {
+      add("metres per unit", fmt::format("{:.6g}", georeference->scale));
+    }
+    if (!findings.extent.isEmpty()) {
+      const Eigen::Vector3d centre = findings.extent.center();
+      add("centre on the Earth", place_text(georeference->geodetic(centre)));
+    }
+  }
+  if (const auto& gnss = map.frames().gnss; !gnss.empty()) {
+    const auto known = gnss.known();
+    add("GNSS positions",
+        fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
   }
   if (map.info().uuid) add("uuid", *map.info().uuid);
   for (const std::string& step : map.info().provenance) add("provenance", step);
@@ -304,6 +330,17 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["length_unit"] = to_string(map.info().length_unit);
   json["world_frame"] = cli::to_json(map.info().world_frame);
   json["gravity"] = map.info().gravity ? cli::to_json(*map.info().gravity) : Json(nullptr);
+  json["georeference"] = nullptr;
+  if (const auto& georeference = map.info().georeference) {
+    json["georeference"] = place_json(georeference->origin);
+    json["georeference"]["enu_from_map"] = cli::to_json(georeference->enu_from_map().matrix());
+    json["georeference"]["centre"] =
+        findings.extent.isEmpty()
+            ? Json(nullptr)
+            : place_json(georeference->geodetic(Eigen::Vector3d(findings.extent.center())));
+  }
+  const auto gnss = map.frames().gnss.known();
+  json["gnss_positions"] = std::count(gnss.begin(), gnss.end(), 1);
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();

@@ -52,9 +52,12 @@ void MapLoading::validate() const {
 
 LogSink strict_log(LogSink log, bool strict) {
   if (!strict) return log;
-  return [](std::string_view remark) {
-    throw Error(ErrorKind::kInput, "--strict", std::string(remark),
-                "a file that can be read completely");
+  return [log = std::move(log)](const Remark& remark) {
+    if (remark.kind == RemarkKind::kLoss) {
+      throw Error(ErrorKind::kInput, "--strict", std::string(remark.text),
+                  "a file that can be read completely");
+    }
+    if (log) log(remark);
   };
 }
 
@@ -210,15 +213,16 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
   };
   if (!options.log) options.log = console.log();
   const MapFormat& format = all_formats().format_to_write(path, options);
+  // Before anything is written: the log may refuse it.
+  if (!format.holds_frames && map.frame_count() > 0) {
+    options.log({fmt::format("{} holds landmarks only: {} frames and {} observations are left out",
+                             path, map.frame_count(), map.observation_count()),
+                 RemarkKind::kLoss});
+  }
   if (path == "-") {
     format.write_to(map, print_raw, options);
   } else {
     all_formats().write(map, path, options);
-  }
-  if (!format.holds_frames && map.frame_count() > 0) {
-    console.remark(
-        fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
-                    map.frame_count(), map.observation_count()));
   }
 }
 

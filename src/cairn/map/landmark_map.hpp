@@ -17,6 +17,7 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/georeference.hpp"
 #include "cairn/map/optional_column.hpp"
 
 namespace cairn {
@@ -34,6 +35,7 @@ struct MapInfo {
   std::optional<Eigen::Vector3d> gravity;  ///< unit vector downwards, in that frame
   std::optional<std::string> uuid;
   std::vector<std::string> provenance;  ///< steps that produced the map, oldest first
+  std::optional<GeoReference> georeference = {};
 };
 
 /// Keyframes in columns. The optional columns are empty or have one entry per frame.
@@ -45,6 +47,7 @@ struct FrameTable {
   OptionalColumn<CameraIndex> cameras;             ///< optional
   OptionalColumn<double> timestamps_s;             ///< optional
   std::vector<std::string> image_names;            ///< optional; empty text if unknown
+  OptionalColumn<GnssFix> gnss;                    ///< optional
 };
 
 struct Color {
@@ -150,6 +153,8 @@ enum class MapColumn : std::uint8_t {
   kOctaves = 26,
   kPixelSources = 27,
   kPixelSigmas = 28,
+  kGeoReference = 29,
+  kGnss = 30,
 };
 
 /// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,12 +31,20 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 /// @throws Error (misuse) if the map has no observations or no such frame
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
-/// The map in another world frame. Transforms positions, covariances, poses and gravity; scales all
-/// lengths, including the depths of observations but not named columns. Keeps the unit's name.
+/// The map in another world frame. Transforms positions, covariances, poses, gravity and georeference; scales
+/// all lengths, including the depths of observations but not named columns. Keeps the unit's name.
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its length unit renamed.
 LandmarkMap with_length_unit(const LandmarkMap& map, LengthUnit unit);
+
+/// The map with another georeference, or none.
+LandmarkMap with_georeference(const LandmarkMap& map,
+                              const std::optional<GeoReference>& georeference);
+
+/// The map transformed into the ENU frame of its georeference: metres to the east, north and up.
+/// @throws Error (input) if it has none
+LandmarkMap in_enu_frame(const LandmarkMap& map);
 
 /// The map with an added named column; replaces one of that name.
 /// @param values one per landmark

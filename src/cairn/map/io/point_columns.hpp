@@ -158,6 +158,7 @@ class PointTable {
   void forget_infinite_values();
   void take_ids(LandmarkTable& landmarks);
   void remark(const std::string& text) const;
+  void lost(const std::string& text) const;
 
   std::string source_;
   const MapReadOptions& options_;
