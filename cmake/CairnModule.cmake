@@ -62,6 +62,8 @@ set(CAIRN_UNITY_APART
     "src/cairn/interchange/alicevision.cpp src/cairn/interchange/carry_along.cpp src/cairn/interchange/detail/stella_builder.cpp src/cairn/interchange/detail/zlib_stream.cpp src/cairn/interchange/formats.cpp"
     "src/cairn/interchange/bundle_files.cpp src/cairn/interchange/nerfstudio.cpp src/cairn/interchange/stella.cpp"
     "src/cairn/interchange/stella_database.cpp"
+    "src/cairn/interchange/kapture.cpp"
+    "src/cairn/interchange/kapture_test.cpp"
     "src/cairn/interchange/nerfstudio_test.cpp src/cairn/interchange/rtabmap_test.cpp src/cairn/interchange/stella_database_test.cpp"
     "src/cairn/interchange/openmvg_test.cpp src/cairn/interchange/stella_test.cpp"
     "src/cairn/merging/recognition/map_index_test.cpp"
