@@ -38,6 +38,9 @@ set(core ${core_modules})
 list(REVERSE core)
 list(TRANSFORM core PREPEND "-l")
 list(JOIN core " " CAIRN_PC_LIBRARIES)
+# The prefix is known on installation: from where the file is.
+file(RELATIVE_PATH CAIRN_PC_PREFIX "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")
+string(REGEX REPLACE "/$" "" CAIRN_PC_PREFIX "${CAIRN_PC_PREFIX}")
 configure_file(packaging/cairn.pc.in "${PROJECT_BINARY_DIR}/cairn.pc" @ONLY)
 install(FILES "${PROJECT_BINARY_DIR}/cairn.pc" DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 

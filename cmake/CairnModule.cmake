@@ -14,7 +14,7 @@ endfunction()
 # cairn_unity(TARGET): with CAIRN_UNITY_BUILD, compiles the sources of a target up to twelve at a time. Most of the time
 # goes into what they share (Eigen, CLI11, GoogleTest, and the templates of all three), so this halves it.
 function(cairn_unity target)
-  if(NOT CAIRN_UNITY_BUILD OR target IN_LIST CAIRN_UNITY_NOT)
+  if(NOT CAIRN_UNITY_BUILD)
     return()
   endif()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
@@ -50,9 +50,6 @@ function(cairn_unity target)
   endforeach()
 endfunction()
 
-# Targets whose sources each have helpers of the same names.
-set(CAIRN_UNITY_NOT cairn_interchange cairn_interchange_test)
-
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
@@ -61,6 +58,12 @@ set(CAIRN_UNITY_APART
     "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"
     "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
     "src/cairn/atlas/store/sqlite_store.cpp"
+    "src/cairn/interchange/colmap_database.cpp src/cairn/interchange/detail/zip_archive.cpp src/cairn/interchange/mcap.cpp src/cairn/interchange/opensfm.cpp src/cairn/interchange/rtabmap.cpp"
+    "src/cairn/interchange/alicevision.cpp src/cairn/interchange/carry_along.cpp src/cairn/interchange/detail/stella_builder.cpp src/cairn/interchange/detail/zlib_stream.cpp src/cairn/interchange/formats.cpp"
+    "src/cairn/interchange/bundle_files.cpp src/cairn/interchange/nerfstudio.cpp src/cairn/interchange/stella.cpp"
+    "src/cairn/interchange/stella_database.cpp"
+    "src/cairn/interchange/nerfstudio_test.cpp src/cairn/interchange/rtabmap_test.cpp src/cairn/interchange/stella_database_test.cpp"
+    "src/cairn/interchange/openmvg_test.cpp src/cairn/interchange/stella_test.cpp"
     "src/cairn/merging/recognition/map_index_test.cpp"
     "src/cairn/map/io/binary.cpp src/cairn/map/io/pcd.cpp"
     "src/cairn/map/io/point_columns.cpp"

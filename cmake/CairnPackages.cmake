@@ -3,10 +3,18 @@
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME cairn)
 set(CPACK_PACKAGE_VENDOR "the Cairn authors")
-set(CPACK_PACKAGE_CONTACT "the Cairn authors <cairn@example.org>" CACHE STRING "Maintainer of the packages")
+# Who builds a package for others is its maintainer, and says so in the variables that Debian's own tools read. The
+# authors have no mail address; .invalid says that (RFC 2606).
+set(contact "the Cairn authors <no-address@cairn.invalid>")
+if(NOT "$ENV{DEBFULLNAME}" STREQUAL "" AND NOT "$ENV{DEBEMAIL}" STREQUAL "")
+  set(contact "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")
+endif()
+set(CPACK_PACKAGE_CONTACT "${contact}" CACHE STRING "Maintainer of the packages")
 set(CPACK_PACKAGE_DIRECTORY "${PROJECT_BINARY_DIR}/packages")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
+    OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL dev)
 if(TARGET cairn_app)
@@ -32,6 +40,12 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_DESCRIPTION "${about}\nThis package has headers, static libraries, and files for CMake and pkg-config.")
 # What an installed header includes, or a static library is linked with.
 set(needed libeigen3-dev libfmt-dev libtbb-dev libhwy-dev libnanoflann-dev libyaml-cpp-dev zlib1g-dev)
+if(TARGET cairn_sqlite)
+  list(APPEND needed libsqlite3-dev)
+endif()
+if(TARGET cairn_postgres)
+  list(APPEND needed libpqxx-dev)
+endif()
 if(TARGET cairn_sequence)
   list(APPEND needed libopencv-core-dev libopencv-imgproc-dev libjpeg-dev libpng-dev)
 endif()
@@ -45,6 +59,7 @@ if(TARGET cairn_simulation)
   list(APPEND needed libembree-dev)
 endif()
 list(JOIN needed ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS)
+set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS libpcl-dev)  # cairn::pcl
 
 if(TARGET cairn_python)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-cairn)
@@ -53,6 +68,10 @@ if(TARGET cairn_python)
   math(EXPR next "${Python_VERSION_MINOR} + 1")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
       "python3 (>= 3.${Python_VERSION_MINOR}), python3 (<< 3.${next}), python3-numpy")
+  # Compile the modules, and remove what that made.
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA "${PROJECT_SOURCE_DIR}/packaging/python3-cairn/postinst"
+      "${PROJECT_SOURCE_DIR}/packaging/python3-cairn/prerm")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_STRICT_PERMISSION ON)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-pandas, python3-tqdm, python3-matplotlib")
 endif()
 

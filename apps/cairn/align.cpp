@@ -14,6 +14,7 @@
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/placement/probability_text.hpp"
 #include "cairn/registration/icp.hpp"
 
 #include "align_pairs.hpp"
@@ -79,73 +80,72 @@ void AlignArguments::add_to(CLI::App& command) {
   add_text(command, "source", source,
            "Map to move: " + all_formats().titles_text() + "; - for stdin");
   add_text(command, "target", target, "Map to align it to");
-  auto* const list = add_text(command, "--pairs", pairs,
-                              "Align the pairs listed in a CSV file (columns source and target) "
-                              "instead of two maps; - for stdin",
-                              "FILE|-");
+  auto* const list = add_text(
+      command, "--pairs", pairs,
+      "Align each pair in a CSV file (columns source and target) instead of two maps; - for stdin",
+      "FILE|-");
   add_text(command, "--confidence", confidence,
-           "Trust in landmarks: " + confidence_help() +
-               ". Several, separated by commas, run side by side",
+           "Confidence metric of the landmarks: " + confidence_help() +
+               ". Several, separated by commas, are compared",
            "METRIC,...")
       ->capture_default_str();
   add_number(command, "-k,--neighbors", options.k,
-             "With icp: nearest target landmarks among which the most trusted is matched");
-  initial.add_to(command, "initial", "Displacement of the source map before alignment");
-  add_text(command, "--truth", truth,
-           "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors",
-           "FILE");
+             "With icp: match a source landmark to the most confident of this many nearest target "
+             "landmarks");
+  initial.add_to(command, "initial", "Initial pose, target_from_source");
+  add_text(
+      command, "--truth", truth,
+      "True target_from_source, 16 numbers or the JSON of an alignment; prints the pose errors",
+      "FILE");
   add_text(command, "-o,--output", output,
-           "Write the source map, aligned to the target; - for stdout, which takes --format",
+           "Write the aligned source map, in the target's frame; - for stdout, with --format",
            "FILE|-");
-  add_text(command, "--format", format, "Format of a map on stdout: text, binary, ply or pcd",
+  add_text(command, "--format", format, "Format of a map on stdout: " + stdout_formats_text(),
            "NAME");
-  add_text(command, "--pose", pose,
-           "Write target_from_source: 16 numbers, row-major; - for stdout. Not written without a "
-           "trusted pose",
-           "FILE|-");
+  add_text(
+      command, "--pose", pose,
+      "Write target_from_source as 16 numbers, row-major, if the pose is aligned; - for stdout",
+      "FILE|-");
   add_text(command, "--pose-format", pose_format,
-           "Of --pose: matrix, or tum (one line: 0 tx ty tz qx qy qz qw)", "NAME")
+           "Format of --pose: matrix, or tum (one line: 0 tx ty tz qx qy qz qw)", "NAME")
       ->capture_default_str();
-  add_number(command, "--max-iterations", options.max_iterations, "Limit of the iterations");
-  command.add_flag(
-      "--stop-as-pcl", stop_as_pcl,
-      "With icp: go on where matches repeat, until the mean squared distance settles or the limit "
-      "is reached, as PCL does");
-  command.add_flag(
-      "--fast", options.coarse_to_fine,
-      "With icp: align growing samples of the maps first: faster, but it may end at a different "
-      "pose");
+  add_number(command, "--max-iterations", options.max_iterations, "Largest number of iterations");
+  command.add_flag("--stop-as-pcl", stop_as_pcl,
+                   "With icp: stop as PCL does, when the mean squared distance converges or at the "
+                   "iteration limit, not when the matches repeat");
+  command.add_flag("--fast", options.coarse_to_fine,
+                   "With icp: align growing samples of the maps first; faster, but may converge to "
+                   "another optimum");
   add_number(command, "--min-observations", point_options.min_observations,
-             "Leave out landmarks observed less often");
+             "Leave out landmarks with fewer observations");
   add_number(command, "--max-distance", options.max_distance,
-             "With icp: longest distance of a match, in the maps' unit (default: unlimited)");
+             "With icp: largest distance of a match, in the maps' unit (default: unlimited)");
   command.add_flag("--reciprocal", options.reciprocal,
-                   "With icp: keep only matches that hold both ways");
+                   "With icp: keep only mutual nearest neighbours");
   add_number(command, "--trim", options.trimmed_fraction,
-             "With icp: share of the matches, the farthest apart, to leave out");
+             "With icp: share of the matches to leave out, those with the largest distances");
   command.add_flag("--weight-by-confidence", options.weight_by_source_confidence,
-                   "With icp: weigh matches in the estimate by the source landmark's confidence");
+                   "With icp: weight each match by the confidence of its source landmark");
   add_text(command, "--method", method,
            "robust (graduated kernel, landmark covariances; confidences are weights) or icp (the "
-           "paper's) (default: robust, or icp where an option that only icp has is given)",
+           "paper's) (default: robust; icp if an option is given that only icp has)",
            "METHOD");
   command.add_flag("--one-to-one", alignment.one_to_one,
-                   "With robust and --initial: match no target landmark twice");
+                   "With robust and --initial: match each target landmark at most once");
   add_number(
       command, "--overlap-radius", options.overlap_radius,
-      fmt::format("Distance within which landmarks overlap, in the maps' unit (default: {:g} "
-                  "for maps in metres, else no overlap is computed)",
+      fmt::format("A landmark overlaps if the other map has one within this distance, in the maps' "
+                  "unit (default: {:g} for maps in metres; else no overlap is computed)",
                   kDefaultOverlapRadius));
   add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
+           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
   command.add_flag("--trace", options.trace,
-                   "Keep each iteration in the JSON: pose, score, matches");
-  common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
+                   "Write pose, score and matches of each iteration to the JSON");
+  common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
   common.add_to(command);
   auto* const everywhere = command.add_flag(
       "--anywhere", anywhere,
-      "Search for the pose without a guess, which is the default unless --initial or --method icp "
-      "is given");
+      "Search without an initial pose; the default unless --initial or --method icp is given");
   for (const char* const other :
        {"--initial", "--initial-matrix", "--method", "--max-iterations", "--one-to-one"}) {
     everywhere->excludes(command.get_option(other));
@@ -156,32 +156,30 @@ void AlignArguments::add_to(CLI::App& command) {
     everywhere->excludes(command.get_option(name));
   }
   command.add_flag("--gravity", gravity,
-                   "Only turn about the vertical, and tilt a little; a map that does "
-                   "not know where down is has z upwards");
+                   "Allow only rotations about the vertical and tilts of up to 10 degrees; z is up "
+                   "in a map without a stored vertical");
   command.add_flag("--scale", estimate_scale,
-                   "The maps need not be of one scale; find the source's, from 1/20 to "
-                   "20 times the target's");
+                   "Also estimate the scale of the source, from 1/20 to 20 times the target's");
   add_number(command, "--prior-odds", alignment.prior_odds,
-             "Odds, before anything is looked at, that the maps show one place; 0.01 "
-             "where one of a hundred pairs does");
+             "Odds that the maps show the same place, before any evidence; 0.01 if one pair in a "
+             "hundred does");
   add_number(command, "--effort", alignment.effort,
-             "Of the search: work in units of the default's, 1/16 to 64");
+             "Work of the search, as a multiple of the default's, 1/16 to 64");
   add_number(command, "--time-limit", alignment.time_limit_s,
-             "Limit of the search in seconds; the result then depends on the machine (default: no "
-             "limit)");
+             "Stop the search after this many seconds; the result then depends on the machine "
+             "(default: no limit)");
   add_number(command, "--min-probability", alignment.min_probability,
-             "Probability from which a pose is aligned, 0.5 to below 1");
-  auto* const parts = command.add_flag(
-      "--by-parts", by_parts,
-      "Also place parts of the maps one by one, whatever the whole comes to: tells how far a map "
-      "bends, and each part's pose");
+             "Least probability of an aligned pose, at least 0.5 and below 1");
+  auto* const parts = command.add_flag("--by-parts", by_parts,
+                                       "Always align the parts of the maps separately too; prints "
+                                       "each part's pose and how far a map bends");
   command
       .add_flag("--no-parts", no_parts,
-                "Do not place parts where the maps as a whole are refused (default: large maps "
-                "with descriptors are placed by parts then)")
+                "Never align parts (default: if large maps with descriptors are not aligned as a "
+                "whole, their parts are tried)")
       ->excludes(parts);
   command.add_flag("--no-verdict", no_verdict,
-                   "Do not judge: give the pose that the method came to, right or not");
+                   "Skip the verdict and print the method's pose, which may be wrong");
   for (const char* const name : {"--initial", "--initial-matrix"}) {
     initials.push_back(command.get_option(name));
   }
@@ -196,13 +194,14 @@ void AlignArguments::add_to(CLI::App& command) {
     list->excludes(command.get_option(option->get_name()));
   }
   command.footer(
-      "Example: align two maps of one place of which nothing else is known\n"
+      "Example: align two maps of one place without an initial pose\n"
       "  cairn align later.map earlier.map\n"
-      "Example: write the pose for other programs, the map in between from a pipe\n"
+      "Example: read a map from a pipe, and write the pose for other programs\n"
       "  cairn convert later.map - --format binary | cairn align - earlier.map --pose pose.txt\n"
-      "Example: align many pairs, each map read once\n"
+      "Example: align many pairs; each map is read once\n"
       "  cairn align --pairs pairs.csv --json results.json\n"
-      "Example: refine a guess by the paper's ICP, by two strategies, and keep the result\n"
+      "Example: refine an initial pose with the paper's ICP, with two metrics, and save the "
+      "result\n"
       "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
@@ -246,13 +245,13 @@ void AlignArguments::check_options() const {
     }
   }
   if (!is_robust() && alignment.one_to_one) {
-    throw Error(ErrorKind::kMisuse, "--one-to-one", "given with what only icp has",
+    throw Error(ErrorKind::kMisuse, "--one-to-one", "given with an option that only icp has",
                 "--method robust");
   }
   for (const CLI::Option* const option : of_guesses) {
     if (is_robust() && !has_initial() && option->count() > 0) {
-      throw Error(ErrorKind::kMisuse, option->get_name(), "given, but a search has no such thing",
-                  "--initial, or --method icp");
+      throw Error(ErrorKind::kMisuse, option->get_name(),
+                  "given, but the search has no such option", "--initial, or --method icp");
     }
   }
   if (!is_robust() && estimate_scale) {
@@ -336,13 +335,13 @@ std::string numbers_text(const Vector& vector, int digits) {
   return text;
 }
 
-// The trusted pose, or one that was not judged, in full.
 // Of the two quaternions of a rotation the one with qw >= 0.
 Eigen::Quaterniond shown_quaternion(const Rigid3& pose) {
   const Eigen::Quaterniond q = pose.quaternion();
   return q.w() < 0.0 ? Eigen::Quaterniond(-q.coeffs()) : q;
 }
 
+// The trusted pose, or one that was not judged, in full.
 std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_scale) {
   const Similarity3& pose = *alignment.estimate;
   const RegistrationResult& result = alignment.registration;
@@ -402,23 +401,23 @@ std::string candidates_text(const Alignment& alignment, LengthUnit unit, bool tr
   std::string text;
   for (std::size_t i = trusted ? 1 : 0; i < std::min(kShown, candidates.size()); ++i) {
     text += fmt::format("  {}, {}: {}\n", trusted ? "other candidate" : "not trusted",
-                        percent_text(candidates[i].probability),
+                        probability_text(candidates[i].probability),
                         pose_text(candidates[i].target_from_source, unit, 3, 2));
   }
   return text;
 }
 
-// A line a part, as long as they are asked for.
+// A line for each part.
 std::string parts_text(const PartsAlignment& parts, LengthUnit unit) {
-  std::string text = fmt::format("  parts: {} of {} aligned by themselves, {}\n", parts.aligned,
+  std::string text = fmt::format("  parts: {} of {} aligned separately; they {}\n", parts.aligned,
                                  parts.parts.size(),
-                                 parts.consensus       ? "which agree up to a bend"
-                                 : parts.contradictory ? "which contradict each other"
-                                                       : "too few to agree");
+                                 parts.consensus       ? "agree up to a bend"
+                                 : parts.contradictory ? "contradict each other"
+                                                       : "are too few to agree");
   for (const PartPose& part : parts.parts) {
     text += fmt::format("    {} keyframes {}-{}, {} landmarks: {} ({})", to_string(part.map),
                         part.first.value, part.last.value, part.landmarks, to_string(part.verdict),
-                        percent_text(part.probability));
+                        probability_text(part.probability));
     if (part.target_from_source) {
       text += fmt::format("{} {}", part.agrees ? ":" : ", placed between the others:",
                           pose_text(part.target_from_source->rigid(), unit, 3, 2));
@@ -445,56 +444,74 @@ double extent_of(const LandmarkMap& map) {
   return *middle;
 }
 
-// What may help where no pose is trusted.
+// Sentences that say what to do about a pose that is not aligned.
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
-                  bool with_scale, double bar) {
+                  bool with_scale, double required) {
   constexpr double kLittleOverlap = 0.4;
-  constexpr double kOtherUnit = 8.0;  // no two maps of one place differ by so much in extent
+  constexpr double kOtherUnit = 8.0;    // no two maps of one place differ by so much in extent
+  constexpr double kLargestScale = 20;  // that --scale finds
+  constexpr double kLeastRequired = 0.5;
   std::vector<std::string> list;
   const auto& candidates = alignment.candidates;
+  const RegistrationResult& registration = alignment.registration;
+  const double probability = alignment.probability.value_or(0.0);
+  const bool open = !registration.unobservable.empty();
+  const bool improbable = probability < required;
   const double ratio = extent_of(source) / extent_of(target);
-  if (std::isfinite(ratio) && ratio > 0.0 && std::max(ratio, 1.0 / ratio) > kOtherUnit) {
-    list.push_back(
-        fmt::format("the source's landmarks extend {:.3g} times as far as the target's: are both "
-                    "in one unit?{}",
-                    ratio, with_scale ? "" : " --scale finds factors of 1/20 to 20"));
+  const double factor = std::max(ratio, 1.0 / ratio);
+  if (std::isfinite(factor) && factor > kOtherUnit) {
+    std::string text = fmt::format(
+        "Check the units: the source's landmarks extend {:.3g} times as far as the target's.",
+        ratio);
+    if (!with_scale && factor <= kLargestScale) text += " Add --scale if the scales differ.";
+    list.push_back(std::move(text));
   }
-  const bool likelier = !candidates.empty() && alignment.probability &&
-                        candidates.front().probability > *alignment.probability;
+  const bool likelier = !candidates.empty() && candidates.front().probability > probability;
   if (likelier) {
-    list.emplace_back("the search found a likelier pose, the first above: align without --initial");
+    list.emplace_back(
+        "Align without --initial: the search found a likelier pose, the first one above.");
   }
   const bool free = source.info().length_unit == LengthUnit::kFree ||
                     target.info().length_unit == LengthUnit::kFree;
-  if (free && !with_scale) list.emplace_back("the maps are of free scale: --scale finds it");
-  if (!candidates.empty() && !candidates.front().support.agreement) {
-    list.emplace_back("maps with descriptors are told apart better");
+  if (free && !with_scale) {
+    list.emplace_back("Add --scale to find the scale, which is unknown for a map of free scale.");
   }
-  for (const auto& [role, map] : {std::pair{"source", &source}, {"target", &target}}) {
-    if (!map->has_observations()) {
-      list.push_back(fmt::format(
-          "the {} has no observations: with them, what its keyframes see through counts", role));
+  const auto& overlap = registration.overlap;
+  const std::string shares = overlap && std::min(overlap->source, overlap->target) < kLittleOverlap
+                                 ? fmt::format("{:.0f} % of the source and {:.0f} % of the target",
+                                               100.0 * overlap->source, 100.0 * overlap->target)
+                                 : "";
+  if (improbable && !likelier) {
+    if (alignment.verdict == Verdict::kRejected) {
+      list.push_back("Check that both maps show the same place" +
+                     (shares.empty() ? "." : ": at the best pose, only " + shares + " overlap."));
+    } else if (!shares.empty()) {
+      list.push_back("Map more of the common area: at the best pose, only " + shares + " overlap.");
     }
   }
-  const auto& overlap = alignment.registration.overlap;
-  if (overlap && !likelier && std::min(overlap->source, overlap->target) < kLittleOverlap) {
+  if (improbable && !candidates.empty() && !candidates.front().support.agreement) {
+    list.emplace_back(
+        "Use maps that both have descriptors of one kind, which tell similar places apart; cairn "
+        "map stores them.");
+  }
+  for (const auto& [role, map] : {std::pair{"source", &source}, {"target", &target}}) {
+    if (improbable && !map->has_observations()) {
+      list.push_back(
+          fmt::format("Use a {} map with observations, which allow the free-space check.", role));
+    }
+  }
+  if (open) {
+    list.emplace_back(
+        "Use maps that overlap in more than a plane or a line; then the matches determine every "
+        "direction.");
+  }
+  if (improbable && !open && registration.covariance && probability >= kLeastRequired) {
+    const double accepted = std::floor(100.0 * probability) / 100.0;
     list.push_back(fmt::format(
-        "the maps overlap little at the best pose: {:.0f} % of the source, {:.0f} % of the target",
-        100.0 * overlap->source, 100.0 * overlap->target));
+        "Lower --min-probability to {:.2f} if a risk of {:.0f} % that the pose is wrong "
+        "is acceptable.",
+        accepted, std::ceil(100.0 * (1.0 - probability))));
   }
-  if (alignment.verdict == Verdict::kAmbiguous && !alignment.registration.unobservable.empty()) {
-    list.emplace_back("maps that overlap in more than a plane or a line determine every direction");
-  }
-  if (!likelier && alignment.verdict == Verdict::kRejected) {
-    list.emplace_back("or the maps show different places");
-  }
-  constexpr double kLowestBar = 0.5;  // of --min-probability
-  const double probability = alignment.probability.value_or(0.0);
-  list.emplace_back(
-      probability >= bar ? "the probability is above the bar: --min-probability changes nothing"
-      : probability >= kLowestBar
-          ? "--min-probability lowers the bar, down to 0.5"
-          : "the probability is below the lowest bar that --min-probability sets, 0.5");
   std::string text;
   for (const std::string& hint : list) text += "  hint: " + hint + "\n";
   return text;
@@ -514,10 +531,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
     const std::string_view verdict = one.verdict                   ? to_string(*one.verdict)
                                      : one.registration.has_pose() ? "not judged"
                                                                    : "failed";
-    const std::string probability =
-        one.probability ? " (" + percent_text(*one.probability) + ")" : "";
-    console.print(
-        fmt::format("\n{}: {}{}: {}\n", each.confidence, verdict, probability, one.reason));
+    console.print(fmt::format("\n{}: {}: {}\n", each.confidence, verdict, one.reason));
     const bool trusted = has_answer(one);
     if (trusted) console.print(answer_text(one, unit, estimate_scale));
     if (one.verdict != Verdict::kRejected) {
@@ -537,13 +551,17 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   }
 }
 
-// Both in one unit, or neither known: a pose between maps of different scale means nothing.
+std::string_view unit_text(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "in metres" : "of free scale";
+}
+
+// The unit of both maps, which must be the same: a rigid pose between different scales has no meaning.
 LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
   const LengthUnit unit = source.map.info().length_unit;
   if (unit != target.map.info().length_unit) {
     throw Error(ErrorKind::kInput, source.path,
-                "in " + to_string(unit) + " units, but " + target.path + " in " +
-                    to_string(target.map.info().length_unit),
+                fmt::format("is {}, but {} {}", unit_text(unit), target.path,
+                            unit_text(target.map.info().length_unit)),
                 "maps of one scale, or --scale");
   }
   return unit;
@@ -649,13 +667,16 @@ int AlignArguments::run() {
     if (!output.empty()) {
       LandmarkMap aligned = transformed(source_map.map, *first.estimate);
       if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
+      // The frame is the target's now, and so is what is known of its place on the Earth.
+      if (const auto& georeference = target_map.map.info().georeference) {
+        aligned = with_georeference(aligned, georeference);
+      }
       save_map(aligned, output, common, {.format = format});
     }
     if (!pose.empty()) write_pose_file(*first.estimate);
   } else {
     for (const std::string& path : {output, pose}) {
-      if (!path.empty())
-        common.console().remark(path + " is not written: there is no trusted pose");
+      if (!path.empty()) common.console().remark(path + " is not written: the pose is not aligned");
     }
   }
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
@@ -686,7 +707,7 @@ int AlignArguments::run() {
 Run add_align(CLI::App& program) {
   auto arguments = std::make_shared<AlignArguments>();
   arguments->add_to(*program.add_subcommand(
-      "align", "Align a source map to a target map: transform, score, strategies side by side"));
+      "align", "Find the pose of a source map in a target map, and judge it"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -15,6 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/placement/prepared_map.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "commands.hpp"
 #include "support/alignments.hpp"
@@ -156,7 +157,7 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
           const Alignment& alignment = found.result->alignment;
           trusted += has_answer(alignment) ? 1 : 0;
           line += status_of(alignment);
-          if (alignment.probability) line += " " + percent_text(*alignment.probability);
+          if (alignment.probability) line += " " + probability_text(*alignment.probability);
         } else {
           line += "failed: " + found.error;
         }

@@ -9,7 +9,7 @@ namespace cairn::cli {
 
 Run add_atlas(CLI::App& program) {
   CLI::App* const atlas = program.add_subcommand(
-      "atlas", "Keep maps, the links between them and their history in one file");
+      "atlas", "Keep maps, their links and their history in one file or database");
   std::vector<Run> runs = {
       add_atlas_init(*atlas),     add_atlas_add(*atlas),    add_atlas_link(*atlas),
       add_atlas_optimize(*atlas), add_atlas_merge(*atlas),  add_atlas_show(*atlas),
@@ -18,7 +18,7 @@ Run add_atlas(CLI::App& program) {
       add_atlas_undo(*atlas),     add_atlas_diff(*atlas),   add_atlas_verify(*atlas),
       add_atlas_compact(*atlas),  add_atlas_salvage(*atlas)};
   atlas->footer(
-      "Example: two sessions become one map, and the atlas stays for the next\n"
+      "Example: merge two sessions; the atlas can take more later\n"
       "  cairn atlas init --atlas town.atlas\n"
       "  cairn atlas add monday.map tuesday.map --atlas town.atlas\n"
       "  cairn atlas link --atlas town.atlas\n"

@@ -11,7 +11,6 @@
 
 #include "cairn/atlas/state_difference.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -30,14 +29,13 @@ struct RemoveArguments : AtlasArguments {
   std::vector<std::string> maps;
 
   void add_to(CLI::App& command) {
-    command.add_option("maps", maps, "Maps: names, or # and an id")
+    command.add_option("maps", maps, "Maps to remove: names, or # and an id")
         ->required()
         ->take_all()
         ->type_name("NAME...");
     AtlasArguments::add_to(command);
     command.footer(
-        "Links and poses of the maps go with them; their history and bytes stay, for undo, until "
-        "compact.\n"
+        "Also removes their links and poses. Until compact drops the maps, undo restores them.\n"
         "Example: cairn atlas remove tuesday --atlas town.atlas");
   }
 
@@ -67,12 +65,12 @@ struct SplitArguments : AtlasArguments {
     command.add_option("map", map, "A map: its name, or # and its id")
         ->required()
         ->type_name("NAME");
-    add_number(command, "--keyframes", frames, "Of each part");
+    add_number(command, "--keyframes", frames, "Keyframes of each part");
     AtlasArguments::add_to(command);
     command.footer(
-        "Only landmarks all of whose observations are in one part are kept. Neighbours are linked "
-        "as they\n"
-        "lie in the map; its links to others go, and link finds those of the parts.\n"
+        "Keeps a landmark if one part has all its observations. Links neighbouring parts by their "
+        "poses in\n"
+        "the map. Removes the map's links; 'cairn atlas link' links the parts to other maps.\n"
         "Example: cairn atlas split monday --keyframes 20 --atlas town.atlas");
   }
 
@@ -103,10 +101,11 @@ struct UnlinkArguments : AtlasArguments {
   void add_to(CLI::App& command) {
     command.add_option("a", a, "A map: its name, or # and its id")->required()->type_name("A");
     command.add_option("b", b, "Another map")->required()->type_name("B");
-    add_text(command, "--reason", reason, "Why, for the log", "TEXT");
+    add_text(command, "--reason", reason, "Reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
     command.footer(
-        "The pair is not tried again. Poses change with the next optimize.\n"
+        "'cairn atlas link' does not try the pair again. The next 'cairn atlas optimize' updates "
+        "the poses.\n"
         "Example: cairn atlas unlink monday robot2 --reason \"two floors that look alike\" --atlas "
         "town.atlas");
   }
@@ -130,10 +129,10 @@ struct LogArguments : AtlasArguments {
   bool all = false;
 
   void add_to(CLI::App& command) {
-    command.add_flag("--all", all, "Each commit, where a command made several");
+    command.add_flag("--all", all, "List every commit of a command, not only one line per command");
     AtlasArguments::add_to(command);
     command.footer(
-        "A command that made several commits is one line. Times are UTC.\n"
+        "Times are UTC.\n"
         "Example: cairn atlas log --atlas town.atlas");
   }
 
@@ -178,12 +177,12 @@ struct UndoArguments : AtlasArguments {
 
   void add_to(CLI::App& command) {
     add_number(command, "--commit", which,
-               "Undo the command that this commit belongs to; else the last that is not undone");
+               "Undo the command of this commit (default: the last command that is not undone)");
     AtlasArguments::add_to(command);
     command.footer(
-        "All that one command did is undone, in a new commit: nothing is lost, and undo --commit "
-        "with that\n"
-        "commit does it again. What later commands build on must be undone first.\n"
+        "Reverts all commits of one command in a new commit N; 'cairn atlas undo --commit N' "
+        "restores them.\n"
+        "Undo later commands that build on the command first.\n"
         "Example: cairn atlas undo --atlas town.atlas");
   }
 
@@ -207,42 +206,38 @@ struct DiffArguments : AtlasArguments {
   ChangeOptions changes;
 
   void add_to(CLI::App& command) {
-    command.add_option("before", first, "A commit; with --world a session or a map")
+    command.add_option("before", first, "First commit; with --world: first session or map")
         ->required()
         ->type_name("COMMIT");
     command
         .add_option("after", second,
-                    "Another commit, the last if not given; with --world the other")
+                    "Second commit (default: the last); with --world: second session or map")
         ->type_name("COMMIT");
     command.add_flag("--world", world,
-                     "What the two sessions or maps show differently: things that appeared, "
-                     "vanished or moved");
+                     "List things that appeared, vanished or moved between two sessions or maps");
     add_number(command, "--min-size", changes.min_size,
-               "With --world: longest side of a thing, at least, in the map's unit");
+               "With --world: least size of a thing, along its longest side, in the map's unit");
     add_number(command, "--min-confidence", changes.min_confidence,
-               "With --world: from which confidence a thing is reported, between 0 and 1");
+               "With --world: least confidence of a reported thing, above 0 and below 1");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
-        "A session is all maps that were added under it. Both must be placed in one frame.\n"
-        "Example: what changed since commit 12; what is elsewhere on Tuesday\n"
+        "Both sessions or maps must be placed in one frame.\n"
+        "Example: list what changed since commit 12, and what moved between two sessions\n"
         "  cairn atlas diff 12 --atlas town.atlas\n"
         "  cairn atlas diff --world monday tuesday --atlas town.atlas");
   }
 
   // The maps of a session of that name, else the map.
   std::vector<NodeId> side(const AtlasState& state, const std::string& name) const {
-    std::vector<NodeId> nodes;
-    for (const auto& [id, node] : state.nodes) {
-      if (node.session == name && state.poses.contains(id)) nodes.push_back(id);
-    }
+    std::vector<NodeId> nodes = placed_of_session(state, name);
     if (nodes.empty()) nodes.push_back(node_named(state, name, *this).id);
     return nodes;
   }
 
   int compare_worlds() {
     if (second.empty()) {
-      throw Error(ErrorKind::kMisuse, "--world", "one session or map", "two of them");
+      throw Error(ErrorKind::kMisuse, "--world", "one session or map", "two sessions or maps");
     }
     changes.seed = common.seed;
     with_option_names({{"ChangeOptions.min_size", "--min-size"},
@@ -264,14 +259,14 @@ struct DiffArguments : AtlasArguments {
     write_document(json, common);
     const Console console = common.console();
     if (result.comparable_first + result.comparable_second == 0) {
-      console.print("nothing to compare: no keyframe of one saw what the other holds\n");
+      console.print("no comparable landmarks: no keyframe of one observed the area of the other\n");
     } else {
       console.print(fmt::format(
-          "{} and {} landmarks should be in the other, {} of them are; in the frame of {}\n",
+          "{} and {} landmarks are comparable, {} % of them were found again; in the frame of {}\n",
           with_commas(result.comparable_first), with_commas(result.comparable_second),
-          percent(result.repeated), state.nodes.at(frame).name));
+          fixed(100.0 * result.repeated, 1), state.nodes.at(frame).name));
       const std::string text = changes_text(result, state.nodes.at(frame).length_unit);
-      console.print(text.empty() ? "no thing appeared, vanished or moved\n" : text);
+      console.print(text.empty() ? "no changes found\n" : text);
     }
     return kDone;
   }
@@ -362,30 +357,30 @@ struct VerifyArguments : AtlasArguments {
                               fixed(1e-6 * static_cast<double>(result.map_bytes), 1), result.links,
                               result.poses, result.problems.empty() ? "sound" : "damaged"));
     if (result.problems.empty()) return kDone;
-    console.print("'cairn atlas salvage' takes what is sound into a new atlas\n");
+    console.print("'cairn atlas salvage' copies the undamaged data to a new atlas\n");
     return kBadInput;
   }
 };
 
 struct CompactArguments : AtlasArguments {
-  std::uint64_t keep = 100;
+  std::uint64_t keep = kKeptCommits;
   bool yes = false;
 
   void add_to(CLI::App& command) {
-    add_number(command, "--keep", keep, "How many of the last commits are kept");
-    command.add_flag("--yes", yes, "Do it; without, it is only said what would be dropped");
+    add_number(command, "--keep", keep, "Number of commits to keep, the latest ones");
+    command.add_flag("--yes", yes, "Drop the data; without --yes, only list it");
     AtlasArguments::add_to(command);
     command.footer(
-        "Commits before the last N become one, and what none of the last N needs is dropped: it "
+        "Joins the commits before the last N into one and drops data that only they need. This "
         "cannot be\n"
         "undone. The file becomes smaller.\n"
         "Example: cairn atlas compact --keep 20 --yes --atlas town.atlas");
   }
 
   int run() {
-    if (keep < 1) throw Error(ErrorKind::kMisuse, "--keep", "0", "at least 1");
     Atlas atlas = open();
-    const AtlasCompaction result = atlas.store().compact(keep, !yes);
+    AtlasCompaction result;
+    with_option_names({{"keep", "--keep"}}, [&] { result = atlas.store().compact(keep, !yes); });
     Json json = head("compact", {{"keep", keep}, {"yes", yes}});
     json["done"] = yes;
     json["commits"] = result.commits;
@@ -399,7 +394,7 @@ struct CompactArguments : AtlasArguments {
                                        yes ? "dropped" : "would drop", result.commits, result.links,
                                        result.poses, result.maps,
                                        fixed(1e-6 * static_cast<double>(result.map_bytes), 1)));
-    if (!yes) common.console().print("nothing was changed; --yes does it\n");
+    if (!yes) common.console().print("no data was dropped; add --yes to drop it\n");
     return kDone;
   }
 };
@@ -408,12 +403,12 @@ struct SalvageArguments : AtlasArguments {
   std::string output;
 
   void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output, "The new atlas. Required", "FILE");
+    add_text(command, "-o,--output", output, "Atlas to write. Required", "FILE");
     AtlasArguments::add_to(command);
     command.footer(
-        "Takes the maps, links and poses that are sound, as they were last, into a new atlas. The "
-        "history\n"
-        "is not kept. The damaged atlas is not changed.\n"
+        "Copies undamaged maps, links and poses of the last commit to a new atlas, without the "
+        "history.\n"
+        "The damaged atlas is not changed.\n"
         "Example: cairn atlas salvage --atlas town.atlas -o saved.atlas");
   }
 
@@ -421,11 +416,7 @@ struct SalvageArguments : AtlasArguments {
     if (output.empty())
       throw Error(ErrorKind::kMisuse, "--output", "not given", "a name for the new atlas");
     require_outputs(common);
-    if (is_postgres_url(location)) {
-      throw Error(ErrorKind::kMisuse, "--atlas", shown(),
-                  "the path of a file: a database is mended by the tools of its server");
-    }
-    const AtlasSalvage result = salvage_sqlite_store(location, output, store_options(false));
+    const AtlasSalvage result = salvage_store(location, output, store_options(false));
     Json json = head("salvage");
     json["output"] = output;
     json["maps"] = result.maps;
@@ -444,42 +435,42 @@ struct SalvageArguments : AtlasArguments {
 }  // namespace
 
 Run add_atlas_remove(CLI::App& atlas) {
-  return add_atlas_verb<RemoveArguments>(atlas, "remove", "Take maps out of it");
+  return add_atlas_verb<RemoveArguments>(atlas, "remove", "Remove maps");
 }
 
 Run add_atlas_split(CLI::App& atlas) {
-  return add_atlas_verb<SplitArguments>(atlas, "split", "Make several maps of one");
+  return add_atlas_verb<SplitArguments>(atlas, "split", "Split a map into several maps");
 }
 
 Run add_atlas_unlink(CLI::App& atlas) {
-  return add_atlas_verb<UnlinkArguments>(atlas, "unlink", "State that two maps are not linked");
+  return add_atlas_verb<UnlinkArguments>(atlas, "unlink", "Remove the link between two maps");
 }
 
 Run add_atlas_log(CLI::App& atlas) {
-  return add_atlas_verb<LogArguments>(atlas, "log", "List its commits, the last first");
+  return add_atlas_verb<LogArguments>(atlas, "log", "List the commits, latest first");
 }
 
 Run add_atlas_undo(CLI::App& atlas) {
-  return add_atlas_verb<UndoArguments>(atlas, "undo", "Take back what a command did");
+  return add_atlas_verb<UndoArguments>(atlas, "undo", "Undo a command");
 }
 
 Run add_atlas_diff(CLI::App& atlas) {
-  return add_atlas_verb<DiffArguments>(atlas, "diff", "What changed between two commits");
+  return add_atlas_verb<DiffArguments>(atlas, "diff", "Compare two commits, sessions or maps");
 }
 
 Run add_atlas_verify(CLI::App& atlas) {
-  return add_atlas_verb<VerifyArguments>(atlas, "verify", "Read all of it and check it",
-                                         "Exit code 3: it is damaged.\n"
+  return add_atlas_verb<VerifyArguments>(atlas, "verify", "Check all data",
+                                         "The exit code is 3 if the atlas is damaged.\n"
                                          "Example: cairn atlas verify --atlas town.atlas");
 }
 
 Run add_atlas_compact(CLI::App& atlas) {
-  return add_atlas_verb<CompactArguments>(atlas, "compact", "Drop what only old commits need");
+  return add_atlas_verb<CompactArguments>(atlas, "compact", "Drop data that only old commits need");
 }
 
 Run add_atlas_salvage(CLI::App& atlas) {
-  return add_atlas_verb<SalvageArguments>(atlas, "salvage",
-                                          "Take what is sound in a damaged atlas into a new one");
+  return add_atlas_verb<SalvageArguments>(
+      atlas, "salvage", "Copy the undamaged data of a damaged atlas to a new one");
 }
 
 }  // namespace cairn::cli

@@ -12,6 +12,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "atlas_verbs.hpp"
 #include "support/adjustment.hpp"
@@ -32,7 +33,7 @@ std::string counted(std::size_t count, const std::string& noun) {
 struct InitArguments : AtlasArguments {
   int run() {
     Atlas::create(location, store_options(false));
-    common.console().print(fmt::format("made {}\n", shown()));
+    common.console().print(fmt::format("created {}\n", shown()));
     return kDone;
   }
 };
@@ -44,20 +45,20 @@ struct AddArguments : AtlasArguments {
 
   void add_to(CLI::App& command) {
     command
-        .add_option("maps", paths,
-                    "Maps: " + all_formats().titles_text() +
-                        "; or folders, whose .map and .cairn files are taken by name")
+        .add_option(
+            "maps", paths,
+            "Maps: " + all_formats().titles_text() + "; or folders of .map and .cairn files")
         ->required()
         ->take_all()
         ->type_name("MAP...");
-    add_text(command, "--name", name, "What to call a single map; else its file's name", "NAME");
-    add_text(command, "--session", session,
-             "The run that the maps are of; of a folder's maps else the folder's name", "NAME");
+    add_text(command, "--name", name,
+             "Name of the map, if a single one is added (default: the file's name)", "NAME");
+    add_text(command, "--session", session, "Session of the maps (default: for a folder, its name)",
+             "NAME");
     AtlasArguments::add_to(command);
     command.footer(
-        "A map that the atlas holds already is not added again. The file can be deleted "
-        "afterwards.\n"
-        "Example: a session, and the mini-maps of a robot\n"
+        "The atlas keeps a copy of each map. A map that it already holds is not added again.\n"
+        "Example: add a map, and a folder of mini-maps\n"
         "  cairn atlas add monday.map robot2/ --atlas town.atlas");
   }
 
@@ -97,7 +98,7 @@ struct AddArguments : AtlasArguments {
       const Atlas::Added added = atlas.add(loaded.map, names[i], sessions[i]);
       ids.push_back(added.node);
       if (added.was_there) {
-        console.print(fmt::format("{} is there already, as {}\n", files[i],
+        console.print(fmt::format("{} is in the atlas already, as {}\n", files[i],
                                   atlas.state().nodes.at(added.node).name));
       } else {
         console.print(fmt::format("added {}: {}, {}\n", names[i],
@@ -155,40 +156,42 @@ struct LinkArguments : AtlasArguments {
 
   void add_to(CLI::App& command) {
     add_number(command, "--min-probability", options.links.min_probability,
-               "Probability from which two maps are aligned, 0.5 to below 1");
+               "Least probability of an aligned pair, at least 0.5 and below 1");
     add_number(command, "--prior-odds", options.links.prior_odds,
-               "Odds, before anything is looked at, that two of the maps show one place");
+               "Odds that two of the maps show the same place, before any evidence");
     add_number(command, "--effort", options.links.effort,
-               "Of the search: work in units of the default's, 1/16 to 64");
+               "Work of the search, as a multiple of the default's, 1/16 to 64");
     add_number(command, "--min-observations", options.links.points.min_observations,
-               "Align by landmarks observed at least so often");
-    command.add_option("--only", only, "Only pairs of which one is among these maps")
+               "Align with landmarks of at least this many observations");
+    command.add_option("--only", only, "Try only pairs with one of these maps")
         ->type_name("NAME...")
         ->take_all();
-    command.add_flag("--retry", options.retry, "Try pairs again that were tried and not aligned");
-    add_number(
-        command, "--candidates", candidates,
-        fmt::format("With how many of the other maps each map is tried, the likeliest; 0: all. "
-                    "By default all up to {} maps, else {}",
-                    kMapsTriedInFull, kDefaultCandidates));
-    add_text(command, "--shard", shard, "Of several processes: part I of N of the pairs", "I/N");
-    command.add_option("--manual", manual, "State a link yourself: target and source")
+    command.add_flag("--retry", options.retry,
+                     "Also try pairs that were tried before and not aligned");
+    add_number(command, "--candidates", candidates,
+               fmt::format("Number of other maps to try each map with, the likeliest; 0: all "
+                           "(default: all for up to {} maps, else {})",
+                           kMapsTriedInFull, kDefaultCandidates));
+    add_text(command, "--shard", shard, "Try only part I of N of the pairs, for several processes",
+             "I/N");
+    command.add_option("--manual", manual, "Add a link with a known pose instead of aligning")
         ->type_name("TARGET SOURCE")
         ->expected(2);
-    add_text(command, "--pose", pose,
-             "With --manual: 16 numbers, row-major, target_from_source; or of cairn align --json",
-             "FILE");
+    add_text(
+        command, "--pose", pose,
+        "With --manual: target_from_source, 16 numbers, row-major, or the JSON of an alignment",
+        "FILE");
     add_number(command, "--sigma-m", sigma_m,
-               "With --manual: deviation of its translation, metres");
+               "With --manual: standard deviation of the translation, metres");
     add_number(command, "--sigma-deg", sigma_deg,
-               "With --manual: deviation of its rotation, degrees");
-    add_text(command, "--reason", reason, "With --manual: why, for the log", "TEXT");
+               "With --manual: standard deviation of the rotation, degrees");
+    add_text(command, "--reason", reason, "With --manual: reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
     command.footer(
-        "Pairs that were tried are not tried again, whatever came of it: the verb goes on where "
-        "it\n"
-        "was stopped or killed.\n"
-        "Example: link what was added since, and state one link by hand\n"
+        "Each pair is tried once, whatever the result. After an interruption, the verb continues "
+        "with the\n"
+        "remaining pairs.\n"
+        "Example: link new maps, and add one link with a known pose\n"
         "  cairn atlas link --atlas town.atlas\n"
         "  cairn atlas link --manual monday robot2 --pose pose.txt --atlas town.atlas");
   }
@@ -218,7 +221,7 @@ struct LinkArguments : AtlasArguments {
     json["commit"] = now.commit.value;
     json["links"] = Json::array({to_json(now.links.at(id), now)});
     write_document(json, common);
-    common.console().print(fmt::format("{} <- {} by hand\n", target.name, source.name));
+    common.console().print(fmt::format("{} <- {} added by hand\n", target.name, source.name));
     return kDone;
   }
 
@@ -250,7 +253,7 @@ struct LinkArguments : AtlasArguments {
       if (!link.is_aligned()) return;
       console.print(fmt::format("{} <- {} {}\n", state.nodes.at(link.target).name,
                                 state.nodes.at(link.source).name,
-                                percent(link.probability.value_or(0.0))));
+                                probability_text(link.probability.value_or(0.0))));
     };
     const AtlasLinkResult result = atlas.link(options);
     Json json = head("link", {{"min_probability", options.links.min_probability},
@@ -269,7 +272,8 @@ struct LinkArguments : AtlasArguments {
     std::string text =
         fmt::format("{} tried, {} aligned", counted(result.tried, "pair"), result.aligned);
     if (result.tried_before > 0) text += fmt::format("; {} tried before", result.tried_before);
-    if (result.not_likely > 0) text += fmt::format("; {} not likely", result.not_likely);
+    if (result.not_likely > 0)
+      text += fmt::format("; {} unlikely and not tried", result.not_likely);
     console.print(text + "\n");
     return kDone;
   }
@@ -314,21 +318,19 @@ struct MergeAtlasArguments : AtlasArguments {
   AtlasMergeOptions options;
 
   void add_to(CLI::App& command) {
-    add_text(
-        command, "-o,--output", output,
-        "Map to write; its ending names the format: " + all_formats().endings_text() + ". Required",
-        "FILE");
+    add_text(command, "-o,--output", output,
+             "Map to write; its ending selects the format: " + all_formats().endings_text() +
+                 ". Required",
+             "FILE");
     add_text(command, "--with", frame,
-             "Merge the maps that are in one frame with this one; "
-             "else the largest group",
-             "NAME");
+             "Merge the maps in the frame of this one (default: the largest group)", "NAME");
     add_adjustment_to(command, options.placed);
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
-        "Landmarks that are one are fused, as by cairn merge. Maps without a pose, or in another "
-        "frame,\n"
-        "are named and left out; the exit code is then 4.\n"
+        "Fuses landmarks as cairn merge does. Names and leaves out maps without a pose or in "
+        "another frame;\n"
+        "the exit code is then 4.\n"
         "Example: cairn atlas merge --atlas town.atlas -o town.map");
   }
 
@@ -392,30 +394,30 @@ struct MergeAtlasArguments : AtlasArguments {
 }  // namespace
 
 Run add_atlas_init(CLI::App& atlas) {
-  return add_atlas_verb<InitArguments>(atlas, "init", "Make an atlas without maps",
+  return add_atlas_verb<InitArguments>(atlas, "init", "Create an empty atlas",
                                        "Example: cairn atlas init --atlas town.atlas");
 }
 
 Run add_atlas_add(CLI::App& atlas) {
-  return add_atlas_verb<AddArguments>(atlas, "add", "Put maps into it");
+  return add_atlas_verb<AddArguments>(atlas, "add", "Add maps");
 }
 
 Run add_atlas_link(CLI::App& atlas) {
   return add_atlas_verb<LinkArguments>(atlas, "link",
-                                       "Align pairs of maps that were not tried yet");
+                                       "Align the pairs of maps that were not tried yet");
 }
 
 Run add_atlas_optimize(CLI::App& atlas) {
-  return add_atlas_verb<OptimizeArguments>(
-      atlas, "optimize", "Give maps poses that agree with the links",
-      "Each group of linked maps is in the frame of the first that was "
-      "added. Links that the others\n"
-      "contradict are named and not used.\n"
-      "Example: cairn atlas optimize --atlas town.atlas");
+  return add_atlas_verb<OptimizeArguments>(atlas, "optimize",
+                                           "Compute the maps' poses from the links",
+                                           "The frame of each group of linked maps is that of its "
+                                           "first map. Links that other links contradict\n"
+                                           "are named and not used.\n"
+                                           "Example: cairn atlas optimize --atlas town.atlas");
 }
 
 Run add_atlas_merge(CLI::App& atlas) {
-  return add_atlas_verb<MergeAtlasArguments>(atlas, "merge", "Write the placed maps as one map");
+  return add_atlas_verb<MergeAtlasArguments>(atlas, "merge", "Merge the placed maps into one map");
 }
 
 }  // namespace cairn::cli

@@ -13,10 +13,7 @@
 #include "cairn/atlas/route.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/map/io/map_file.hpp"
-#include "cairn/pose_graph/g2o.hpp"
-#include "cairn/pose_graph/graph_json.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "atlas_verbs.hpp"
 #include "support/arguments.hpp"
@@ -46,9 +43,8 @@ struct ShowArguments : AtlasArguments {
   bool all = false;
 
   void add_to(CLI::App& command) {
-    command.add_flag("--all", all, "Also pairs that were tried and not aligned");
-    common.add_report_to(command,
-                         "graph and matrix of the maps and links, all of it in 3D, the log");
+    command.add_flag("--all", all, "Also list pairs that were tried and not aligned");
+    common.add_report_to(command, "maps and links as a graph, a matrix and in 3D, and the log");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer("Example: cairn atlas show --atlas town.atlas --report town.html");
@@ -97,7 +93,7 @@ struct ShowArguments : AtlasArguments {
       if (!all && !link.is_aligned()) continue;
       table.add_row(
           {fmt::format("{} <- {}", name_of(state, link.target), name_of(state, link.source)),
-           link.probability ? percent(*link.probability) : "-", status_of(link, state),
+           link.probability ? probability_text(*link.probability) : "-", status_of(link, state),
            std::string(cairn::to_string(link.kind))});
     }
     const Console console = common.console();
@@ -141,15 +137,15 @@ struct PathArguments : AtlasArguments {
     command.add_option("target", target, "A map: its name, or # and its id")
         ->required()
         ->type_name("A");
-    command.add_option("source", source, "Another map")->required()->type_name("B");
+    command.add_option("source", source, "Second map")->required()->type_name("B");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
-        "Prints the chain of links between two maps whose transform is the most certain, the "
-        "transform\n"
-        "along it, which takes points of B to A, and its standard deviation; and the transform "
-        "between\n"
-        "their optimised poses. Exit code 4: no chain of links connects them.\n"
+        "Prints the most certain chain of links between two maps, the transform A_from_B along it "
+        "with its\n"
+        "standard deviation, and the transform between the optimised poses. The exit code is 4 if "
+        "no chain\n"
+        "connects the maps.\n"
         "Example: cairn atlas path monday robot2 --atlas town.atlas");
   }
 
@@ -196,13 +192,6 @@ struct PathArguments : AtlasArguments {
   }
 };
 
-// A name of a map as that of a file.
-std::string file_name_of(const std::string& name) {
-  std::string text;
-  for (const char c : name) text += c == '/' || c == '\0' ? '_' : c;
-  return text == "." || text == ".." || text.empty() ? "_" + text : text;
-}
-
 struct ExportArguments : AtlasArguments {
   std::string output;
   std::string map;
@@ -210,113 +199,44 @@ struct ExportArguments : AtlasArguments {
 
   void add_to(CLI::App& command) {
     add_text(command, "-o,--output", output,
-             ".g2o or .json: the graph of links and poses; .tum: the keyframes of the placed maps; "
-             ".ply: their landmarks, side by side; .mcap: the placed maps and their links, for "
-             "Foxglove, "
-             "Lichtblick and rerun; a folder: every map as .cairn, and the graph. Required",
+             "File or folder to write. .g2o, .json: graph of links and poses; .tum: keyframes of "
+             "the placed maps; .ply: their landmarks, not fused; .mcap: placed maps and links, for "
+             "Foxglove, Lichtblick and rerun; folder: every map as .cairn, and the graph. Required",
              "FILE");
-    add_text(command, "--map", map, "This map alone, in its own frame, in any map format", "NAME");
+    add_text(command, "--map", map, "Write only this map, in its own frame and any map format",
+             "NAME");
     add_text(command, "--with", with,
-             "Of .tum, .ply and .mcap: the maps in one frame with this one; else the largest group",
+             "For .tum, .ply and .mcap: write the maps in the frame of this one (default: the "
+             "largest group)",
              "NAME");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
-        "Example: the graph for another optimiser, the keyframes to evaluate\n"
+        "Example: write the graph for another optimiser, and the keyframes for an evaluation\n"
         "  cairn atlas export --atlas town.atlas -o town.g2o\n"
         "  cairn atlas export --atlas town.atlas -o town.tum\n"
-        "Example: maps and links in Foxglove\n"
+        "Example: write maps and links for Foxglove\n"
         "  cairn atlas export --atlas town.atlas -o town.mcap");
-  }
-
-  AtlasComponent component(const AtlasState& state) const {
-    const std::vector<AtlasComponent> components = components_of(state);
-    if (!with.empty()) {
-      const AtlasNode& node = node_named(state, with, *this);
-      const auto pose = state.poses.find(node.id);
-      for (const AtlasComponent& one : components) {
-        if (pose != state.poses.end() && pose->second.frame == one.frame) return one;
-      }
-      throw Error(ErrorKind::kMisuse, "--with", fmt::format("{} has no pose", node.name),
-                  "a map that 'cairn atlas optimize' placed");
-    }
-    if (components.empty()) {
-      throw Error(ErrorKind::kMisuse, shown(), "no two maps are in one frame",
-                  "maps that 'cairn atlas link' linked and 'cairn atlas optimize' placed");
-    }
-    return components.front();
-  }
-
-  void write_graph(const AtlasState& state, const std::string& path, bool as_g2o) const {
-    PoseGraph graph = pose_graph(state);
-    if (!as_g2o) {
-      write_text(pose_graph_text(graph), path);
-      return;
-    }
-    const std::size_t before = graph.links.size();
-    std::erase_if(graph.links, [](const PoseLink& link) { return !link.covariance; });
-    if (graph.links.size() < before) {
-      common.console().remark(
-          fmt::format("{}: {} links without a covariance of six numbers are left out", path,
-                      before - graph.links.size()));
-    }
-    const G2oGraph g2o = g2o_graph(graph);
-    write_file(path, [&](const ByteSink& sink) { write_g2o(g2o, sink); });
-  }
-
-  void write_folder(Atlas& atlas, const AtlasState& state) const {
-    std::error_code failure;
-    fs::create_directories(output, failure);
-    if (failure) throw Error(ErrorKind::kStorage, output, failure.message(), "a folder");
-    for (const auto& [id, node] : state.nodes) {
-      write_map(atlas.map(node), fs::path(output) / (file_name_of(node.name) + ".cairn"));
-    }
-    write_graph(state, (fs::path(output) / "graph.json").string(), false);
-  }
-
-  void write_recording(Atlas& atlas, const AtlasState& state) const {
-    const AtlasComponent shown_maps = component(state);
-    write_file(output, [&](const ByteSink& sink) { write_mcap(atlas, state, shown_maps, sink); });
-    const std::size_t others = state.nodes.size() - shown_maps.nodes.size();
-    if (others > 0) {
-      common.console().remark(fmt::format("{}: {} of {} maps are in no frame with {}; left out",
-                                          output, others, state.nodes.size(),
-                                          name_of(state, shown_maps.frame)));
-    }
   }
 
   int run() {
     if (output.empty()) {
       throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of a file or folder");
     }
-    const std::string ending = fs::path(output).extension().string();
-    const bool is_folder = output.ends_with('/') || fs::is_directory(output) || ending.empty();
     if (!map.empty()) {
       require_map_path(output, "--output");
-    } else if (!is_folder && ending != ".g2o" && ending != ".json" && ending != ".tum" &&
-               ending != ".ply" && ending != ".mcap") {
-      throw Error(ErrorKind::kMisuse, "--output", output,
-                  ".g2o, .json, .tum, .ply, .mcap, or a folder");
+    } else if (export_of(output) != AtlasExport::kFolder) {
+      require_folder_of(output);
     }
-    if (!is_folder) require_folder_of(output);
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
     if (!map.empty()) {
       save_map(atlas.map(node_named(state, map, *this)), output, common);
-    } else if (is_folder) {
-      write_folder(atlas, state);
-    } else if (ending == ".tum") {
-      const Trajectory trajectory = keyframes_of(atlas, state, component(state));
-      if (trajectory.empty()) {
-        throw Error(ErrorKind::kInput, shown(), "no keyframe has a time", "maps with timestamps");
-      }
-      write_file(output, [&](const ByteSink& sink) { write_tum_trajectory(trajectory, sink); });
-    } else if (ending == ".ply") {
-      save_map(cloud_of(atlas, state, component(state)), output, common);
-    } else if (ending == ".mcap") {
-      write_recording(atlas, state);
     } else {
-      write_graph(state, output, ending == ".g2o");
+      AtlasExportOptions options;
+      if (!with.empty()) options.frame = node_named(state, with, *this).id;
+      options.log = common.console().log();
+      export_atlas(atlas, state, output, options);
     }
     Json json = head("export");
     json["commit"] = state.commit.value;
@@ -330,17 +250,17 @@ struct ExportArguments : AtlasArguments {
 }  // namespace
 
 Run add_atlas_show(CLI::App& atlas) {
-  return add_atlas_verb<ShowArguments>(atlas, "show", "List its maps and links");
+  return add_atlas_verb<ShowArguments>(atlas, "show", "List maps and links");
 }
 
 Run add_atlas_path(CLI::App& atlas) {
-  return add_atlas_verb<PathArguments>(atlas, "path",
-                                       "How one map lies to another, over which links");
+  return add_atlas_verb<PathArguments>(
+      atlas, "path", "Print the transform between two maps and its chain of links");
 }
 
 Run add_atlas_export(CLI::App& atlas) {
   return add_atlas_verb<ExportArguments>(atlas, "export",
-                                         "Write its graph, keyframes, landmarks or maps");
+                                         "Write the graph, keyframes, landmarks or maps to files");
 }
 
 }  // namespace cairn::cli

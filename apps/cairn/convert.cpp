@@ -50,6 +50,7 @@ struct ConvertArguments {
   std::optional<int> format_version;
   bool ascii = false;
   bool double_precision = false;
+  bool enu = false;
   bool estimate_covariances = false;
   std::optional<double> pixel_noise;
   std::string apply;
@@ -80,7 +81,7 @@ FrameRange parse_frames(const std::string& text) {
       colon == std::string::npos ? std::nullopt : parse_unsigned(text.substr(colon + 1));
   if (!begin || !end || *begin >= *end) {
     throw Error(ErrorKind::kMisuse, "--frames", printable(text),
-                "A:B, two frame ids, of which frames from A to below B are kept");
+                "A:B, two frame ids with A below B");
   }
   return {FrameId{*begin}, FrameId{*end}};
 }
@@ -88,65 +89,65 @@ FrameRange parse_frames(const std::string& text) {
 void ConvertArguments::add_to(CLI::App& command) {
   add_text(command, "input", input,
            "Map to read: " + all_formats().titles_text() +
-               "; - for stdin; or a trajectory of TUM, EuRoC or KITTI")
+               "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format")
       ->required();
   add_text(command, "output", output,
-           "Map to write; its ending names the format: " + all_formats().endings_text() +
-               "; - for stdout, which takes --format")
+           "Map to write; its ending selects the format: " + all_formats().endings_text() +
+               "; - for stdout, with --format")
       ->required();
   add_text(command, "--format", format,
-           "Format to write, whatever the output's ending: " + all_formats().written_names_text() +
-               "; of a trajectory tum (the default), euroc (.csv) or kitti",
+           "Output format, whatever the output's ending: " + all_formats().written_names_text() +
+               "; for a trajectory: tum (default), euroc (.csv) or kitti",
            "FORMAT");
-  add_text(
-      command, "--frames", frames,
-      "Cut a mini-map: keep frames with ids from A to below B, and only landmarks all of whose "
-      "observations lie in them",
-      "A:B");
+  add_text(command, "--frames", frames,
+           "Cut out a mini-map: keep frames with ids from A to below B, and landmarks observed "
+           "only in these frames",
+           "A:B");
   add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks observed less often, after cutting");
-  transform.add_to(command, "transform", "Move the map, new_from_old");
+             "Leave out landmarks with fewer observations, after --frames");
+  transform.add_to(command, "transform", "Transform the map by new_from_old");
   add_text(
       command, "--apply", apply,
-      "Move what belongs to an aligned map by the alignment: a result of cairn align --json, or 16 "
-      "numbers, row-major. A PLY cloud or mesh keeps all else as it is; a trajectory stays "
-      "one; "
-      "maps in any format move whole, with their scale",
+      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major. The "
+      "input is a map, a trajectory, or a PLY cloud or mesh, whose other properties are kept",
       "FILE");
+  command.add_flag(
+      "--enu", enu,
+      "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
   add_text(command, "--confidence", confidence,
-           "Add confidences as columns named confidence_METRIC: " + confidence_help(),
-           "METRIC,...");
+           "Add a column confidence_METRIC for each metric: " + confidence_help(), "METRIC,...");
   add_text(command, "--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
            "CAMERA");
 #ifdef CAIRN_HAS_ADJUSTMENT
   auto* const estimate = command.add_flag(
       "--estimate-covariances", estimate_covariances,
-      "Covariances of landmarks from their observations, with the first frame held where it is "
-      "(and, where no depths give the scale, the distance of the farthest frame); in place of "
-      "those that the map has");
+      "Replace the landmarks' covariances by estimates from their observations, with the first "
+      "frame fixed; without depths, the distance to the farthest frame is fixed too");
   add_number(command, "--pixel-noise", pixel_noise,
-             "For that: standard deviation of an observed pixel (default: as the residuals tell)")
+             "With --estimate-covariances: standard deviation of an observation, in pixels "
+             "(default: from the residuals)")
       ->needs(estimate);
 #endif
   add_number(command, "--format-version", format_version,
-             "Version of the text format, 1 or 2 (default: 1 where nothing is lost)");
-  command.add_flag("--ascii", ascii, "PLY and PCD as text instead of binary");
+             "Version of the text format, 1 or 2 (default: 1 if it can hold the whole map)");
+  command.add_flag("--ascii", ascii, "Write PLY and PCD as text instead of binary");
   command.add_flag("--double", double_precision,
-                   "PCD: positions in double precision, which PCL's point types do not take");
+                   "PCD: write positions in double precision, which PCL's point types cannot read");
   loading.add_to(command);
   command.add_flag("--strict", loading.strict,
-                   "An error, exit code 3, where a remark would say that something is left out");
+                   "Fail with exit code 3 if Cairn's maps or the output's format cannot hold "
+                   "something of the input");
   common.add_to(command);
   command.footer(
-      "Example: cut a long map into two mini-maps, and look at one in any PLY viewer\n"
+      "Example: cut a long map into two mini-maps, and write one for a PLY viewer\n"
       "  cairn convert desk.map first.map --frames 0:120\n"
       "  cairn convert desk.map second.map --frames 120:240\n"
       "  cairn convert first.map first.ply --confidence covariance,observations\n"
-      "Example: the pose graph of an RTAB-Map database\n"
+      "Example: write the pose graph of an RTAB-Map database\n"
       "  cairn convert rtabmap.db graph.g2o\n"
-      "Example: a map in Foxglove, Lichtblick or rerun\n"
+      "Example: write a map for Foxglove, Lichtblick or rerun\n"
       "  cairn convert desk.map desk.mcap\n"
-      "Example: move a dense cloud as its map was aligned\n"
+      "Example: transform a dense cloud by the alignment of its map\n"
       "  cairn align sparse/0 other/sparse/0 --scale --json result.json\n"
       "  cairn convert dense/fused.ply moved.ply --apply result.json");
 }
@@ -291,7 +292,11 @@ bool ConvertArguments::write_graph(std::string_view first) const {
 int ConvertArguments::run() {
   loading.validate();
   if (!apply.empty() && transform.given()) {
-    throw Error(ErrorKind::kMisuse, "--apply", "stands beside --transform", "one of them");
+    throw Error(ErrorKind::kMisuse, "--apply", "given with --transform", "one of them");
+  }
+  if (enu && (!apply.empty() || transform.given())) {
+    throw Error(ErrorKind::kMisuse, "--enu", "given with another transform of the map",
+                "one of them");
   }
   const std::string first = beginning();
   refuse_atlas(first);
@@ -313,8 +318,8 @@ int ConvertArguments::run() {
   LandmarkMap map = loaded.map;
   if (given_camera) map = with_camera(map, *given_camera);
   if (range && !map.has_observations()) {
-    throw Error(ErrorKind::kInput, input, "does not know its observations",
-                "a map that does, for --frames");
+    throw Error(ErrorKind::kInput, input, "has no observations",
+                "a map with observations, for --frames");
   }
   if (range) {
     with_option_names({{"frames", "--frames"}},
@@ -322,6 +327,12 @@ int ConvertArguments::run() {
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   if (new_from_old) map = transformed(map, *new_from_old);
+  if (enu) {
+    if (!map.info().georeference) {
+      throw Error(ErrorKind::kInput, input, "has no georeference", "a map that has, for --enu");
+    }
+    map = in_enu_frame(map);
+  }
   Json covariances = nullptr;
 #ifdef CAIRN_HAS_ADJUSTMENT
   if (estimate_covariances) map = with_estimated_covariances(map, covariances);
@@ -340,11 +351,7 @@ int ConvertArguments::run() {
   options.native_version = format_version;
   options.ascii = ascii;
   options.double_precision = double_precision;
-  if (loading.strict) {
-    const bool loses_frames = !written.holds_frames && map.frame_count() > 0;
-    options.log = strict_log({}, true);
-    if (loses_frames) options.log(fmt::format("{} holds landmarks only", written.title));
-  }
+  options.log = strict_log(common.console().log(), loading.strict);
   save_map(map, output, common, options);
 
   const bool has_frames = written.holds_frames;
@@ -361,6 +368,7 @@ int ConvertArguments::run() {
                         {"apply", text_or_null(apply)},
                         {"convention", loading.convention},
                         {"strict", loading.strict},
+                        {"enu", enu},
                         {"estimate_covariances", estimate_covariances},
                         {"pixel_noise", to_json(pixel_noise)}});
   json["covariances"] = std::move(covariances);
@@ -383,7 +391,7 @@ int ConvertArguments::run() {
 Run add_convert(CLI::App& program) {
   auto arguments = std::make_shared<ConvertArguments>();
   arguments->add_to(*program.add_subcommand(
-      "convert", "Convert a map to another format; cut, filter or move it on the way"));
+      "convert", "Convert a map to another format; optionally cut, filter or transform it"));
   return [arguments] { return arguments->run(); };
 }
 

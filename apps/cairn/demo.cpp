@@ -53,30 +53,29 @@ struct DemoArguments {
 void DemoArguments::add_to(CLI::App& command) {
   common.seed = 1;
   if (kCanSimulate) {
-    auto* const flag =
-        command.add_flag("--synthetic", synthetic,
-                         "Align maps made of random landmarks, without images; takes a second");
-    add_number(command, "--frames", frames, "Frames a session, spread over one round of the desk")
+    auto* const flag = command.add_flag(
+        "--synthetic", synthetic, "Align maps of random landmarks, without images; takes a second");
+    add_number(command, "--frames", frames, "Frames per session, along one orbit of the desk")
         ->excludes(flag);
   } else {
-    command.add_flag("--synthetic", synthetic,
-                     "What this tool does anyway, being built without OpenCV, Ceres or Embree: "
-                     "align maps made of random landmarks");
+    command.add_flag(
+        "--synthetic", synthetic,
+        "Align maps of random landmarks; this build, without OpenCV, Ceres or Embree, always does");
   }
   add_text(command, "--displacement", displacement,
-           "How far from the true pose to start: \"x y z roll pitch yaw\", metres and degrees",
+           "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
+           "and degrees",
            "POSE")
       ->capture_default_str();
   add_text(command, "--save", save,
            kCanSimulate ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
-                          "trajectories (.tum) to FOLDER, to go on with"
-                        : "Write source.map, target.map, truth.txt and initial.txt to FOLDER, to "
-                          "go on with",
+                          "trajectories (.tum) to FOLDER"
+                        : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
            "FOLDER");
-  common.add_report_to(command, "the maps in 3D, iteration by iteration, and charts");
+  common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
   common.add_to(command);
   command.footer(
-      "Example: keep the maps and align them by hand\n"
+      "Example: save the maps and align them\n"
       "  cairn demo --save desk\n"
       "  cairn align desk/source.map desk/target.map\n"
       "  cairn align desk/source.map desk/target.map --initial-matrix desk/initial.txt \\\n"
@@ -97,7 +96,7 @@ void make_folder(const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) {
-    throw Error(ErrorKind::kStorage, "--save", folder + " cannot be made: " + error.message(),
+    throw Error(ErrorKind::kStorage, "--save", folder + " cannot be created: " + error.message(),
                 "a folder");
   }
 }
@@ -170,32 +169,31 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
       pose_error(options.initial, pair.target_from_source, pair.source.landmarks().positions);
   console.print(pair.story);
   const StrategyResult& searched = alignments.back();
-  console.print(fmt::format(
-      "Searched for the pose of the second session in the first, from nowhere, and judged it:\n\n"
-      "{}{}: {}\n",
-      status_of(searched.alignment),
-      searched.alignment.probability ? " (" + percent_text(*searched.alignment.probability) + ")"
-                                     : "",
-      searched.alignment.reason));
+  console.print(
+      fmt::format("Pose of the second session in the first, found without an initial pose:\n"
+                  "\n"
+                  "{}: {}\n",
+                  status_of(searched.alignment), searched.alignment.reason));
   if (searched.error) {
-    console.print(fmt::format("It is {:.2f} mm and {:.3f} degrees off the true pose.\n",
+    console.print(fmt::format("Its error is {:.2f} mm and {:.3f} degrees.\n",
                               1e3 * searched.error->translation,
                               degrees(searched.error->rotation_rad)));
   }
   console.print(
-      fmt::format("\nThe paper's ICP, which needs a start, {:.2f} m and {:.1f} degrees off, and is "
-                  "not judged:\n\n",
+      fmt::format("\n"
+                  "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
+                  "without a verdict:\n"
+                  "\n",
                   start.translation, degrees(start.rotation_rad)));
   const std::vector<StrategyResult> by_icp(alignments.begin(), alignments.end() - 1);
   console.print(alignment_table(by_icp, LengthUnit::kMetres));
   console.print(
-      "error    of the pose found against the true one; a lower score need not mean a smaller "
-      "error\n"
+      "error    difference from the true pose; a lower score does not always mean a smaller error\n"
       "\n"
-      "Confidence none is plain ICP: each landmark is matched to the nearest. The others match it "
-      "to\n"
-      "the most trusted of the k nearest: smallest covariance, most observations, seen from "
-      "closest.\n");
+      "Confidence none is plain ICP: it matches each landmark to the nearest one. The others match "
+      "it to\n"
+      "the most confident of the k nearest: smallest covariance, most observations, closest "
+      "observer.\n");
   if (!saved.empty()) console.print(fmt::format("\nSaved to {}: {}\n", save, saved));
 }
 
@@ -246,8 +244,8 @@ Run add_demo(CLI::App& program) {
   arguments->add_to(*program.add_subcommand(
       "demo",
       kCanSimulate
-          ? "Simulate two sessions of one desk, map both, find and judge the pose between the maps"
-          : "Align two synthetic maps of one desk by all strategies"));
+          ? "Simulate and map two sessions at one desk, then align the maps and judge the pose"
+          : "Align two synthetic maps of one desk with every strategy"));
   return [arguments] { return arguments->run(); };
 }
 

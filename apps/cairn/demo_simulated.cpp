@@ -24,7 +24,7 @@ constexpr double kRoundSeconds = 25.0;
 constexpr double kChangedFraction = 0.1;  // of the movable things, before the second session
 
 struct Session : SimulatedSession {
-  std::optional<AbsoluteError> error;  // nothing if too few frames were tracked
+  std::optional<AbsoluteError> error;  // std::nullopt if too few frames were tracked
   double seconds = 0.0;
 };
 

@@ -9,11 +9,11 @@ namespace cairn::cli {
 
 Run add_evaluate(CLI::App& program) {
   CLI::App* const evaluate = program.add_subcommand(
-      "evaluate", "Measure a trajectory, an alignment or a map against the truth");
+      "evaluate", "Compare a trajectory, an alignment or a map with ground truth");
   std::vector<Run> runs = {add_evaluate_trajectory(*evaluate), add_evaluate_alignment(*evaluate),
                            add_evaluate_map(*evaluate)};
   evaluate->footer(
-      "Example: how far a trajectory is from the true one\n"
+      "Example: print the errors of a trajectory\n"
       "  cairn evaluate trajectory estimate.txt groundtruth.txt");
   return run_of_verb(*evaluate, std::move(runs));
 }

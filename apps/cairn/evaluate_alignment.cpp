@@ -63,7 +63,7 @@ struct EvaluateAlignmentArguments {
   int compare(const SavedResult& saved, const Similarity3& true_pose) const;
 };
 
-// One result beside the truth; what is not known stays nothing.
+// One result compared with the truth; std::nullopt if unknown.
 struct JudgedAlignment {
   const StrategyResult* result = nullptr;
   std::optional<PoseError> error = {};
@@ -73,23 +73,24 @@ struct JudgedAlignment {
 };
 
 void EvaluateAlignmentArguments::add_to(CLI::App& command) {
-  add_text(command, "result", result, "What 'cairn align --json' wrote")->required();
+  add_text(command, "result", result, "JSON of 'cairn align --json'")->required();
   auto* const truth_file =
       add_text(command, "--truth", truth,
                "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
   add_text(command, "--source-trajectory", source_trajectory,
-           "The truth from trajectories, TUM format: the estimated one of the source map's camera, "
-           "in the map's frame",
+           "For a truth from trajectories: estimated trajectory of the source map's camera, in the "
+           "map's frame, TUM format",
            "FILE");
-  add_text(command, "--source-truth", source_truth, "The true one of the same camera", "FILE");
-  add_text(command, "--target-trajectory", target_trajectory, "The same of the target map", "FILE");
+  add_text(command, "--source-truth", source_truth, "True trajectory of the same camera", "FILE");
+  add_text(command, "--target-trajectory", target_trajectory,
+           "Estimated trajectory of the target map's camera, in the map's frame", "FILE");
   add_text(command, "--target-truth", target_truth,
-           "The true one of the target's camera, in the same world as the source's", "FILE");
-  add_text(command, "--source", source,
-           "The source map; without it, it is looked for where the result says", "MAP");
-  add_text(command, "--target", target, "The target map, for a verdict; as --source", "MAP");
+           "True trajectory of the same camera, in the world of --source-truth", "FILE");
+  add_text(command, "--source", source, "Source map (default: the path in the result)", "MAP");
+  add_text(command, "--target", target,
+           "Target map, for a verdict (default: the path in the result)", "MAP");
   add_number(command, "--min-probability", min_probability,
-             "Without a truth: probability from which a pose is aligned, 0.5 to below 1");
+             "Without a truth: least probability of an aligned pose, at least 0.5 and below 1");
   add_number(command, "--max-rotation-deg", max_rotation_deg,
              "Largest rotation error of a success, degrees");
   add_number(command, "--max-translation-m", max_translation_m,
@@ -103,14 +104,14 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
     command.get_option(name)->excludes(truth_file);
   }
   command.footer(
-      "Without a truth, each pose is judged as it is: exit code 4 unless all are aligned.\n"
+      "Without a truth, judges each pose as it is; the exit code is 4 unless all are aligned.\n"
       "\n"
-      "Example: align by two strategies, then hold the poses against the true one\n"
+      "Example: align with two metrics, then compare the poses with the true one\n"
       "  cairn align source.map target.map --confidence none,observations --json result.json\n"
       "  cairn evaluate alignment result.json --truth truth.txt --max-translation-m 0.02\n"
-      "Example: judge the poses of a result\n"
+      "Example: judge the poses in a result\n"
       "  cairn evaluate alignment result.json\n"
-      "Example: the truth from both cameras' trajectories\n"
+      "Example: compute the truth from both cameras' trajectories\n"
       "  cairn evaluate alignment result.json --source-trajectory source.tum \\\n"
       "      --source-truth source_truth.tum --target-trajectory target.tum \\\n"
       "      --target-truth target_truth.tum");
@@ -130,8 +131,8 @@ std::string EvaluateAlignmentArguments::map_path(const std::string& given,
   for (const auto& path : {here, beside}) {
     if (std::filesystem::exists(path)) return path.string();
   }
-  throw Error(ErrorKind::kInput, result,
-              "its " + role + " map is not to be found: " + here.string(), option + " MAP");
+  throw Error(ErrorKind::kInput, result, "its " + role + " map was not found: " + here.string(),
+              option + " MAP");
 }
 
 LoadedMap EvaluateAlignmentArguments::load(const std::string& given, const std::string& option,
@@ -151,7 +152,7 @@ bool EvaluateAlignmentArguments::has_trajectories() const {
   const auto given =
       std::count_if(all.begin(), all.end(), [](const auto* path) { return !path->empty(); });
   if (given != 0 && given != 4) {
-    throw Error(ErrorKind::kMisuse, "--source-trajectory", "given without all of the others",
+    throw Error(ErrorKind::kMisuse, "--source-trajectory", "not all four trajectories are given",
                 "--source-trajectory, --source-truth, --target-trajectory and --target-truth");
   }
   return given == 4;
@@ -166,7 +167,7 @@ Rigid3 world_from_map(const std::string& estimate_path, const std::string& truth
   const TrajectoryEvaluation evaluation = evaluate_trajectory(estimate, truth, options);
   if (!evaluation.absolute) {
     throw Error(ErrorKind::kInput, estimate_path,
-                "cannot be brought to " + truth_path + ": " + evaluation.reason,
+                "cannot be aligned with " + truth_path + ": " + evaluation.reason,
                 "trajectories with common times");
   }
   return evaluation.absolute->truth_from_estimate.rigid();
@@ -200,7 +201,7 @@ void judge_covariance(const Similarity3& truth, JudgedAlignment& judged) {
   if (!alignment.estimate || !result.covariance) return;
   const Similarity3& pose = *alignment.estimate;
   const auto& with_scale = result.covariance_with_scale;
-  // Six rows know nothing of a scale.
+  // Six rows have no scale.
   if (!with_scale && pose.scale() != truth.scale()) return;
   Eigen::MatrixXd covariance = *result.covariance;
   if (with_scale) covariance = *with_scale;
@@ -279,7 +280,7 @@ std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale
   return table.text();
 }
 
-// The verdict on each pose as it is, by what the maps say and nothing else.
+// The verdict on each pose as it is, from the maps alone.
 int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
   const LoadedMap source_map = load(source, "--source", saved.source, saved);
   const LoadedMap target_map = load(target, "--target", saved.target, saved);
@@ -320,9 +321,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
     json["results"].push_back(to_json(one, HistoryDetail::kNone));
     rows << one.confidence << std::string(status_of(one.alignment)) << one.alignment.probability;
     rows.end_row();
-    const auto& probability = one.alignment.probability;
-    console.print(fmt::format("{}: {}{}: {}\n", one.confidence, status_of(one.alignment),
-                              probability ? " (" + percent_text(*probability) + ")" : "",
+    console.print(fmt::format("{}: {}: {}\n", one.confidence, status_of(one.alignment),
                               one.alignment.reason));
   }
   write_document(json, common);
@@ -417,7 +416,7 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
         with_scale ? fmt::format(", and {:g} % of the scale", max_scale_percent) : std::string(),
         *successes, judged.size()));
   } else {
-    console.print("success            unknown: metres say nothing of maps of free scale\n");
+    console.print("success            unknown: the limits are in metres, the maps of free scale\n");
   }
   if (with_ellipsoid)
     console.print(fmt::format(
@@ -433,7 +432,7 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
 Run add_evaluate_alignment(CLI::App& evaluate) {
   auto arguments = std::make_shared<EvaluateAlignmentArguments>();
   arguments->add_to(*evaluate.add_subcommand(
-      "alignment", "Pose errors of the results of an alignment, or verdicts on them"));
+      "alignment", "Compute the pose errors of alignments, or judge their poses"));
   return [arguments] { return arguments->run(); };
 }
 

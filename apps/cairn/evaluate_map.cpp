@@ -63,34 +63,33 @@ struct EvaluateMapArguments {
 };
 
 void EvaluateMapArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to judge: " + all_formats().titles_text())->required();
+  add_text(command, "map", input, "Map to evaluate: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
+           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
   add_text(command, "--truth-map", truth_map,
-           "Map with the true positions, of landmarks and frames with the same ids: judges the "
+           "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
            "covariances",
            "MAP");
-  add_text(
-      command, "--truth-trajectory", truth_trajectory,
-      "With --truth-map: the true poses of the frames, found by their timestamps (TUM format), "
-      "instead of the true map's",
-      "FILE");
+  add_text(command, "--truth-trajectory", truth_trajectory,
+           "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
+           "(TUM format)",
+           "FILE");
 #ifdef CAIRN_HAS_ODOMETRY
   add_text(command, "--truth-depth", truth_depth,
-           "Instead of --truth-map: a sequence in TUM layout with the exact depth of the map's "
-           "images, as cairn simulate --no-depth-noise makes it",
+           "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
+           "images, as written by cairn simulate --no-depth-noise",
            "FOLDER");
 #endif
   add_number(command, "--max-time-difference", max_time_difference_s,
-             "Longest time between a frame and its true pose, seconds");
+             "Largest time difference between a frame and its true pose, seconds");
   add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks observed less often");
+             "Leave out landmarks with fewer observations");
   add_number(command, "--inlier-px", options.inlier_px,
-             "An observation is an inlier below that distance, pixels");
+             "Largest reprojection error of an inlier, pixels");
   common.add_csv_to(command, "landmark");
   common.add_to(command);
   command.footer(
-      "Example: reprojection errors, and whether the covariances are right\n"
+      "Example: print the reprojection errors, then evaluate the covariances\n"
       "  cairn evaluate map desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"\n"
       "  cairn evaluate map desk.map --truth-map true.map --csv landmarks.csv");
 }
@@ -103,12 +102,11 @@ void EvaluateMapArguments::check_options() const {
                 fmt::format("{}", max_time_difference_s), "a positive number");
   }
   if (!truth_trajectory.empty() && truth_map.empty()) {
-    throw Error(ErrorKind::kMisuse, "--truth-trajectory",
-                "tells where the frames were, but not where the landmarks are",
-                "--truth-map beside it");
+    throw Error(ErrorKind::kMisuse, "--truth-trajectory", "given without --truth-map",
+                "both, because a trajectory has no landmarks");
   }
   if (!truth_depth.empty() && !truth_map.empty()) {
-    throw Error(ErrorKind::kMisuse, "--truth-depth", "given beside --truth-map", "one of them");
+    throw Error(ErrorKind::kMisuse, "--truth-depth", "given with --truth-map", "one of them");
   }
   require_outputs(common);
 }
@@ -308,7 +306,7 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
   if (consistency.depth) add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
   if (consistency.reprojection || consistency.depth) console.print(table.text());
   if (consistency.depth_bias) {
-    console.print(fmt::format("depths are measured {} {} {} than the map has them, on average\n",
+    console.print(fmt::format("measured depths are {} {} {} than those of the map, on average\n",
                               fixed(std::abs(*consistency.depth_bias), 5), unit,
                               *consistency.depth_bias < 0.0 ? "shorter" : "longer"));
   }
@@ -318,7 +316,7 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
   }
   if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
     console.print(fmt::format("no reprojection errors: the map has no {}{}\n", missing,
-                              missing.starts_with("cameras") ? "; --camera gives it one" : ""));
+                              missing.starts_with("cameras") ? "; add --camera" : ""));
   }
   if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
     console.print(fmt::format("no depth errors: the map has no {}\n", missing));
@@ -379,7 +377,8 @@ int EvaluateMapArguments::run() {
 Run add_evaluate_map(CLI::App& evaluate) {
   auto arguments = std::make_shared<EvaluateMapArguments>();
   arguments->add_to(*evaluate.add_subcommand(
-      "map", "Reprojection and depth errors of a map; its covariances against the truth"));
+      "map",
+      "Compute reprojection and depth errors of a map, and the calibration of its covariances"));
   return [arguments] { return arguments->run(); };
 }
 

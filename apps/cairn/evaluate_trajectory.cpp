@@ -85,30 +85,30 @@ struct EvaluateTrajectoryArguments {
 
 void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
   add_text(command, "estimate", estimate,
-           "Trajectory to judge, TUM format: timestamp tx ty tz qx qy qz qw a line")
+           "Trajectory to evaluate, in TUM format: timestamp tx ty tz qx qy qz qw per line")
       ->required();
-  add_text(command, "truth", truth, "The true one, in the same format")->required();
+  add_text(command, "truth", truth, "True trajectory, in the same format")->required();
   add_text(command, "--alignment", alignment,
-           "How to bring the estimate into the frame of the truth: none, origin (the first poses "
-           "coincide), se3 (least squares of all positions), sim3 (with scale) or poses (by "
-           "orientations, then positions)",
+           "Alignment of the estimate with the truth: none, origin (first poses coincide), se3 "
+           "(least squares over all positions), sim3 (the same with scale) or poses (rotation from "
+           "the orientations, then translation)",
            "KIND")
       ->capture_default_str();
   add_number(command, "--max-time-difference", options.max_time_difference_s,
-             "Longest time between poses that are compared, seconds");
-  auto* const with_hand_eye = command.add_flag(
-      "--hand-eye", hand_eye,
-      "Also estimate how the body whose poses the truth gives is mounted to the camera, and by how "
-      "much the clocks differ, and state the errors without that");
+             "Largest time difference between compared poses, seconds");
+  auto* const with_hand_eye =
+      command.add_flag("--hand-eye", hand_eye,
+                       "Also estimate the transform between the camera and the body that the truth "
+                       "tracks, and the clock offset; print the errors after both are corrected");
   add_number(command, "--max-clock-offset", hand_eye_options.max_clock_offset_s,
-             "For that: the clocks differ by at most so many seconds; 0: they are one clock")
+             "With --hand-eye: largest clock offset, seconds; 0: one clock")
       ->needs(with_hand_eye);
   common.add_csv_to(command, "compared pose");
   common.add_to(command);
   command.footer(
-      "Example: the absolute and relative errors that the TUM benchmark defines\n"
+      "Example: print the absolute and relative errors defined by the TUM benchmark\n"
       "  cairn evaluate trajectory estimate.txt groundtruth.txt --csv errors.csv\n"
-      "The same of a camera whose motion capture tracks markers beside it\n"
+      "Example: the truth tracks markers mounted beside the camera\n"
       "  cairn evaluate trajectory estimate.txt groundtruth.txt --hand-eye --alignment poses");
 }
 
@@ -237,11 +237,13 @@ void EvaluateTrajectoryArguments::print_hand_eye(const HandEye& found,
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Vector3d turn = rotation_log(pose.quaternion());
   console.print(fmt::format(
-      "\nhand-eye  body_from_camera, by {} poses; +- one standard deviation\n"
-      "          turned by {} +- {} deg (about x {} y {} z {}), moved by {} +- {} m (x {} y {} z "
+      "\n"
+      "hand-eye  body_from_camera, from {} poses; +- one standard deviation\n"
+      "          rotation {} +- {} deg (about x {} y {} z {}), translation {} +- {} m (x {} y {} z "
       "{})\n"
-      "          the truth's clock shows {} +- {} s more\n\n"
-      "Errors against the truth so corrected:\n",
+      "          the truth's clock is {} +- {} s ahead\n"
+      "\n"
+      "Errors after this correction:\n",
       found.poses, fixed(degrees(pose.angle()), 3),
       fixed(degrees(deviation_of(found.covariance, 3)), 3), fixed(degrees(turn.x()), 3),
       fixed(degrees(turn.y()), 3), fixed(degrees(turn.z()), 3), fixed(t.norm(), 4),
@@ -318,7 +320,7 @@ int EvaluateTrajectoryArguments::run() {
 Run add_evaluate_trajectory(CLI::App& evaluate) {
   auto arguments = std::make_shared<EvaluateTrajectoryArguments>();
   arguments->add_to(*evaluate.add_subcommand(
-      "trajectory", "Absolute and relative errors (ATE, RPE) of a trajectory"));
+      "trajectory", "Compute the absolute and relative errors (ATE, RPE) of a trajectory"));
   return [arguments] { return arguments->run(); };
 }
 

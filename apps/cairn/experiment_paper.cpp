@@ -53,33 +53,36 @@ void PaperArguments::add_to(CLI::App& command) {
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "-o,--output", output, "New folder for the results", "FOLDER")->required();
   add_text(command, "--truth", truth,
-           "True target_from_source, 16 numbers or the JSON of an alignment: adds pose errors",
+           "True target_from_source, 16 numbers or the JSON of an alignment; adds pose errors",
            "FILE");
   add_number(command, "--success-score", options.success_score,
-             "Score below which a run succeeds, m^2 (default: as far above that of base ICP from "
-             "the identity as the paper's 0.0037 is above its own)");
-  add_number(command, "--max-rotation-deg", options.tolerance.rotation_deg,
-             "Largest rotation error of a success, degrees; also of an agreement");
+             "Largest score of a success, m^2 (default: the score of base ICP from the identity, "
+             "times the ratio of 0.0037 to that score in the paper)");
+  add_number(
+      command, "--max-rotation-deg", options.tolerance.rotation_deg,
+      "Largest rotation error of a success, and largest difference of agreeing poses, degrees");
   add_number(command, "--max-translation-m", options.tolerance.translation_m,
              "Largest displacement of the source's centroid in a success, metres");
-  command.add_flag("--search-xy", options.search_xy,
-                   "Also search where each XY quadrant begins to fail, as the paper did");
-  add_number(command, "--max-iterations", options.align.max_iterations, "Limit of the iterations");
+  command.add_flag(
+      "--search-xy", options.search_xy,
+      "Also search for the displacement at which each XY quadrant fails, as in the paper");
+  add_number(command, "--max-iterations", options.align.max_iterations,
+             "Largest number of iterations");
   add_number(command, "--max-distance", options.align.max_distance,
-             "Longest distance of a match, metres (default: unlimited, as in the paper)");
+             "Largest distance of a match, metres (default: unlimited, as in the paper)");
   add_number(command, "--min-observations", options.points.min_observations,
-             "Leave out landmarks observed less often");
+             "Leave out landmarks with fewer observations");
   command
       .add_option("--images", images,
-                  "The RGB-D sequences of source and target: adds the paper's Figure 1")
+                  "RGB-D sequences of source and target; adds the paper's Figure 1")
       ->expected(2)
       ->type_name("FOLDER FOLDER");
-  common.add_report_to(command,
-                       "one configuration in 3D, iteration by iteration, figures and tables");
+  common.add_report_to(command, "one configuration in 3D at each iteration, figures and tables");
   common.add_to(command);
   command.footer(
-      "Writes runs.csv, timings.csv, experiment.json, summary.md, tables/ and figures/.\n\n"
-      "Example: how two maps of one desk behave where the truth is known\n"
+      "Writes runs.csv, timings.csv, experiment.json, summary.md, tables/ and figures/.\n"
+      "\n"
+      "Example: run the experiments on two maps with a known true pose\n"
       "  cairn experiment paper second.map first.map --truth truth.txt -o results");
 }
 
@@ -226,7 +229,7 @@ int PaperArguments::run() {
 Run add_experiment_paper(CLI::App& experiment) {
   auto arguments = std::make_shared<PaperArguments>();
   arguments->add_to(*experiment.add_subcommand(
-      "paper", "The paper's 45 configurations by base ICP and its three confidences"));
+      "paper", "Run the paper's 45 configurations with base ICP and three confidences"));
   return [arguments] { return arguments->run(); };
 }
 

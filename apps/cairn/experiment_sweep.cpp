@@ -45,26 +45,26 @@ struct SweepArguments {
 };
 
 void SweepArguments::add_to(CLI::App& command) {
-  add_text(command, "study", study_path, "What to run, in YAML")->required();
+  add_text(command, "study", study_path, "Study to run, a YAML file")->required();
   add_text(command, "-o,--output", output,
-           "Folder for the results; one that a stopped run of the same study left is gone on with",
-           "FOLDER")
+           "Folder for the results; continues a run of the same study that was stopped", "FOLDER")
       ->required();
   add_text(command, "--shard", shard_text,
-           "Run part i of n only; 'cairn experiment merge' joins the parts", "i/n");
-  common.add_report_to(command, "answers, figures and tables");
+           "Run only part i of n; 'cairn experiment merge' joins the parts", "i/n");
+  common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
   command.footer(
-      "Paths in the study are relative to its file. Simulated maps are kept in maps/ in the "
-      "folder.\n\n"
-      "A study (the seed is its own; docs/experiments.md says all there is to set):\n"
+      "Paths in the study are relative to its file. The subfolder maps keeps simulated maps.\n"
+      "\n"
+      "A study (docs/experiments.md lists all settings; the study's seed replaces --seed):\n"
       "  name: desks\n"
       "  seed: 1\n"
       "  pairs:\n"
       "    - {name: desk, simulate: {environment: desk, seeds: [1, 2, 3]}}\n"
       "    - {name: real, source: later.map, target: earlier.map, truth: truth.txt}\n"
-      "  initial_poses: {count: 200, x_m: [-1, 1], y_m: [-1, 1], yaw_deg: [-60, 60]}\n\n"
-      "Example: run it, on two cores as on one\n"
+      "  initial_poses: {count: 200, x_m: [-1, 1], y_m: [-1, 1], yaw_deg: [-60, 60]}\n"
+      "\n"
+      "Example: run the study\n"
       "  cairn experiment sweep study.yaml -o results");
 }
 
@@ -136,7 +136,7 @@ int SweepArguments::run() {
   const std::size_t all = part.end(plan.size()) - part.begin(plan.size());
   const Console console = common.console();
   if (folder.done() > 0) {
-    console.remark(fmt::format("{}: {} of {} runs are there already", output, folder.done(), all));
+    console.remark(fmt::format("{}: {} of {} runs were done before", output, folder.done(), all));
   }
   StudyOptions options;
   options.executor = common.executor();
@@ -168,14 +168,15 @@ struct MergeArguments {
 };
 
 void MergeArguments::add_to(CLI::App& command) {
-  command.add_option("folders", shards, "Folders of all the shards, in any order")
+  command.add_option("folders", shards, "Folders of all shards, in any order")
       ->required()
       ->type_name("");
-  add_text(command, "-o,--output", output, "New folder for the whole", "FOLDER")->required();
-  common.add_report_to(command, "answers, figures and tables");
+  add_text(command, "-o,--output", output, "New folder for the joined results", "FOLDER")
+      ->required();
+  common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
   command.footer(
-      "Example: a study in two parts, as two machines would run it\n"
+      "Example: run a study in two parts, for example on two machines\n"
       "  cairn experiment sweep study.yaml --shard 1/2 -o part1\n"
       "  cairn experiment sweep study.yaml --shard 2/2 -o part2\n"
       "  cairn experiment merge part1 part2 -o results");
@@ -197,7 +198,7 @@ int MergeArguments::run() const {
 Run add_experiment_sweep(CLI::App& experiment) {
   auto arguments = std::make_shared<SweepArguments>();
   arguments->add_to(*experiment.add_subcommand(
-      "sweep", "A study: many pairs of maps, many random starts, strategies side by side"));
+      "sweep", "Run a study: many pairs of maps, random initial poses and strategies"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -42,11 +42,11 @@ struct InfoArguments {
 void InfoArguments::add_to(CLI::App& command) {
   add_text(command, "map", input, "Map to read: " + all_formats().titles_text())->required();
   add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection: {}", kCameraHelp), "CAMERA");
+           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
   loading.add_to(command);
   common.add_to(command);
   command.footer(
-      "Example: what the map holds, and how well it explains its images\n"
+      "Example: print what a map holds and its reprojection errors\n"
       "  cairn info desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"");
 }
 
@@ -118,8 +118,8 @@ std::vector<std::string> warnings(const LandmarkMap& map) {
   if (count == 0) result.emplace_back("the map has no landmarks");
   if (!map.has_observations()) {
     result.emplace_back(
-        "the map does not know its observations: confidences observations, distance, "
-        "parallax and reprojection cannot be had");
+        "the map has no observations: confidences observations, distance, parallax and "
+        "reprojection cannot be had");
   } else if (count > 0) {
     if (const auto none = observed_exactly(map, 0); none > 0) {
       result.push_back(fmt::format("landmarks without any observation: {}", none));
@@ -142,7 +142,7 @@ std::vector<std::string> warnings(const LandmarkMap& map) {
 }
 
 // What the verb finds out beside what the map itself says. `kept`: with two or more observations,
-// or all of a map that does not know its observations.
+// or all of a map without observations.
 struct Findings {
   std::vector<LandmarkIndex> kept;
   std::optional<std::size_t> unobserved;
@@ -187,6 +187,17 @@ Findings examine(const LandmarkMap& map) {
   }
   findings.warnings = warnings(map);
   return findings;
+}
+
+std::string place_text(const GeodeticPosition& place) {
+  return fmt::format("latitude {:.7f}, longitude {:.7f}, altitude {:.2f} m", place.latitude_deg,
+                     place.longitude_deg, place.altitude_m);
+}
+
+Json place_json(const GeodeticPosition& place) {
+  return {{"latitude_deg", place.latitude_deg},
+          {"longitude_deg", place.longitude_deg},
+          {"altitude_m", place.altitude_m}};
 }
 
 // Lines "name  value" of what the map says of itself.
@@ -238,6 +249,21 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
   if (const auto& down = map.info().gravity) {
     add("gravity", fmt::format("{:.4g} {:.4g} {:.4g}", down->x(), down->y(), down->z()));
   }
+  if (const auto& georeference = map.info().georeference) {
+    add("georeference", place_text(georeference->origin));
+    if (!georeference->is_enu()) {
+      add("metres per unit", fmt::format("{:.6g}", georeference->scale));
+    }
+    if (!findings.extent.isEmpty()) {
+      const Eigen::Vector3d centre = findings.extent.center();
+      add("centre on the Earth", place_text(georeference->geodetic(centre)));
+    }
+  }
+  if (const auto& gnss = map.frames().gnss; !gnss.empty()) {
+    const auto known = gnss.known();
+    add("GNSS positions",
+        fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
+  }
   if (map.info().uuid) add("uuid", *map.info().uuid);
   for (const std::string& step : map.info().provenance) add("provenance", step);
   if (const auto& q = findings.reprojection_px) {
@@ -263,7 +289,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
     }
     console.print("\n" + table.text());
     if (map.has_observations() && map.frames().cameras.empty()) {
-      console.print("reprojection needs the frames' camera: --camera gives it\n");
+      console.print("no reprojection errors: the frames have no camera; add --camera\n");
     }
   }
   if (findings.conventions.verdict != ConventionVerdict::kNotChecked) {
@@ -304,6 +330,17 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["length_unit"] = to_string(map.info().length_unit);
   json["world_frame"] = cli::to_json(map.info().world_frame);
   json["gravity"] = map.info().gravity ? cli::to_json(*map.info().gravity) : Json(nullptr);
+  json["georeference"] = nullptr;
+  if (const auto& georeference = map.info().georeference) {
+    json["georeference"] = place_json(georeference->origin);
+    json["georeference"]["enu_from_map"] = cli::to_json(georeference->enu_from_map().matrix());
+    json["georeference"]["centre"] =
+        findings.extent.isEmpty()
+            ? Json(nullptr)
+            : place_json(georeference->geodetic(Eigen::Vector3d(findings.extent.center())));
+  }
+  const auto gnss = map.frames().gnss.known();
+  json["gnss_positions"] = std::count(gnss.begin(), gnss.end(), 1);
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();
@@ -348,7 +385,7 @@ int InfoArguments::run() const {
 Run add_info(CLI::App& program) {
   auto arguments = std::make_shared<InfoArguments>();
   arguments->add_to(
-      *program.add_subcommand("info", "What a map holds, how good it is, what is wrong with it"));
+      *program.add_subcommand("info", "Print what a map holds, its quality and its defects"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -55,33 +55,33 @@ struct LocateArguments {
 void LocateArguments::add_to(CLI::App& command) {
   add_text(command, "map", map,
            "Map with ORB descriptors: " + all_formats().titles_text() +
-               "; or an atlas, whose maps with poses count as one")
+               "; or an atlas, whose placed maps count as one")
       ->required();
-  command.add_option("images", images, "Images to locate, JPEG or PNG, each by itself")
+  command.add_option("images", images, "Images to locate, JPEG or PNG; each is located separately")
       ->required()
       ->type_name("IMAGE");
   add_text(command, "--camera", camera,
            fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
            "CAMERA");
-  add_text(
-      command, "--depth", depth,
-      "Depth image (PNG, 16 bit) of the same view; for one image. It makes the pose more exact",
-      "FILE");
+  add_text(command, "--depth", depth,
+           "Depth image (PNG, 16 bit) of the same view, for a single image; makes the pose more "
+           "accurate",
+           "FILE");
   add_number(command, "--depth-units", depth_units,
-             "Depth image units a metre (default: as the camera file says, else 5000)");
-  add_number(command, "--features", options.features.count, "Corners wanted in an image");
+             "Depth image units per metre (default: from the camera file, else 5000)");
+  add_number(command, "--features", options.features.count,
+             "Number of corners to detect in an image");
   add_number(command, "--min-probability", options.min_probability,
-             "Probability from which a pose is located");
-  add_text(
-      command, "--trajectory", trajectory,
-      "Write the poses of the located images, world_from_camera, in TUM format; the timestamps are "
-      "the images' names where all are numbers, else 0, 1, ...",
-      "FILE");
+             "Least probability of a located image, at least 0.5 and below 1");
+  add_text(command, "--trajectory", trajectory,
+           "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
+           "are the images' names if all are numbers, else 0, 1, ...",
+           "FILE");
   common.add_to(command);
   command.footer(
-      "Example: where in a map an image was taken\n"
+      "Example: find the pose of an image in a map\n"
       "  cairn locate desk.map image.png --camera fr1\n"
-      "Exit code: 0 if every image is located, 4 if the pose of one cannot be trusted.");
+      "The exit code is 0 if every image is located, else 4.");
 }
 
 // The map; or the maps of an atlas that have poses, as one.
@@ -252,7 +252,7 @@ int LocateArguments::run() {
 
 Run add_locate(CLI::App& program) {
   CLI::App* const command =
-      program.add_subcommand("locate", "Find where in a map an image was taken, and judge it");
+      program.add_subcommand("locate", "Find the pose of an image in a map, and judge it");
   const auto arguments = std::make_shared<LocateArguments>();
   arguments->add_to(*command);
   return [arguments] { return arguments->run(); };

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <memory>
@@ -37,6 +38,9 @@ namespace {
 
 using cairn::cli::ExitCode;
 using cairn::cli::print_error;
+
+// Printed without an allocation.
+constexpr const char* kOutOfMemory = "cairn: out of memory\n";
 
 int exit_code_of(cairn::ErrorKind kind) {
   switch (kind) {
@@ -122,6 +126,17 @@ std::vector<std::string> option_names(const CLI::App& verb) {
   return names;
 }
 
+// "output: not given; expected: Map to write", for the first argument that is missing; empty if none is.
+std::string missing_argument(const CLI::App& verb) {
+  for (const CLI::Option* option : verb.get_options()) {
+    if (!option->get_required() || option->count() > 0) continue;
+    const std::string& what = option->get_description();
+    return fmt::format("{}: not given; expected: {}", option->get_name(),
+                       what.substr(0, what.find_first_of(":;,(")));
+  }
+  return {};
+}
+
 // What is wrong with the command line, for people.
 std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = program.remaining(true);
@@ -131,18 +146,22 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   }
   if (!names.empty()) {
     if (unexpected.empty()) {
-      return fmt::format("nothing to do; expected a verb: {}", fmt::join(names, ", "));
+      return fmt::format("no verb; expected one of: {}", fmt::join(names, ", "));
     }
     const std::string& word = unexpected.front();
-    return fmt::format("{}; expected a verb: {}{}", cairn::printable(word), fmt::join(names, ", "),
-                       did_you_mean(word, names));
+    return fmt::format("{} is no verb; expected one of: {}{}", cairn::printable(word),
+                       fmt::join(names, ", "), did_you_mean(word, names));
   }
-  // An option that is none is the mistake, whatever is missing for it.
+  // An unknown option is the mistake, even if an argument is missing as well.
   for (const std::string& word : unexpected) {
     if (!word.starts_with("--")) continue;
     const std::string name = word.substr(0, word.find('='));
     return fmt::format("there is no option {}{}", cairn::printable(name),
                        did_you_mean(name, option_names(*parsed_verbs(program).back())));
+  }
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr) {
+    const std::string missing = missing_argument(*parsed_verbs(program).back());
+    if (!missing.empty()) return missing;
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr) return error.what();
   const bool has_number =
@@ -218,8 +237,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     std::string words;
     for (const CLI::App* verb : parsed_verbs(program)) words += verb->get_name() + " ";
-    print_error(fmt::format("cairn: {}\nRun '{}--help' for what there is.\n",
-                            complaint(program, error), words));
+    print_error(
+        fmt::format("cairn: {}\nRun '{}--help' for help.\n", complaint(program, error), words));
     return ExitCode::kWrongUsage;
   }
   cairn::cli::require_distinct_files(*parsed_verbs(program).back());
@@ -229,31 +248,67 @@ int run(int argc, char** argv) {
       ->second();
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-#ifdef CAIRN_WHOLE_TOOL
-  if (!is_quick(argc, argv)) return become_whole_tool(argv);
-#endif
-  occupy_standard_streams();
+// The command, from its first allocation to the last byte of its answer.
+int work(int argc, char** argv) {
   cairn::cli::catch_interrupts();
   cairn::cli::keep_command_line(argc, argv);
+  const int code = run(argc, argv);
+  // An answer that never reached its file is no answer.
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    print_error("cairn: stdout: cannot be written\n");
+    return ExitCode::kInternalError;
+  }
+  return code;
+}
+
+// Says what is being caught.
+int explain() {
   try {
-    const int code = run(argc, argv);
-    // An answer that never reached its file is no answer.
-    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-      print_error("cairn: stdout: cannot be written\n");
-      return ExitCode::kInternalError;
-    }
-    return code;
+    throw;
   } catch (const cairn::Error& error) {
     if (error.kind() == cairn::ErrorKind::kCancelled) cairn::cli::end_by_interrupt();
     print_error(fmt::format("cairn: {}\n", error.what()));
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {
-    print_error("cairn: out of memory\n");
+    std::fputs(kOutOfMemory, stderr);
   } catch (const std::exception& error) {
     print_error(fmt::format("cairn: internal error: {}\n", error.what()));
+  }
+  return ExitCode::kInternalError;
+}
+
+std::terminate_handler default_end = nullptr;
+
+// Where memory runs out in a function that says it throws nothing (CLI11 and TBB have such), the command ends as it
+// does elsewhere. Anything else that nobody caught is a defect, and ends as one.
+void end_uncaught() {
+  try {
+    if (std::current_exception() != nullptr) throw;
+  } catch (const std::bad_alloc&) {
+    std::fputs(kOutOfMemory, stderr);
+    std::_Exit(ExitCode::kInternalError);
+  } catch (...) {
+  }
+  default_end();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  default_end = std::set_terminate(end_uncaught);
+  try {
+#ifdef CAIRN_WHOLE_TOOL
+    if (!is_quick(argc, argv)) return become_whole_tool(argv);
+#endif
+    occupy_standard_streams();
+    return work(argc, argv);
+  } catch (...) {
+    try {
+      return explain();
+    } catch (...) {
+      // There is no memory even for the message.
+      std::fputs(kOutOfMemory, stderr);
+    }
   }
   return ExitCode::kInternalError;
 }

@@ -63,6 +63,7 @@ struct MapArguments {
   std::string trajectory;
   std::string camera;
   std::optional<double> depth_units;
+  std::optional<double> readout;
   double max_time_difference = SequenceOptions().max_time_difference_s;
   std::string start_pose;
   std::string start_from;
@@ -81,15 +82,18 @@ struct MapArguments {
 
  private:
   CameraFile load_camera() const;
-  MapSequenceOptions options() const;
-  MappedSequence map(const Camera& model, const SequenceOptions& sequence_options) const;
+  double readout_s(const CameraFile& camera_file) const {
+    return readout.value_or(camera_file.readout_s.value_or(0.0));
+  }
+  MapSequenceOptions options(const CameraFile& camera_file) const;
+  MappedSequence map(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
   void write(const MappedSequence& mapped) const;
   void write_mini_maps(const MappedSequence& mapped) const;
   void write_trajectory(const Trajectory& camera_path) const;
   Json describe(std::size_t frames, const CameraFile& camera_file) const;
   Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
                 const CameraFile& camera_file) const;
-  LoopClosedSequence map_closing_loops(const Camera& model,
+  LoopClosedSequence map_closing_loops(const CameraFile& camera_file,
                                        const SequenceOptions& sequence_options) const;
   void print_loops(const LoopClosedSequence& closed) const;
   void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
@@ -104,68 +108,75 @@ struct MapArguments {
 };
 
 void MapArguments::add_to(CLI::App& command) {
-  add_text(command, "sequence", sequence,
-           "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images they name")
+  add_text(
+      command, "sequence", sequence,
+      "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that they list")
       ->required();
   add_text(
       command, "-o,--output", output,
       "Map to write: .map, .txt, .cairn, .ply or .pcd; with --mini-map-length a folder. Required",
       "FILE");
-  add_text(command, "--trajectory", trajectory,
-           "Also write where the camera was, in TUM format: timestamp tx ty tz qx qy qz qw a line",
-           "FILE");
+  add_text(
+      command, "--trajectory", trajectory,
+      "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy qz qw per line",
+      "FILE");
   add_text(command, "--camera", camera,
            fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
            "CAMERA");
   add_number(command, "--depth-units", depth_units,
-             "Depth image units a metre (default: as the camera file says, else 5000)");
+             "Depth image units per metre (default: from the camera file, else 5000)");
+  auto* const rolling = add_number(
+      command, "--readout", readout,
+      "Readout time of a rolling shutter, from the first image row to the last, seconds; 0: global "
+      "shutter (default: from the camera file, else 0). Not with --poses");
   add_number(command, "--max-time-difference", max_time_difference,
-             "A colour image has the depth image nearest in time, less than this many seconds off");
+             "Largest time difference between a colour image and its depth image, seconds");
   auto* const pose = add_text(command, "--start-pose", start_pose,
                               "Pose of the first camera, world_from_camera (default: the identity)",
                               "\"tx ty tz qw qx qy qz\"");
-  auto* const from =
-      add_text(command, "--start-from", start_from,
-               "The same, from a trajectory in TUM format at the time of the first frame", "FILE")
-          ->excludes(pose);
+  auto* const from = add_text(command, "--start-from", start_from,
+                              "Take the first camera's pose from a trajectory in TUM format, at "
+                              "the time of the first frame",
+                              "FILE")
+                         ->excludes(pose);
   auto* const length = add_text(
       command, "--mini-map-length", mini_map_length,
-      "Cut into mini-maps, each in its own frame: so many metres of path, or frames", "1m|50f");
-  auto* const loops =
-      command.add_flag("--close-loops", close_loops,
-                       "Close the loops of the session: cut it into mini-maps, align them with one "
-                       "another, and adjust "
-                       "all of them as one map. --trajectory then has every frame, corrected");
+      "Cut into mini-maps of this many metres of path or frames, each in its own frame", "1m|50f");
+  auto* const loops = command.add_flag(
+      "--close-loops", close_loops,
+      "Close the loops of the session: cut it into mini-maps, align these with each other, and "
+      "adjust them as one map. --trajectory then writes every frame, corrected");
   loops->excludes(length);
   command
       .add_flag("--refine-intrinsics", refine_intrinsics,
-                "With --close-loops: adjust the camera's parameters too")
+                "With --close-loops: also adjust the camera's parameters")
       ->needs(loops);
   add_text(command, "--poses", poses,
-           "Poses world_from_camera, known from elsewhere, as a trajectory in TUM format: nothing "
-           "is estimated but the landmarks, in that world",
+           "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
+           "estimated, in that world",
            "FILE")
       ->excludes(pose)
       ->excludes(from)
+      ->excludes(rolling)
       ->excludes(length)
       ->excludes(loops);
   add_text(command, "--covariance", covariance,
-           "How landmark covariances are found: recursive, observation by observation, or "
-           "marginal, from the whole least-squares problem")
+           "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
+           "(from the whole least-squares problem)")
       ->capture_default_str();
   add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks that fewer keyframes observed");
-  add_number(command, "--features", features, "Corners wanted in an image");
+             "Leave out landmarks with fewer observations");
+  add_number(command, "--features", features, "Number of corners to detect in an image");
   command.add_flag("--no-descriptors", no_descriptors, "Leave out the landmarks' descriptors");
   command.add_flag("--skip-unreadable", skip_unreadable,
-                   "Go on where an image is missing or damaged, instead of refusing the sequence");
+                   "Skip missing and damaged images instead of refusing the sequence");
   common.add_to(command);
   command.footer(
-      "Example: the map of a TUM sequence in the frame of its ground truth, and how good it is\n"
+      "Example: map a TUM sequence in the frame of its ground truth, and evaluate the trajectory\n"
       "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum \\\n"
       "    --start-from rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
       "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
-      "The same where motion capture, or another SLAM, says where the camera was\n"
+      "Example: map with known camera poses, from motion capture or another SLAM system\n"
       "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map \\\n"
       "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt");
 }
@@ -234,9 +245,10 @@ MappingProgressSink progress_of(const Console& console, const std::string& items
   };
 }
 
-MapSequenceOptions MapArguments::options() const {
+MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
   MapSequenceOptions options;
   options.odometry.features.count = features;
+  options.odometry.readout_s = readout_s(camera_file);
   if (!start_pose.empty()) {
     options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
   }
@@ -261,15 +273,16 @@ MapSequenceOptions MapArguments::options() const {
     return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
   });
   with_option_names({{"FeatureOptions.count", "--features"},
+                     {"OdometryOptions.readout_s", "--readout"},
                      {"MapOptions.min_observations", "--min-observations"}},
                     [&] { options.validate(); });
   return options;
 }
 
-MappedSequence MapArguments::map(const Camera& model,
+MappedSequence MapArguments::map(const CameraFile& camera_file,
                                  const SequenceOptions& sequence_options) const {
   const RgbdSequence images(sequence, sequence_options, common.console().log());
-  return map_sequence(images, model, options());
+  return map_sequence(images, camera_file.camera, options(camera_file));
 }
 
 std::string mini_map_name(std::size_t index) {
@@ -293,8 +306,8 @@ void refuse_foreign_folder(const fs::path& folder) {
                                                     fs::exists(folder / kUnfinishedMark, ignored));
   if (is_ours) return;
   throw Error(ErrorKind::kStorage, folder.string(),
-              "stands where the unfinished mini-maps would and was not made by cairn",
-              "another name for the output, or this one moved away");
+              "is in the way of the unfinished mini-maps and was not created by cairn",
+              "another output name, or this file moved away");
 }
 
 // Makes a folder to be renamed when it is complete. One that a killed run left behind is cleared.
@@ -311,7 +324,8 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   try {
     make_unfinished_folder(unfinished);
   } catch (const fs::filesystem_error& error) {
-    throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
+    throw Error(ErrorKind::kStorage, output, error.code().message(),
+                "a folder that can be created");
   }
   try {
     std::vector<std::string> names;
@@ -352,7 +366,8 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   } catch (const fs::filesystem_error& error) {
     std::error_code ignored;
     fs::remove_all(unfinished, ignored);
-    throw Error(ErrorKind::kStorage, output, error.code().message(), "a folder that can be made");
+    throw Error(ErrorKind::kStorage, output, error.code().message(),
+                "a folder that can be created");
   } catch (...) {
     std::error_code ignored;
     fs::remove_all(unfinished, ignored);
@@ -406,6 +421,7 @@ Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) c
                {{"camera", to_json(camera_file.camera)},
                 {"depth_units_per_metre",
                  depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
+                {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
                 {"max_time_difference_s", max_time_difference},
                 {"start_pose", text_or_null(start_pose)},
                 {"start_from", text_or_null(start_from)},
@@ -516,10 +532,10 @@ int MapArguments::run() {
   return kDone;
 }
 
-LoopClosedSequence MapArguments::map_closing_loops(const Camera& model,
+LoopClosedSequence MapArguments::map_closing_loops(const CameraFile& camera_file,
                                                    const SequenceOptions& sequence_options) const {
   const RgbdSequence images(sequence, sequence_options, common.console().log());
-  const MapSequenceOptions mapping = options();
+  const MapSequenceOptions mapping = options(camera_file);
   CloseLoopsOptions closing;
   closing.adjustment.refine_intrinsics = refine_intrinsics;
   closing.seed = common.seed;
@@ -527,7 +543,7 @@ LoopClosedSequence MapArguments::map_closing_loops(const Camera& model,
   closing.execution.executor = common.executor();
   closing.execution.stop = interrupt_requests();
   closing.execution.progress = common.console().progress("closing loops");
-  return map_and_close_loops(images, model, mapping, closing);
+  return map_and_close_loops(images, camera_file.camera, mapping, closing);
 }
 
 Json loops_json(const LoopClosedSequence& closed) {
@@ -579,16 +595,16 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
   const Stopwatch watch;
   LoopClosedSequence closed;
   if (close_loops) {
-    closed = map_closing_loops(camera_file.camera, sequence_options);
+    closed = map_closing_loops(camera_file, sequence_options);
   } else {
-    closed.mapped = map(camera_file.camera, sequence_options);
+    closed.mapped = map(camera_file, sequence_options);
   }
   const MappedSequence& mapped = closed.mapped;
   const double seconds = watch.seconds();
   if (mapped.maps.empty()) {
     throw Error(ErrorKind::kInput, sequence,
                 fmt::format("none of {} frames could be tracked", mapped.frames),
-                "a frame with depth and texture to begin with");
+                "frames with depth and texture");
   }
   write(mapped);
   const LandmarkCounts landmarks = count_landmarks(mapped.maps);

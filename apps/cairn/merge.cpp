@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"
@@ -51,33 +53,34 @@ void MergeArguments::add_to(CLI::App& command) {
   command
       .add_option("maps", paths,
                   "Maps of one place: " + all_formats().titles_text() +
-                      "; or folders, whose .map and .cairn files are taken by name")
+                      "; or folders of .map and .cairn files")
       ->required()
       ->take_all()
       ->type_name("MAP...");
   add_text(
       command, "-o,--output", output,
-      "Map to write; its ending names the format: " + all_formats().endings_text() + ". Required",
+      "Map to write; its ending selects the format: " + all_formats().endings_text() + ". Required",
       "FILE");
   add_number(command, "--min-probability", options.links.min_probability,
-             "Probability from which two maps are aligned, 0.5 to below 1");
+             "Least probability of an aligned pair, at least 0.5 and below 1");
   add_number(command, "--prior-odds", options.links.prior_odds,
-             "Odds, before anything is looked at, that two of the maps show one place");
+             "Odds that two of the maps show the same place, before any evidence");
   add_number(command, "--effort", options.links.effort,
-             "Of the search: work in units of the default's, 1/16 to 64");
+             "Work of the search, as a multiple of the default's, 1/16 to 64");
   add_adjustment_to(command, options.placed);
   add_number(command, "--min-observations", options.links.points.min_observations,
-             "Align by landmarks observed at least so often; all landmarks are merged");
-  common.add_report_to(command, "graph and matrix of the maps and links, and all of it in 3D");
+             "Align with landmarks of at least this many observations; all landmarks are merged");
+  common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
   common.add_to(command);
   command.footer(
-      "Every map is aligned with every other, from no initial pose. Only pairs that are judged\n"
-      "aligned count. The result is in the frame of the first map that is placed. Maps that "
-      "nothing\n"
-      "connects with the largest group are named and left out; the exit code is then 4.\n"
-      "Mini-maps in a folder that 'cairn map --mini-map-length' made are also joined by the\n"
-      "links of odometry, which stand in its pose_graph.json.\n"
-      "Example: two sessions, and a folder of mini-maps, become one map\n"
+      "Aligns every pair of maps without an initial pose and uses the pairs that are judged "
+      "aligned. The\n"
+      "result is in the frame of the first map that is placed. Names and leaves out maps that no "
+      "link\n"
+      "connects with the largest group; the exit code is then 4. For a folder of mini-maps made "
+      "by\n"
+      "'cairn map --mini-map-length', also uses the odometry links in its pose_graph.json.\n"
+      "Example: merge two sessions and a folder of mini-maps into one map\n"
       "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
 }
 
@@ -110,8 +113,8 @@ std::vector<std::string> MergeArguments::map_files() const {
       if (!is_same_file(files[i], files[j])) continue;
       throw Error(ErrorKind::kMisuse, "maps",
                   files[j] + (files[i] == files[j] ? " is given twice"
-                                                   : " and " + files[i] + " are one file"),
-                  "each map once: merged twice, it would count as two independent ones");
+                                                   : " and " + files[i] + " are the same file"),
+                  "each map once; a repeated map would count as independent evidence");
     }
   }
   if (files.size() < 2) {
@@ -162,12 +165,12 @@ Json map_json(const MergedMap& map, const std::string& name) {
   return json;
 }
 
-// "99.99 %", or who stated it.
+// The probability, or who stated the link.
 std::string sureness(const MapLink& link) {
-  return link.probability ? percent(*link.probability) : std::string(to_string(link.kind));
+  return link.probability ? probability_text(*link.probability) : std::string(to_string(link.kind));
 }
 
-// "placed 3 of 3: monday <- tuesday 99.99 %, tuesday <- robot2 99.98 %"
+// "placed 3 of 3: monday <- tuesday 99.9984 %, tuesday <- robot2 99.98 %"
 std::string placement_text(const MergeResult& result, const std::vector<std::string>& names) {
   std::string text = fmt::format("placed {} of {}", result.placed(), result.maps.size());
   std::vector<bool> is_placed(names.size(), false);
@@ -244,19 +247,20 @@ int MergeArguments::run() {
   }
   json["adjustment"] = adjustment_json(result.adjustment);
   write_document(json, common);
-  if (!common.report_path.empty()) {
-    report::Report report = begin_report(file_name(output), common);
-    add_merge(report, inputs, result);
-    Json by_role = Json::object();
-    for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
-    set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});
-    write_report(report, common);
-  }
-
   console.print(placement_text(result, names));
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (result.maps[i].placed) continue;
     console.print(fmt::format("left out {}: {}\n", names[i], result.maps[i].reason));
+  }
+  // Two maps may share their likeliest link, whose reason is long.
+  std::set<std::size_t> likeliest;
+  for (const MergedMap& map : result.maps) {
+    if (map.likeliest_link) likeliest.insert(*map.likeliest_link);
+  }
+  for (const std::size_t index : likeliest) {
+    const MapLink& link = result.links[index];
+    console.print(fmt::format("{}: {} <- {}: {}\n", to_string(link.verdict), names[link.target],
+                              names[link.source], link.reason));
   }
   for (std::size_t i = 0; i < result.links.size(); ++i) {
     const MapLink& link = result.links[i];
@@ -272,7 +276,15 @@ int MergeArguments::run() {
     console.print(adjustment_text(result.adjustment));
     console.print(fmt::format("wrote {}\n", output));
   } else {
-    console.print(fmt::format("{} is not written: no two maps belong together\n", output));
+    console.print(fmt::format("{} is not written: no two maps are aligned\n", output));
+  }
+  if (!common.report_path.empty()) {
+    report::Report report = begin_report(file_name(output), common);
+    add_merge(report, inputs, result);
+    Json by_role = Json::object();
+    for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
+    set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});
+    write_report(report, common);
   }
   return result.placed() == names.size() ? kDone : kNoTrustworthyAlignment;
 }

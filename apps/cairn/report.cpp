@@ -52,20 +52,20 @@ void ReportArguments::add_to(CLI::App& command) {
   };
   command
       .add_option("result", results,
-                  "What 'cairn align --json' wrote, folders of experiments, or maps")
+                  "JSON of 'cairn align --json', folders of experiments, or maps")
       ->required()
       ->type_name("")
       ->check(refuse_none);
-  add_text(command, "-o,--output", common.report_path, "The HTML file to write; required", "FILE");
+  add_text(command, "-o,--output", common.report_path, "HTML file to write. Required", "FILE");
   add_text(command, "--title", title, "Title of the report", "TEXT");
   common.add_to(command);
   command.footer(
-      "A result names its maps: they are read again, and left out where they are gone or changed.\n"
-      "Iterations and matches are shown if the result was written with --trace.\n"
+      "Reads the maps that a result names; leaves out maps that are missing or were changed.\n"
+      "Shows iterations and matches if the result was written with --trace.\n"
       "\n"
-      "Example: make a page of an experiment\n"
+      "Example: write a page for an experiment\n"
       "  cairn report results -o report.html\n"
-      "Example: keep a result, and make a page of it later\n"
+      "Example: save a result, and write a page for it later\n"
       "  cairn align source.map target.map --confidence none,observations --trace \\\n"
       "      --json result.json\n"
       "  cairn report result.json -o report.html");
@@ -165,7 +165,7 @@ void Assembly::add_file(const std::string& path) {
   }
   const std::string text = read_file(path);
   const std::optional<Json> parsed = parse_json<Json>(text, path);
-  if (!parsed) throw Error(ErrorKind::kInput, path, "starts like JSON but is none", kExpected);
+  if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
   const Json& document = *parsed;
   const Json::json_pointer place("/schema/name");
   const bool named = document.contains(place) && document.at(place).is_string();
@@ -352,7 +352,7 @@ int ReportArguments::run() {
 Run add_report(CLI::App& program) {
   auto arguments = std::make_shared<ReportArguments>();
   arguments->add_to(*program.add_subcommand(
-      "report", "Results as one HTML page that works offline: 3D view, charts, tables"));
+      "report", "Write results as one HTML page that works offline: 3D view, charts, tables"));
   return [arguments] { return arguments->run(); };
 }
 

@@ -59,52 +59,55 @@ struct SimulateArguments {
 
 void SimulateArguments::add_to(CLI::App& command) {
   common.seed = 1;
-  add_text(command, "folder", folder, "Folder to write the sequence to; made if it is not there",
-           "")
+  add_text(command, "folder", folder, "Folder for the sequence; created if it does not exist", "")
       ->required();
   add_text(command, "--environment", environment,
            fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME")
       ->capture_default_str();
   add_text(command, "--path", path,
-           "How the camera moves: sweep, orbit, walk, or a trajectory file in TUM format",
+           "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
            "NAME|FILE")
       ->capture_default_str();
   CLI::Option* const frame_option = add_number(
-      command, "--frames", frames, "Frames to render (default: 300, or the whole trajectory)");
-  add_number(command, "--duration", duration_s, "The same in seconds")->excludes(frame_option);
-  add_number(command, "--rate", path_options.rate_hz, "Frames a second");
+      command, "--frames", frames, "Number of frames (default: 300, or the whole trajectory)");
+  add_number(command, "--duration", duration_s, "Duration in seconds, instead of --frames")
+      ->excludes(frame_option);
+  add_number(command, "--rate", path_options.rate_hz, "Frames per second");
   add_number(command, "--layout", layout,
-             "Plan of the place: 1 as drawn, others stretched or mirrored, with other furniture; "
-             "places of one layout and different seeds are twins (default: the seed; 1 with a "
-             "trajectory file)");
+             "Layout of the place: 1 as designed, others stretched or mirrored, with other "
+             "furniture. Places with one layout and different seeds look similar (default: the "
+             "seed; 1 with a trajectory file)");
   add_number(command, "--session", environment_options.session,
-             "Sessions of one seed share place and world frame; each has its own path, noise and "
-             "changes");
+             "Session number: sessions with one seed share place and world frame; path, noise and "
+             "changes differ");
   add_number(command, "--changed", environment_options.changed_fraction,
-             "Share of the movable objects that stand elsewhere in this session, or are gone");
+             "Share of the movable objects that are moved or removed in this session, 0 to 1");
   add_text(
       command, "--camera", camera,
       fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
       "CAMERA");
-  add_number(command, "--exposure", options.sensor.exposure, "Factor on the brightness");
+  add_number(command, "--exposure", options.sensor.exposure, "Brightness factor");
   add_number(command, "--motion-blur", options.shutter_s,
-             "Seconds a frame is exposed; makes rendering six times slower if not 0");
+             "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower");
+  add_number(command, "--readout", options.readout_s,
+             "Readout time of a rolling shutter, from the first image row to the last, seconds");
   add_number(command, "--noise", options.sensor.color_noise,
-             "Standard deviation of the colours' noise, grey levels");
-  add_number(command, "--depth-noise", options.sensor.depth_noise_m,
-             "Standard deviation of depth at 1 m, metres; grows with the square of the depth");
-  add_number(command, "--max-depth", options.sensor.max_depth_m,
-             "Farthest depth with a reading, metres");
+             "Standard deviation of the colour noise, grey levels");
+  add_number(
+      command, "--depth-noise", options.sensor.depth_noise_m,
+      "Standard deviation of the depth at 1 m, metres; it grows with the square of the depth");
+  add_number(command, "--max-depth", options.sensor.max_depth_m, "Largest measured depth, metres");
   command.add_flag("--no-depth-noise", options.sensor.ideal_depth,
-                   "Exact depth: no noise, no steps, no holes, no limits");
+                   "Write exact depth: no noise, quantisation, holes or limits");
   add_text(command, "--color-format", color_format, "png or jpeg (quality 95)", "FORMAT")
       ->capture_default_str();
   common.add_to(command);
   command.footer(
-      "Example: two sessions over one desk, a tenth of the things on it moved in between\n"
+      "Example: simulate two sessions at one desk, with a tenth of the objects moved in the "
+      "second\n"
       "  cairn simulate first --environment desk --duration 10\n"
       "  cairn simulate second --environment desk --duration 10 --session 1 --changed 0.1\n"
-      "Both groundtruth.txt are in one world frame.");
+      "Both groundtruth.txt files are in one world frame.");
 }
 
 // The library names its own fields; people know the options.
@@ -136,7 +139,8 @@ void SimulateArguments::check() {
                      {"SensorOptions.color_noise", "--noise"},
                      {"SensorOptions.depth_noise_m", "--depth-noise"},
                      {"SensorOptions.max_depth_m", "--max-depth"},
-                     {"SimulatorOptions.shutter_s", "--motion-blur"}},
+                     {"SimulatorOptions.shutter_s", "--motion-blur"},
+                     {"SimulatorOptions.readout_s", "--readout"}},
                     [&] {
                       path_options.validate();
                       environment_options.validate();
@@ -205,6 +209,7 @@ Json SimulateArguments::options_json() const {
           {"camera", to_json(model)},
           {"exposure", options.sensor.exposure},
           {"motion_blur_s", options.shutter_s},
+          {"readout_s", options.readout_s},
           {"color_noise", options.sensor.color_noise},
           {"depth_noise_m", options.sensor.depth_noise_m},
           {"depth_step_m", options.sensor.depth_step_m},
@@ -265,7 +270,8 @@ int SimulateArguments::run() {
   write_file(to / "groundtruth.txt",
              [&](const ByteSink& sink) { write_tum_trajectory(simulator.trajectory(), sink); });
   write_file(to / "camera.yaml", [&](const ByteSink& sink) {
-    sink(camera_file_text({options.camera, depth_units_per_metre}));
+    const auto readout = options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
+    sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
   });
   writer.finish();
   const auto end = std::chrono::steady_clock::now();

@@ -8,6 +8,7 @@
 
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "bindings/maps.hpp"
 
@@ -170,8 +171,18 @@ SharedAlignment record(Alignment alignment, const AlignOptions& options, const L
   return result;
 }
 
-SharedAlignment align_maps(const SharedMap& source, const SharedMap& target,
+// pybind11's own message would list the signature, but not say what to do about a path.
+SharedMap map_of(const py::object& given, const char* name) {
+  if (py::isinstance<LandmarkMap>(given)) return given.cast<SharedMap>();
+  const auto type = py::str(py::type::handle_of(given).attr("__name__")).cast<std::string>();
+  throw py::type_error(
+      fmt::format("{}: {}; expected a LandmarkMap, which cairn.read_map(path) reads", name, type));
+}
+
+SharedAlignment align_maps(const py::object& source_map, const py::object& target_map,
                            const py::kwargs& given) {
+  const SharedMap source = map_of(source_map, "source");
+  const SharedMap target = map_of(target_map, "target");
   CallOptions call;
   AlignOptions options = complete(align_keywords().read(given, &call), *source, *target);
   Alignment alignment;
@@ -182,8 +193,10 @@ SharedAlignment align_maps(const SharedMap& source, const SharedMap& target,
   return record(std::move(alignment), options, *target, given);
 }
 
-SharedAlignment judge_maps(const SharedMap& source, const SharedMap& target,
+SharedAlignment judge_maps(const py::object& source_map, const py::object& target_map,
                            const py::object& target_from_source, const py::kwargs& given) {
+  const SharedMap source = map_of(source_map, "source");
+  const SharedMap target = map_of(target_map, "target");
   CallOptions call;
   AlignOptions options = complete(judge_keywords().read(given, &call), *source, *target);
   const Similarity3 pose = similarity_of(target_from_source, "target_from_source");
@@ -318,15 +331,9 @@ py::dict history_of(const RegistrationResult& result) {
   return history;
 }
 
-std::string percent(double share) {
-  return share > 0.9999 && share < 1.0 ? "> 99.99 %" : fmt::format("{:.2f} %", 100.0 * share);
-}
-
 std::string repr(const AlignmentResult& self) {
   const Alignment& alignment = self.alignment();
-  std::string text = fmt::format("<Alignment: {}", status_of(alignment));
-  if (alignment.probability) text += " (" + percent(*alignment.probability) + ")";
-  return text + ": " + alignment.reason + ">";
+  return fmt::format("<Alignment: {}: {}>", status_of(alignment), alignment.reason);
 }
 
 std::string html(const AlignmentResult& self) {
@@ -342,7 +349,7 @@ std::string html(const AlignmentResult& self) {
         value);
   };
   add("verdict", fmt::format("<b>{}</b>", status_of(alignment)));
-  if (alignment.probability) add("probability", percent(*alignment.probability));
+  if (alignment.probability) add("probability", probability_text(*alignment.probability));
   add("reason", escaped(alignment.reason));
   const std::string unit = self.record.length_unit == LengthUnit::kMetres ? " m" : " units";
   if (const auto& pose = alignment.estimate) {
@@ -465,7 +472,7 @@ void bind_candidate(py::module_& module) {
       .def_readonly("contradicted", &Candidate::contradicted,
                     "Share of the keyframes' lines of sight that contradict it; or None.")
       .def("__repr__", [](const Candidate& self) {
-        return fmt::format("<Candidate: {}, {} matches>", percent(self.probability),
+        return fmt::format("<Candidate: {}, {} matches>", probability_text(self.probability),
                            self.support.matches());
       });
 }

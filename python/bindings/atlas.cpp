@@ -4,14 +4,17 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <mutex>
 #include <stop_token>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/atlas/export.hpp"
 #include "cairn/atlas/route.hpp"
 #include "cairn/atlas/store/open_store.hpp"
+#include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/plain_text.hpp"
 
 #include "bindings/maps.hpp"
@@ -169,13 +172,15 @@ struct OpenKeywords {
   double wait_s = 1e-3 * static_cast<double>(AtlasStoreOptions().wait.count());
 };
 
+Keywords<OpenKeywords> keywords_to_create(const char* function) {
+  Keywords<OpenKeywords> keywords(function);
+  keywords.add("insist", [](auto& o) -> auto& { return o.options.insist; })
+      .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
+  return keywords;
+}
+
 const Keywords<OpenKeywords>& create_keywords() {
-  static const auto table = [] {
-    Keywords<OpenKeywords> keywords("create");
-    keywords.add("insist", [](auto& o) -> auto& { return o.options.insist; })
-        .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
-    return keywords;
-  }();
+  static const auto table = keywords_to_create("create");
   return table;
 }
 
@@ -187,6 +192,11 @@ const Keywords<OpenKeywords>& open_keywords() {
         .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
     return keywords;
   }();
+  return table;
+}
+
+const Keywords<OpenKeywords>& salvage_keywords() {
+  static const auto table = keywords_to_create("salvage");
   return table;
 }
 
@@ -398,6 +408,31 @@ py::list split_map(SharedAtlas& self, const py::object& name, const py::object& 
   return decoded_all(names);
 }
 
+struct CompactKeywords {
+  std::uint64_t keep = kKeptCommits;
+  bool dry = false;
+};
+
+const Keywords<CompactKeywords>& compact_keywords() {
+  static const auto table = [] {
+    Keywords<CompactKeywords> keywords("compact");
+    keywords.add("keep", [](auto& o) -> auto& { return o.keep; }).add("dry", [](auto& o) -> auto& {
+      return o.dry;
+    });
+    return keywords;
+  }();
+  return table;
+}
+
+AtlasCompaction compact(SharedAtlas& self, const py::kwargs& given) {
+  const CompactKeywords keywords = compact_keywords().read(given);
+  AtlasCompaction result;
+  self.alone("compacting", [&](Atlas& atlas, const Execution&) {
+    result = atlas.store().compact(keywords.keep, keywords.dry);
+  });
+  return result;
+}
+
 std::uint64_t undo(SharedAtlas& self, const py::object& commit) {
   std::optional<std::uint64_t> which;
   from_python(commit, "commit", which);
@@ -474,27 +509,115 @@ py::list verify(SharedAtlas& self) {
   return decoded_all(found.problems);
 }
 
-struct MergeKeywords {
-  MergePlacedOptions placed;
+// Keywords that say which part of an atlas is read, and as of when.
+struct Selection {
   std::optional<std::string> frame;
   std::optional<std::uint64_t> at;
+
+  AtlasState state(Atlas& atlas) const {
+    return atlas.state(at ? std::optional(CommitId{*at}) : std::nullopt);
+  }
+};
+
+void set_frame(Selection& selection, py::handle value) {
+  if (!value.is_none()) selection.frame = encoded(value, "frame");
+}
+
+const Keywords<Selection>& export_keywords() {
+  static const auto table = [] {
+    Keywords<Selection> keywords("export");
+    keywords.add("frame", py::none(), set_frame).add("at", [](auto& o) -> auto& { return o.at; });
+    return keywords;
+  }();
+  return table;
+}
+
+void export_to(SharedAtlas& self, const std::filesystem::path& path, const py::kwargs& given) {
+  const Selection selection = export_keywords().read(given);
+  export_of(path);  // fails before the work
+  std::vector<std::string> remarks;
+  self.alone("exporting", [&](Atlas& atlas, const Execution&) {
+    const AtlasState state = selection.state(atlas);
+    AtlasExportOptions options;
+    if (selection.frame) options.frame = node_named(atlas, state, *selection.frame).id;
+    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    export_atlas(atlas, state, path, options);
+  });
+  warn(remarks);
+}
+
+struct WorldKeywords : Selection {
+  ChangeOptions changes;
+};
+
+const Keywords<WorldKeywords>& world_keywords() {
+  static const auto table = [] {
+    Keywords<WorldKeywords> keywords("world_difference");
+    keywords.add("at", [](auto& o) -> auto& { return o.at; })
+        .add("min_observations", [](auto& o) -> auto& { return o.changes.min_observations; })
+        .add("tolerance", [](auto& o) -> auto& { return o.changes.tolerance; })
+        .add("reach", [](auto& o) -> auto& { return o.changes.reach; })
+        .add("min_landmarks", [](auto& o) -> auto& { return o.changes.min_landmarks; })
+        .add("min_size", [](auto& o) -> auto& { return o.changes.min_size; })
+        .add("min_confidence", [](auto& o) -> auto& { return o.changes.min_confidence; })
+        .add("seed", [](auto& o) -> auto& { return o.changes.seed; });
+    return keywords;
+  }();
+  return table;
+}
+
+struct WorldDifference {
+  ChangeResult result;
+  std::string frame;  ///< name of the map whose frame the places are in
+};
+
+WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
+                                     const py::object& second, const py::kwargs& given) {
+  const std::string before = encoded(first, "first");
+  const std::string after = encoded(second, "second");
+  CallOptions call;
+  WorldKeywords keywords = world_keywords().read(given, &call);
+  keywords.changes.validate();
+  WorldDifference found;
+  const auto work = [&](Atlas& atlas, const Execution& execution) {
+    const AtlasState state = keywords.state(atlas);
+    const auto side = [&](const std::string& name) {
+      std::vector<NodeId> nodes = placed_of_session(state, name);
+      if (nodes.empty()) nodes.push_back(node_named(atlas, state, name).id);
+      return nodes;
+    };
+    const std::vector<NodeId> nodes = side(before);
+    keywords.changes.execution = execution;
+    found.result = world_difference(atlas, state, nodes, side(after), keywords.changes);
+    found.frame = state.nodes.at(state.poses.at(nodes.front()).frame).name;
+  };
+  self.alone("comparing", work, call);
+  return found;
+}
+
+AtlasSalvage salvage(const py::object& damaged, const py::object& location,
+                     const py::kwargs& given) {
+  AtlasStoreOptions options = store_options(salvage_keywords().read(given));
+  const std::string from = location_of(damaged);
+  const std::string to = location_of(location);
+  AtlasSalvage result;
+  run("salvaging", {}, [&](const Execution& execution) {
+    options.stop = execution.stop;
+    result = salvage_store(from, to, options);
+  });
+  return result;
+}
+
+struct MergeKeywords : Selection {
+  MergePlacedOptions placed;
 };
 
 const Keywords<MergeKeywords>& merge_keywords() {
   static const auto table = [] {
     Keywords<MergeKeywords> keywords("merge");
-    keywords
-        .add("frame", py::none(),
-             [](MergeKeywords& call, py::handle value) {
-               if (!value.is_none()) call.frame = encoded(value, "frame");
-             })
-        .add("at", [](auto& c) -> auto& { return c.at; })
-        .add("fusion_probability", [](auto& c) -> auto& { return c.placed.fusion.min_probability; })
-        .add("adjust", [](auto& c) -> auto& { return c.placed.adjust; })
-        .add("refine_intrinsics",
-             [](auto& c) -> auto& { return c.placed.adjustment.refine_intrinsics; })
-        .add("matching_rounds", [](auto& c) -> auto& { return c.placed.matching_rounds; })
-        .add("seed", [](auto& c) -> auto& { return c.placed.fusion.seed; });
+    keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
+    add_merge_placed_to(keywords, [](auto& c) -> auto& { return c.placed; });
+    keywords.add("seed", [](auto& c) -> auto& { return c.placed.fusion.seed; });
     return keywords;
   }();
   return table;
@@ -542,8 +665,7 @@ Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   Merged merged;
   std::vector<std::string> remarks;
   const auto work = [&](Atlas& atlas, const Execution& execution) {
-    const AtlasState state =
-        atlas.state(keywords.at ? std::optional(CommitId{*keywords.at}) : std::nullopt);
+    const AtlasState state = keywords.state(atlas);
     AtlasMergeOptions options;
     options.placed = keywords.placed;
     if (keywords.frame) options.frame = node_named(atlas, state, *keywords.frame).id;
@@ -649,7 +771,91 @@ void bind_contents(py::module_& module) {
       });
 }
 
+py::tuple box_of(const ChangedPlace& place) {
+  return py::make_tuple(copied_matrix(place.low), copied_matrix(place.high));
+}
+
+std::string world_text(const WorldDifference& self) {
+  std::map<ChangeKind, std::size_t> counts;
+  for (const Change& change : self.result.changes) ++counts[change.kind];
+  return fmt::format("<WorldDifference: {} moved, {} vanished, {} appeared>",
+                     counts[ChangeKind::kMoved], counts[ChangeKind::kVanished],
+                     counts[ChangeKind::kAppeared]);
+}
+
+void bind_world(py::module_& module) {
+  py::class_<ChangedPlace>(module, "ChangedPlace", "Where a thing that changed is or was.")
+      .def_property_readonly(
+          "landmarks", [](const ChangedPlace& self) { return self.landmarks.size(); },
+          "How many of its landmarks are there.")
+      .def_property_readonly("position",
+                             [](const ChangedPlace& self) { return copied_matrix(self.centre); })
+      .def_property_readonly(
+          "box", [](const ChangedPlace& self) { return box_of(self); },
+          "Its lowest and its highest corner, about nearly all landmarks.")
+      .def("__repr__", [](const ChangedPlace& self) {
+        return fmt::format("<ChangedPlace: {} landmarks at ({:.2f}, {:.2f}, {:.2f})>",
+                           self.landmarks.size(), self.centre.x(), self.centre.y(),
+                           self.centre.z());
+      });
+  py::class_<Change>(module, "Change", "A thing that appeared, vanished or moved.")
+      .def_property_readonly(
+          "kind", [](const Change& self) { return std::string(to_string(self.kind)); },
+          "'moved', 'vanished' or 'appeared'.")
+      .def_readonly("before", &Change::before, "None of what appeared.")
+      .def_readonly("after", &Change::after, "None of what vanished.")
+      .def_property_readonly(
+          "after_from_before",
+          [](const Change& self) { return pose_array(self.after_from_before); },
+          "4x4: how it moved; None of other changes.")
+      .def_readonly("confidence", &Change::confidence, "That it is a change, 0 to 1.")
+      .def("__repr__", [](const Change& self) {
+        return fmt::format("<Change: {}, confidence {:.3f}>", to_string(self.kind),
+                           self.confidence);
+      });
+  py::class_<WorldDifference>(module, "WorldDifference",
+                              "What two sessions or maps of an atlas show differently.")
+      .def_property_readonly(
+          "changes", [](const WorldDifference& self) { return self.result.changes; },
+          "Moved, vanished, appeared; each by descending confidence.")
+      .def_property_readonly(
+          "comparable",
+          [](const WorldDifference& self) {
+            return py::make_tuple(self.result.comparable_first, self.result.comparable_second);
+          },
+          "How many landmarks of the first and of the second the other should have. (0, 0): no "
+          "keyframe of one saw what the other holds.")
+      .def_property_readonly(
+          "found_again", [](const WorldDifference& self) { return self.result.repeated; },
+          "Share of these that the other has.")
+      .def_property_readonly(
+          "frame", [](const WorldDifference& self) { return decoded(self.frame); },
+          "Name of the map whose frame the places are in.")
+      .def("__repr__", &world_text);
+}
+
 void bind_results(py::module_& module) {
+  py::class_<AtlasCompaction>(module, "AtlasCompaction", "What Atlas.compact() dropped.")
+      .def_readonly("commits", &AtlasCompaction::commits, "That became one.")
+      .def_readonly("maps", &AtlasCompaction::maps)
+      .def_readonly("map_bytes", &AtlasCompaction::map_bytes)
+      .def_readonly("links", &AtlasCompaction::links)
+      .def_readonly("poses", &AtlasCompaction::poses)
+      .def("__repr__", [](const AtlasCompaction& self) {
+        return fmt::format("<AtlasCompaction: {} commits, {} maps, {} links, {} poses>",
+                           self.commits, self.maps, self.links, self.poses);
+      });
+  py::class_<AtlasSalvage>(module, "AtlasSalvage", "What Atlas.salvage() saved.")
+      .def_readonly("maps", &AtlasSalvage::maps)
+      .def_readonly("links", &AtlasSalvage::links)
+      .def_readonly("poses", &AtlasSalvage::poses)
+      .def_property_readonly(
+          "lost", [](const AtlasSalvage& self) { return decoded_all(self.lost); },
+          "Sentences on what was not.")
+      .def("__repr__", [](const AtlasSalvage& self) {
+        return fmt::format("<AtlasSalvage: {} maps, {} links, {} poses; {} lost>", self.maps,
+                           self.links, self.poses, self.lost.size());
+      });
   py::class_<AtlasLinkResult>(module, "AtlasLinkResult", "How many pairs Atlas.link() tried.")
       .def_readonly("pairs", &AtlasLinkResult::pairs, "That there are.")
       .def_readonly("tried", &AtlasLinkResult::tried, "In this call.")
@@ -731,6 +937,12 @@ void bind_changes(AtlasClass& atlas) {
            "Makes maps of so many keyframes each of a map, linked as they lie in it; its own links "
            "go.\n"
            "Returns their names.")
+      .def("compact", &compact,
+           kept(compact_keywords().signature("$self", false) +
+                "Makes one commit of all before the last, and drops what none of these needs: it "
+                "cannot be undone.\n\n"
+                "keep           how many of the last commits stay\n"
+                "dry            only says what would be dropped"))
       .def("undo", &undo, py::arg("commit") = py::none(),
            "undo($self, commit=None)\n--\n\n"
            "Undoes all that the call did which this commit belongs to, or the last that is not "
@@ -761,6 +973,24 @@ void bind_reading(AtlasClass& atlas) {
                "adjust         move all keyframes and landmarks so that all observations fit best; "
                "a warning\n"
                "               says why if the maps do not allow it"))
+      .def("export", &export_to, py::arg("path"),
+           kept(export_keywords().signature("$self, path", false) +
+                "Writes for other programs; the ending says what.\n\n"
+                ".g2o, .json    the graph of links and poses\n"
+                ".tum           the keyframes of the maps that are in one frame\n"
+                ".ply           their landmarks, side by side\n"
+                ".mcap          the maps and their links, for Foxglove, Lichtblick and rerun\n"
+                "none           a folder: every map as .cairn, and the graph\n\n"
+                "frame, at      as of merge(). A warning says what is left out"))
+      .def("world_difference", &difference_of_worlds, py::arg("first"), py::arg("second"),
+           kept(world_keywords().signature("$self, first, second") +
+                "What appeared, vanished or moved between two sessions or maps in one frame.\n\n"
+                "first, second  names of sessions, else of maps\n"
+                "at             id of a commit: as the atlas was after it\n"
+                "tolerance      how far two landmarks that are one lie apart, in the maps' unit\n"
+                "reach          how near to each other landmarks of one thing lie\n"
+                "min_size       longest side of a thing, at least\n"
+                "min_confidence from which a thing is reported"))
       .def("verify", &verify,
            "verify($self)\n--\n\nReads and checks everything; a list of sentences on what is "
            "damaged.");
@@ -771,6 +1001,7 @@ void bind_reading(AtlasClass& atlas) {
 void bind_atlas(py::module_& module) {
   bind_contents(module);
   bind_results(module);
+  bind_world(module);
   AtlasClass atlas(
       module, "Atlas",
       "Maps, how they lie to each other, and how that came to be, in a file or a PostgreSQL "
@@ -794,6 +1025,13 @@ void bind_atlas(py::module_& module) {
                        "Opens an atlas that is there.\n\n"
                        "read_only      works in a folder that cannot be written, too\n"
                        "insist, wait_s as of create()"))
+      .def_static("salvage", &salvage, py::arg("damaged"), py::arg("location"),
+                  kept(salvage_keywords().signature("damaged, location", false) +
+                       "Takes the maps, links and poses that are sound, as they were last, into a "
+                       "new atlas. The damaged\n"
+                       "one does not change; the history is not kept.\n\n"
+                       "damaged        path of a file\n"
+                       "location       path of the new one"))
       .def_property_readonly(
           "location", [](const SharedAtlas& self) { return decoded(self.name()); },
           "Without the password, if it is a URL.")

@@ -482,6 +482,45 @@ std::vector<LandmarkIndex> landmark_indices(const LandmarkMap& map, py::handle g
 }
 
 void bind_camera(py::module_& module) {
+  py::class_<GeoReference>(
+      module, "GeoReference",
+      "Where a map is on the Earth (WGS 84): the similarity from its frame to a topocentric one.")
+      .def_property_readonly(
+          "latitude_deg", [](const GeoReference& self) { return self.origin.latitude_deg; },
+          "of the origin of the topocentric frame")
+      .def_property_readonly("longitude_deg",
+                             [](const GeoReference& self) { return self.origin.longitude_deg; })
+      .def_property_readonly("altitude_m",
+                             [](const GeoReference& self) { return self.origin.altitude_m; })
+      .def_property_readonly(
+          "enu_from_map", [](const GeoReference& self) { return pose_array(self.enu_from_map()); },
+          "(4, 4): metres to the east, to the north and up")
+      .def(
+          "geodetic",
+          [](const GeoReference& self, const py::object& positions) {
+            const auto points = positions_of(positions, "positions");
+            py::array_t<double> rows({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}});
+            auto row = rows.mutable_unchecked<2>();
+            for (py::ssize_t i = 0; i < row.shape(0); ++i) {
+              const GeodeticPosition place = self.geodetic(points[static_cast<std::size_t>(i)]);
+              row(i, 0) = place.latitude_deg;
+              row(i, 1) = place.longitude_deg;
+              row(i, 2) = place.altitude_m;
+            }
+            return rows;
+          },
+          py::arg("positions"),
+          "geodetic($self, positions)\n--\n\n(n, 3) latitude and longitude in degrees, altitude in "
+          "metres, of (n, 3) positions in the map.")
+      .def("__eq__",
+           [](const GeoReference& a, py::handle b) {
+             return py::isinstance<GeoReference>(b) && a == b.cast<const GeoReference&>();
+           })
+      .def("__repr__", [](const GeoReference& self) {
+        return fmt::format("GeoReference(latitude_deg={}, longitude_deg={}, altitude_m={})",
+                           self.origin.latitude_deg, self.origin.longitude_deg,
+                           self.origin.altitude_m);
+      });
   py::class_<Camera> camera(module, "Camera",
                             "Intrinsics of a camera. Models are named as COLMAP does.");
   camera
@@ -711,6 +750,25 @@ void bind_maps(py::module_& module) {
           },
           "One a frame, '' where unknown; or None.")
       .def_property_readonly(
+          "gnss_positions",
+          [](const SharedMap& self) -> py::object {
+            const auto& gnss = self->frames().gnss;
+            if (gnss.empty()) return py::none();
+            py::array_t<double> rows({static_cast<py::ssize_t>(gnss.size()), py::ssize_t{4}});
+            auto row = rows.mutable_unchecked<2>();
+            constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+            for (py::ssize_t i = 0; i < row.shape(0); ++i) {
+              const auto fix = gnss[static_cast<std::size_t>(i)];
+              row(i, 0) = fix ? fix->position.latitude_deg : kNan;
+              row(i, 1) = fix ? fix->position.longitude_deg : kNan;
+              row(i, 2) = fix ? fix->position.altitude_m : kNan;
+              row(i, 3) = fix ? fix->accuracy_m.value_or(kNan) : kNan;
+            }
+            return std::move(rows);
+          },
+          "(f, 4) latitude and longitude in degrees, altitude and accuracy in metres, NaN where "
+          "unknown; or None.")
+      .def_property_readonly(
           "observation_offsets", &observation_offsets,
           "(n + 1,): landmark i's observations are [offsets[i], offsets[i + 1]); a view, or None.")
       .def_property_readonly("observation_counts", &observation_counts, "(n,); or None.")
@@ -752,6 +810,9 @@ void bind_maps(py::module_& module) {
       .def_property_readonly(
           "gravity", [](const SharedMap& self) { return matrix_or_none(self->info().gravity); },
           "(3,), downwards in the world frame; or None.")
+      .def_property_readonly(
+          "georeference", [](const SharedMap& self) { return self->info().georeference; },
+          "Where the map is on the Earth: a GeoReference; or None.")
       .def_property_readonly("uuid", [](const SharedMap& self) { return self->info().uuid; })
       .def_property_readonly(
           "provenance", [](const SharedMap& self) { return self->info().provenance; },
@@ -766,6 +827,14 @@ void bind_maps(py::module_& module) {
           py::arg("new_from_old"),
           "transformed($self, new_from_old)\n--\n\nThe map in another world frame, by a 4x4 "
           "matrix.")
+      .def(
+          "in_enu_frame",
+          [](const SharedMap& self) {
+            return unlocked([&] { return std::make_shared<LandmarkMap>(in_enu_frame(*self)); });
+          },
+          "in_enu_frame($self)\n--\n\nThe map in the frame of its georeference: metres to the "
+          "east, "
+          "to the north and up.")
       .def(
           "select",
           [](const SharedMap& self, const py::object& landmarks) {

@@ -19,9 +19,9 @@ const Keywords<MergeOptions>& merge_keywords() {
     keywords.add("min_probability", [](auto& o) -> auto& { return o.links.min_probability; })
         .add("prior_odds", [](auto& o) -> auto& { return o.links.prior_odds; })
         .add("effort", [](auto& o) -> auto& { return o.links.effort; })
-        .add("min_observations", [](auto& o) -> auto& { return o.links.points.min_observations; })
-        .add("fusion_probability", [](auto& o) -> auto& { return o.placed.fusion.min_probability; })
-        .add("seed", [](auto& o) -> auto& { return o.seed; });
+        .add("min_observations", [](auto& o) -> auto& { return o.links.points.min_observations; });
+    add_merge_placed_to(keywords, [](auto& o) -> auto& { return o.placed; });
+    keywords.add("seed", [](auto& o) -> auto& { return o.seed; });
     return keywords;
   }();
   return table;
@@ -43,10 +43,13 @@ Merged merge_maps(const std::vector<SharedMap>& maps,
     merged.names.push_back(names ? (*names)[i] : fmt::format("map {}", i));
     inputs.push_back({merged.names.back(), maps[i].get()});
   }
+  std::vector<std::string> remarks;
+  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
   run("merging", call, [&](const Execution& execution) {
     options.execution = execution;
     merged.result = merge(inputs, options);
   });
+  warn(remarks);
   if (merged.result.map) {
     merged.map = std::make_shared<LandmarkMap>(std::move(*merged.result.map));
     merged.result.map.reset();
@@ -140,7 +143,7 @@ void bind_merging(py::module_& module) {
           "Of all pairs that were tried or stated, aligned or not.")
       .def_property_readonly(
           "adjusted", [](const Merged& self) { return self.result.adjustment.has_value(); },
-          "Whether all keyframes and landmarks were adjusted, as Atlas.merge(adjust=True) does.")
+          "Whether all keyframes and landmarks were adjusted; only if it was asked for.")
       .def_property_readonly(
           "placed", [](const Merged& self) { return self.result.placed(); },
           "How many maps were placed.")
@@ -149,12 +152,18 @@ void bind_merging(py::module_& module) {
                            self.result.placed(), self.names.size(),
                            self.map ? self.map->landmark_count() : 0);
       });
-  module.def("merge", &merge_maps, py::arg("maps"), py::arg("names") = py::none(),
-             kept(merge_keywords().signature("maps, names=None") +
-                  "Merges maps of one place: finds their poses, drops links that disagree, and "
-                  "fuses landmarks\n"
-                  "that are one. A map that nothing connects to the largest group stays out, with "
-                  "a reason."));
+  module.def(
+      "merge", &merge_maps, py::arg("maps"), py::arg("names") = py::none(),
+      kept(merge_keywords().signature("maps, names=None") +
+           "Merges maps of one place: finds their poses, drops links that disagree, and "
+           "fuses landmarks\n"
+           "that are one. A map that nothing connects to the largest group stays out, with "
+           "a reason.\n\n"
+           "adjust             move all keyframes and landmarks so that all observations fit "
+           "best; a\n"
+           "                   warning says why if the maps do not allow it\n"
+           "refine_intrinsics  the cameras too\n"
+           "matching_rounds    how often landmarks are matched again after an adjustment"));
 }
 
 }  // namespace cairn::python

@@ -17,6 +17,19 @@ struct Merged {
   SharedMap map;  ///< null if no two maps were placed
 };
 
+/// The keywords of whatever makes one map of placed maps.
+/// @param placed gives a reference to the MergePlacedOptions of the options
+template <class Options, class Placed>
+void add_merge_placed_to(Keywords<Options>& keywords, const Placed& placed) {
+  keywords
+      .add("fusion_probability",
+           [placed](auto& o) -> auto& { return placed(o).fusion.min_probability; })
+      .add("adjust", [placed](auto& o) -> auto& { return placed(o).adjust; })
+      .add("refine_intrinsics",
+           [placed](auto& o) -> auto& { return placed(o).adjustment.refine_intrinsics; })
+      .add("matching_rounds", [placed](auto& o) -> auto& { return placed(o).matching_rounds; });
+}
+
 struct Link {
   std::string source;
   std::string target;

@@ -45,6 +45,7 @@ void add_odometry_keywords(Keywords<Options>& keywords, const Part& part) {
       .add("depth_noise_floor_m", [part](auto& o) -> auto& { return part(o).noise.depth_floor_m; })
       .add("depth_noise_quadratic",
            [part](auto& o) -> auto& { return part(o).noise.depth_quadratic; })
+      .add("readout_s", [part](auto& o) -> auto& { return part(o).readout_s; })
       .add("min_tracked", [part](auto& o) -> auto& { return part(o).min_tracked; })
       .add("adjusted_keyframes", [part](auto& o) -> auto& { return part(o).adjusted_keyframes; })
       .add("final_iterations", [part](auto& o) -> auto& { return part(o).final_iterations; });

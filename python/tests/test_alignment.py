@@ -92,6 +92,12 @@ class Align(unittest.TestCase):
         self.assertIn("aligned", repr(self.result))
         self.assertIn("<table>", self.result._repr_html_())
 
+    def test_a_path_for_a_map_says_how_to_read_one(self):
+        for call in (lambda: cairn.align("a.map", PAIR.target), lambda: cairn.align(PAIR.source, "b.map"),
+                     lambda: cairn.judge("a.map", PAIR.target, np.eye(4))):
+            with self.assertRaisesRegex(TypeError, r"str; expected a LandmarkMap, which cairn\.read_map\(path\)"):
+                call()
+
     def test_judge_holds_a_pose_against_the_others(self):
         right = cairn.judge(PAIR.source, PAIR.target, self.result.estimate)
         self.assertEqual(right.verdict, "aligned")
@@ -139,6 +145,23 @@ class Merge(unittest.TestCase):
         self.assertEqual(len(result.links), 3)
         (used,) = [link for link in result.links if link.used]
         self.assertEqual((used.source, used.target, used.verdict), ("source", "target", "aligned"))
+        self.assertFalse(result.adjusted)
+
+    def test_adjusts_if_asked_or_says_why_not(self):
+        maps = [part.with_camera(cairn.Camera.tum("fr1")) for part in (PAIR.target, PAIR.source)]
+        plain = cairn.merge(maps).map
+        adjusted = cairn.merge(maps, adjust=True, matching_rounds=0)
+        self.assertTrue(adjusted.adjusted)
+        self.assertFalse(np.array_equal(adjusted.map.frame_poses, plain.frame_poses))
+        before, after = (cairn.map_consistency(m).reprojection.rmse for m in (plain, adjusted.map))
+        self.assertLess(after, before)
+        bare = [cairn.LandmarkMap.from_arrays(m.positions, covariances=m.covariances) for m in maps]
+        with self.assertWarnsRegex(UserWarning, "not adjusted: no map knows its observations"):
+            self.assertFalse(cairn.merge(bare, adjust=True).adjusted)
+        for named, kind in (({"adjust": 1}, TypeError), ({"matching_rounds": 11}, cairn.MisuseError),
+                            ({"matching_rounds": 0.5}, TypeError), ({"refine_intrinsics": "x"}, TypeError)):
+            with self.assertRaises(kind, msg=str(named)):
+                cairn.merge(maps, **named)
 
 
 class LongCalls(unittest.TestCase):

@@ -2,9 +2,11 @@
 """An atlas: adding, linking, optimising, merging, undoing, and opening again."""
 
 import datetime
+import json
 import os
 import pathlib
 import signal
+import sqlite3
 import tempfile
 import threading
 import time
@@ -161,6 +163,169 @@ class Story(Folder):
             self.assertEqual(atlas.link(only=[]).pairs, 0)
 
 
+def wall_with_box(seed, box):
+    """The map of a visit to a wall, with or without a box before it: eight cameras in a row that look along z."""
+    points = np.random.default_rng(1)
+    spots = points.uniform([-2.0, -1.0, 3.0], [2.0, 1.0, 3.02], (900, 3))
+    box_spots = points.uniform([0.2, -0.1, 2.0], [0.5, 0.2, 2.1], (80, 3))
+    looks = points.integers(0, 256, (980, 32), np.uint8)
+    spots = np.concatenate([spots, box_spots]) if box else spots
+    chance = np.random.default_rng(seed)
+    found = np.flatnonzero(chance.random(len(spots)) < 0.7)
+    positions = spots[found] + chance.normal(0.0, 0.004, (len(found), 3))
+    poses = np.tile(np.eye(4), (8, 1, 1))
+    poses[:, 0, 3] = np.linspace(-0.7, 0.7, 8)
+    in_camera = positions[:, None] - poses[None, :, :3, 3]
+    pixels = 300.0 * in_camera[..., :2] / in_camera[..., 2:] + [320.0, 240.0]
+    landmark, frame = np.nonzero(np.all((pixels >= 0.0) & (pixels <= [640, 480]), axis=-1))
+    return cairn.LandmarkMap.from_arrays(
+        positions, covariances=np.tile(1.6e-5 * np.eye(3), (len(found), 1, 1)), descriptors=looks[found],
+        descriptor_kind="test", cameras=[cairn.Camera("PINHOLE", 640, 480, [300.0, 300.0, 320.0, 240.0])],
+        frame_poses=poses, frame_cameras=np.zeros(8, int), timestamps_s=seed + 0.1 * np.arange(8),
+        observed_landmarks=landmark, observing_frames=frame, pixels=pixels[landmark, frame])
+
+
+class World(Folder):
+    def setUp(self):
+        super().setUp()
+        self.atlas = cairn.Atlas.create(self.path)
+        self.addCleanup(self.atlas.close)
+        self.atlas.add(wall_with_box(11, True), "a", session="monday")
+        self.atlas.add(wall_with_box(12, False), "b", session="tuesday")
+        self.atlas.link_manually("a", "b", np.eye(4), 1e-4 * TIGHT)
+        self.atlas.optimize()
+
+    def test_what_vanished_and_what_appeared(self):
+        for first, second in (("monday", "tuesday"), ("a", "b")):
+            found = self.atlas.world_difference(first, second)
+            (change,) = found.changes
+            self.assertEqual((change.kind, change.after, change.after_from_before, found.frame),
+                             ("vanished", None, None, "a"))
+            np.testing.assert_allclose(change.before.position, [0.35, 0.05, 2.05], atol=0.06)
+            low, high = change.before.box
+            np.testing.assert_allclose(high[:2] - low[:2], [0.28, 0.28], atol=0.06)
+            self.assertGreater(change.before.landmarks, 30)
+            self.assertGreater(change.confidence, 0.9)
+            self.assertGreater(min(found.comparable), 300)
+            self.assertAlmostEqual(found.found_again, 0.7, delta=0.1)
+        self.assertEqual([change.kind for change in self.atlas.world_difference("b", "a").changes], ["appeared"])
+        self.assertEqual(self.atlas.world_difference("a", "b", min_size=0.6).changes, [])
+        self.assertEqual(repr(found), "<WorldDifference: 0 moved, 1 vanished, 0 appeared>")
+
+    def test_sides_that_cannot_be_compared(self):
+        self.atlas.add(ELSEWHERE, "elsewhere")
+        for call, text in (
+            (lambda: self.atlas.world_difference("a", "x"), "no map 'x'"),
+            (lambda: self.atlas.world_difference("a", "a"), "both sides"),
+            (lambda: self.atlas.world_difference("a", "elsewhere"), "elsewhere has no pose"),
+            (lambda: self.atlas.world_difference("a", "b", at=2), "a has no pose"),
+            (lambda: self.atlas.world_difference("a", "b", min_confidence=1.0), "min_confidence"),
+        ):
+            with self.assertRaisesRegex(cairn.MisuseError, text):
+                call()
+        with self.assertRaises(TypeError):
+            self.atlas.world_difference("a", 3)
+
+    def test_exports_what_the_ending_says(self):
+        folder = self.path.parent
+        self.atlas.export(folder / "town.g2o")
+        self.assertIn("EDGE_SE3:QUAT 1 2 ", (folder / "town.g2o").read_text())
+        self.atlas.export(str(folder / "town.json"), at=3)
+        graph = json.loads((folder / "town.json").read_text())
+        self.assertEqual((len(graph["nodes"]), len(graph["links"])), (2, 1))
+        self.atlas.export(folder / "town.tum")
+        self.assertEqual(len(cairn.read_trajectory(folder / "town.tum").timestamps_s), 16)
+        self.atlas.export(folder / "town.mcap")
+        self.assertTrue((folder / "town.mcap").read_bytes().startswith(b"\x89MCAP0\r\n"))
+        self.atlas.add(ELSEWHERE, "else/where")
+        self.atlas.add(AGAIN, "else_where")
+        with self.assertWarnsRegex(UserWarning, "left out 2 of 4 maps, which are not in the frame of a"):
+            self.atlas.export(folder / "town.ply", frame="b")
+        cloud = cairn.read_map(folder / "town.ply")
+        self.assertEqual(len(cloud), sum(self.atlas.maps[name].landmarks for name in "ab"))
+        self.assertEqual(set(cloud.columns["map"]), {1.0, 2.0})
+        self.atlas.export(folder / "all")
+        self.assertEqual(sorted(path.name for path in (folder / "all").iterdir()),
+                         ["a.cairn", "b.cairn", "else_where.cairn", "else_where~.cairn", "graph.json"])
+        np.testing.assert_array_equal(cairn.read_map(folder / "all" / "a.cairn").positions,
+                                      self.atlas.map("a").positions)
+
+    def test_exports_that_fail_leave_nothing(self):
+        folder = self.path.parent
+        for call, kind, text in (
+            (lambda: self.atlas.export(folder / "town.xyz"), cairn.MisuseError, r"ending \.xyz; expected \.g2o"),
+            (lambda: self.atlas.export(folder / "none" / "town.g2o"), cairn.StorageError, "none"),
+            (lambda: self.atlas.export(folder / "town.ply", frame="x"), cairn.MisuseError, "no map 'x'"),
+            (lambda: self.atlas.export(folder / "town.ply", at=2), cairn.MisuseError, "no two maps"),
+            (lambda: self.atlas.export(folder / "town.ply", at=99), cairn.MisuseError, "99"),
+        ):
+            with self.assertRaisesRegex(kind, text):
+                call()
+        for call in (lambda: self.atlas.export(), lambda: self.atlas.export(3),
+                     lambda: self.atlas.export(folder / "a.ply", at="x")):
+            with self.assertRaises(TypeError):
+                call()
+        self.assertEqual([path for path in folder.iterdir() if not path.name.startswith("town.atlas")], [])
+
+
+class Upkeep(Folder):
+    def test_compacting_drops_what_only_old_commits_need(self):
+        with cairn.Atlas.create(self.path) as atlas:
+            for i in range(4):
+                atlas.add(cairn.synthetic_map(landmarks=200, seed=i), f"map {i}")
+            atlas.remove("map 0")
+            self.assertEqual(atlas.compact().commits, 0)
+            told = atlas.compact(keep=1, dry=True)
+            self.assertEqual((told.commits, told.maps, len(atlas.log)), (4, 1, 5))
+            self.assertGreater(told.map_bytes, 1000)
+            done = atlas.compact(keep=1)
+            self.assertEqual((repr(done), done.map_bytes), (repr(told), told.map_bytes))
+            self.assertEqual((len(atlas.log), list(atlas.maps)), (1, ["map 1", "map 2", "map 3"]))
+            self.assertEqual(atlas.verify(), [])
+            with self.assertRaises(cairn.MisuseError):
+                atlas.undo()
+            with self.assertRaisesRegex(cairn.MisuseError, "keep: 0; expected at least 1"):
+                atlas.compact(keep=0)
+            with self.assertRaises(TypeError):
+                atlas.compact(keep=1.5)
+        with cairn.Atlas.open(self.path, read_only=True) as atlas, self.assertRaises(cairn.StorageError):
+            atlas.compact(keep=1)
+
+    def test_salvaging_takes_what_is_sound(self):
+        with cairn.Atlas.create(self.path) as atlas:
+            atlas.add(MONDAY, "monday")
+            atlas.add(FRIDAY, "friday")
+            atlas.link_manually("monday", "friday", PAIR.target_from_source, TIGHT)
+            atlas.optimize()
+        saved = self.path.with_name("saved.atlas")
+        result = cairn.Atlas.salvage(self.path, saved)
+        self.assertEqual((result.maps, result.links, result.poses, result.lost), (2, 1, 2, []))
+        with cairn.Atlas.open(saved) as atlas:
+            self.assertEqual((list(atlas.maps), atlas.maps["friday"].frame), (["monday", "friday"], "monday"))
+            np.testing.assert_array_equal(atlas.map("friday").positions, FRIDAY.positions)
+        with self.assertRaisesRegex(cairn.StorageError, "saved.atlas"):
+            cairn.Atlas.salvage(self.path, saved)
+        for damaged, new in (("postgresql://ada:secret@host/town", saved), (self.path, "postgresql://host/town")):
+            with self.assertRaisesRegex(cairn.MisuseError, "the path of a file") as caught:
+                cairn.Atlas.salvage(damaged, new)
+            self.assertNotIn("secret", str(caught.exception))
+        with self.assertRaises(TypeError):
+            cairn.Atlas.salvage(self.path)
+
+    def test_salvaging_names_what_is_lost(self):
+        with cairn.Atlas.create(self.path) as atlas:
+            atlas.add(MONDAY, "monday")
+            atlas.add(FRIDAY, "friday")
+        with sqlite3.connect(self.path) as file:
+            file.execute("DELETE FROM map_chunks WHERE map = (SELECT max(id) FROM maps)")
+        file.close()
+        saved = self.path.with_name("saved.atlas")
+        result = cairn.Atlas.salvage(self.path, saved)
+        self.assertEqual((result.maps, len(result.lost)), (1, 1))
+        with cairn.Atlas.open(saved) as atlas:
+            self.assertEqual((list(atlas.maps), atlas.verify()), (["monday"], []))
+
+
 class Sharing(Folder):
     def test_threads_and_objects_share_one_file(self):
         parts = [cairn.synthetic_map(landmarks=60, frames=8, seed=i) for i in range(12)]
@@ -259,7 +424,8 @@ class Misuse(Folder):
         atlas.close()
         atlas.close()
         self.assertIn("closed", repr(atlas))
-        for call in (lambda: atlas.maps, lambda: atlas.add(MONDAY, "monday"), atlas.link, atlas.undo, atlas.merge):
+        for call in (lambda: atlas.maps, lambda: atlas.add(MONDAY, "monday"), atlas.link, atlas.undo, atlas.merge,
+                     atlas.compact, lambda: atlas.export("town.g2o"), lambda: atlas.world_difference("a", "b")):
             with self.assertRaisesRegex(cairn.MisuseError, "closed"):
                 call()
 

@@ -234,6 +234,26 @@ class Operations(unittest.TestCase):
         np.testing.assert_array_equal(m.columns["mine"], [1, 2, 3])
         self.assertEqual(m.length_unit, "free")
 
+    def test_a_moved_map_keeps_its_places_on_the_earth(self):
+        text = ("CAIRN 2\nMETA georeference 47.37 8.54 408 2 1 0 0 0 5 6 7\n"
+                "FRAME 1 0 0 0 1 0 0 0\nGNSS 1 47.37 8.54 410 3\nLANDMARK 3 1 2 3 - 0\n")
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "placed.map"
+            path.write_text(text)
+            m = cairn.LandmarkMap.read(path)
+        self.assertEqual((m.georeference.latitude_deg, m.georeference.altitude_m), (47.37, 408.0))
+        np.testing.assert_array_equal(m.gnss_positions, [[47.37, 8.54, 410.0, 3.0]])
+        before = m.georeference.geodetic(m.positions)
+        moved = m.transformed([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1.0]])
+        self.assertNotEqual(moved.georeference, m.georeference)
+        np.testing.assert_allclose(moved.georeference.geodetic(moved.positions), before, atol=1e-7)
+        enu = m.in_enu_frame()
+        np.testing.assert_allclose(enu.positions, [[7, 10, 13]], atol=1e-12)
+        np.testing.assert_array_equal(enu.georeference.enu_from_map, np.eye(4))
+        self.assertIsNone(full_map().georeference)
+        with self.assertRaisesRegex(cairn.InputError, "has no georeference"):
+            full_map().in_enu_frame()
+
     def test_cut_frames(self):
         m = cairn.synthetic_map(landmarks=500)
         cut = m.cut_frames(int(m.frame_ids[0]), int(m.frame_ids[10]))

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whatever is handed in, an exception comes out or a result; never a crash."""
+"""Whatever is handed in, an exception comes out or a result; never a crash.
 
+CAIRN_MISUSES says how many random calls there are (default 1000), CAIRN_MISUSE_SEED which.
+"""
+
+import copy
 import gc
 import inspect
 import os
+import pickle
 import random
 import tempfile
 import threading
 import unittest
+import warnings
 
 import numpy as np
 
@@ -15,8 +21,18 @@ import cairn
 
 ALLOWED = (cairn.Error, TypeError, ValueError, IndexError, OverflowError, AttributeError, OSError, KeyError,
            ImportError, MemoryError)
-MAP = cairn.synthetic_map(landmarks=60, frames=8)
+CALLS = int(os.environ.get("CAIRN_MISUSES", "1000"))
+SEED = int(os.environ.get("CAIRN_MISUSE_SEED", "1"))
+CAMERA = cairn.Camera("PINHOLE", 64, 48, [50, 50, 32, 24])
+MAP = cairn.synthetic_map(landmarks=60, frames=8).with_camera(CAMERA)
 POSE = np.eye(4)
+# Not what it says, or what takes long.
+LEFT_OUT = ("threads", "progress", "effort", "wait_s")
+
+
+def freed(column):
+    """A column of a map that nothing else refers to any more."""
+    return getattr(cairn.synthetic_map(landmarks=60, frames=8, seed=2), column)
 
 
 def values(chance):
@@ -29,11 +45,14 @@ def values(chance):
         lambda: np.array(["a", "b"]), lambda: np.zeros(3, complex), lambda: np.zeros(3, object),
         lambda: shape(), lambda: shape(3), lambda: shape(0, 3), lambda: shape(60, 3), lambda: shape(60),
         lambda: shape(60, 3, 3), lambda: shape(2, 2), lambda: shape(1, 2, 3, 4), lambda: shape(60, 3)[::-1, ::-1],
+        lambda: shape(6, 6), lambda: shape(48, 64), lambda: shape(48, 64, 3), lambda: shape(48, 64).astype(np.float32),
         lambda: POSE, lambda: -POSE, lambda: POSE * np.nan, lambda: POSE * 1e200, lambda: np.diag([0, 0, 0, 1.0]),
         lambda: np.stack([POSE, POSE]), lambda: np.ma.MaskedArray(np.zeros(60), mask=True),
         lambda: np.datetime64("2020"), lambda: MAP, lambda: cairn.LandmarkMap, lambda: cairn.align,
-        lambda: MAP.positions, lambda: MAP.pixels, lambda: [MAP, None], lambda: [MAP, MAP],
-        lambda: cairn.Camera("PINHOLE", 64, 48, [50, 50, 32, 24]), lambda: {"a": np.zeros(60)}, lambda: {1: 2},
+        lambda: MAP.positions, lambda: MAP.pixels, lambda: freed("positions"), lambda: freed("covariances").T,
+        lambda: freed("pixels")[::-3], lambda: freed("observing_frames"), lambda: [MAP, None], lambda: [MAP, MAP],
+        lambda: CAMERA, lambda: {"a": np.zeros(60)}, lambda: {1: 2}, lambda: "a", lambda: "b", lambda: "x.ply",
+        lambda: "x.json", lambda: os.fsencode("x.cairn"), lambda: "rgb", lambda: range(60),
     ])()
 
 
@@ -42,48 +61,115 @@ def keywords(function):
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         return []
-    return [p.name for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in ("threads", "progress", "effort")]
+    return [p.name for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in LEFT_OUT]
 
 
-def targets(folder):
-    """Functions with how many positional arguments they take; those that are quick."""
+def quick_calls():
+    """Functions with how many positional arguments they take, those that are quick; and the objects they are of."""
     m, result = MAP, cairn.icp(MAP, MAP)
-    functions = [
+    trajectory = cairn.Trajectory([0.0, 1.0], np.stack([POSE, POSE]))
+    report = cairn.report(MAP, MAP)
+    calls = [
         (cairn.LandmarkMap.from_arrays, 1), (cairn.icp, 2), (cairn.judge, 3), (cairn.align, 2), (cairn.pose_error, 3),
         (cairn.evaluate_trajectory, 2), (cairn.Trajectory, 2), (cairn.Camera, 4), (cairn.map_consistency, 1),
         (cairn.calibrate_covariances, 2), (cairn.report, 3), (m.transformed, 1), (m.select, 1), (m.with_column, 2),
         (m.with_camera, 1), (m.with_length_unit, 1), (m.cut_frames, 2), (m.__reduce__()[0], 1), (cairn.Camera.tum, 1),
         (cairn.Camera.read, 1), (cairn.read_map, 1), (cairn.read_alignments, 1), (cairn.read_trajectory, 1),
-        (result.__init__, 1), (cairn.LandmarkMap, 0), (cairn.Alignment, 0),
+        (result.__init__, 1), (cairn.LandmarkMap, 0), (cairn.Alignment, 0), (m.write, 1), (trajectory.write, 1),
+        (trajectory.transformed, 1), (report.write, 1), (cairn.synthetic_map, 0), (cairn.paper_experiment, 2),
     ]
+    objects = [m, result, trajectory, report, CAMERA, cairn.align(MAP, MAP)]
     if hasattr(cairn, "merge"):
-        functions.append((cairn.merge, 1))
-    return functions
+        calls.append((cairn.merge, 1))
+        objects.append(cairn.merge([MAP, MAP]))
+    if hasattr(cairn, "Atlas"):
+        atlas = cairn.Atlas.create("town.atlas")
+        for name, seed in (("a", 1), ("b", 2)):
+            atlas.add(cairn.synthetic_map(landmarks=60, frames=8, seed=seed), name)
+        calls += [
+            (cairn.Atlas.create, 1), (cairn.Atlas.open, 1), (cairn.Atlas.salvage, 2), (atlas.add, 2), (atlas.link, 0),
+            (atlas.link_by_odometry, 4), (atlas.link_manually, 4), (atlas.unlink, 2), (atlas.optimize, 0),
+            (atlas.merge, 0), (atlas.split, 2), (atlas.compact, 0), (atlas.undo, 1), (atlas.path, 2), (atlas.map, 1),
+            (atlas.remove, 1), (atlas.export, 1), (atlas.world_difference, 2),
+        ]
+        objects += [atlas, atlas.log[0]]
+    if hasattr(cairn, "Odometry"):
+        odometry = cairn.Odometry(CAMERA)
+        calls += [(cairn.Odometry, 1), (odometry.track, 3), (odometry.map, 0), (odometry.trajectory, 0),
+                  (odometry.complete, 0), (cairn.ImageLocator, 2), (cairn.map_sequence, 2)]
+        objects.append(odometry)
+    if hasattr(cairn, "simulate"):
+        calls.append((cairn.simulate, 1))
+    return calls, objects
+
+
+RIGHT = {cairn.align: [MAP, MAP], cairn.judge: [MAP, MAP, POSE], cairn.icp: [MAP, MAP],
+         cairn.LandmarkMap.from_arrays: [np.ones((60, 3))]}
+
+
+def misuse(chance, calls, objects):
+    """One random call, or another thing that may be done to any object."""
+    if chance.random() < 0.1:
+        thing, name = chance.choice(objects), chance.choice(["status", "map", "positions", "__class__", "new"])
+        return chance.choice([
+            lambda: setattr(thing, name, values(chance)), lambda: delattr(thing, name), lambda: copy.copy(thing),
+            lambda: copy.deepcopy(thing), lambda: pickle.loads(pickle.dumps(thing)), lambda: hash(thing),
+            lambda: thing == values(chance), lambda: thing < values(chance), lambda: len(thing), lambda: list(thing),
+            lambda: thing[values(chance)], lambda: thing(), lambda: repr(thing), lambda: float(thing),
+            lambda: type(thing)(values(chance)), lambda: np.asarray(thing),
+        ])()
+    function, count = chance.choice(calls)
+    positional = [values(chance) for _ in range(count)]
+    if function in RIGHT and chance.random() < 0.6:
+        positional = RIGHT[function]
+    named = {name: values(chance) for name in keywords(function) if chance.random() < 0.15}
+    return function(*positional, **named)
 
 
 class Misuse(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(folder.name)
+        ignored = warnings.catch_warnings()
+        ignored.__enter__()
+        self.addCleanup(ignored.__exit__, None, None, None)
+        warnings.simplefilter("ignore", UserWarning)
+
     def test_a_thousand_random_calls(self):
-        chance = random.Random(1)
+        chance = random.Random(SEED)
+        calls, objects = quick_calls()
         raised = 0
-        with tempfile.TemporaryDirectory() as folder:
-            home = os.getcwd()
-            os.chdir(folder)
+        for _ in range(CALLS):
             try:
-                functions = targets(folder)
-                for _ in range(1000):
-                    function, count = chance.choice(functions)
-                    right = {cairn.align: [MAP, MAP], cairn.judge: [MAP, MAP, POSE], cairn.icp: [MAP, MAP]}
-                    positional = [values(chance) for _ in range(count)]
-                    if function in right and chance.random() < 0.6:
-                        positional = right[function]
-                    named = {name: values(chance) for name in keywords(function) if chance.random() < 0.15}
+                misuse(chance, calls, objects)
+            except ALLOWED:
+                raised += 1
+        self.assertGreater(raised, CALLS // 2)
+        self.assertLess(raised, CALLS)
+
+    def test_random_calls_from_threads_that_share_objects(self):
+        calls, objects = quick_calls()
+        failures = []
+
+        def work(seed):
+            chance = random.Random(seed)
+            try:
+                for _ in range(CALLS // 10):
                     try:
-                        function(*positional, **named)
+                        misuse(chance, calls, objects)
                     except ALLOWED:
-                        raised += 1
-            finally:
-                os.chdir(home)
-        self.assertGreater(raised, 500)
+                        pass
+            except BaseException as error:
+                failures.append(error)
+
+        threads = [threading.Thread(target=work, args=(4 * SEED + i,)) for i in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(failures, [])
 
     def test_objects_that_were_never_made(self):
         for name in cairn.__all__:

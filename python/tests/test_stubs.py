@@ -16,7 +16,8 @@ TREE = ast.parse((PACKAGE / "__init__.pyi").read_text())
 # What a build without a large library lacks.
 OPTIONAL = {"merge", "MergeResult", "MergedMap", "Link", "simulate", "Simulation", "SimulatedFrame", "Odometry",
             "FrameReport", "MappedSequence", "map_sequence", "ImageLocator", "ImageLocation", "Atlas", "AtlasMap",
-            "AtlasCommit", "AtlasRoute", "AtlasLinkResult", "AtlasOptimised"}
+            "AtlasCommit", "AtlasRoute", "AtlasLinkResult", "AtlasOptimised", "AtlasCompaction", "AtlasSalvage",
+            "Change", "ChangedPlace", "WorldDifference"}
 
 
 def stub_parameters(function):

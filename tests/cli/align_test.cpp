@@ -345,7 +345,9 @@ TEST_F(AlignTest, AnywhereNeedsNoStartAndGivesAVerdict) {
   EXPECT_EQ(result.at("deterministic"), true);
   EXPECT_TRUE(files().contains("aligned.map"));
   const std::string text = answer({"align", "source.map", "target.map", "--anywhere"});
-  EXPECT_THAT(text, ContainsRegex("none: aligned \\([>0-9.]+ %\\): the best pose matches"));
+  EXPECT_THAT(text,
+              ContainsRegex("none: aligned: probability [>0-9.]+ %, at least the required 99 %: "
+                            "the best pose matches"));
 }
 
 TEST_F(AlignTest, AnywhereTellsWhichMatchesLookAlike) {
@@ -360,8 +362,9 @@ TEST_F(AlignTest, AnywhereTellsWhichMatchesLookAlike) {
   write_map(LandmarkMap(tables), path("seen.cairn"));
   const Json result =
       document({"align", "seen.cairn", "seen.cairn", "--anywhere"}).at("results").at(0);
-  EXPECT_THAT(result.at("reason").get<std::string>(),
-              HasSubstr("100.0 % of the matches look alike (1.6 % would by chance)"));
+  EXPECT_THAT(
+      result.at("reason").get<std::string>(),
+      HasSubstr("100.0 % of the matches have similar descriptors (1.6 % expected by chance)"));
   const Json& likeness = result.at("candidates").at(0).at("likeness");
   EXPECT_EQ(likeness.at("alike"), likeness.at("compared"));
   EXPECT_GT(likeness.at("compared"), count / 2);
@@ -636,7 +639,9 @@ TEST_F(AlignTest, ScreenShowsThePoseWholeAndWhatWouldHelp) {
   write_map(transformed(write_pair().source, Similarity3(1000.0, Rigid3())), path("mm.map"));
   const CommandResult other = cairn({"align", "mm.map", "target.map"});
   EXPECT_EQ(other.exit_code, kNoAlignment);
-  EXPECT_THAT(other.output, ContainsRegex("hint: the source's landmarks extend [0-9.e+]+ times"));
+  EXPECT_THAT(other.output,
+              ContainsRegex("hint: Check the units: the source's landmarks extend [0-9.e+]+ "
+                            "times"));
 }
 
 TEST_F(AlignTest, RefusesOptionsOfAnotherMethod) {

@@ -2,6 +2,9 @@
 #include <filesystem>
 #include <numbers>
 #include <string>
+#include <string_view>
+
+#include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/map/io/content_uuid.hpp"
@@ -75,6 +78,46 @@ TEST_F(ConvertTest, StrictRefusesWhatWouldBeLeftOut) {
   EXPECT_FALSE(std::filesystem::exists(path("new/tracks.csv")));
 }
 
+TEST_F(ConvertTest, StrictLetsRemarksPassThatTellOfNoLoss) {
+  const auto reconstruction = [](std::string_view more) {
+    return fmt::format(
+        R"([{{"cameras":{{"c":{{"width":200,"height":100,"focal":1}}}},
+              "shots":{{"a":{{"rotation":[0,0,0],"translation":[0,0,0],"camera":"c"{}}}}},
+              "points":{{"1":{{"coordinates":[0,0,3]}}}},
+              "reference_lla":{{"latitude":0,"longitude":0,"altitude":0}}}}])",
+        more);
+  };
+  write("reconstruction.json", reconstruction(""));
+  const CommandResult result = cairn({"convert", "reconstruction.json", "out.map", "--strict"});
+  EXPECT_EQ(result.exit_code, kDone);
+  EXPECT_THAT(result.errors, HasSubstr("there is no tracks.csv beside it"));
+  EXPECT_THAT(result.errors, HasSubstr("the map has no georeference"));
+  write("reconstruction.json", reconstruction(R"(,"orientation":6)"));
+  expect_refusal({"convert", "reconstruction.json", "strict.map", "--strict"}, kBadInput,
+                 {"--strict", "left out: 'orientation'"});
+  EXPECT_FALSE(std::filesystem::exists(path("strict.map")));
+}
+
+TEST_F(ConvertTest, EnuMovesAMapIntoTheFrameOfItsGeoreference) {
+  write("placed.map",
+        "CAIRN 2\nMETA length_unit free\nMETA georeference 47.37 8.54 408 2 1 0 0 0 1 1 1\n"
+        "LANDMARK 3 2 3 4 - -\n");
+  answer({"convert", "placed.map", "enu.map", "--enu"});
+  EXPECT_EQ(content("enu.map"),
+            "CAIRN 2\nMETA georeference 47.37 8.54 408 1 1 0 0 0 0 0 0\nLANDMARK 3 5 7 9 - -\n");
+  write("by.txt", "0 -2 0 1\n2 0 0 0\n0 0 2 0\n0 0 0 1\n");
+  answer({"convert", "placed.map", "moved.map", "--apply", "by.txt"});
+  answer({"convert", "moved.map", "back.map", "--enu"});
+  const LandmarkMap back = read_map(path("back.map"));
+  EXPECT_EQ(back.info().georeference, GeoReference({.origin = {47.37, 8.54, 408.0}}));
+  EXPECT_LT((back.landmarks().positions[0] - Eigen::Vector3d(5, 7, 9)).norm(), 1e-12);
+  write_plain();
+  expect_refusal({"convert", "plain.map", "out.map", "--enu"}, kBadInput,
+                 {"plain.map", "has no georeference"});
+  expect_refusal({"convert", "placed.map", "out.map", "--enu", "--apply", "by.txt"}, kWrongUsage,
+                 {"--enu"});
+}
+
 TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
   // Twice the size, turned by 90 degrees about z, one to the right.
   write("by.txt", "0 -2 0 1\n2 0 0 0\n0 0 2 0\n0 0 0 1\n");
@@ -97,7 +140,7 @@ TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
       1e-12);
   expect_refusal(
       {"convert", "plain.map", "no.map", "--apply", "by.txt", "--transform", "0 0 0 0 0 0"},
-      kWrongUsage, {"--apply", "stands beside --transform"});
+      kWrongUsage, {"--apply", "given with --transform"});
   expect_refusal({"convert", "mesh.ply", "no.ply", "--apply", "none.json"}, kBadInput,
                  {"none.json"});
 }
@@ -432,7 +475,7 @@ TEST_F(ConvertTest, SaysWhyCovariancesCannotBeEstimated) {
   write_pair();
   answer({"convert", "source.map", "points.ply"});
   expect_refusal({"convert", "points.ply", "out.map", "--estimate-covariances"}, kBadInput,
-                 {"does not know its observations"});
+                 {"has no observations"});
   expect_refusal({"convert", "source.map", "out.map", "--pixel-noise", "1"}, kWrongUsage,
                  {"--pixel-noise", "--estimate-covariances"});
   expect_refusal(

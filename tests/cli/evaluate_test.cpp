@@ -89,7 +89,7 @@ TEST_P(EvaluateVerbTest, MistakesAreNamed) {
   };
   const std::string help = std::string("'cairn evaluate ") + GetParam().first + " --help'";
   expect_refusal(words({"--colour"}), kWrongUsage, {"--colour", help});
-  expect_refusal({"evaluate", GetParam().first}, kWrongUsage, {"is required", help});
+  expect_refusal({"evaluate", GetParam().first}, kWrongUsage, {"not given; expected: ", help});
   expect_refusal(words({"--seed", "x"}), kWrongUsage, {"--seed", "'x'"});
   expect_refusal(words({}), kBadInput, {"No such file"});
   expect_refusal(words({"--csv", "no/out.csv"}), kSystemError, {"no/out.csv", "no folder no"});
@@ -98,9 +98,9 @@ TEST_P(EvaluateVerbTest, MistakesAreNamed) {
 }
 
 TEST_F(EvaluateTest, WithoutAVerbOfItsOwnNamesThoseThereAre) {
-  expect_refusal({"evaluate"}, kWrongUsage,
-                 {"nothing to do; expected a verb: trajectory, alignment, map",
-                  "Run 'cairn evaluate --help'"});
+  expect_refusal(
+      {"evaluate"}, kWrongUsage,
+      {"no verb; expected one of: trajectory, alignment, map", "Run 'cairn evaluate --help'"});
   expect_refusal({"evaluate", "trajectry", "a", "b"}, kWrongUsage, {"'trajectry'", "trajectory"});
   const std::string help = answer({"evaluate", "--help"});
   for (const char* const verb : {"\n  trajectory ", "\n  alignment ", "\n  map ", "Example: "}) {
@@ -301,7 +301,7 @@ TEST_F(EvaluateTrajectoryTest, HandEyeOffsetIsEstimatedAndTakenOffTheErrors) {
       document({"evaluate", "trajectory", "camera.txt", "body.txt"}).at("hand_eye").is_null());
   const std::string text =
       answer({"evaluate", "trajectory", "camera.txt", "body.txt", "--hand-eye"});
-  EXPECT_THAT(text, ContainsRegex("turned by 2.[0-9]+ \\+- [0-9.]+ deg"));
+  EXPECT_THAT(text, ContainsRegex("rotation 2.[0-9]+ \\+- [0-9.]+ deg"));
   EXPECT_THAT(text, HasSubstr("Errors against the truth so corrected:"));
 }
 

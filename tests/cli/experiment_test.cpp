@@ -103,7 +103,7 @@ TEST_F(ExperimentTest, PaperOverwritesNothing) {
   std::filesystem::create_directory(path("full"));
   write("full/notes.txt", "mine");
   expect_refusal({"experiment", "paper", "source.map", "target.map", "-o", "full"}, kSystemError,
-                 {"full", "holds something already", "a new or empty folder"});
+                 {"full", "is not empty", "a new or empty folder"});
   EXPECT_EQ(content("full/notes.txt"), "mine");
 }
 

@@ -32,6 +32,26 @@ TEST_F(InfoTest, CountsWhatTheMapHoldsAndWarnsOfTheRest) {
   EXPECT_THAT(result.output, HasSubstr("warning: landmarks without any observation: 1\n"));
 }
 
+TEST_F(InfoTest, SaysWhereOnTheEarthTheMapIs) {
+  // A unit of two metres; the landmark is 5 m east, 7 m north and 9 m above the origin.
+  write("placed.map",
+        "CAIRN 2\nMETA georeference 47.37 8.54 408 2 1 0 0 0 1 1 1\nFRAME 1 0 0 0 1 0 0 0\n"
+        "FRAME 2 0 0 0 1 0 0 0\nGNSS 2 47.37 8.54 410 -\nLANDMARK 3 2 3 4 - 2 1 0 0 2 0 0\n");
+  const std::string text = answer({"info", "placed.map"});
+  EXPECT_THAT(text, ContainsRegex("georeference +latitude 47.3700000, longitude 8.5400000, "
+                                  "altitude 408.00 m\n"));
+  EXPECT_THAT(text, ContainsRegex("metres per unit +2\n"));
+  EXPECT_THAT(text, ContainsRegex("centre on the Earth +latitude 47.37006[0-9]+, longitude "
+                                  "8.54006[0-9]+, altitude 417.00 m\n"));
+  EXPECT_THAT(text, ContainsRegex("GNSS positions +of 1 of 2 frames\n"));
+  const Json json = document({"info", "placed.map"});
+  EXPECT_EQ(json.at("georeference").at("latitude_deg"), 47.37);
+  EXPECT_NEAR(json.at("georeference").at("centre").at("altitude_m").get<double>(), 417.0, 1e-3);
+  EXPECT_EQ(json.at("gnss_positions"), 1);
+  write_plain();
+  EXPECT_EQ(document({"info", "plain.map"}).at("georeference"), nullptr);
+}
+
 TEST_F(InfoTest, MetricWithoutItsInputShowsDashesAndHowToGetIt) {
   write_plain();
   const std::string text = answer({"info", "plain.map"});
@@ -81,7 +101,7 @@ TEST_F(InfoTest, PointCloudDoesNotKnowItsObservations) {
   const std::string text = answer({"info", "source.ply"});
   EXPECT_THAT(text, ContainsRegex("observations +unknown\n"));
   EXPECT_THAT(text, ContainsRegex("columns +observations\n"));
-  EXPECT_THAT(text, HasSubstr("warning: the map does not know its observations"));
+  EXPECT_THAT(text, HasSubstr("warning: the map has no observations"));
   const Json json = document({"info", "source.ply"});
   EXPECT_TRUE(json.at("inputs").at("map").at("observations").is_null());
   EXPECT_TRUE(json.at("observed_twice_or_more").is_null());

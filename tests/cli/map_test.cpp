@@ -284,7 +284,7 @@ TEST_F(MapCliTest, AForeignFolderWhereUnfinishedMiniMapsWouldStandIsLeftAlone) {
   fs::create_directory(path("minis.unfinished"));
   write("minis.unfinished/thesis.txt", "years of work");
   expect_refusal({"map", "s", "-o", "minis", "--mini-map-length", "6f"}, kSystemError,
-                 {"minis.unfinished", "was not made by cairn"});
+                 {"minis.unfinished", "was not created by cairn"});
   EXPECT_EQ(content("minis.unfinished/thesis.txt"), "years of work");
   EXPECT_FALSE(fs::exists(path("minis")));
 }

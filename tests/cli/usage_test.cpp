@@ -88,7 +88,7 @@ TEST_P(VerbTest, NumbersThatAreNoneAreRefused) {
 TEST_F(UsageTest, UnknownVerbIsNamedBesideThoseThereAre) {
   expect_refusal({"alignn", "a", "b"}, kWrongUsage,
                  {"'alignn'", "demo, info, convert, align, evaluate, experiment, report"});
-  expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected a verb"});
+  expect_refusal({"--colour"}, kWrongUsage, {"'--colour'", "expected one of"});
 }
 
 TEST_F(UsageTest, WhatWasMeantIsSuggested) {
@@ -113,7 +113,7 @@ TEST_F(UsageTest, HelpIsAVerbToo) {
 TEST_F(UsageTest, MissingArgumentIsNamed) {
   expect_refusal({"align"}, kWrongUsage, {"source"});
   expect_refusal({"align", "a.map"}, kWrongUsage, {"target"});
-  expect_refusal({"convert", "a.map"}, kWrongUsage, {"output"});
+  expect_refusal({"convert", "a.map"}, kWrongUsage, {"output: not given; expected: Map to write"});
   expect_refusal({"info"}, kWrongUsage, {"map"});
   expect_refusal({"info", "a.map", "--json"}, kWrongUsage, {"--json"});
 }

@@ -161,6 +161,33 @@ TEST(OdometryPipeline, FollowsAPureRotation) {
   expect_sound_covariances(mapped.maps.at(0));
 }
 
+// Swings to and fro in place at up to 100 degrees a second. A frame has several poses of the path, so
+// that the speed changes while it is read out.
+TEST(OdometryPipeline, CorrectsARollingShutter) {
+  constexpr double kReadout = 0.03;
+  constexpr int kPosesAFrame = 4;
+  const Rigid3 start = sweep().truth.poses()[0].world_from_camera;
+  std::vector<TimedPose> poses;
+  for (int i = 0; i < 45 * kPosesAFrame; ++i) {
+    const double time = i / (30.0 * kPosesAFrame);
+    const double angle = 0.35 * (1.0 - std::cos(2.0 * std::numbers::pi * 0.8 * time));
+    poses.push_back({time, start * Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0, angle, 0)});
+  }
+  const Recording recording = record(Trajectory(poses), kCamera, 1, kReadout, kPosesAFrame);
+  const auto bend_of = [&](double readout_s) {
+    MapSequenceOptions options;
+    options.odometry.readout_s = readout_s;
+    const MappedSequence mapped = map_of(recording, options);
+    EXPECT_EQ(mapped.tracked, 45U);
+    return error_of(mapped, recording.truth, TrajectoryAlignment::kOrigin).rotation_rad.highest;
+  };
+  const double uncorrected = bend_of(0.0);
+  const double corrected = bend_of(kReadout);
+  RecordProperty("uncorrected_mrad", std::to_string(1e3 * uncorrected));
+  RecordProperty("corrected_mrad", std::to_string(1e3 * corrected));
+  EXPECT_LT(corrected, 0.6 * uncorrected);
+}
+
 TEST(OdometryPipeline, AWhiteWallIsNothingToBeginWith) {
   const auto read = [](std::size_t i) {
     return FrameImages{static_cast<double>(i),

@@ -51,18 +51,23 @@ struct Recording {
   }
 };
 
+// Every so-manieth pose of the path becomes a frame.
 inline Recording record(const Trajectory& path, const Camera& camera = kCamera,
-                        std::uint64_t noise = 1) {
+                        std::uint64_t noise = 1, double readout_s = 0.0, std::size_t every = 1) {
   SimulatorOptions options;
   options.camera = camera;
   options.seed = noise;
+  options.readout_s = readout_s;
   const RgbdSimulator simulator(desk().scene, path, options, Executor(2));
-  Recording recording{camera, path, {}, {}};
-  for (std::size_t i = 0; i < simulator.frame_count(); ++i) {
+  Recording recording{camera, {}, {}, {}};
+  std::vector<TimedPose> truth;
+  for (std::size_t i = 0; i < simulator.frame_count(); i += every) {
     RgbdFrame frame = simulator.frame(i, Executor(2));
     recording.frames.push_back(images_of(frame, i));
     recording.exact_depths_m.push_back(std::move(frame.exact_depth_m));
+    truth.push_back(path.poses()[i]);
   }
+  recording.truth = Trajectory(std::move(truth));
   return recording;
 }
 

@@ -25,9 +25,13 @@ namespace cairn::testing {
 inline MapTables full_tables() {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   MapTables tables;
-  tables.info = {LengthUnit::kFree, "desk", Eigen::Vector3d(0.0, 0.6, 0.8),
-                 "123e4567-e89b-12d3-a456-426614174000",
-                 std::vector<std::string>{"made by hand", " 100 % of it\n"}};
+  tables.info = {
+      LengthUnit::kFree,
+      "desk",
+      Eigen::Vector3d(0.0, 0.6, 0.8),
+      "123e4567-e89b-12d3-a456-426614174000",
+      std::vector<std::string>{"made by hand", " 100 % of it\n"},
+      GeoReference{{47.37, 8.54, 408.0}, 2.5, {0.6, 0.0, 0.8000004, 0.0}, {1.0, -2.0, 0.1}}};
   tables.cameras = {
       {CameraId{5}, "PINHOLE", 640, 480, {517.3, 516.5, 318.6, 255.3}},
       {CameraId{2}, "OPENCV_FISHEYE", 320, 240, {190.0, 191.0, 160.0, 120.0, 0.01, -0.002, 0, 0}}};
@@ -40,6 +44,8 @@ inline MapTables full_tables() {
   frames.cameras = {CameraIndex{1}, std::nullopt, CameraIndex{0}};
   frames.timestamps_s = {std::nullopt, 1305031453.374112, 0.0};
   frames.image_names = {"rgb/1.png", "", " 50%\tof\x7f\xc3\xa9 "};
+  frames.gnss = {GnssFix{{47.3701, 8.54, 410.5}, 3.5}, std::nullopt,
+                 GnssFix{{-0.0, -180.0, 1e-300}, std::nullopt}};
 
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.ids = {LandmarkId{30}, LandmarkId{10}, LandmarkId{9223372036854775808U},
@@ -129,6 +135,20 @@ inline bool same(const std::optional<Eigen::Vector3d>& a, const std::optional<Ei
   return a.has_value() == b.has_value() && (!a || same(*a, *b));
 }
 
+inline bool same(const GeodeticPosition& a, const GeodeticPosition& b) {
+  return same(a.latitude_deg, b.latitude_deg) && same(a.longitude_deg, b.longitude_deg) &&
+         same(a.altitude_m, b.altitude_m);
+}
+inline bool same(const std::optional<GeoReference>& a, const std::optional<GeoReference>& b) {
+  return a.has_value() == b.has_value() &&
+         (!a || (same(a->origin, b->origin) && same(a->scale, b->scale) &&
+                 same(a->quaternion, b->quaternion) && same(a->translation, b->translation)));
+}
+inline bool same(const std::optional<GnssFix>& a, const std::optional<GnssFix>& b) {
+  return a.has_value() == b.has_value() &&
+         (!a || (same(a->position, b->position) && same(a->accuracy_m, b->accuracy_m)));
+}
+
 }  // namespace detail
 
 /// The first column, and the row of it, in which two maps differ in any bit; empty if in none.
@@ -149,6 +169,7 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   one("length unit", a.info().length_unit, b.info().length_unit);
   one("world frame", a.info().world_frame, b.info().world_frame);
   one("gravity", a.info().gravity, b.info().gravity);
+  one("georeference", a.info().georeference, b.info().georeference);
   one("uuid", a.info().uuid, b.info().uuid);
   column("provenance", a.info().provenance, b.info().provenance);
   column("cameras", a.cameras(), b.cameras());
@@ -159,6 +180,7 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   column("frame cameras", a.frames().cameras, b.frames().cameras);
   column("timestamps", a.frames().timestamps_s, b.frames().timestamps_s);
   column("image names", a.frames().image_names, b.frames().image_names);
+  column("GNSS positions", a.frames().gnss, b.frames().gnss);
 
   column("landmark ids", a.landmarks().ids, b.landmarks().ids);
   column("positions", a.landmarks().positions, b.landmarks().positions);

@@ -15,7 +15,7 @@ type Kind = "good" | "doubt" | "bad" | "plain";
 
 const kVerdicts: Record<string, { kind: Kind; word: string; meaning: string }> = {
   aligned: { kind: "good", word: "Aligned", meaning: "The pose can be used." },
-  ambiguous: { kind: "doubt", word: "Ambiguous", meaning: "Something matches, but no single pose can be trusted." },
+  ambiguous: { kind: "doubt", word: "Ambiguous", meaning: "The evidence suffices for a match, but not for one pose." },
   rejected: { kind: "bad", word: "Rejected", meaning: "No pose can be trusted." },
 };
 
@@ -302,7 +302,13 @@ class AnswerFigure {
       }
     } else {
       part.append(
-        h("p", { class: "muted" }, open.length > 0 ? "None: the pose is open." : "Not known: the method gives none."),
+        h(
+          "p",
+          { class: "muted" },
+          open.length > 0
+            ? "None: the matches do not determine the pose."
+            : "Unknown: the method does not estimate them.",
+        ),
       );
     }
     if (open.length > 0) {
@@ -478,5 +484,5 @@ function offered(scene: string, alignment: AlignmentAnswer, candidate: AnswerCan
 export function answerFigure(section: AnswerSection): HTMLElement {
   return section.alignments.length > 0
     ? new AnswerFigure(section).element
-    : h("p", { class: "muted" }, "Nothing was aligned.");
+    : h("p", { class: "muted" }, "No maps were aligned.");
 }

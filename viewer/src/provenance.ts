@@ -57,7 +57,7 @@ export function provenanceSection(provenance: Provenance | null, version: string
     "section",
     { id: "provenance", class: "section", "aria-labelledby": "provenance-title" },
     h("h2", { id: "provenance-title" }, "Provenance"),
-    h("p", { class: "section-text" }, "What went into this report, and how to make it again."),
+    h("p", { class: "section-text" }, "Inputs of this report, and the command that reproduces it."),
   );
   if (!provenance) {
     section.append(h("div", { class: "card provenance" }, facts));

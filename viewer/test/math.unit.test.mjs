@@ -165,10 +165,10 @@ test("durations are read at a glance", () => {
 test("a probability below 1 never reads 100 %", () => {
   assert.equal(formatProbability(0.00102), "0.10 %");
   assert.equal(formatProbability(0.9983), "99.83 %");
-  assert.equal(formatProbability(0.99996), "99.996 %");
+  assert.equal(formatProbability(0.99996), "99.9960 %");
   assert.equal(formatProbability(1 - 1e-12), ">99.9999 %");
   assert.equal(formatProbability(1e-9), "<0.01 %");
-  assert.equal(formatProbability(0), "0.00 %");
+  assert.equal(formatProbability(0), "<0.01 %");
   assert.equal(formatShare(0.5), "50 %");
   assert.equal(formatShare(0.3364), "33.6 %");
 });

@@ -432,7 +432,7 @@ test("the answer comes first: verdict in words, probability, reason, pose, devia
   await withReport(sampleFile("answer"), { viewport: { width: 1400, height: 900 } }, async ({ page }) => {
     const answer = page.locator(".answer");
     const verdict = answer.locator(".verdict");
-    assert.match(await verdict.innerText(), /Aligned[^]*99\.996 %[^]*412 of 700 landmarks match/);
+    assert.match(await verdict.innerText(), /Aligned[^]*99\.9960 %[^]*412 of 700 landmarks match/);
     assert.ok(await verdict.evaluate((element) => element.getBoundingClientRect().bottom < innerHeight));
     assert.ok(await answer.locator(".answer-pose").evaluate((element) => element.getBoundingClientRect().bottom < innerHeight));
     assert.equal(await answer.locator(".matrix td").count(), 16);
@@ -497,7 +497,7 @@ test("a candidate is chosen by the keyboard, in the answer or over the view, and
     assert.equal((await drawing(page)).sum, own);
     await page.getByRole("button", { name: "Show all 12" }).click();
     assert.equal(await page.locator("[data-candidate]").count(), 12);
-    assert.match(await page.locator(".course-svg").getAttribute("aria-label"), /12 candidates: candidate 1, Matched 58\.8 %, Evidence 812, Probability 99\.996 %/);
+    assert.match(await page.locator(".course-svg").getAttribute("aria-label"), /12 candidates: candidate 1, Matched 58\.8 %, Evidence 812, Probability 99\.9960 %/);
   });
 });
 
@@ -675,7 +675,7 @@ test("a network: the slider moves maps, and one selection shows in graph, matrix
     await record.getByRole("button", { name: "tuesday" }).click();
     assert.match(await record.innerText(), /Its links/);
     await page.locator(".map-list").getByRole("button", { name: "cellar" }).click();
-    assert.match(await record.innerText(), /Left out: aligned with none/);
+    assert.match(await record.innerText(), /Left out: aligned with no other map/);
 
     const dashed = await page.locator(".graph-link line[stroke-dasharray]").count();
     assert.equal(dashed, 6, "what is not used is dashed");

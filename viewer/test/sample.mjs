@@ -620,7 +620,7 @@ export function networkSample() {
     stages: ["Own frames", "Along the links", "Optimised"],
     groups: [{ frame: "monday", up: [0, 0, 1] }],
     nodes: names.map((name, i) => ({
-      name, map: `map-${i}`, session: null, reason: i === 4 ? "aligned with none; likeliest with robot2 (2.31 %): rejected: too few landmarks agree" : null,
+      name, map: `map-${i}`, session: null, reason: i === 4 ? "aligned with no other map; likeliest with robot2 (rejected, 2.31 %)" : null,
       group: i < 4 ? 0 : null, landmarks: maps[i].map.count, keyframes: 14, fused: i < 4 ? 300 * i : null, centre: maps[i].centre,
       poses: i < 4 ? writer.add(Float64Array.from([[1, 0, 0, 0], 1, 2].flatMap((_, stage) => numbers(stage === 0 ? { t: [0, 0, 0], q: [1, 0, 0, 0] } : stage === 1 && i > 0 ? off(optimised[i]) : optimised[i])))) : null,
       scales: null,
@@ -641,7 +641,7 @@ export function networkSample() {
     schema: { name: "cairn.report", version: 1 },
     cairn_version: "0.4.0",
     title: "building.map",
-    subtitle: "Placed 4 of 5 maps in the frame of monday: 5 900 landmarks became 3 100. Left out: cellar (aligned with none).",
+    subtitle: "Placed 4 of 5 maps in the frame of monday: 5 900 landmarks became 3 100. Left out: cellar.",
     provenance: kProvenance,
     maps: maps.map(({ map }) => map),
     sections: [

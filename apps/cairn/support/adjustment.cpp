@@ -8,13 +8,12 @@
 namespace cairn::cli {
 
 void add_adjustment_to(CLI::App& command, MergePlacedOptions& options) {
-  auto* const adjust = command.add_flag(
-      "--adjust,!--no-adjust", options.adjust,
-      "Adjust the merged map: move all its keyframes and landmarks so that all observations fit "
-      "best");
+  auto* const adjust = command.add_flag("--adjust,!--no-adjust", options.adjust,
+                                        "Bundle-adjust the merged map: minimise the reprojection "
+                                        "errors over all keyframes and landmarks");
   command
       .add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
-                "With --adjust: adjust the cameras' parameters too")
+                "With --adjust: also adjust the cameras' parameters")
       ->needs(adjust);
 }
 

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/table.hpp"
@@ -21,11 +22,6 @@ std::string number(std::optional<double> value, int digits) {
 
 std::string percent(double share) {
   return fmt::format("{:.0f} %", 100.0 * share);
-}
-
-// Never "100.00 %": no probability is 1.
-std::string probability_text(std::optional<double> probability) {
-  return probability ? percent_text(*probability) : "-";
 }
 
 }  // namespace
@@ -106,7 +102,10 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
     const RegistrationResult& registration = one.alignment.registration;
     std::vector<std::string> row = {one.confidence, std::to_string(one.k),
                                     std::string(status_of(one.alignment))};
-    if (with_probability) row.push_back(probability_text(one.alignment.probability));
+    if (with_probability) {
+      const auto& probability = one.alignment.probability;
+      row.push_back(probability ? probability_text(*probability) : "-");
+    }
     row.push_back(std::to_string(registration.iterations));
     row.push_back(number(registration.initial_score, 4));
     row.push_back(number(registration.score, 4));

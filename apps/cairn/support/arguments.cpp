@@ -137,11 +137,11 @@ void CommonArguments::add_to(CLI::App& command) {
   add_text(command, "--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
            "FILE|-")
       ->group(group);
-  command.add_flag("--quiet", quiet, "No remarks and no progress on stderr")->group(group);
+  command.add_flag("--quiet", quiet, "Print no remarks and no progress on stderr")->group(group);
   add_number(command, "--threads", threads,
-             "Threads to use at most; 0: one a core. Results do not depend on it")
+             "Largest number of threads; 0: one per core. The results do not depend on it")
       ->group(group);
-  add_number(command, "--seed", seed, "Seed of all random numbers")->group(group);
+  add_number(command, "--seed", seed, "Seed of the random numbers")->group(group);
 }
 
 void CommonArguments::add_csv_to(CLI::App& command, const std::string& row) {
@@ -193,15 +193,14 @@ Rigid3 read_pose_file(const std::string& path) {
 
 void PoseArguments::add_to(CLI::App& command, const std::string& name, const std::string& what) {
   name_ = "--" + name;
-  auto* const as_text =
-      add_text(command, name_, text,
-               what +
-                   ": \"x y z roll pitch yaw\", lengths in the map's unit, angles in degrees, "
-                   "R = Rz(yaw)*Ry(pitch)*Rx(roll)",
-               "POSE");
+  auto* const as_text = add_text(command, name_, text,
+                                 what +
+                                     ": \"x y z roll pitch yaw\", lengths in the map's unit, "
+                                     "angles in degrees, R = Rz(yaw)*Ry(pitch)*Rx(roll)",
+                                 "POSE");
   add_text(command, name_ + "-matrix", file,
-           "The same from a file: 16 numbers, row-major, or the JSON of an alignment (its first "
-           "result)",
+           "Read that pose from a file: 16 numbers, row-major, or the JSON of an alignment (its "
+           "first result)",
            "FILE")
       ->excludes(as_text);
 }
@@ -249,7 +248,9 @@ std::string confidence_help() {
 }
 
 CameraFile load_camera(const std::string& text) {
-  if (text == "fr1" || text == "fr2" || text == "fr3") return {tum_camera(text), std::nullopt};
+  if (text == "fr1" || text == "fr2" || text == "fr3") {
+    return {tum_camera(text), std::nullopt, tum_readout_s(text)};
+  }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   if (!std::filesystem::exists(text)) {
     throw Error(ErrorKind::kInput, "--camera", printable(text) + " is no camera and no file",

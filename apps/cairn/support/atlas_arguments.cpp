@@ -21,17 +21,17 @@
 namespace cairn::cli {
 void AtlasArguments::add_to(CLI::App& command) {
   add_text(command, "--atlas", location,
-           "The atlas: path of its file, or postgresql://user@host/database. Required", "FILE|URL");
-  command.add_flag(
-      "--insist", insist,
-      "Use it even on a network file system, where locks may fail, or on a server that does "
-      "not wait for its disk");
-  add_number(command, "--wait", wait_s, "Seconds to wait for another process that writes to it");
+           "Atlas: path of its file, or postgresql://user@host/database. Required", "FILE|URL");
+  command.add_flag("--insist", insist,
+                   "Use the atlas even on a network file system, where locks may fail, or on a "
+                   "server that confirms writes before they are on disk");
+  add_number(command, "--wait", wait_s,
+             "Longest wait for another process that writes to the atlas, seconds");
   common.add_to(command);
 }
 
 void AtlasArguments::add_at_to(CLI::App& command) {
-  add_number(command, "--at", at, "As it was after this commit; the last if not given");
+  add_number(command, "--at", at, "Read the atlas as of this commit (default: the last)");
 }
 
 AtlasStoreOptions AtlasArguments::store_options(bool read_only) const {

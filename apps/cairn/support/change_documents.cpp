@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/placement/probability_text.hpp"
+
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -52,7 +54,8 @@ std::string changes_text(const ChangeResult& result, LengthUnit unit) {
   const std::string symbol = unit_symbol(unit);
   std::string text;
   for (const Change& change : result.changes) {
-    text += fmt::format("{:<8} {:>7}  ", to_string(change.kind), percent(change.confidence));
+    text +=
+        fmt::format("{:<8} {:>7}  ", to_string(change.kind), probability_text(change.confidence));
     if (change.before) text += "at " + place_text(*change.before, symbol);
     if (change.before && change.after) text += "; now ";
     if (change.after) text += "at " + place_text(*change.after, symbol);

@@ -48,9 +48,10 @@ std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
   const auto refuse = [](const std::string& what, const std::string& expected) {
     throw Error(ErrorKind::kInput, "map", what, expected);
   };
-  if (map.frames().timestamps_s.empty()) refuse("has no times of its frames", "a map that has");
-  if (map.frames().cameras.empty()) refuse("has no cameras of its frames", "a map that has");
-  if (!map.has_observations()) refuse("does not know its observations", "a map that does");
+  if (map.frames().timestamps_s.empty())
+    refuse("has no timestamps of its frames", "a map with timestamps");
+  if (map.frames().cameras.empty()) refuse("has no cameras of its frames", "a map with cameras");
+  if (!map.has_observations()) refuse("has no observations", "a map with observations");
   const RgbdSequence sequence(folder);
   std::vector<double> map_times;
   for (const auto& time : map.frames().timestamps_s) map_times.push_back(time.value_or(-1.0));

@@ -2,9 +2,12 @@
 #include "support/documents.hpp"
 
 #include <filesystem>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -35,11 +38,10 @@ Json rows_of(const Eigen::MatrixXd& matrix) {
 }  // namespace
 
 void MapLoading::add_to(CLI::App& command) {
-  add_text(
-      command, "--convention", convention,
-      "Whose conventions hold where a file breaks those of its format: data, that is those under "
-      "which landmarks appear where they were observed, or format",
-      "data|format")
+  add_text(command, "--convention", convention,
+           "Conventions of a file that breaks those of its format: data uses those under which "
+           "landmarks project to their observations, format the format's",
+           "data|format")
       ->default_str("data");
 }
 
@@ -50,9 +52,12 @@ void MapLoading::validate() const {
 
 LogSink strict_log(LogSink log, bool strict) {
   if (!strict) return log;
-  return [](std::string_view remark) {
-    throw Error(ErrorKind::kInput, "--strict", std::string(remark),
-                "a file of which nothing is left out");
+  return [log = std::move(log)](const Remark& remark) {
+    if (remark.kind == RemarkKind::kLoss) {
+      throw Error(ErrorKind::kInput, "--strict", std::string(remark.text),
+                  "a file that can be read completely");
+    }
+    if (log) log(remark);
   };
 }
 
@@ -79,8 +84,8 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
         !(but_for_pixels == ConventionReading{})) {
       reread_as = describe(check.best.reading);
       console.remark(
-          fmt::format("{}: {}; it is read so (--convention format of cairn convert and cairn "
-                      "info keeps the format's)",
+          fmt::format("{}: {}; read with these conventions (--convention format of cairn convert "
+                      "and cairn info keeps the format's)",
                       path, check.sentence));
       loaded.map = reread(std::move(loaded.map), check.best.reading);
     }
@@ -97,7 +102,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
 void require_metres(const LandmarkMap& map, const std::string& path) {
   if (map.info().length_unit == LengthUnit::kMetres) return;
   throw Error(ErrorKind::kInput, path, "is of free scale",
-              "a map in metres: the displacements are");
+              "a map in metres, the unit of the displacements");
 }
 
 void require_folder_of(const std::string& path) {
@@ -120,7 +125,7 @@ void require_outputs(const CommonArguments& common) {
   require_folder_of(common.csv_path);
   if (common.report_path.empty()) return;
   if (common.report_path == "-") {
-    throw Error(ErrorKind::kMisuse, "--report", "a page does not go to stdout", "a file");
+    throw Error(ErrorKind::kMisuse, "--report", "a page cannot be written to stdout", "a file");
   }
   if (!report::has_viewer()) {
     throw Error(ErrorKind::kMisuse, common.report_path,
@@ -162,10 +167,18 @@ void require_map_output(const std::string& path, const std::string& format,
   const MapFormat* const named = all_formats().find(format);
   if (named == nullptr || named->write_to == nullptr) {
     throw Error(ErrorKind::kMisuse, "--format",
-                format.empty() ? "not given, but stdout has no ending that names one"
+                format.empty() ? "not given, but stdout has no ending that names a format"
                                : printable(format) + " names no format of a single file",
-                "text, binary, ply or pcd");
+                stdout_formats_text());
   }
+}
+
+std::string stdout_formats_text() {
+  std::vector<std::string_view> names;
+  for (const MapFormat& format : all_formats().formats()) {
+    if (format.write_to != nullptr) names.push_back(format.name);
+  }
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs) {
@@ -200,15 +213,16 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
   };
   if (!options.log) options.log = console.log();
   const MapFormat& format = all_formats().format_to_write(path, options);
+  // Before anything is written: the log may refuse it.
+  if (!format.holds_frames && map.frame_count() > 0) {
+    options.log({fmt::format("{} holds landmarks only: {} frames and {} observations are left out",
+                             path, map.frame_count(), map.observation_count()),
+                 RemarkKind::kLoss});
+  }
   if (path == "-") {
     format.write_to(map, print_raw, options);
   } else {
     all_formats().write(map, path, options);
-  }
-  if (!format.holds_frames && map.frame_count() > 0) {
-    console.remark(
-        fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
-                    map.frame_count(), map.observation_count()));
   }
 }
 

@@ -50,6 +50,9 @@ void require_outputs(const CommonArguments& common);
 /// @throws Error (misuse) naming `option`
 void require_map_path(const std::string& path, const std::string& option);
 
+/// Names of the map formats of a single file, which can go to stdout, for help and messages.
+std::string stdout_formats_text();
+
 /// As require_map_path, or "-" for stdout with the format's name; a name with a file is refused.
 void require_map_output(const std::string& path, const std::string& format,
                         const std::string& option);

@@ -100,8 +100,4 @@ std::string with_commas(std::size_t number) {
   return text;
 }
 
-std::string percent(double probability) {
-  return fmt::format("{:.2f} %", std::min(99.99, std::floor(1e4 * probability) / 100.0));
-}
-
 }  // namespace cairn::cli

@@ -28,7 +28,4 @@ std::vector<std::string> map_names(const std::vector<std::string>& files);
 /// 61204 as "61,204".
 std::string with_commas(std::size_t number);
 
-/// A probability in percent, which is never said to be one.
-std::string percent(double probability);
-
 }  // namespace cairn::cli

@@ -28,7 +28,7 @@ struct MapLoading {
 LoadedMap load_map(const std::string& path, const CommonArguments& common,
                    const MapLoading& loading, bool with_hash = false);
 
-/// A log that throws the first remark as an Error (input) if `strict`, else hands it on.
+/// A log that throws the first loss as an Error (input) if `strict`, and hands on all else.
 LogSink strict_log(LogSink log, bool strict);
 
 }  // namespace cairn::cli

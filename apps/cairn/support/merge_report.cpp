@@ -24,7 +24,7 @@ report::LinkUse use_of(const MapLink& link, bool used) {
                                              : report::LinkUse::kRejected;
 }
 
-// "Placed 3 of 4 maps in the frame of monday: 61,204 landmarks became 44,910. Left out: cellar, ..."
+// "Placed 3 of 4 maps in the frame of monday: 61,204 landmarks became 44,910. Left out: cellar, attic."
 std::string answer_of(std::span<const MergeInput> maps, const MergeResult& result) {
   std::size_t before = 0;
   std::string frame;
@@ -33,13 +33,13 @@ std::string answer_of(std::span<const MergeInput> maps, const MergeResult& resul
     const MergedMap& map = result.maps[i];
     if (map.fusion) before += map.fusion->landmarks;
     if (map.placed && frame.empty()) frame = maps[i].name;
-    if (!map.placed) left_out.push_back(fmt::format("{} ({})", maps[i].name, map.reason));
+    if (!map.placed) left_out.push_back(maps[i].name);
   }
-  if (!result.map) return "No two of the maps belong together; nothing is written.";
+  if (!result.map) return "No two maps are aligned; no map is written.";
   std::string text = fmt::format("Placed {} of {} maps in the frame of {}: {} landmarks became {}.",
                                  result.placed(), maps.size(), frame, with_commas(before),
                                  with_commas(result.map->landmark_count()));
-  if (!left_out.empty()) text += fmt::format(" Left out: {}.", fmt::join(left_out, "; "));
+  if (!left_out.empty()) text += fmt::format(" Left out: {}.", fmt::join(left_out, ", "));
   return text;
 }
 

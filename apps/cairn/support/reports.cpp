@@ -136,7 +136,7 @@ std::string file_name(const std::string& path) {
 void write_report(const report::Report& report, const CommonArguments& common) {
   if (common.report_path.empty()) return;
   report::save_report(report, common.report_path);
-  common.console().print(fmt::format("\nreport  {}\n", common.report_path));
+  common.console().print(fmt::format("\nwrote {}\n", common.report_path));
 }
 
 }  // namespace cairn::cli

@@ -14,18 +14,6 @@ std::string fixed(double value, int digits) {
   return is_zero && text.starts_with('-') ? text.substr(1) : text;
 }
 
-std::string percent_text(double probability) {
-  constexpr int kMostDigits = 6;
-  int digits = 2;
-  std::string text = fixed(100.0 * probability, digits);
-  while (probability < 1.0 && text.starts_with("100") && digits < kMostDigits) {
-    text = fixed(100.0 * probability, ++digits);
-  }
-  // A verdict is never certain.
-  if (text.starts_with("100")) return ">99.9999 %";
-  return text + " %";
-}
-
 Table::Table(std::vector<std::string> header) {
   rows_.push_back(std::move(header));
 }

@@ -9,9 +9,6 @@ namespace cairn::cli {
 /// With so many digits behind the point; never "-0.000".
 std::string fixed(double value, int digits);
 
-/// A probability in percent with two digits; as many as tell it from 100 % if it is near 1.
-std::string percent_text(double probability);
-
 /// A table for people: the first column flush left, all others flush right.
 class Table {
  public:

@@ -80,10 +80,10 @@ void make_result_folder(const std::string& folder) {
     throw Error(ErrorKind::kStorage, folder, "is a file", "a folder for the results");
   }
   if (fs::is_directory(folder, error) && !fs::is_empty(folder, error)) {
-    throw Error(ErrorKind::kStorage, folder, "holds something already", "a new or empty folder");
+    throw Error(ErrorKind::kStorage, folder, "is not empty", "a new or empty folder");
   }
   fs::create_directories(folder, error);
-  if (error) throw Error(ErrorKind::kStorage, folder, "cannot be made: " + error.message(), "");
+  if (error) throw Error(ErrorKind::kStorage, folder, "cannot be created: " + error.message(), "");
 }
 
 void write_text(const std::string& folder, const std::string& name, const std::string& text) {

@@ -15,7 +15,7 @@ Run run_of_verb(CLI::App& parent, std::vector<Run> runs) {
     for (std::size_t i = 0; i < verbs.size(); ++i) {
       if (verbs[i]->parsed()) return runs[i]();
     }
-    throw Error(ErrorKind::kMisuse, name, "nothing to do", "a verb");
+    throw Error(ErrorKind::kMisuse, name, "no verb", "a verb");
   };
 }
 

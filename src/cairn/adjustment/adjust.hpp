@@ -10,26 +10,26 @@
 
 namespace cairn {
 
-/// How residuals that the noise does not explain count.
+/// Weight of residuals that the noise does not explain.
 enum class RobustKernel {
-  kNone,    ///< as all others
-  kHuber,   ///< linearly, from where 95 % of good ones lie
-  kCauchy,  ///< logarithmically
+  kNone,    ///< quadratic, like all others
+  kHuber,   ///< linear beyond the 95 % quantile of good residuals
+  kCauchy,  ///< logarithmic
 };
 
 struct AdjustOptions {
-  /// std::nullopt: the map's own residuals tell, before and again after a first adjustment.
+  /// std::nullopt: estimated from the map's residuals, before and again after a first adjustment.
   std::optional<MeasurementNoise> noise;
   RobustKernel kernel = RobustKernel::kHuber;
-  /// All parameters of all cameras, of which the given ones count as right to 2 % of the focal length, 1 %
-  /// of the image's size and 0.05 of each other parameter (standard deviations).
+  /// Also adjusts all parameters of all cameras, with the given ones as a prior: standard deviations 2 % of
+  /// the focal length, 1 % of the image size, and 0.05 for each other parameter.
   bool refine_intrinsics = false;
-  int max_iterations = 50;  ///< of the solver, each time; at least 1
-  /// Landmarks with fewer observations move with the first frame that observed them only. At least 1.
+  int max_iterations = 50;  ///< per run of the solver; at least 1
+  /// Landmarks with fewer observations only move with the first frame that observed them. At least 1.
   std::size_t min_observations = 2;
-  /// Computes the covariances of landmarks anew; see estimate_covariances(). Otherwise the result has none.
+  /// Recomputes the landmark covariances; see estimate_covariances(). If false, the result has none.
   bool covariances = true;
-  /// The solver itself runs on one thread, so that sums have one order.
+  /// The solver itself uses one thread, so that sums have one order.
   Execution execution = {};
 
   /// @throws Error (misuse) naming the field
@@ -38,25 +38,25 @@ struct AdjustOptions {
 
 struct AdjustResult {
   LandmarkMap map;
-  bool converged = false;        ///< else the iterations were used up, or no step made it better
-  int iterations = 0;            ///< of the solver, all told
-  std::size_t observations = 0;  ///< that took part
-  std::size_t unusable = 0;      ///< the others: e.g. of landmarks behind the camera
-  double initial_rms_px = 0.0;   ///< of those: root mean square distance from the pixels
-  double final_rms_px = 0.0;     ///< the same of the result
-  MeasurementNoise noise;        ///< that was assumed last
+  bool converged = false;  ///< false: the iterations were used up, or no step improved the result
+  int iterations = 0;      ///< of the solver, in total
+  std::size_t observations = 0;  ///< that were used
+  std::size_t unusable = 0;      ///< others, e.g. of landmarks behind the camera
+  double initial_rms_px = 0.0;   ///< root mean square reprojection error of the used observations
+  double final_rms_px = 0.0;     ///< the same for the result
+  MeasurementNoise noise;        ///< the noise last assumed
 };
 
-/// Full bundle adjustment: moves frames and landmarks, and cameras if asked, so that the squared residuals
-/// of all observations (pixels, and depths of a map in metres, each over its standard deviation, with a
-/// robust kernel) become least.
+/// Full bundle adjustment: moves frames, landmarks and, if requested, cameras to minimise the squared
+/// residuals of all observations (pixels, and depths of a map in metres, each divided by its standard
+/// deviation, with a robust kernel).
 ///
-/// Gauge: the first frame stays where it is, of every group of frames that share landmarks; where a group has
-/// no depths, so does the distance of the frame that is farthest from it. Frames without observations stay.
-/// All else of the map is kept, without UUID. Same input, same result, whatever the number of threads.
+/// Gauge: in every group of frames that share landmarks, the first frame is fixed; in a group without
+/// depths, also the distance of the frame farthest from it. Frames without observations stay. All else of
+/// the map is kept, but not its UUID. The same input gives the same result for any number of threads.
 ///
-/// @throws Error (misuse) for invalid options; (input) for a map without observations, a frame that observes
-///         but has no camera; (cancelled)
+/// @throws Error (misuse) for invalid options; (input) for a map without observations or an observing frame
+///        without a camera; (cancelled)
 AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options = {});
 
 }  // namespace cairn

@@ -14,11 +14,11 @@
 
 namespace cairn {
 
-/// An observation of a landmark, linearised: derivatives of its residuals (pixel u, v, and depth; zeros
-/// where that is not measured), which are in standard deviations.
+/// A linearised observation of a landmark: derivatives of its residuals (pixel u, v, and depth; zero if not
+/// measured), in standard deviations.
 struct LinearObservation {
   std::uint32_t frame = 0;
-  /// What it adds to the information, 1 if it is independent of the others.
+  /// Its share of the information; 1 if it is independent of the others.
   double share = 1.0;
   Eigen::Matrix3d by_point = Eigen::Matrix3d::Zero();  ///< in the world
   /// Left perturbation (δt, δφ) of world_from_camera.
@@ -27,43 +27,43 @@ struct LinearObservation {
 
 struct LinearLandmark {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  /// Information on the position that no observation gives.
+  /// Prior information on the position.
   Eigen::Matrix3d prior = Eigen::Matrix3d::Zero();
   std::vector<LinearObservation>
-      observations;  ///< of distinct frames; none: no covariance is asked for
+      observations;  ///< of distinct frames; if empty, no covariance is computed
 };
 
-/// A linearised least-squares problem of camera poses and landmarks. Frame 0 is where it is.
+/// A linearised least-squares problem of camera poses and landmarks. Frame 0 is fixed.
 struct LinearProblem {
-  std::vector<Eigen::Vector3d> camera_centres;  ///< one a frame
+  std::vector<Eigen::Vector3d> camera_centres;  ///< one per frame
   std::vector<LinearLandmark> landmarks;
-  /// A frame whose distance from frame 0 is held, where nothing else determines the scale.
+  /// A frame whose distance from frame 0 is fixed, if no depth determines the scale.
   std::optional<std::uint32_t> scale_frame;
-  /// Information added to each number of each pose, so that a frame that nothing ties to the others is as
-  /// good as unknown, not a reason to fail.
+  /// Information added to each pose parameter. A frame without ties to the others then has a huge
+  /// covariance instead of making the problem singular.
   Vector6d least_information = Vector6d::Constant(1e-6);
 };
 
-/// What landmark covariances are relative to.
+/// Frame of reference of the landmark covariances.
 enum class CovarianceGauge {
   kFirstFrame,     ///< frame 0
   kFirstObserver,  ///< the frame of the landmark's first observation
 };
 
 struct RecoveredCovariances {
-  /// Of each frame's pose relative to frame 0, (δt, δφ) in the world.
+  /// Per frame: of its pose relative to frame 0, (δt, δφ) in the world.
   std::vector<Matrix6d> frames;
-  /// Of each landmark's position, along the world's axes; zero for those without observations.
+  /// Per landmark: of its position, along the world's axes; zero without observations.
   std::vector<Eigen::Matrix3d> landmarks;
 };
 
-/// Up to so many frames the problem is solved densely; more of them by sparse factors.
+/// Up to this many frames, the problem is solved densely; above, by sparse factors.
 inline constexpr std::size_t kMostDenseFrames = 800;
 
-/// Marginal covariances of poses and landmarks: landmarks are eliminated, the reduced system of the
-/// poses is inverted, as far as landmarks see pairs of frames.
-/// @param most_dense up to so many frames, all pairs
-/// @throws Error (input) if more pairs of frames share landmarks than memory should hold, (cancelled)
+/// Marginal covariances of poses and landmarks: eliminates the landmarks and inverts the reduced system of
+/// the poses, for the pairs of frames that share landmarks.
+/// @param most_dense up to this many frames, all pairs
+/// @throws Error (input) if too many pairs of frames share landmarks for the memory, (cancelled)
 RecoveredCovariances recover_covariances(const LinearProblem& problem, CovarianceGauge gauge,
                                          const Execution& execution = {},
                                          std::size_t most_dense = kMostDenseFrames);

@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// Derivative of a residual by the camera's pose (left perturbation δt, δφ of world_from_camera), from
-/// its derivative by the point in the world.
+/// Derivative of a residual with respect to the camera's pose (left perturbation δt, δφ of
+/// world_from_camera), from its derivative with respect to the point in the world.
 /// @param arm from the camera's centre to the point, in the world
 template <class Rows>
 Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> derivative_by_pose(

@@ -150,7 +150,8 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
   if (refuted) {
     PlacementResult everywhere = pair.place();
     if (everywhere.probability > placed.probability) {
-      everywhere.reason = "the guess is not confirmed; from everywhere: " + everywhere.reason;
+      everywhere.reason =
+          "the search found a likelier pose than the guess led to: " + everywhere.reason;
       placed = std::move(everywhere);
     }
   }
@@ -212,10 +213,10 @@ Alignment timed(const AlignOptions& options, const Work& work) {
   return alignment;
 }
 
-// "source bends by 6.8 deg between keyframes 40 and 95 (...)".
+// "the source bends by 6.8 deg between keyframes 40 and 95 (...)".
 std::string bend_text(const MapBend& bend, LengthUnit unit) {
   return fmt::format(
-      "{} bends by {:.1f} deg between keyframes {} and {} (landmarks of a part are up to "
+      "the {} bends by {:.1f} deg between keyframes {} and {} (landmarks of a part are up to "
       "{:.2g}{} from where this pose puts them)",
       to_string(bend.map), degrees(bend.rotation_rad), bend.first.value, bend.last.value,
       bend.displacement, unit == LengthUnit::kMetres ? " m" : "");
@@ -223,7 +224,7 @@ std::string bend_text(const MapBend& bend, LengthUnit unit) {
 
 // How many parts are aligned by themselves, of how many.
 std::string parts_text(const PartsAlignment& parts) {
-  return fmt::format("{} of {} parts are aligned by themselves", parts.aligned, parts.parts.size());
+  return fmt::format("{} of {} parts are aligned separately", parts.aligned, parts.parts.size());
 }
 
 // Whether two poses are those of parts of one bent map, the single pose and any part's.
@@ -262,7 +263,7 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target,
   result.covariance_with_scale.reset();
   alignment.registration = std::move(result);
   alignment.verdict = Verdict::kAligned;
-  alignment.reason = fmt::format("by parts, of which {}: {}; as a whole: {}", parts_text(parts),
+  alignment.reason = fmt::format("{} and agree up to a bend: {}; as a whole: {}", parts_text(parts),
                                  bend_text(*parts.bend, target.length_unit()), alignment.reason);
   alignment.probability = parts.probability;
   // What was found for the whole maps is less likely than that none of it is right.
@@ -294,15 +295,14 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
     alignment.parts->confirmed = is_aligned_straightened(found, source, target, placement);
     if (*found.confirmed) return take_consensus(source, target, options, alignment);
     alignment.reason +=
-        fmt::format("; by parts, of which {}: the map straightened by them is not aligned either",
-                    parts_text(found));
+        fmt::format("; {}, but the map straightened by them is not aligned", parts_text(found));
     return;
   }
   const auto contradict = [&](std::string_view what) {
     alignment.verdict = Verdict::kAmbiguous;
     alignment.target_from_source.reset();
     alignment.reason =
-        fmt::format("{}, of which {}; as a whole: {}", what, parts_text(found), alignment.reason);
+        fmt::format("{} ({}); as a whole: {}", what, parts_text(found), alignment.reason);
   };
   if (found.contradictory) {
     contradict("the parts of the maps contradict each other");
@@ -310,7 +310,7 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
     if (!is_near_a_part(found, *alignment.estimate, source)) {
       contradict("the parts of the maps agree on another pose");
     } else {
-      alignment.reason += "; by parts: " + bend_text(*found.bend, target.length_unit());
+      alignment.reason += "; its parts show that " + bend_text(*found.bend, target.length_unit());
     }
   }
 }

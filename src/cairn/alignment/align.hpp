@@ -17,111 +17,111 @@
 namespace cairn {
 
 enum class AlignMethod {
-  kRobust,  ///< search, or from a prior pose a robust refinement: place.hpp, refine.hpp
+  kRobust,  ///< search, or robust refinement from a prior pose: place.hpp, refine.hpp
   kIcp,     ///< the paper's ICP, from the prior pose or else the identity
 };
 
-/// What is known of a pose before the maps are looked at.
+/// Initial knowledge of a pose.
 struct PosePrior {
   Similarity3 target_from_source = {};
-  /// Left perturbation in the target's frame, (δt, δφ): how far off it may be. Nothing: anything within
-  /// half the extent of the smaller map.
+  /// Covariance of the left perturbation (δt, δφ) in the target's frame. std::nullopt: the prior may be off
+  /// by half the extent of the smaller map.
   std::optional<Matrix6d> covariance = {};
 };
 
-/// When maps are placed by parts; see map_bend.hpp.
+/// When parts of the maps are placed separately; see map_bend.hpp.
 enum class PartsUse {
-  kWhereRefused,  ///< where no pose of the whole maps is aligned
-  kAlways,        ///< to tell the bend and the parts' poses of every pair
+  kWhereRefused,  ///< if the whole maps are not aligned
+  kAlways,        ///< for every pair, to get the bend and the parts' poses
   kNever,
 };
 
-/// How two maps are aligned.
+/// Options of align().
 struct AlignOptions {
   AlignMethod method = AlignMethod::kRobust;
-  /// Nothing: every pose is possible, and is searched for.
+  /// std::nullopt: search for the pose.
   std::optional<PosePrior> prior = {};
-  /// Of maps: how far each landmark is trusted; with kIcp nothing is the paper's base ICP.
+  /// For maps: metric of the landmarks' confidences. std::nullopt with kIcp: the paper's base ICP.
   std::optional<Metric> confidence = {};
-  /// For maps that need not be of one scale; see PlaceOptions. Not with kIcp.
+  /// Also estimates the scale, within this range; see PlaceOptions. Not with kIcp.
   std::optional<ScaleRange> scale = {};
   std::optional<GravityPrior> gravity = {};  ///< see gravity_prior()
-  /// Probability from which a pose is aligned; in [0.5, 1).
+  /// Least probability of an aligned pose; in [0.5, 1).
   double min_probability = 0.99;
-  /// Odds, before anything is looked at, that the maps show one place; see PlaceOptions.
+  /// Odds that the maps show the same place, before any evidence; see PlaceOptions.
   double prior_odds = 1.0;
-  bool one_to_one = false;  ///< kRobust, from a prior pose: match no target landmark twice
-  PartsUse parts = PartsUse::kWhereRefused;  ///< kRobust, of maps
-  bool judge = true;  ///< without it no pose is aligned: the result has an estimate and no verdict
-  /// Work of the search in units of the default's; from 1/16 to 64.
+  bool one_to_one = false;  ///< kRobust, from a prior pose: match each target landmark at most once
+  PartsUse parts = PartsUse::kWhereRefused;  ///< kRobust, for maps
+  bool judge =
+      true;  ///< false: no verdict, and no pose counts as aligned; the result has only the estimate
+  /// Work of the search, as a multiple of the default's; from 1/16 to 64.
   double effort = 1.0;
-  /// Limit of the search in seconds; see PlaceOptions.
+  /// Time limit of the search in seconds; see PlaceOptions.
   std::optional<double> time_limit_s = {};
-  PointSetOptions points = {};  ///< which landmarks of maps take part
-  /// Within which distance landmarks count as overlapping; nothing: one that the maps suggest.
+  PointSetOptions points = {};  ///< landmarks of the maps that take part
+  /// A landmark overlaps if the other map has one within this distance. std::nullopt: chosen from the maps.
   std::optional<double> overlap_radius = {};
   std::uint64_t seed = 0;
-  bool trace = false;  ///< keep score and matches of every iteration
-  /// For kIcp; its limit of iterations is also that of a refinement from a prior pose. Initial pose,
-  /// overlap radius, trace and execution are taken from here above and below.
+  bool trace = false;  ///< record score and matches of every iteration
+  /// For kIcp; max_iterations also limits a refinement from a prior pose. Initial pose, overlap radius,
+  /// trace and execution are those of AlignOptions.
   IcpOptions icp = {};
 
   Execution execution = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// What is known of the pose between two maps.
+/// Result of an alignment.
 struct Alignment {
-  /// Nothing: not judged, for that was not asked for, the method failed, or the caller stopped the work.
+  /// std::nullopt if not judged: `judge` is false, the method failed, or the caller stopped the work.
   std::optional<Verdict> verdict;
-  std::optional<double> probability;  ///< of the estimate; nothing if it was not judged
-  std::string reason;                 ///< one sentence for people
+  std::optional<double> probability;  ///< of the estimate; std::nullopt if not judged
+  std::string reason;                 ///< one sentence for people, the decision first
   /// Only if the verdict is aligned. x_in_target = target_from_source * x_in_source.
   std::optional<Similarity3> target_from_source;
-  /// The best pose that the method found, trusted or not; nothing if it found none.
+  /// The best pose, whatever the verdict; std::nullopt if the method found none.
   std::optional<Similarity3> estimate;
-  /// All poses that were held against each other, likeliest first; empty if not judged.
+  /// All poses compared, likeliest first; empty if not judged.
   std::vector<PlacementCandidate> candidates;
-  /// How the estimate was come to: score, iterations, history, matches; and its covariance, open
-  /// directions and overlap.
+  /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
   RegistrationResult registration;
-  double radius = 0.0;  ///< within which landmarks count as matched; 0 if not judged
-  /// The poses of the maps' parts, and whether they agree; std::nullopt if the parts were not placed.
+  double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if not judged
+  /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
   std::optional<PartsAlignment> parts;
-  bool cut_short = false;     ///< by the time limit; see PlacementResult
+  bool cut_short = false;     ///< the time limit ended the work; see PlacementResult
   bool deterministic = true;  ///< false with a time limit
   double duration_s = 0.0;    ///< wall time of the whole call
 };
 
-/// The verdict's word, or, where there is none, "converged", "stopped", "failed" or "cancelled".
+/// Name of the verdict; if there is none, "converged", "stopped", "failed" or "cancelled".
 std::string_view status_of(const Alignment& alignment);
 
-/// Aligns two clouds of landmarks and says whether the pose can be trusted.
+/// Aligns two landmark clouds and judges the pose.
 ///
-/// Whatever finds the pose (the search, a refinement from a prior pose, ICP), it is held against the
-/// poses that the search finds: PreparedPair. It is aligned if it is right with the probability asked for,
-/// has a covariance, and is determined in every direction.
-/// Same input and seed, same result, whatever the executor's number of threads.
+/// Compares the method's pose (from the search, a refinement or ICP) with the poses that the search finds:
+/// see PreparedPair. The pose is aligned if its probability is at least `min_probability`, it has a
+/// covariance, and the matches determine every direction. The same input and seed give the same result for
+/// any number of threads.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
                 const AlignOptions& options = {});
 
-/// Aligns two maps, by their landmarks that take part (landmarks_to_align()).
-/// @throws Error also (input) where a map lacks the input of the confidence metric
+/// Aligns two maps by the landmarks that landmarks_to_align() selects.
+/// @throws Error also (input) if a map lacks the input of the confidence metric
 Alignment align(const LandmarkMap& source, const LandmarkMap& target,
                 const AlignOptions& options = {});
 
-/// Aligns two maps of which either is aligned with many. AlignOptions::confidence and points stand in the
-/// PrepareOptions of each; here they have no effect.
-/// @throws Error (misuse) for AlignMethod::kIcp, which takes maps
+/// Aligns prepared maps, of which each can be aligned with many others. PrepareOptions of each map replace
+/// AlignOptions::confidence and points, which have no effect here.
+/// @throws Error (misuse) for AlignMethod::kIcp
 Alignment align(const PreparedMap& source, const PreparedMap& target,
                 const AlignOptions& options = {});
 
-/// Judges a pose as it is, whatever found it, as align() judges its own. Of the options, `method`,
-/// `prior` and `judge` have no effect.
+/// Judges a given pose without changing it, as align() judges its own. `method`, `prior` and `judge` have
+/// no effect.
 /// @throws Error (misuse) for invalid options, or a scale other than 1 without AlignOptions::scale
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
@@ -130,7 +130,7 @@ Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
 
-/// That both maps know where down is: each as it says, or else its negative z axis.
+/// The vertical of both maps: each map's stored gravity direction, or its negative z axis if it has none.
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);
 GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target);
 

@@ -7,13 +7,12 @@
 
 namespace cairn {
 
-/// Whether two maps, of which the one that bends is straightened, are aligned as whole maps are.
+/// Whether two maps are aligned as a whole after the bent one is straightened.
 ///
-/// Each landmark is moved by the pose between those that the consensus gives the two parts about it, and
-/// back by the one pose of all. The straightened map is then refined from that one pose and judged as
-/// place() judges any map, by descriptors alone, as strictly as where those decide without a search: at
-/// least 15 matches must agree outside their largest cluster. A thing that stands in two places is found by
-/// several parts that see it, and is still one small thing of the whole.
+/// Moves each landmark by the interpolated pose of the two parts around it, and back by the single pose.
+/// Refines the straightened map from the single pose and judges it as place() does, by descriptors alone:
+/// at least 15 matches must agree outside their largest cluster. An object that stands in two places is
+/// found by several parts that see it, but stays a small part of the whole map.
 ///
 /// @param parts   with a consensus
 /// @param options of the placement; `search` and `trace` have no effect

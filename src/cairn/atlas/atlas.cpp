@@ -598,36 +598,38 @@ std::vector<AtlasComponent> components_of(const AtlasState& state) {
   return components;
 }
 
-AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitId> at) {
-  const AtlasState state = store_->state(at);
+AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
+                              const std::string& name) {
   const std::vector<AtlasComponent> components = components_of(state);
-  const AtlasComponent* chosen = components.empty() ? nullptr : &components.front();
-  if (options.frame) {
-    const AtlasNode& wanted = require_node(state, *options.frame);
+  if (node) {
+    const AtlasNode& wanted = require_node(state, *node);
     const auto pose = state.poses.find(wanted.id);
-    chosen = nullptr;
     for (const AtlasComponent& component : components) {
-      if (pose != state.poses.end() && component.frame == pose->second.frame) chosen = &component;
+      if (pose != state.poses.end() && component.frame == pose->second.frame) return component;
     }
-    if (chosen == nullptr) {
-      throw Error(ErrorKind::kMisuse, store_->name(), fmt::format("{} has no pose", wanted.name),
-                  "a map that 'optimize' placed");
-    }
+    throw Error(ErrorKind::kMisuse, name, fmt::format("{} has no pose", wanted.name),
+                "a map that 'optimize' placed");
   }
-  if (chosen == nullptr) {
-    throw Error(ErrorKind::kMisuse, store_->name(), "no two maps are in one frame",
+  if (components.empty()) {
+    throw Error(ErrorKind::kMisuse, name, "no two maps are in one frame",
                 "maps that 'link' linked and 'optimize' placed");
   }
+  return components.front();
+}
+
+AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitId> at) {
+  const AtlasState state = store_->state(at);
+  const AtlasComponent chosen = component_with(state, options.frame, store_->name());
   std::vector<LandmarkMap> maps;
   std::vector<PlacedMap> placed;
-  maps.reserve(chosen->nodes.size());
-  for (const NodeId id : chosen->nodes) {
+  maps.reserve(chosen.nodes.size());
+  for (const NodeId id : chosen.nodes) {
     const AtlasNode& node = state.nodes.at(id);
     const AtlasPose& pose = state.poses.at(id);
     maps.push_back(map(node));
     placed.push_back({&maps.back(), node.name, pose.frame_from_node, pose.covariance});
   }
-  return {chosen->nodes, merge_placed(placed, options.placed)};
+  return {chosen.nodes, merge_placed(placed, options.placed)};
 }
 
 namespace {

@@ -18,23 +18,24 @@
 
 namespace cairn {
 
-/// Which pairs of maps are tried.
+/// Selects the pairs of maps to try.
 struct AtlasLinkOptions {
   LinkOptions links = {};
-  /// Tries pairs again that were tried and not aligned; what was found replaces what is there.
+  /// Also tries pairs that were tried before and not aligned; the new result replaces the old.
   bool retry = false;
-  /// How many of the other maps each map is tried with: those that recognition finds likeliest. 0: all.
-  /// Nothing: all in an atlas of up to kMapsTriedInFull maps, else kDefaultCandidates.
+  /// Number of other maps to try each map with, the likeliest by recognition; 0: all. std::nullopt: all in
+  /// an atlas of up to kMapsTriedInFull maps, else kDefaultCandidates.
   std::optional<std::size_t> candidates = {};
-  /// If not empty, only pairs of which one is among these.
+  /// If not empty, tries only pairs with one of these.
   std::vector<NodeId> only = {};
-  /// Of several processes that share the pairs of a file: this one does every `shards`-th, from `shard`.
+  /// For several processes that share the pairs of a file: this one tries every `shards`-th pair, from
+  /// `shard`.
   std::size_t shard = 0;
   std::size_t shards = 1;
-  /// Told of each result, when it is kept.
+  /// Called with each result after it is stored.
   std::function<void(const AtlasLink& link)> on_link = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
@@ -42,14 +43,14 @@ inline constexpr std::size_t kMapsTriedInFull = 32;
 inline constexpr std::size_t kDefaultCandidates = 10;
 
 struct AtlasLinkResult {
-  std::size_t pairs = 0;         ///< that there are
-  std::size_t tried = 0;         ///< now
+  std::size_t pairs = 0;         ///< in the atlas
+  std::size_t tried = 0;         ///< by this call
   std::size_t tried_before = 0;  ///< or linked by a person
-  std::size_t not_likely = 0;    ///< left out by recognition
-  std::size_t aligned = 0;       ///< of those tried now
+  std::size_t not_likely = 0;    ///< excluded by recognition
+  std::size_t aligned = 0;       ///< of those tried by this call
 };
 
-/// A group of maps that links connect, in the frame of its first.
+/// A group of linked maps, in the frame of its first.
 struct AtlasComponent {
   NodeId frame;
   std::vector<NodeId> nodes;  ///< ascending
@@ -57,6 +58,12 @@ struct AtlasComponent {
 
 /// Components of at least two maps, largest first.
 std::vector<AtlasComponent> components_of(const AtlasState& state);
+
+/// The component that a map is in, or the largest.
+/// @param name of the atlas, for messages
+/// @throws Error (misuse) if no two maps have poses in one frame, or the map has none
+AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
+                              const std::string& name);
 
 struct AtlasOptimised {
   CommitId commit;
@@ -72,12 +79,12 @@ struct AtlasMergeOptions {
 
 struct AtlasMerged {
   std::vector<NodeId> nodes;  ///< in the order of the fusion
-  MergedPlaced merged;        ///< of these maps, in their order
+  MergedPlaced merged;        ///< of these maps, in that order
 };
 
-/// Maps, what is known of how they lie to each other, and how that came to be, kept where several programs
-/// and sessions can use it. Every change is a commit, and is on disk when the call returns. One thread at a
-/// time; other threads and processes open the same location for themselves.
+/// Maps, their relations and the history of both, stored for several programs and sessions. Every change is
+/// a commit, which is on disk when the call returns. Use by one thread at a time; other threads and
+/// processes open the location separately.
 class Atlas {
  public:
   explicit Atlas(std::unique_ptr<AtlasStore> store) : store_(std::move(store)) {}
@@ -93,56 +100,56 @@ class Atlas {
 
   struct Added {
     NodeId node;
-    bool was_there = false;  ///< the same map, under whatever name; nothing was changed
+    bool was_there = false;  ///< the same map was in the atlas, under any name; it was not changed
   };
   /// @throws Error (misuse) if another map has the name, (input) for a map without landmarks
   Added add(const LandmarkMap& map, const std::string& name, const std::string& session = {});
 
-  /// Links that odometry states between maps of one run; `kind` is not looked at. A pair that has one keeps it.
-  /// @return how many were added
+  /// Adds odometry links between maps of one run; ignores `kind`. A pair keeps an earlier odometry link.
+  /// @return number of links added
   std::size_t link_by_odometry(std::span<const PoseLink> links);
 
-  /// Aligns pairs of maps that were not tried yet, and keeps what came of it, rejected or not. Results are
-  /// kept as they come, so that another call goes on where this one was ended. Same maps and seed, same
-  /// links, whatever the number of threads. In PostgreSQL, processes that do this at the same time share the
-  /// pairs, and together give what one would; what one had in work when it ended, the others do.
+  /// Aligns pairs of maps that were not tried yet, and stores each result, rejected or not, at once. After
+  /// an interruption, another call continues. The same maps and seed give the same links for any number of
+  /// threads. With PostgreSQL, concurrent processes share the pairs and together give the same result as
+  /// one; others take over the pairs of a process that ends.
   AtlasLinkResult link(const AtlasLinkOptions& options = {});
 
-  /// A link that a person states. It counts like one that was judged.
+  /// Adds a link stated by a person. It counts like a judged one.
   AtlasLinkId link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
                             const Matrix7d& covariance, const std::string& reason = {});
 
-  /// Replaces the links between two maps by one that says that there is none.
+  /// Replaces the links between two maps by one that states that they are not linked.
   void unlink(NodeId a, NodeId b, const std::string& reason = {});
 
-  /// Poses of all maps that aligned links connect, each component in the frame of its first map.
+  /// Computes the poses of all maps with aligned links, each component in the frame of its first map.
   AtlasOptimised optimize(const PoseOptimisationOptions& options = {});
 
-  /// The maps of one component as one map.
-  /// @throws Error (misuse) if no two maps have poses in one frame, or not in that of `options`
+  /// Merges the maps of one component.
+  /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `options`
   AtlasMerged merge(const AtlasMergeOptions& options = {},
                     std::optional<CommitId> at = std::nullopt);
 
-  /// Removes a map, its links and its pose. Poses in its frame go as well.
+  /// Removes a map, its links and its pose, and the poses in its frame.
   void remove(NodeId node);
 
-  /// A map becomes maps of so many of its keyframes each, linked as they lie in it. Its own links go.
+  /// Splits a map into maps of `frames` keyframes each, linked by their poses in it. Removes its own links.
   /// @return the new maps
   std::vector<NodeId> split(NodeId node, std::size_t frames);
 
-  /// Undoes what the command did that this commit belongs to; nothing: the last that was not undone itself.
+  /// Undoes the command of this commit; std::nullopt: the last command that is not undone.
   /// @return the commit that was undone
-  /// @throws Error (misuse) if there is nothing to undo, or later commits build on it
+  /// @throws Error (misuse) if there is no such command, or later commits build on it
   CommitId undo(std::optional<CommitId> commit = std::nullopt);
 
-  /// Commits from now on belong to one command, for log() and undo().
+  /// Starts a command: later commits belong to it, for log() and undo().
   void begin_run() { run_ = CommitId{}; }
 
  private:
   AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make,
                         std::optional<CommitId> undoes = std::nullopt);
 
-  // std::nullopt if the atlas was changed meanwhile.
+  // std::nullopt if another process changed the atlas meanwhile.
   std::optional<AtlasOptimised> optimize_once(const PoseOptimisationOptions& options);
 
   std::unique_ptr<AtlasStore> store_;

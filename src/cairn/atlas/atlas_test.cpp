@@ -2,7 +2,12 @@
 #include "cairn/atlas/atlas.hpp"
 
 #include <algorithm>
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,6 +17,7 @@
 #include "cairn/atlas/state_difference.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/temporary_folder.hpp"
@@ -19,7 +25,9 @@
 namespace cairn {
 namespace {
 
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::UnorderedElementsAre;
 
 class AtlasTest : public ::testing::Test {
  protected:
@@ -85,6 +93,51 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   EXPECT_EQ(cloud.landmark_count(), 1800U);
   EXPECT_EQ(cloud.column(kNodeColumn)->values.back(), static_cast<double>(source.value));
   EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, ExportsTheComponentOfAMapOrTheLargest) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  const NodeId c = add("c", 3);
+  const NodeId d = add("d", 4);
+  const NodeId e = add("e", 5);
+  const NodeId alone = add("alone", 6);
+  for (const auto& [target, source] : {std::pair{a, b}, std::pair{c, d}, std::pair{d, e}}) {
+    again().link_manually(target, source, step(), covariance());
+  }
+  EXPECT_THROW(component_with(atlas().state(), std::nullopt, "town"), Error);
+  again().optimize();
+  const AtlasState state = atlas().state();
+  EXPECT_EQ(component_with(state, std::nullopt, "town").nodes, (std::vector{c, d, e}));
+  EXPECT_EQ(component_with(state, b, "town").nodes, (std::vector{a, b}));
+  EXPECT_THROW(component_with(state, alone, "town"), Error);
+
+  std::vector<std::string> remarks;
+  const AtlasExportOptions options{
+      .frame = b, .log = [&](std::string_view remark) { remarks.emplace_back(remark); }};
+  export_atlas(atlas(), state, folder_ / "town.ply", options);
+  EXPECT_EQ(read_map(folder_ / "town.ply").landmark_count(), 80U);
+  ASSERT_EQ(remarks.size(), 1U);
+  EXPECT_THAT(remarks.front(), HasSubstr("left out 4 of 6 maps, which are not in the frame of a"));
+  EXPECT_THROW(export_atlas(atlas(), state, folder_ / "town.tum"), Error);  // no map has times
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "town.tum"));
+}
+
+TEST_F(AtlasTest, ExportsAFolderWithAFileForEachMap) {
+  add("of/two", 1);
+  add("of_two", 2);
+  add("..", 3);
+  export_atlas(again(), atlas().state(), folder_ / "all");
+  std::vector<std::string> names;
+  for (const auto& file : std::filesystem::directory_iterator(folder_ / "all")) {
+    names.push_back(file.path().filename().string());
+  }
+  EXPECT_THAT(names,
+              UnorderedElementsAre("of_two.cairn", "of_two~.cairn", "...cairn", "graph.json"));
+  EXPECT_EQ(export_of(folder_ / "all"), AtlasExport::kFolder);
+  EXPECT_EQ(export_of("new"), AtlasExport::kFolder);
+  EXPECT_EQ(export_of("town.mcap"), AtlasExport::kRecording);
+  EXPECT_THROW(export_of("town.xyz"), Error);
 }
 
 TEST_F(AtlasTest, UndoesTheLastCommandAndThenTheOneBefore) {

@@ -4,14 +4,79 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
 #include "cairn/interchange/mcap.hpp"
+#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/pose_graph/g2o.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
+#include "cairn/trajectory/tum.hpp"
 
 namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+void write_graph(const AtlasState& state, const fs::path& path) {
+  const std::string text = pose_graph_text(pose_graph(state));
+  write_file(path, [&](const ByteSink& sink) { sink(text); });
+}
+
+void write_g2o_graph(const AtlasState& state, const fs::path& path, const LogSink& log) {
+  PoseGraph graph = pose_graph(state);
+  const std::size_t left_out =
+      std::erase_if(graph.links, [](const PoseLink& link) { return !link.covariance; });
+  if (left_out > 0 && log) {
+    log(fmt::format("{}: {} links without a covariance of six numbers are left out", path.string(),
+                    left_out));
+  }
+  const G2oGraph g2o = g2o_graph(graph);
+  write_file(path, [&](const ByteSink& sink) { write_g2o(g2o, sink); });
+}
+
+// The name of a map as that of a file that none of `taken` has.
+std::string file_name_of(const std::string& name, std::set<std::string>& taken) {
+  std::string text;
+  for (const char c : name) text += c == '/' || c == '\0' ? '_' : c;
+  while (!taken.insert(text).second) text += "~";
+  return text + ".cairn";
+}
+
+void write_folder(Atlas& atlas, const AtlasState& state, const fs::path& folder) {
+  std::error_code failure;
+  fs::create_directories(folder, failure);
+  if (failure) throw Error(ErrorKind::kStorage, folder.string(), failure.message(), "a folder");
+  std::set<std::string> taken;
+  for (const auto& [id, node] : state.nodes) {
+    write_map(atlas.map(node), folder / file_name_of(node.name, taken));
+  }
+  write_graph(state, folder / "graph.json");
+}
+
+void write_component(Atlas& atlas, const AtlasState& state, const AtlasComponent& component,
+                     AtlasExport what, const fs::path& path) {
+  if (what == AtlasExport::kCloud) {
+    write_map(cloud_of(atlas, state, component), path);
+  } else if (what == AtlasExport::kRecording) {
+    write_file(path, [&](const ByteSink& sink) { write_mcap(atlas, state, component, sink); });
+  } else {
+    const Trajectory trajectory = keyframes_of(atlas, state, component);
+    if (trajectory.empty()) {
+      throw Error(ErrorKind::kInput, atlas.store().name(), "no keyframe has a time",
+                  "maps with timestamps");
+    }
+    write_file(path, [&](const ByteSink& sink) { write_tum_trajectory(trajectory, sink); });
+  }
+}
+
+}  // namespace
 
 Trajectory keyframes_of(Atlas& atlas, const AtlasState& state, const AtlasComponent& component) {
   std::vector<TimedPose> poses;
@@ -80,6 +145,35 @@ void write_mcap(Atlas& atlas, const AtlasState& state, const AtlasComponent& com
                      link.probability, agrees == state.agrees.end() || agrees->second});
   }
   write_mcap(maps, links, sink);
+}
+
+AtlasExport export_of(const fs::path& path) {
+  const std::string ending = path.extension().string();
+  std::error_code ignored;
+  if (ending.empty() || fs::is_directory(path, ignored)) return AtlasExport::kFolder;
+  if (ending == ".g2o") return AtlasExport::kG2o;
+  if (ending == ".json") return AtlasExport::kGraph;
+  if (ending == ".tum") return AtlasExport::kTrajectory;
+  if (ending == ".ply") return AtlasExport::kCloud;
+  if (ending == ".mcap") return AtlasExport::kRecording;
+  throw Error(ErrorKind::kMisuse, path.string(), fmt::format("ending {}", ending),
+              ".g2o, .json, .tum, .ply, .mcap, or a folder");
+}
+
+void export_atlas(Atlas& atlas, const AtlasState& state, const fs::path& path,
+                  const AtlasExportOptions& options) {
+  const AtlasExport what = export_of(path);
+  if (what == AtlasExport::kFolder) return write_folder(atlas, state, path);
+  if (what == AtlasExport::kGraph) return write_graph(state, path);
+  if (what == AtlasExport::kG2o) return write_g2o_graph(state, path, options.log);
+  const AtlasComponent component = component_with(state, options.frame, atlas.store().name());
+  write_component(atlas, state, component, what, path);
+  const std::size_t others = state.nodes.size() - component.nodes.size();
+  if (others > 0 && options.log) {
+    options.log(fmt::format("{}: left out {} of {} maps, which are not in the frame of {}",
+                            path.string(), others, state.nodes.size(),
+                            state.nodes.at(component.frame).name));
+  }
 }
 
 }  // namespace cairn

@@ -7,15 +7,15 @@
 
 namespace cairn {
 
-/// A map whose pose is another.
+/// A map whose pose changed.
 struct MovedNode {
   NodeId node;
   double shift = 0.0;  ///< of the centre of its landmarks, in the unit of its frame
   double turn_rad = 0.0;
-  bool frame_changed = false;  ///< then the two numbers are 0
+  bool frame_changed = false;  ///< if true, the two numbers are 0
 };
 
-/// What lies between two states.
+/// Difference between two states.
 struct AtlasDifference {
   std::vector<NodeId> added_nodes, removed_nodes;
   std::vector<AtlasLinkId> added_links, removed_links;

@@ -33,6 +33,14 @@ PlacedMap as_one(Atlas& atlas, const AtlasState& state, const std::vector<NodeId
 
 }  // namespace
 
+std::vector<NodeId> placed_of_session(const AtlasState& state, const std::string& session) {
+  std::vector<NodeId> nodes;
+  for (const auto& [id, node] : state.nodes) {
+    if (node.session == session && state.poses.contains(id)) nodes.push_back(id);
+  }
+  return nodes;
+}
+
 ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
                               const std::vector<NodeId>& first, const std::vector<NodeId>& second,
                               const ChangeOptions& options) {
@@ -47,7 +55,7 @@ ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
       const std::string& name = state.nodes.at(id).name;
       if (pose == state.poses.end()) {
         throw Error(ErrorKind::kMisuse, atlas.store().name(), fmt::format("{} has no pose", name),
-                    "maps that 'cairn atlas optimize' placed");
+                    "maps that 'optimize' placed");
       }
       if (frame && pose->second.frame != *frame) {
         throw Error(ErrorKind::kMisuse, atlas.store().name(),

@@ -12,11 +12,11 @@
 
 namespace cairn {
 
-/// A table as comma-separated values (RFC 4180, lines end with LF): a header and rows. Numbers are
-/// the shortest decimals that parse back; what is unknown is empty.
+/// A table as comma-separated values (RFC 4180, lines end with LF): a header and rows. Numbers are the
+/// shortest decimals that parse back; unknown values are empty.
 class Csv {
  public:
-  /// Rows of a table whose header stands elsewhere.
+  /// Rows of a table whose header is elsewhere.
   Csv() = default;
   Csv(std::initializer_list<std::string_view> header);
   explicit Csv(std::span<const std::string_view> header);
@@ -40,18 +40,18 @@ class Csv {
   bool row_begins_ = true;
 };
 
-/// One row of a table that was read.
+/// One row of a parsed table.
 struct CsvRow {
   std::vector<std::string> cells;
-  std::uint64_t line = 0;  ///< on which it begins, from 1
-  std::size_t end = 0;     ///< bytes of the text up to and with the row's line end
+  std::uint64_t line = 0;  ///< its first line, from 1
+  std::size_t end = 0;     ///< bytes of the text up to and including the row's line end
 };
 
-/// The rows of a text, its header among them; a last row without line end is left out, for it may have
-/// been cut.
+/// The rows of a text, including its header; leaves out a last row without line end, which may be
+/// truncated.
 /// @param name for messages
-/// @throws Error (input) naming the line of a quote that is out of place or never closed, though not if
-///         the text ends within it
+/// @throws Error (input) naming the line of a quote that is misplaced or not closed, unless the text ends
+///        within it
 std::vector<CsvRow> parse_csv(std::string_view text, std::string_view name);
 
 }  // namespace cairn

@@ -7,21 +7,21 @@
 
 namespace cairn {
 
-/// What went wrong, as far as a caller has to tell apart.
+/// Kinds of errors that callers distinguish.
 enum class ErrorKind {
-  kMisuse,     ///< an argument or option outside what the function states
-  kInput,      ///< data that cannot be read or does not say what it must
+  kMisuse,     ///< an invalid argument or option
+  kInput,      ///< data that cannot be read or is invalid
   kStorage,    ///< the operating system refused to write
   kCancelled,  ///< the caller asked to stop
 };
 
-/// The one exception of the library: misuse and unreadable input. An expected failure (no overlap,
-/// no convergence) is never an exception but a status in the result.
+/// The only exception of the library, for misuse and unreadable input. An expected failure (no overlap, no
+/// convergence) is a status in the result.
 class Error : public std::runtime_error {
  public:
-  /// @param where    file and line or byte, or the option, e.g. "desk.map:12: field 3 (x)"
-  /// @param what     what was found, e.g. "'abc' is not a number"
-  /// @param expected what would have been right, without "expected"; may be empty
+  /// @param where file and line or byte, or the option, e.g. "desk.map:12: field 3 (x)"
+  /// @param what the defect, e.g. "'abc' is not a number"
+  /// @param expected the constraint, without "expected"; may be empty
   Error(ErrorKind kind, std::string_view where, std::string_view what, std::string_view expected);
 
   ErrorKind kind() const noexcept { return kind_; }
@@ -30,8 +30,8 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-/// `text` in single quotes, cut at a readable length, with control and non-ASCII bytes as `\xNN`: for
-/// messages about input that may be anything.
+/// `text` in single quotes, truncated, with control and non-ASCII bytes as `\xNN`: for messages about
+/// arbitrary input.
 std::string printable(std::string_view text);
 
 }  // namespace cairn

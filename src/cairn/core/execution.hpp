@@ -8,13 +8,13 @@
 
 namespace cairn {
 
-/// Where work runs, whether it is still wanted, and who is told how far it is.
+/// Where work runs, its cancellation and its progress.
 struct Execution {
-  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
+  Executor executor = Executor();  ///< one thread by default; results do not depend on the number
   std::stop_token stop = {};
   Progress progress = {};
 
-  /// For work that is part of another, which tells of its own progress.
+  /// For work within other work that reports its own progress.
   Execution without_progress() const { return {executor, stop, {}}; }
 };
 

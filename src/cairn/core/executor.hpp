@@ -8,25 +8,25 @@
 
 namespace cairn {
 
-/// Where work runs: a bounded number of threads. Copies share the same threads.
+/// Runs work on a bounded number of threads. Copies share the threads.
 ///
-/// Work is cut into blocks whose bounds depend on the amount of work only, never on the number of
-/// threads, so what is computed block by block is the same with any number of them.
+/// Work is cut into blocks whose bounds depend only on the amount of work, so results computed by block are
+/// the same for any number of threads.
 class Executor {
  public:
   /// @param threads at most this many, and at most one per core; 0 means one per core
   explicit Executor(unsigned threads = 1);
 
-  /// How many there really are.
+  /// The actual number of threads.
   unsigned threads() const noexcept;
 
-  /// Calls `body(begin, end)` for consecutive ranges that cover [0, count), each of `block` items
-  /// but the last. Returns when all are done; rethrows an exception of `body`.
+  /// Calls `body(begin, end)` for consecutive ranges that cover [0, count), each of `block` items except
+  /// the last. Returns when all are done; rethrows an exception of `body`.
   void for_blocks(std::size_t count, std::size_t block,
                   const std::function<void(std::size_t begin, std::size_t end)>& body) const;
 
-  /// Calls `use(i, make(i))` for i in [0, count), in that order and one at a time, while `make` runs
-  /// ahead on the other threads by at most `ahead` items. Rethrows an exception of either.
+  /// Calls `use(i, make(i))` for i in [0, count), one after the other in that order, while `make` runs up
+  /// to `ahead` items ahead on the other threads. Rethrows an exception of either.
   template <class Make, class Use>
   void in_order(std::size_t count, std::size_t ahead, const Make& make, const Use& use) const {
     using Item = decltype(make(std::size_t{}));

@@ -50,7 +50,8 @@ mode_t file_mode_mask() {
 void sync_folder(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder.empty() ? "." : folder;
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) return;  // a folder that may be written to but not read
+  if (descriptor < 0 && errno == EACCES) return;  // a folder that may be written to but not read
+  if (descriptor < 0) fail_writing(path, errno);
   const int result = ::fsync(descriptor);
   const int error_number = errno;
   ::close(descriptor);
@@ -80,6 +81,7 @@ class TemporaryFile {
       } else if (is_regular() && lock() && is_in_place()) {
         if (::ftruncate(descriptor_, 0) == 0) return;
         error_number_ = errno;
+        ::unlink(path_.c_str());
         close();
         return;
       } else {

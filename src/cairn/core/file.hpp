@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// Bytes to be read in order, with a name for messages.
+/// Bytes to read in order, with a name for messages.
 class ByteSource {
  public:
   ByteSource() = default;
@@ -20,29 +20,28 @@ class ByteSource {
   ByteSource& operator=(const ByteSource&) = delete;
   virtual ~ByteSource() = default;
 
-  /// What to call the source in a message; a file's path.
+  /// Name in messages; a file's path.
   virtual const std::string& name() const = 0;
-  /// Size in bytes when opened; nothing for what has no size, such as a pipe.
+  /// Size in bytes when opened; std::nullopt if unknown, as for a pipe.
   virtual std::optional<std::uint64_t> size() const = 0;
   /// Reads up to `capacity` bytes; 0 means the end.
   /// @throws Error (input) if the operating system fails
   virtual std::size_t read(char* buffer, std::size_t capacity) = 0;
-  /// Back to the start; only where size() is known.
+  /// Returns to the start; only if size() is known.
   virtual void rewind() = 0;
-  /// All bytes from the start, where they lie in memory already; valid as long as the source.
-  /// std::nullopt where they must be read. Files are never mapped: one that another program cut short
-  /// would kill the process on access.
+  /// All bytes, if they are in memory; valid as long as the source. std::nullopt if they must be read.
+  /// Files are never mapped, because a file truncated by another program would kill the process on access.
   virtual std::optional<std::string_view> in_memory() { return std::nullopt; }
 };
 
-/// Most bytes that are read from a pipe or device, which may never end.
+/// Largest number of bytes read from a pipe or device, which may be endless.
 inline constexpr std::uint64_t kLongestStream = std::uint64_t{1} << 30;
 
-/// Most bytes of a line, so that a file without line ends does not fill the memory.
+/// Largest number of bytes in a line, so that a file without line ends does not fill the memory.
 inline constexpr std::size_t kLongestLine = std::size_t{1} << 26;
 
-/// A file, pipe or device opened for reading; a directory is refused. Of a pipe or device, reading more
-/// than kLongestStream bytes throws an Error (input).
+/// A file, pipe or device opened for reading; refuses a directory. Reading more than kLongestStream bytes
+/// from a pipe or device throws Error (input).
 class FileReader final : public ByteSource {
  public:
   /// @throws Error (input) naming the path and the reason: missing, a directory, no permission
@@ -58,10 +57,10 @@ class FileReader final : public ByteSource {
   std::string name_;
   int descriptor_ = -1;
   std::optional<std::uint64_t> size_;
-  std::uint64_t streamed_ = 0;  // bytes read where there is no size
+  std::uint64_t streamed_ = 0;  // bytes read, if there is no size
 };
 
-/// Bytes that are in memory already; they must outlive the reader.
+/// Bytes in memory; they must outlive the reader.
 class MemoryReader final : public ByteSource {
  public:
   MemoryReader(std::string_view bytes, std::string name);
@@ -78,27 +77,27 @@ class MemoryReader final : public ByteSource {
   std::size_t position_ = 0;
 };
 
-/// All that is left of a source.
+/// The rest of a source.
 std::string read_all(ByteSource& source);
 
-/// All of a file.
+/// The content of a file.
 /// @throws Error as FileReader
 std::string read_file(const std::filesystem::path& path);
 
-/// Hands out text line by line without a copy or an allocation per line. Holds one block, or
-/// the longest line if that is longer. A byte order mark before the first line is left out.
+/// Reads text line by line without a copy or an allocation per line. Holds one block, or the longest line
+/// if that is longer. Skips a byte order mark before the first line.
 class LineReader {
  public:
   explicit LineReader(ByteSource& source, std::size_t block_size = std::size_t{1} << 20);
 
-  /// The next line without its '\n'; nothing at the end. Valid until the next call.
+  /// The next line without its '\n'; std::nullopt at the end. Valid until the next call.
   /// @throws Error (input) for a line of more than kLongestLine bytes
   std::optional<std::string_view> next();
-  /// Number of the line last handed out, from 1.
+  /// Number of the last line returned, from 1.
   std::uint64_t line_number() const noexcept { return line_number_; }
-  /// Whether the line last handed out ended with '\n'; false only for a last, perhaps cut, line.
+  /// Whether the last line returned ended with '\n'; false only for a last, possibly truncated, line.
   bool line_was_terminated() const noexcept { return terminated_; }
-  /// Bytes handed out so far.
+  /// Bytes returned so far.
   std::uint64_t bytes_read() const noexcept { return bytes_; }
 
  private:
@@ -118,28 +117,28 @@ class LineReader {
 /// Receives the bytes of a file in pieces.
 using ByteSink = std::function<void(std::string_view bytes)>;
 
-/// When the bytes of a written file are on disk.
+/// When the bytes of a written file reach the disk.
 enum class Durability {
   kAtOnce,  ///< before write_file returns
-  kLater,   ///< when the operating system finds time, or on sync_files: for many files in a row
+  kLater,   ///< when the operating system decides, or on sync_files: for many files in sequence
 };
 
-/// Writes a whole file or nothing: bytes go to a temporary file beside `path`, which replaces it
-/// only when `produce` has returned and all is on disk. A link is followed; a device or pipe is
-/// written to directly. What a killed process left of its temporary file, ".NAME.cairn-unfinished",
-/// the next call for that path takes over. Thread-safe.
-/// @param durability with kLater, a crash of the whole machine may leave the file empty
-/// @throws Error (storage) naming path and reason (no such folder, no permission, disk full); what
-///         was at `path` before is then still there
+/// Writes a file atomically: writes to a temporary file in the same folder, which replaces `path` after
+/// `produce` has returned and all is on disk. Follows a link; writes directly to a device or pipe. The next
+/// call for the same path reuses the temporary file ".NAME.cairn-unfinished" of a killed process.
+/// Thread-safe.
+/// @param durability with kLater, a crash of the machine may leave the file empty
+/// @throws Error (storage) naming path and reason (no such folder, no permission, disk full); an earlier
+///        file at `path` then remains
 void write_file(const std::filesystem::path& path,
                 const std::function<void(const ByteSink& sink)>& produce,
                 Durability durability = Durability::kAtOnce);
 
-/// Waits until all that was written in the file system of this folder is on disk.
+/// Waits until everything written to the file system of this folder is on disk.
 /// @throws Error (storage) naming the folder
 void sync_files(const std::filesystem::path& folder);
 
-/// 128-bit XXH3 hash of a file's bytes as "xxh3:" and 32 hexadecimal digits (as `xxhsum -H2`).
+/// 128-bit XXH3 hash of a file's bytes: "xxh3:" and 32 hexadecimal digits (as from `xxhsum -H2`).
 std::string hash_file(const std::filesystem::path& path);
 
 }  // namespace cairn

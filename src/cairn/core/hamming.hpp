@@ -7,11 +7,10 @@
 
 namespace cairn {
 
-/// In how many bits two descriptors of the same length differ.
+/// Hamming distance of two descriptors of equal length.
 ///
-/// Counted in words of 64 bits, in parallel within them (Warren, "Hacker's Delight", 5-1): std::popcount
-/// is a call into a library wherever the instruction cannot be taken for granted, as on x86-64, and four
-/// times as slow.
+/// Counts bits in 64-bit words, in parallel within each (Warren, "Hacker's Delight", 5-1). std::popcount is
+/// four times as slow if the instruction cannot be assumed, as on x86-64, because it calls a library.
 inline int hamming_distance(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b) {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {

@@ -16,10 +16,10 @@ struct Hash128 {
   friend bool operator==(const Hash128&, const Hash128&) = default;
 };
 
-/// 32 hexadecimal digits, as `xxhsum -H2` prints them.
+/// 32 hexadecimal digits, as printed by `xxhsum -H2`.
 std::string to_string(const Hash128& hash);
 
-/// XXH3 of 128 bits (seed 0) of bytes that come in pieces.
+/// 128-bit XXH3 (seed 0) of bytes that come in pieces.
 class Hasher {
  public:
   Hasher();

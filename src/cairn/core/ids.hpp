@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// An integer that only compares with its own kind, so that a frame never passes for a landmark.
+/// An integer that only compares with its own kind, so that a frame cannot be mistaken for a landmark.
 template <class Tag, class Representation>
 struct StrongId {
   using representation = Representation;

@@ -1,13 +1,33 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <concepts>
 #include <functional>
 #include <string_view>
 
 namespace cairn {
 
-/// Receives what the library has to remark beside its result, e.g. records it left out and why. The
-/// library never prints; without a sink remarks are dropped.
-using LogSink = std::function<void(std::string_view remark)>;
+enum class RemarkKind {
+  kInformation,  ///< how the input was interpreted; no data is missing
+  kLoss,         ///< data of a file or map was left out, because the result cannot hold it
+};
+
+/// A message of the library beside its result.
+struct Remark {
+  // NOLINTNEXTLINE(google-explicit-constructor): a text is a remark
+  template <std::convertible_to<std::string_view> Text>
+  Remark(const Text& said, RemarkKind of_kind = RemarkKind::kInformation)
+      : text(said), kind(of_kind) {}
+
+  std::string_view text;
+  RemarkKind kind;
+
+  // NOLINTNEXTLINE(google-explicit-constructor): for callers that ignore the kind
+  operator std::string_view() const { return text; }
+};
+
+/// Receives remarks, e.g. which records were left out and why. The library never prints; without a sink, remarks
+/// are dropped. Any function of a std::string_view is one.
+using LogSink = std::function<void(const Remark& remark)>;
 
 }  // namespace cairn

@@ -11,12 +11,12 @@
 
 namespace cairn {
 
-/// As std::from_chars, to the bit, and faster for what maps are full of: some digits and a point.
+/// Same result as std::from_chars, to the bit, but faster for plain decimals.
 std::from_chars_result read_number(const char* first, const char* last, double& value);
 
-/// The end of a number such as printf's "%f" writes it ("-0.500000": up to eight digits, a point, six
-/// decimals), which it reads as std::from_chars does, to the bit; null for any other text. Inline, since
-/// maps hold millions of them: their fixed shape lets the processor run ahead.
+/// The end of a number in the form of printf's "%f" ("-0.500000": up to eight digits, a point, six
+/// decimals), read with the same result as std::from_chars, to the bit; null for any other text. Inline,
+/// because maps have millions of them and the fixed shape suits the processor.
 inline const char* read_six_decimals(const char* first, const char* last, double& value) {
   if constexpr (std::endian::native != std::endian::little) return nullptr;
   const auto digit_at = [](const char* place) { return static_cast<unsigned>(*place - '0'); };
@@ -47,11 +47,11 @@ inline const char* read_six_decimals(const char* first, const char* last, double
   return next + 7;
 }
 
-/// The whole of `text` as a finite decimal number ("1", "-0.5", "+2e-3"); nothing if it is anything
-/// else, NaN, infinite, or too large or small for a double. Independent of the locale.
+/// The whole of `text` as a finite decimal number ("1", "-0.5", "+2e-3"); std::nullopt for any other text,
+/// NaN, infinity, or a number out of the range of a double. Independent of the locale.
 std::optional<double> parse_number(std::string_view text);
 
-/// The whole of `text` as an unsigned decimal integer of at most 64 bits; nothing if anything else.
+/// The whole of `text` as an unsigned decimal integer of at most 64 bits; std::nullopt for any other text.
 std::optional<std::uint64_t> parse_unsigned(std::string_view text);
 
 /// Appends the shortest decimal that parses back to exactly `value`.

@@ -6,14 +6,14 @@
 
 namespace cairn {
 
-/// `text` with everything in it as `\xNN` that would command a terminal or reorder what is read there:
-/// control characters, marks and overrides of the writing direction, and bytes that are no UTF-8. Names
-/// of files and texts within them may hold any of these.
-/// @param kept control characters that stay
+/// `text` with `\xNN` for everything that controls a terminal or reorders text: control characters, marks
+/// and overrides of the writing direction, and invalid UTF-8. File names and their content may contain any
+/// of these.
+/// @param kept control characters to keep
 std::string plain_text(std::string_view text, std::string_view kept = {});
 
-/// A URL as it may be shown: with "***" for the password before its host or among its parameters. Any
-/// other text comes back as it is.
+/// A URL for display: with "***" for the password before its host or in its parameters. Other text is
+/// returned unchanged.
 std::string without_password(std::string_view url);
 
 }  // namespace cairn

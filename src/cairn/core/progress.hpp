@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-/// Told now and then how far long work has come: a share in [0, 1]. Called from one thread at a
-/// time; may be empty. To end the work early, use the std::stop_token beside it.
+/// Called occasionally with the share of the work that is done, in [0, 1]. From one thread at a time; may
+/// be empty. To cancel the work, use the std::stop_token passed with it.
 using Progress = std::function<void(double share)>;
 
 }  // namespace cairn

@@ -8,13 +8,13 @@
 namespace cairn {
 
 /// Seeded random numbers, the same on every platform: the standard fixes the engine but not its
-/// distributions, so those are ours.
+/// distributions, so Cairn has its own.
 class Random {
  public:
   explicit Random(std::uint64_t seed);
 
-  /// An independent generator for a named part of the work; does not advance this one. What draws
-  /// from a part does not shift what the others draw.
+  /// An independent generator for a numbered part of the work; does not advance this one. Draws of one part
+  /// do not affect those of others.
   Random fork(std::uint64_t stream) const;
 
   /// Uniform in [0, 1), all 53 bits.

@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// What separates words within a line: space, tab, and the CR of a CR LF line end.
+/// Separators of words within a line: space, tab, and the CR of a CR LF line end.
 inline constexpr std::string_view kBlanks = " \t\r";
 
 /// Whether `c` is one of kBlanks.
@@ -14,14 +14,14 @@ constexpr bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r';
 }
 
-/// `text` without the blanks at either end; a part of what it was given.
+/// `text` without leading and trailing blanks; a view of the argument.
 constexpr std::string_view trimmed(std::string_view text) {
   const std::size_t first = text.find_first_not_of(kBlanks);
   if (first == std::string_view::npos) return {};
   return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
 }
 
-/// `text` without the UTF-8 byte order mark that some editors write at the start of a file.
+/// `text` without a UTF-8 byte order mark, which some editors write at the start of a file.
 constexpr std::string_view without_byte_order_mark(std::string_view text) {
   constexpr std::string_view kMark = "\xEF\xBB\xBF";
   if (text.starts_with(kMark)) text.remove_prefix(kMark.size());

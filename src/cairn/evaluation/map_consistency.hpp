@@ -13,17 +13,17 @@
 namespace cairn {
 
 struct MapConsistencyOptions {
-  double inlier_px = 2.0;  ///< an observation is an inlier below that; pixels, positive
+  double inlier_px = 2.0;  ///< largest reprojection error of an inlier, pixels; positive
 
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// How far observations are from where the map projects their landmarks to.
+/// Reprojection errors of the observations.
 struct ReprojectionStatistics {
-  ErrorStatistics px;         ///< distances in the image, pixels
-  double inlier_share = 0.0;  ///< of all observations in frames with a camera, those of landmarks
-                              ///< behind it among them
+  ErrorStatistics px;  ///< distances in the image, pixels
+  /// of all observations in frames with a camera, including those of landmarks behind it
+  double inlier_share = 0.0;
 };
 
 struct OctaveReprojection {
@@ -31,25 +31,28 @@ struct OctaveReprojection {
   ReprojectionStatistics statistics;
 };
 
-/// How well a map explains the observations that it was made from. Needs no truth: a map can be
-/// consistent and yet wrong as a whole.
+/// How well a map explains its own observations. Needs no truth: a consistent map can still be wrong as a
+/// whole.
 struct MapConsistency {
-  std::optional<ReprojectionStatistics> reprojection;  ///< nothing if nothing could be projected
-  std::vector<OctaveReprojection> by_octave;  ///< ascending; of observations whose octave is known
-  std::size_t observations_behind = 0;        ///< of landmarks behind the camera that saw them
+  std::optional<ReprojectionStatistics>
+      reprojection;                           ///< std::nullopt if no landmark could be projected
+  std::vector<OctaveReprojection> by_octave;  ///< ascending; of observations with a known octave
+  std::size_t observations_behind = 0;        ///< of landmarks behind the observing camera
   std::optional<ErrorStatistics> depth;       ///< |measured - map's depth|, the map's unit
   std::optional<double> depth_bias;           ///< mean of measured - map's depth, the map's unit
 
-  std::string missing_for_reprojection;  ///< what the map lacks, e.g. "cameras of its frames"
-  std::string missing_for_depth;         ///< the same; empty if nothing
+  /// what the map lacks, e.g. "cameras of its frames"; empty if it lacks no input
+  std::string missing_for_reprojection;
+  std::string missing_for_depth;  ///< the same
 
-  // One entry an observation, in the map's order; empty vectors if the map lacks the input.
-  std::vector<std::optional<double>> reprojection_px;  ///< nothing without camera, or behind it
-  std::vector<std::optional<double>> depth_errors;     ///< measured - map's, signed
+  // One entry per observation, in the map's order; empty vectors if the map lacks the input.
+  std::vector<std::optional<double>>
+      reprojection_px;                              ///< std::nullopt without a camera, or behind it
+  std::vector<std::optional<double>> depth_errors;  ///< measured - map's, signed
 };
 
-/// Compares each observation with the landmark's position in its keyframe: the pixel where the
-/// frame's camera is known, the depth along the optical axis where one was measured.
+/// Compares each observation with the landmark's position in its keyframe: the pixel if the frame has a
+/// camera, the depth along the optical axis if it was measured.
 MapConsistency map_consistency(const LandmarkMap& map, const MapConsistencyOptions& options = {});
 
 }  // namespace cairn

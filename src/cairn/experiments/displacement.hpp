@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-/// An initial misalignment as experiments list it and tables print it: R = Rz(yaw)·Ry(pitch)·Rx(roll),
-/// then the translation.
+/// An initial misalignment, as listed in experiments and tables: R = Rz(yaw)·Ry(pitch)·Rx(roll), then the
+/// translation.
 struct Displacement {
   double x_m = 0.0;
   double y_m = 0.0;

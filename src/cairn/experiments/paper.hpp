@@ -13,15 +13,16 @@
 namespace cairn {
 
 struct PaperOptions {
-  IcpOptions align;  ///< but its initial pose, k, executor and callbacks; the paper's by default
+  IcpOptions
+      align;  ///< the paper's by default; initial pose, k, executor and callbacks are ignored
   PointSetOptions points;
-  /// Below this score, m², a run counts as a success. Nothing: as far above the score of base ICP from
-  /// the identity as the paper's 0.0037 is above its own, a factor of 1.078.
+  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP from the
+  /// identity, the ratio of the paper's 0.0037 to its own.
   std::optional<double> success_score;
   PoseTolerance tolerance;
-  /// Also search where each XY quadrant begins to fail, as the paper did.
+  /// Also search for the displacement at which each XY quadrant fails, as in the paper.
   bool search_xy = false;
-  double search_limit_m = 5.0;        ///< of |x| and of |y|; positive
+  double search_limit_m = 5.0;        ///< of |x| and |y|; positive
   double search_resolution_m = 0.01;  ///< positive
   Execution execution = {};
 
@@ -30,16 +31,16 @@ struct PaperOptions {
 };
 
 /// One quadrant's search. The paper took "0.25 m and 0.5 m, and then increased until at least one ICP
-/// strategy stopped aligning successfully"; here in steps of 0.25 m, and then between the last two by
-/// bisection.
+/// strategy stopped aligning successfully"; here in steps of 0.25 m, then by bisection between the last
+/// two.
 struct QuadrantSearch {
   int sign_x = 1;
   int sign_y = 1;
-  std::vector<TrialResult> runs = {};  ///< all that were made, four at each displacement
-  /// The largest tried at which all succeeded, below the first failure; nothing if there was none.
+  std::vector<TrialResult> runs = {};  ///< all runs, four at each displacement
+  /// Largest displacement below the first failure at which all succeeded; std::nullopt if there is none.
   std::optional<double> last_success_m = {};
-  std::optional<double> first_failure_m = {};  ///< nothing: none up to the limit
-  std::vector<std::string> failed = {};        ///< the strategies that failed there
+  std::optional<double> first_failure_m = {};  ///< std::nullopt: none up to the limit
+  std::vector<std::string> failed = {};        ///< strategies that failed there
 };
 
 struct PaperResults {
@@ -54,8 +55,8 @@ struct PaperResults {
 };
 
 /// The paper's experiments on another pair of maps. Runs are spread over the executor's threads; the
-/// results do not depend on their number. The trial's displacement is applied to the source as read.
-/// @throws Error (misuse); (input) where a map lacks a metric's input; (cancelled)
+/// results do not depend on their number. A trial's displacement is applied to the source as read.
+/// @throws Error (misuse); (input) if a map lacks a metric's input; (cancelled)
 PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options = {});
 
 /// The run of one strategy under a published configuration.

@@ -9,19 +9,19 @@
 
 namespace cairn {
 
-/// What the paper and its supplement tabulate, the published numbers beside ours: a table of scores
-/// for each experiment (that of k is the paper's Table 1), then iterations, pose errors where the truth
-/// is known, and a count of successes. They hold no times.
-/// @param tolerance what counts as a success by the true pose
+/// The tables of the paper and its supplement, with the published numbers next to ours: a table of scores
+/// for each experiment (that of k is the paper's Table 1), then iterations, pose errors if the truth is
+/// known, and success counts. No times.
+/// @param tolerance of a success by the true pose
 std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTolerance& tolerance);
 
-/// How long each run took, beside what is published.
+/// Duration of each run, next to the published one.
 ResultTable paper_durations(const PaperResults& results);
 
-/// Where each quadrant began to fail; for results of a search.
+/// Displacement at which each quadrant failed; for results with a search.
 ResultTable search_table(const PaperResults& results);
 
-/// "x 0.5 y -0.5 yaw 10": what is not zero of a displacement, in metres and degrees; "none" of none.
+/// "x 0.5 y -0.5 yaw 10": the nonzero parts of a displacement, in metres and degrees; "none" for zero.
 std::string describe(const Displacement& displacement);
 
 }  // namespace cairn

@@ -28,8 +28,8 @@ std::string_view experiment_name(Experiment experiment);
 inline constexpr std::array<std::string_view, 4> kPaperStrategies = {"base", "covariance",
                                                                      "observations", "distance"};
 
-/// "In all cases where the alignment is satisfactory, the score is below 0.0037 for this map pair":
-/// m², and for no other pair.
+/// "In all cases where the alignment is satisfactory, the score is below 0.0037 for this map pair": m²,
+/// valid for that pair only.
 inline constexpr double kPublishedSuccessScore = 0.0037;
 
 struct PublishedOutcome {
@@ -38,7 +38,7 @@ struct PublishedOutcome {
   double duration_s;  ///< PCL without optimisation, scored at each iteration
 };
 
-/// One configuration, and what the paper's supplement says came of it.
+/// One configuration, and its results in the paper's supplement.
 struct PublishedExperiment {
   Experiment experiment;
   std::size_t k;
@@ -50,12 +50,12 @@ struct PublishedExperiment {
 /// All 45, in the order of the supplement.
 std::span<const PublishedExperiment> published_experiments();
 
-/// The score of base ICP from the identity, 0.0034319 m²: the paper's picture of a good alignment
-/// (Figure 2a).
+/// The score of base ICP from the identity, 0.0034319 m²: the paper's example of a good alignment (Figure
+/// 2a).
 double published_reference_score();
 
-/// A threshold for another pair of maps: as far above a score of a good alignment of theirs as the
-/// published threshold is above published_reference_score(), a factor of 1.078.
+/// A success threshold for another pair of maps: 1.078 times the score of a good alignment, the ratio of
+/// the published threshold to published_reference_score().
 double success_score_above(double good_score);
 
 }  // namespace cairn

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// A table to show: to be written as CSV in full, or as Markdown with as many digits as people want.
+/// A table for display: as CSV in full, or as Markdown with rounded numbers.
 struct ResultTable {
   struct Column {
     std::string name;

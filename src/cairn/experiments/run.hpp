@@ -18,98 +18,98 @@
 
 namespace cairn {
 
-/// A way to choose matches: base ICP, or by a confidence.
+/// A rule for choosing matches: base ICP, or a confidence.
 struct Strategy {
-  std::string name;              ///< "base", or the metric's
-  std::optional<Metric> metric;  ///< nothing: base
+  std::string name;              ///< "base", or the metric's name
+  std::optional<Metric> metric;  ///< std::nullopt: base
 };
 
-/// @param name "base" or what metric_named knows
-/// @throws Error (misuse) listing the names if there is none
+/// @param name "base" or a name that metric_named accepts
+/// @throws Error (misuse) listing the names if there is no such strategy
 Strategy strategy_named(std::string_view name);
 
-/// Two maps to align again and again.
+/// Two maps to align repeatedly.
 struct MapPair {
   std::string name;
   LandmarkMap source;
   LandmarkMap target;
-  std::optional<Rigid3> truth;  ///< target_from_source, where it is known
+  std::optional<Rigid3> truth;  ///< target_from_source; std::nullopt if unknown
 };
 
-/// How a trial finds its pose.
+/// Method by which a trial finds its pose.
 enum class Method {
-  kIcp,       ///< the paper's, to the end as PCL would: its iterations compare with published ones
-  kFast,      ///< the same on growing samples first, and ended where matches repeat
-  kRobust,    ///< refine(), the confidences as weights
-  kAnywhere,  ///< place(), which has no use for the start; a pose that it is not sure of is none
+  kIcp,  ///< the paper's, with PCL's stopping rules, so that iterations compare with published ones
+  kFast,      ///< the same on growing samples first, stopped when matches repeat
+  kRobust,    ///< refine(), with confidences as weights
+  kAnywhere,  ///< place(); ignores the initial pose; an unaccepted pose counts as a failure
 };
 
-/// "icp" and so on: the names in studies and tables.
+/// "icp" etc.: the names in studies and tables.
 std::string_view to_string(Method method);
 
 inline constexpr std::array kMethods = {Method::kIcp, Method::kFast, Method::kRobust,
                                         Method::kAnywhere};
 
-/// What people call a strategy by a method: ICP's by its own name, "base" or "observations"; of another
-/// method after that, "robust" or "robust observations".
+/// Display name of a strategy with a method: with ICP the strategy's, "base" or "observations"; with others
+/// after the method's, "robust" or "robust observations".
 std::string approach_name(Method method, std::string_view strategy);
 
-/// Whether the number of candidates makes a difference to the method.
+/// Whether the method depends on the number of candidates.
 bool uses_k(Method method);
-/// Whether the method is one of placement, which sees landmarks as clouds.
+/// Whether the method belongs to placement, which takes landmark clouds.
 bool needs_clouds(Method method);
 
-/// A pair's landmarks with the confidences of one strategy.
+/// Landmarks of a pair with the confidences of one strategy.
 struct PairPoints {
   PointSet source;
   PointSet target;
-  /// The same for the methods of placement; empty unless asked for.
+  /// The same for methods of placement; empty unless requested.
   LandmarkCloud source_cloud = {};
   LandmarkCloud target_cloud = {};
 };
 
-/// @throws Error where a map lacks the strategy's input
+/// @throws Error if a map lacks the strategy's input
 PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
                        const PointSetOptions& options = {}, bool with_clouds = false);
 
-/// What is to be aligned, and how: the key of a row in tables.
+/// One alignment task: the key of a row in tables.
 struct Trial {
   std::string pair = {};
-  std::string experiment = {};  ///< what it belongs to
-  std::size_t number = 0;       ///< of its configuration, from 1; strategies share one
+  std::string experiment = {};  ///< name of its experiment
+  std::size_t number = 0;       ///< of its configuration, from 1; shared by strategies
   Method method = Method::kIcp;
   std::string strategy = {};
-  std::size_t k = 5;  ///< as configured; base ICP has no use for it
+  std::size_t k = 5;  ///< as configured; base ICP ignores it
   Displacement initial = {};
 
   friend bool operator==(const Trial&, const Trial&) = default;
 };
 
-/// A trial and what came of it.
+/// A trial and its result.
 struct TrialResult {
   Trial trial;
   RegistrationStatus status = RegistrationStatus::kFailed;
   StopReason stop_reason = StopReason::kTooFewMatches;
   int iterations = 0;
-  std::optional<int> cycle_length;           ///< of matches that came back; 1: a fixed point
+  std::optional<int> cycle_length;           ///< of repeated matches; 1: a fixed point
   std::optional<double> initial_score;       ///< Eq. 5, m²
   std::optional<double> score;               ///< Eq. 5, m²
-  std::optional<Rigid3> target_from_source;  ///< nothing of a failure
-  std::optional<PoseError> error;            ///< where there is a pose and the truth is known
-  double duration_s = 0.0;                   ///< the one thing that differs from time to time
+  std::optional<Rigid3> target_from_source;  ///< std::nullopt for a failure
+  std::optional<PoseError> error;            ///< if there is a pose and the truth is known
+  double duration_s = 0.0;                   ///< the only value that differs between runs
 };
 
-/// Aligns by the trial's method. Of the options, `initial` and `k` are the trial's own; the methods of
-/// placement take of the others what they have.
-/// @param points with clouds if the method is one of placement
-/// @param initial target_from_source to start from
-/// @param seed    of what a method draws
-/// @throws Error (cancelled) if options.stop asks for it
+/// Aligns with the trial's method. The trial replaces `initial` and `k` of the options; methods of
+/// placement use those of the others that apply.
+/// @param points with clouds if the method belongs to placement
+/// @param initial initial target_from_source
+/// @param seed of the method's random numbers
+/// @throws Error (cancelled) if options.stop requests it
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
                       const std::optional<Rigid3>& truth, IcpOptions options,
                       std::uint64_t seed = 0);
 
-/// How far a pose may be from the true one and still be a success.
+/// Largest pose error of a success.
 struct PoseTolerance {
   double rotation_deg = 5.0;
   double translation_m = 0.05;
@@ -117,17 +117,17 @@ struct PoseTolerance {
   bool holds(const PoseError& error) const;
 };
 
-/// The pose that most of the poses agree with, for pairs whose truth nobody knows. It is no proof:
-/// strategies may agree on a wrong pose.
+/// The pose that most poses agree with, for pairs without known truth. Not a proof: strategies may agree on
+/// a wrong pose.
 struct Agreement {
-  std::size_t pose = 0;      ///< index of the pose with the most others within the tolerance; of
-                             ///< equals the first
-  std::vector<bool> agrees;  ///< one a pose: within the tolerance of that one
+  std::size_t pose =
+      0;  ///< index of the pose with the most others within the tolerance; the first of equals
+  std::vector<bool> agrees;  ///< one per pose: whether it is within the tolerance of that one
 };
 
-/// @param poses  nothing: no pose, which agrees with none
+/// @param poses  std::nullopt: no pose, which agrees with none
 /// @param source landmarks in the source frame, at which translations are compared
-/// @returns nothing if there is no pose
+/// @returns std::nullopt if there is no pose
 std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> poses,
                                         std::span<const Eigen::Vector3d> source,
                                         const PoseTolerance& tolerance = {});

@@ -9,17 +9,17 @@
 
 namespace cairn {
 
-/// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is the same whenever the same is
-/// run, and `timings.csv` with the same keys and how long each took.
+/// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is reproducible, and `timings.csv`
+/// with the same keys and the durations.
 ///
-/// Rows end with LF; a row is complete once that is there.
+/// Rows end with LF, without which a row is incomplete.
 std::string runs_header();
 std::string runs_row(const TrialResult& run);
 std::string timings_header();
 std::string timings_row(const TrialResult& run);
 
-/// The runs of a `runs.csv`, without durations. A last row that was cut is left out.
-/// @throws Error (input) naming line, column and what was expected
+/// The runs of a `runs.csv`, without durations. Leaves out a truncated last row.
+/// @throws Error (input) naming line, column and constraint
 std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name);
 
 }  // namespace cairn

@@ -27,7 +27,7 @@ struct PairSimulation {
   std::uint64_t seed = 1;        ///< of the place
   std::string path = "sweep";
   std::size_t frames = 150;  ///< of each session
-  double rate_hz = 10.0;     ///< frames a second: how much of the place they show
+  double rate_hz = 10.0;     ///< frames per second
   double changed = 0.1;      ///< share of the movable objects that moved between the sessions
 };
 
@@ -36,44 +36,45 @@ struct StudyPair {
   std::variant<PairFiles, PairSimulation> maps;
 };
 
-/// Uniform between the two, each of the six numbers by itself.
+/// Bounds of a uniform distribution, independent for each of the six numbers.
 struct DisplacementRange {
   Displacement low;
   Displacement high;
 };
 
-/// A study: every pair from every initial pose by every method, strategy and k.
+/// A study: every pair with every initial pose, method, strategy and k.
 struct Study {
   std::string name;
   std::uint64_t seed = 0;
   std::vector<StudyPair> pairs;
-  std::size_t initial_count = 100;  ///< initial poses a pair
-  /// Of what displaces the source from its true pose, at its centroid and along the target's axes; from
-  /// the pose as read, where the truth is not known.
+  std::size_t initial_count = 100;  ///< initial poses per pair
+  /// Displacements of the source from its true pose, at its centroid and along the target's axes; from the
+  /// pose as read if the truth is unknown.
   DisplacementRange initial;
   std::vector<Method> methods = {Method::kIcp};
   std::vector<std::string> strategies = {"base", "covariance", "observations", "distance"};
   std::vector<std::size_t> k = {5};
-  IcpOptions align;  ///< of it, what can be set in a study: max_iterations and max_distance
+  IcpOptions align;  ///< only max_iterations and max_distance can be set in a study
   PointSetOptions points;
   PoseTolerance success;
-  /// Score below which a run counts as a success by the paper's measure, m²; nothing: within each pair,
-  /// as far above the lowest score as the paper's threshold is above its good example.
+  /// A run with a lower score, m², is a success by the paper's measure. std::nullopt: for each pair, the
+  /// lowest score times the ratio of the paper's threshold to its good example.
   std::optional<double> success_score;
-  double confidence_level = 0.95;    ///< of intervals
-  double equivalence_margin = 0.05;  ///< difference of success rates that counts as none
+  double confidence_level = 0.95;  ///< of intervals
+  double equivalence_margin =
+      0.05;  ///< largest difference of success rates that counts as equivalent
 };
 
 /// Reads a study from YAML (docs/experiments.md).
 /// @param name of the file, for messages
-/// @throws Error (input) naming file, line, key, value and what was expected; unknown keys are errors
+/// @throws Error (input) naming file, line, key, value and constraint; unknown keys are errors
 Study parse_study(const std::string& yaml, std::string_view name);
 
-/// All that decides what a study's runs are, in a fixed form: equal text, equal runs from equal maps.
+/// All settings that determine a study's runs, in canonical form: equal texts and maps give equal runs.
 std::string canonical_text(const Study& study);
 
-/// The runs of a study in their order: pair by pair, initial pose by initial pose, k by k (what has no
-/// use for k only with the first: base ICP, and some methods), method by method, strategy by strategy.
+/// The runs of a study in order: by pair, initial pose, k (only the first for methods and strategies that
+/// ignore k, such as base ICP), method and strategy.
 class StudyPlan {
  public:
   explicit StudyPlan(const Study& study);
@@ -81,9 +82,9 @@ class StudyPlan {
   std::size_t size() const { return study_.pairs.size() * runs_per_pair(); }
   std::size_t runs_per_pair() const { return study_.initial_count * combinations_.size(); }
   std::size_t pair_of(std::size_t run) const { return run / runs_per_pair(); }
-  /// Depends on the study and the number only. Methods and strategies share the initial poses.
+  /// Depends only on the study and the number. Methods and strategies share the initial poses.
   Trial trial(std::size_t run) const;
-  /// Of what the run's method draws; the same for all methods and strategies from one initial pose.
+  /// Seed for the run's method; the same for all methods and strategies from one initial pose.
   std::uint64_t seed_of(std::size_t run) const;
   const Study& study() const { return study_; }
 
@@ -94,15 +95,15 @@ class StudyPlan {
     std::size_t k;
   };
 
-  // Shared by what starts from the run's initial pose.
+  // Shared by all runs from the same initial pose.
   Random random_of(std::size_t run) const;
 
   Study study_;
   std::vector<Combination> combinations_;
 };
 
-/// target_from_source from which a displaced pair starts.
-/// @param truth    nothing: the displacement is from the pose as read
+/// Initial target_from_source of a displaced pair.
+/// @param truth std::nullopt: the displacement is from the pose as read
 /// @param centroid of the source's landmarks, in the source frame
 Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,
                  const Eigen::Vector3d& centroid);

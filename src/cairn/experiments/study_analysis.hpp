@@ -20,65 +20,66 @@
 
 namespace cairn {
 
-/// How one strategy (with one method and k) did.
+/// Results of one strategy with one method and k.
 struct StrategySummary {
-  std::string name;    ///< "observations", after the method if that is not ICP, and its k where the
-                       ///< study has several
-  Proportion success;  ///< by the true pose; runs of pairs without truth do not count
-  std::optional<Interval> interval;         ///< of the same, from resampling the pairs
-  Proportion score_success;                 ///< by the paper's measure
-  std::vector<double> pair_rates;           ///< success by the true pose, one a pair with truth
-  std::vector<SuccessCount> group_success;  ///< the same by group, as StudyAnalysis::groups
+  /// "observations", after the method's name if that is not ICP, with k if the study has several
+  std::string name;
+  Proportion success;                ///< by the true pose, over runs of pairs with truth
+  std::optional<Interval> interval;  ///< of the same, by resampling the pairs
+  Proportion score_success;          ///< by the paper's measure
+  std::vector<double> pair_rates;    ///< success by the true pose, one per pair with truth
+  std::vector<SuccessCount>
+      group_success;  ///< the same per group, in the order of StudyAnalysis::groups
   double median_iterations = 0.0;
-  Proportion at_limit;  ///< runs that the limit of iterations ended
-  /// Median errors of the successes: how precise they are. Nothing without successes.
+  Proportion at_limit;  ///< runs that ended at the iteration limit
+  /// Median errors of the successes; std::nullopt if there are none.
   std::optional<double> median_rotation_rad;
   std::optional<double> median_translation;
   SuccessTable basin;
-  /// Up to which offset at least 90 % succeed, whatever the other offset was. Nothing: not even the
-  /// nearest.
+  /// Largest offset up to which at least 90 % succeed, over all values of the other offset. std::nullopt:
+  /// not even the smallest offset reaches that.
   std::optional<double> rotation_radius_rad;
   std::optional<double> translation_radius;
 };
 
-/// Two strategies on the same starts. The pair of maps is the independent unit: tests over single
-/// starts, given beside, take the 200 starts of one pair for as many observations, which they are not.
+/// Two strategies on the same initial poses. The pair of maps is the independent unit; tests over single
+/// initial poses, also given, treat those of one pair as independent, which they are not.
 struct StrategyComparison {
   std::size_t first = 0;  ///< index into StudyAnalysis::strategies
   std::size_t second = 0;
-  PairedCounts counts;             ///< over single starts
-  ClusteredDifference difference;  ///< of success rates, first - second, resampling the pairs
+  PairedCounts counts;             ///< over single initial poses
+  ClusteredDifference difference;  ///< of success rates, first - second, by resampling the pairs
   double cohens_h = 0.0;
   std::optional<DiscordantOdds> odds;
-  double mcnemar_mid_p = 1.0;              ///< over single starts
-  SignedRank by_pair;                      ///< Wilcoxon's test of the pairs' success rates
-  double by_pair_adjusted = 1.0;           ///< its p-value, by Holm among all comparisons
+  double mcnemar_mid_p = 1.0;              ///< over single initial poses
+  SignedRank by_pair;                      ///< Wilcoxon test of the pairs' success rates
+  double by_pair_adjusted = 1.0;           ///< its p-value, Holm-adjusted over all comparisons
   std::optional<Equivalence> equivalence;  ///< TOST of the pairs' success rates within the margin
 };
 
-/// Whether the score can judge the pose: does a lower score mean success?
+/// Whether the score predicts success: is a lower score a better pose?
 struct ScoreJudgement {
-  std::size_t pairs = 0;    ///< that had successes and failures
+  std::size_t pairs = 0;    ///< with both successes and failures
   double median_auc = 0.5;  ///< over those pairs, each with its own scores
   double lowest_auc = 0.5;
-  std::optional<Roc> pooled;  ///< of all runs; scores relative to the lowest of their pair
-  Proportion passed_wrong;    ///< of the runs that fail by pose, those that pass by score
-  Proportion refused_right;   ///< of the runs that succeed by pose, those that fail by score
-  /// Of the pairs, those whose lowest score of all runs belongs to a pose that is wrong.
+  std::optional<Roc> pooled;  ///< over all runs; scores relative to the lowest of their pair
+  Proportion passed_wrong;    ///< share of the runs with a wrong pose that pass by score
+  Proportion refused_right;   ///< share of the runs with a right pose that fail by score
+  /// Share of the pairs whose lowest score belongs to a wrong pose.
   Proportion lowest_is_wrong;
 };
 
 struct StudyAnalysis {
   std::vector<std::string> pairs;  ///< with runs
   std::size_t pairs_with_truth = 0;
-  std::vector<std::string>
-      groups;  ///< pairs' names without a number at the end: the kinds of place
-  std::vector<double> lowest_scores;   ///< of all runs of each pair, m²; 0 of none
-  std::vector<double> success_scores;  ///< one a pair, m²
+  std::vector<std::string> groups;     ///< kinds of place: pairs' names without a trailing number
+  std::vector<double> lowest_scores;   ///< over all runs of each pair, m²; 0 without runs
+  std::vector<double> success_scores;  ///< one per pair, m²
   std::vector<StrategySummary> strategies;
-  std::vector<StrategyComparison> comparisons;  ///< of each two strategies
-  std::optional<Friedman> friedman;  ///< of the pairs' success rates; with three strategies or more
-  ScoreJudgement judgement;          ///< meaningful with truth only
+  std::vector<StrategyComparison> comparisons;  ///< of every two strategies
+  std::optional<Friedman>
+      friedman;              ///< of the pairs' success rates; with at least three strategies
+  ScoreJudgement judgement;  ///< only meaningful with truth
 };
 
 struct AnalysisOptions {
@@ -86,8 +87,8 @@ struct AnalysisOptions {
   Executor executor = Executor();
 };
 
-/// What a study's runs say. Depends on nothing but its arguments, not on the number of threads.
-/// @param runs all of the study's, in its order
+/// Analysis of a study's runs. Depends only on its arguments, not on the number of threads.
+/// @param runs all of the study's, in order
 /// @throws Error (misuse) if they are not
 StudyAnalysis analyse_study(const Study& study, std::span<const TrialResult> runs,
                             const AnalysisOptions& options = {});

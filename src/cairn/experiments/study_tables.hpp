@@ -9,17 +9,16 @@
 
 namespace cairn {
 
-/// What a study says, as tables: success by strategy, by kind of place and by pair; comparisons;
-/// basins of convergence; whether the score can judge.
+/// Results of a study as tables: success by strategy, kind of place and pair; comparisons; basins of
+/// convergence; whether the score predicts success.
 std::vector<ResultTable> study_tables(const Study& study, const StudyAnalysis& analysis);
 
-/// The same in sentences, one a line, with their numbers: do the confidences help, where, does the number
-/// of observations stand in for the covariance, can the score judge.
+/// The same in sentences, one per line, with their numbers: whether and where the confidences help, whether
+/// observation counts can replace covariances, whether the score predicts success.
 std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& analysis);
 
-/// The findings among them, for people who read no more: what was done, which strategies succeed most and
-/// least often, which of them differ by more than chance, whether the score can judge. At most a handful of
-/// sentences, however many strategies there are.
+/// The main findings: what was done, which strategies succeed most and least often, which differ
+/// significantly, whether the score predicts success. A handful of sentences for any number of strategies.
 std::vector<std::string> study_findings(const Study& study, const StudyAnalysis& analysis);
 
 }  // namespace cairn

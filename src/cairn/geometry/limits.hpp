@@ -11,34 +11,35 @@
 
 namespace cairn {
 
-// What is read or handed to the library is held to these limits, so that squares, sums of squares and
-// products of a few coordinates stay finite wherever they are computed, in single precision too.
+// Limits of all input, so that squares, sums of squares and products of a few coordinates stay finite, also
+// in single precision.
 
 /// Largest magnitude of a coordinate: of a landmark, a camera centre, the translation of a pose, in metres
-/// or the map's unit, or of a pixel. Doubles still tell 1e-6 apart there. Scales of similarities that are
-/// read are at most as large, and at least one over it.
+/// or the map's unit, or of a pixel. Doubles still resolve 1e-6 there. Also the largest scale of a
+/// similarity that is read; its inverse is the smallest.
 inline constexpr double kLargestCoordinate = 1e9;
 
 /// Largest variance of a coordinate: beyond it, a standard deviation exceeds kLargestCoordinate.
 inline constexpr double kLargestVariance = kLargestCoordinate * kLargestCoordinate;
 
-/// Largest magnitude of a timestamp in seconds: nanoseconds that are taken for seconds still fit.
+/// Largest magnitude of a timestamp in seconds; nanoseconds mistaken for seconds still fit.
 inline constexpr double kLargestTimestamp = 1e20;
 
-/// What was expected of coordinates, for messages.
+/// Constraint on coordinates, for messages.
 inline constexpr std::string_view kExpectedCoordinates = "numbers from -1e9 to 1e9";
 
-/// Why the numbers are no coordinates: "is not finite" or "is beyond the limit"; empty if they are.
+/// The defect of the numbers as coordinates: "is not finite" or "is beyond the limit"; empty if they have
+/// none.
 std::string_view coordinate_defect(std::initializer_list<double> numbers);
 std::string_view coordinate_defect(const Eigen::Vector3d& point);
-/// The same of a pose: of its translation, or of a rotation that is not finite.
+/// The same for a pose: its translation, or a rotation that is not finite.
 std::string_view coordinate_defect(const Rigid3& pose);
 
-/// Why `covariance` is none of a landmark's position: as covariance_defect, or a variance is beyond
-/// kLargestVariance; empty if it is one.
+/// The defect of `covariance` as that of a landmark's position: as covariance_defect, or a variance beyond
+/// kLargestVariance; empty if it has none.
 std::string landmark_covariance_defect(const Eigen::Matrix3d& covariance);
 
-/// Whether all are numbers of at most kLargestCoordinate.
+/// Whether all magnitudes are at most kLargestCoordinate.
 inline bool are_coordinates(const Eigen::Vector3d& point) {
   return (point.array().abs() <= kLargestCoordinate).all();  // false for NaN
 }

@@ -6,30 +6,28 @@
 
 namespace cairn {
 
-/// Eigen types in Cairn's interfaces are those whose layout does not depend on the instruction set
-/// the consumer compiles for.
+/// Eigen types in Cairn's interfaces have a layout that does not depend on the consumer's instruction set.
 using Vector6d = Eigen::Matrix<double, 6, 1, Eigen::DontAlign>;
 using Matrix6d = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 using Matrix4d = Eigen::Matrix<double, 4, 4, Eigen::DontAlign>;
 
 /// A rotation and a translation, SE(3): `x_in_a = a_from_b * x_in_b`.
 ///
-/// Tangent vectors are (translation, rotation): the first three metres, the last three radians.
-/// They act from the left and on the two parts apart, as Cairn's pose covariances do: `perturbed(x)
-/// = Exp(φ)·R, t + δt`.
+/// Tangent vectors are (translation, rotation), the first three in metres, the last three in radians. They
+/// act from the left on both parts separately, as in Cairn's pose covariances: `perturbed(x) = Exp(φ)·R, t
+/// + δt`.
 class Rigid3 {
  public:
   /// The identity.
   Rigid3() = default;
-  /// @param rotation of any norm but zero; normalised here
+  /// @param rotation of any norm but zero; is normalised
   Rigid3(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation);
-  /// @param rotation must be orthonormal with determinant 1; see `from_matrix` for what was read
+  /// @param rotation must be orthonormal with determinant 1; use `from_matrix` for external input
   Rigid3(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation);
 
-  /// From a homogeneous matrix as read from outside.
-  /// @throws Error (misuse) if the last row is not 0 0 0 1, or the rotation part is off a rotation by
-  ///         more than `tolerance` in any entry of RᵀR - I or is a reflection, or the translation is
-  ///         beyond kLargestCoordinate (limits.hpp)
+  /// From a homogeneous matrix from outside.
+  /// @throws Error (misuse) if the last row is not 0 0 0 1, an entry of RᵀR - I exceeds `tolerance`, the
+  ///        rotation part is a reflection, or the translation is beyond kLargestCoordinate (limits.hpp)
   static Rigid3 from_matrix(const Matrix4d& matrix, double tolerance = 1e-4);
   /// R = Rz(yaw)·Ry(pitch)·Rx(roll), radians.
   static Rigid3 from_roll_pitch_yaw(const Eigen::Vector3d& translation, double roll, double pitch,

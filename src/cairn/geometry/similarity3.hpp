@@ -18,9 +18,9 @@ class Similarity3 {
   /// A rigid motion is a similarity of scale 1.
   Similarity3(const Rigid3& rigid) : rigid_(rigid) {}  // NOLINT(google-explicit-constructor)
 
-  /// From a homogeneous matrix as read from outside, whose upper left part is s·R; of scale 1 if that is
-  /// a rotation within the tolerance.
-  /// @throws Error (misuse) if that is not of positive determinant, or as Rigid3::from_matrix
+  /// From a homogeneous matrix from outside, whose upper left part is s·R; the scale is 1 if that is a
+  /// rotation within the tolerance.
+  /// @throws Error (misuse) if its determinant is not positive, or as Rigid3::from_matrix
   static Similarity3 from_matrix(const Matrix4d& matrix, double tolerance = 1e-4);
 
   double scale() const { return scale_; }

@@ -71,8 +71,10 @@ class Reader {
   }
 
  private:
-  void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
+    }
   }
 
   // Why a camera is unknown to the map; empty if it was taken.
@@ -130,7 +132,7 @@ class Reader {
       const JsonValue json = intrinsics.at(i);
       const std::uint64_t id = whole(json.at("intrinsicId"), kMost64);
       const std::string defect = take_camera(json, id);
-      if (!defect.empty()) remark(fmt::format("camera {} is unknown to the map: {}", id, defect));
+      if (!defect.empty()) lost(fmt::format("camera {} is unknown to the map: {}", id, defect));
     }
   }
 
@@ -174,7 +176,7 @@ class Reader {
       frames.cameras.push_back(camera);
       frames.image_names.push_back(view.has("path") ? view.at("path").text() : std::string());
     }
-    if (without_pose > 0) remark(fmt::format("{} views without a pose are left out", without_pose));
+    if (without_pose > 0) lost(fmt::format("{} views without a pose are left out", without_pose));
   }
 
   void read_structure(const JsonValue& structure) {
@@ -213,7 +215,7 @@ class Reader {
     }
     observations_.fill(tables_.observations, landmarks.ids.size());
     if (unposed > 0) {
-      remark(fmt::format("{} observations by views without a pose are left out", unposed));
+      lost(fmt::format("{} observations by views without a pose are left out", unposed));
     }
   }
 

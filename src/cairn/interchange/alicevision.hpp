@@ -10,9 +10,9 @@
 
 namespace cairn {
 
-/// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the structure
-/// landmarks of free scale.
-/// @throws Error (input) naming source and place, what was found and what was expected
+/// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the
+/// structure landmarks of free scale.
+/// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_alicevision(ByteSource& source, const MapReadOptions& options = {});
 
 /// The format "alicevision".

@@ -136,6 +136,11 @@ class Builder {
   void remark(const std::string& text) const {
     if (options_.log) options_.log(fmt::format("{}: {}", source_.name(), text));
   }
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", source_.name(), text), RemarkKind::kLoss});
+    }
+  }
 
   LandmarkMap finish() && {
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
@@ -194,8 +199,8 @@ class Builder {
           undistorted_));
     }
     if (unknown > 0)
-      remark(fmt::format("{} cameras are unknown to the map: their model is none of Cairn's",
-                         unknown));
+      lost(fmt::format("{} cameras are unknown to the map: their model is none of Cairn's",
+                       unknown));
   }
 
   ByteSource& source_;
@@ -375,16 +380,17 @@ class BundleWriter {
               std::string_view format) const {
     if (!options.log) return;
     const std::string lost = detail::loss_remark(map_, holdings, "", format);
-    if (!lost.empty()) options.log(lost);
+    if (!lost.empty()) options.log({lost, RemarkKind::kLoss});
     if (undistorted_ > 0) {
-      options.log(
-          fmt::format("{}: {} observations are written undistorted: {} has no distortion of "
-                      "that kind",
-                      format, undistorted_, format));
+      options.log({fmt::format("{}: {} observations are written undistorted: {} has no distortion "
+                               "of that kind",
+                               format, undistorted_, format),
+                   RemarkKind::kLoss});
     }
     if (folded_ > 0) {
       options.log(
-          fmt::format("{}: {} observations without a line of sight are left out", format, folded_));
+          {fmt::format("{}: {} observations without a line of sight are left out", format, folded_),
+           RemarkKind::kLoss});
     }
   }
 
@@ -546,7 +552,7 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
   }
   // Further models follow, each with the number of its cameras first; the last has none.
   if (in.next_record() && in.has_word() && in.unsigned_number("number of cameras") > 0) {
-    out.remark("holds further models; the first is read");
+    out.lost("holds further models; the first is read");
   }
   return std::move(out).finish();
 }

@@ -8,12 +8,12 @@
 #include "cairn/map/io/options.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-// Formats whose observations are relative to the centre of an image of unstated size (docs/formats.md). The
-// camera gets the smallest size, symmetric about the centre, that holds its observations.
+// Formats whose observations are relative to the centre of an image of unknown size (docs/formats.md). The
+// camera gets the smallest size, symmetric about the centre, that contains its observations.
 namespace cairn {
 
 /// Reads a Bundler file, version 0.3: cameras become frames, numbered from 0.
-/// @throws Error (input) naming source, line, field, what was found and what was expected
+/// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options = {});
 
 /// Reads a problem of Bundle Adjustment in the Large.
@@ -24,12 +24,13 @@ LandmarkMap read_bal(ByteSource& source, const MapReadOptions& options = {});
 /// @throws Error (input) as read_bundler
 LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options = {});
 
-/// Writes a Bundler file, version 0.3. Observations of cameras that are not RADIAL are undistorted.
+/// Writes a Bundler file, version 0.3. Undistorts observations of cameras that are not RADIAL.
 /// @throws Error (input) naming a frame without a camera
 void write_bundler(const LandmarkMap& map, const ByteSink& sink,
                    const MapWriteOptions& options = {});
 
-/// Writes an NVM file of one model. Observations are undistorted: VisualSFM's distortion is another.
+/// Writes an NVM file with one model. Undistorts observations, because VisualSFM has another distortion
+/// model.
 /// @throws Error (input) naming a frame without a camera
 void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 

@@ -161,14 +161,14 @@ class Builder {
       frames.image_names.push_back(std::move(image.name));
     }
     for (const auto& [id, defect] : unusable_) {
-      remark(fmt::format("camera {} is unknown to the map: {}", id, defect));
+      lost(fmt::format("camera {} is unknown to the map: {}", id, defect));
     }
     if (without_camera > 0) {
       remark(fmt::format("{} of {} frames have no known camera", without_camera, images_.size()));
     }
     if (unmatched_ > 0) {
-      remark(fmt::format("{} of {} keypoints belong to no 3D point; left out", unmatched_,
-                         pixels_.size()));
+      lost(fmt::format("{} of {} keypoints belong to no 3D point; left out", unmatched_,
+                       pixels_.size()));
     }
     if (sources_.images != nullptr) tables_.observations.offsets.push_back(0);
   }
@@ -223,13 +223,13 @@ class Builder {
 
   void note_rigs(std::size_t of_several_sensors) {
     if (of_several_sensors == 0) return;
-    remark(fmt::format("{} rigs of several sensors: dropped, each image is a frame of its own",
-                       of_several_sensors));
+    lost(fmt::format("{} rigs of several sensors: dropped, each image is a frame of its own",
+                     of_several_sensors));
   }
 
   LandmarkMap finish() && {
     if (without_position_ > 0) {
-      remark(fmt::format("{} points without a finite position; left out", without_position_));
+      lost(fmt::format("{} points without a finite position; left out", without_position_));
     }
     if (sources_.images == nullptr) {
       remark(
@@ -264,6 +264,11 @@ class Builder {
  private:
   void remark(const std::string& text) const {
     if (options_.log) options_.log(fmt::format("{}: {}", sources_.points->name(), text));
+  }
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", sources_.points->name(), text), RemarkKind::kLoss});
+    }
   }
 
   // The order in files depends on the hash table of the program that wrote them.
@@ -637,11 +642,12 @@ class ModelWriter {
     static constexpr std::array<std::string_view, 1> kColumns = {kErrorColumn};
     const std::string lost =
         detail::loss_remark(map_, {.columns = kColumns}, folder_.string(), "COLMAP");
-    if (!lost.empty()) options_.log(lost);
+    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
     const auto note = [&](bool renumbered, std::string_view what) {
       if (renumbered) {
-        options_.log(fmt::format("{}: ids of {} are too large for COLMAP: numbered from 1",
-                                 folder_.string(), what));
+        options_.log({fmt::format("{}: ids of {} are too large for COLMAP: numbered from 1",
+                                  folder_.string(), what),
+                      RemarkKind::kLoss});
       }
     };
     note(!image_ids_.empty() && image_ids_[0] != map_.frames().ids[0].value, "frames");

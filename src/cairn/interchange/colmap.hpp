@@ -13,17 +13,17 @@ namespace cairn {
 
 enum class ColmapForm { kBinary, kText };
 
-/// The files of one COLMAP model; null where one is missing.
+/// The files of a COLMAP model; null if missing.
 struct ColmapSources {
   ByteSource* cameras = nullptr;
   ByteSource* images = nullptr;
-  ByteSource* points = nullptr;  ///< must be there
+  ByteSource* points = nullptr;  ///< required
   ByteSource* rigs = nullptr;    ///< only counted: Cairn keeps a pose for each image
 };
 
-/// Reads a COLMAP model (docs/formats.md): images become frames, 3D points landmarks of free scale.
-/// Frames and landmarks are sorted by id.
-/// @throws Error (input) naming source, line or byte, field, what was found and what was expected
+/// Reads a COLMAP model (docs/formats.md): images become frames, 3D points landmarks of free scale, both
+/// sorted by id.
+/// @throws Error (input) naming source, line or byte, field, value and constraint
 LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form,
                         const MapReadOptions& options = {});
 
@@ -33,7 +33,7 @@ LandmarkMap read_colmap(const std::filesystem::path& folder, ColmapForm form,
 
 /// Writes a COLMAP model without rigs, which every version of COLMAP reads.
 /// @param folder must be new or empty
-/// @throws Error (input) if a frame has no camera or a name that the form cannot hold, (storage)
+/// @throws Error (input) if a frame has no camera, or a name that the form cannot represent, (storage)
 void write_colmap(const LandmarkMap& map, const std::filesystem::path& folder, ColmapForm form,
                   const MapWriteOptions& options = {});
 

@@ -167,11 +167,12 @@ class DescriptorReader {
 
   void remark() const {
     if (!options_.log) return;
-    const auto say = [&](std::size_t count, std::string_view what) {
-      if (count > 0) options_.log(fmt::format("{}: {} {}", database_.name(), count, what));
+    const auto say = [&](std::size_t count, std::string_view what,
+                         RemarkKind kind = RemarkKind::kLoss) {
+      if (count > 0) options_.log({fmt::format("{}: {} {}", database_.name(), count, what), kind});
     };
     say(model_.frame_count() - std::min(found_, model_.frame_count()),
-        "images of the model are not in the database: no descriptors");
+        "images of the model are not in the database: no descriptors", RemarkKind::kInformation);
     say(no_sift_, "images have descriptors other than SIFT; left out");
     say(other_features_, "images have other keypoints than the model; left out");
   }
@@ -297,7 +298,10 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
       // Nobody named this file: the model is good without it.
-      if (options.log) options.log(fmt::format("{}; its descriptors are left out", error.what()));
+      if (options.log) {
+        options.log(
+            {fmt::format("{}; its descriptors are left out", error.what()), RemarkKind::kLoss});
+      }
       return model;
     }
   }

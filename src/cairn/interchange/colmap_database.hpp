@@ -10,14 +10,14 @@
 
 namespace cairn {
 
-/// A COLMAP model with a SIFT descriptor for each landmark that a keypoint of COLMAP's database has one for:
-/// the medoid of its first eight observations' descriptors. Images are found by name.
-/// @param model as read_colmap gave it: its observations state the index of their keypoint
-/// @throws Error (input) naming the database, if it is none of COLMAP's
+/// A COLMAP model with SIFT descriptors from COLMAP's database: for each landmark, the medoid of its first
+/// eight observations' descriptors. Images are matched by name.
+/// @param model from read_colmap, whose observations state their keypoint index
+/// @throws Error (input) naming the database, if it is not one of COLMAP's
 LandmarkMap with_colmap_descriptors(LandmarkMap model, const std::filesystem::path& database,
                                     const MapReadOptions& options = {});
 
-/// The format "colmap-database": a database, read with the model in sparse/N beside it.
+/// The format "colmap-database": a database, read with the model in sparse/N in its folder.
 std::vector<MapFormat> colmap_database_formats();
 
 }  // namespace cairn

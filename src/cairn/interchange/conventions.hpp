@@ -8,86 +8,86 @@
 
 #include "cairn/map/landmark_map.hpp"
 
-// Formats differ in how they write poses, axes and pixels, and files in whether they obey their format. Which
-// convention the numbers obey shows in the reprojection error: only one explains the observations.
+// Formats differ in their conventions for poses, axes and pixels, and some files break those of their
+// format. The reprojection error reveals the actual convention, because only one explains the observations.
 namespace cairn {
 
-/// In what order the parts of quaternions are stored.
+/// Order of the stored quaternion components.
 enum class QuaternionOrder {
   kAsRead,
   kScalarLast,   ///< stored x y z w, read as w x y z
   kScalarFirst,  ///< stored w x y z, read as x y z w
 };
 
-/// What stands where the position of a frame does.
+/// Meaning of a frame's stored position.
 enum class PositionReading {
   kAsRead,               ///< the camera's centre, in the world
-  kTranslation,          ///< the centre as read is the translation camera_from_world
-  kTranslationIsCentre,  ///< the translation camera_from_world as read is the centre
-  kTranslationKept,      ///< the translation camera_from_world as read stays, whatever the rotation
+  kTranslation,          ///< the stored centre is the translation camera_from_world
+  kTranslationIsCentre,  ///< the stored translation camera_from_world is the centre
+  kTranslationKept,  ///< the stored translation camera_from_world holds for the corrected rotation
 };
 
 enum class FocalReading {
   kAsRead,
-  kNormalised,  ///< divided by the longer side of the image: to be multiplied by it
-  kMultiplied,  ///< multiplied by it already
+  kNormalised,  ///< divided by the longer side of the image; must be multiplied by it
+  kMultiplied,  ///< already multiplied by it
 };
 
 enum class PixelCentreReading {
   kAsRead,
-  kHalfMore,  ///< half a pixel is to be added to both coordinates
+  kHalfMore,  ///< add half a pixel to both coordinates
   kHalfLess,
 };
 
-/// A way to read the numbers of a map. The default is as its format says.
+/// An interpretation of the numbers of a map. The default is that of its format.
 struct ConventionReading {
   QuaternionOrder quaternion = QuaternionOrder::kAsRead;
-  bool order_is_of_world = false;  ///< the quaternions whose order is wrong are world_from_camera
-  bool rotation_is_transposed = false;  ///< in the other direction, or matrices column by column
+  bool order_is_of_world = false;  ///< the quaternions in the wrong order are world_from_camera
+  bool rotation_is_transposed = false;  ///< inverse rotations, or column-major matrices
   PositionReading position = PositionReading::kAsRead;
   bool looks_backwards = false;  ///< camera axes x right, y up, z backward, as in OpenGL
-  bool rows_go_up = false;  ///< v of the observations is counted upwards from the principal point
-  bool is_undistorted = false;  ///< the observations are free of the camera's distortion
+  bool rows_go_up = false;  ///< v of the observations increases upwards from the principal point
+  bool is_undistorted = false;  ///< the observations are undistorted
   FocalReading focal = FocalReading::kAsRead;
   PixelCentreReading pixel_centre = PixelCentreReading::kAsRead;
 
   friend bool operator==(const ConventionReading&, const ConventionReading&) = default;
 };
 
-/// In words, e.g. "quaternions are qx qy qz qw, not qw qx qy qz"; empty for the default.
+/// Description, e.g. "quaternions are qx qy qz qw, not qw qx qy qz"; empty for the default.
 std::string describe(const ConventionReading& reading);
 
 struct ScoredReading {
   ConventionReading reading;
-  double median_px = 0.0;  ///< reprojection error; a landmark behind its camera counts as infinite
+  double median_px = 0.0;  ///< reprojection error; infinite for a landmark behind its camera
 };
 
 enum class ConventionVerdict {
-  kAsFormat,  ///< the data obey the format
-  kOther,     ///< the data obey `best`, which is another reading
-  kUndecidable,  ///< `best` and `runner_up` explain the data about equally well, and neither is the format's
-  kNone,        ///< no reading explains the data
+  kAsFormat,  ///< the data follow the format
+  kOther,     ///< the data follow `best`, another interpretation
+  kUndecidable,  ///< `best` and `runner_up` explain the data about equally well; neither is the format's
+  kNone,         ///< no interpretation explains the data
   kNotChecked,  ///< the map lacks observations, cameras or poses
 };
 
-/// "as_format" and so on: the names in files.
+/// "as_format" etc.: the names in files.
 const char* to_string(ConventionVerdict verdict);
 
 struct ConventionCheck {
   ConventionVerdict verdict = ConventionVerdict::kNotChecked;
   double as_format_px = 0.0;  ///< median reprojection error of the map as read
   ScoredReading best;
-  /// The best of the readings that put landmarks elsewhere; std::nullopt if there is none.
+  /// The best interpretation that moves landmarks elsewhere; std::nullopt if there is none.
   std::optional<ScoredReading> runner_up;
-  std::size_t observations = 0;  ///< that were looked at
-  std::string sentence;          ///< the verdict for people, and what to do
+  std::size_t observations = 0;  ///< number used
+  std::string sentence;          ///< verdict and advice for people
 };
 
-/// Projects landmarks into the frames that saw them, under all readings and at most two thousand observations
-/// spread over the map.
+/// Projects landmarks into the frames that observed them under every interpretation, for at most two
+/// thousand observations spread over the map.
 ConventionCheck check_conventions(const LandmarkMap& map);
 
-/// The map read so: poses, pixels and cameras changed, all else kept.
+/// The map with this interpretation: changes poses, pixels and cameras, keeps all else.
 LandmarkMap reread(LandmarkMap map, const ConventionReading& reading);
 
 }  // namespace cairn

@@ -9,6 +9,7 @@
 #include "cairn/interchange/bundle_files.hpp"
 #include "cairn/interchange/colmap.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
+#include "cairn/interchange/kapture.hpp"
 #include "cairn/interchange/mcap.hpp"
 #include "cairn/interchange/nerfstudio.hpp"
 #include "cairn/interchange/openmvg.hpp"
@@ -25,7 +26,7 @@ const FormatRegistry& all_formats() {
     for (std::vector<MapFormat> some :
          {plain_points_formats(), colmap_formats(), opensfm_formats(), openmvg_formats(),
           bundle_file_formats(), stella_formats(), nerfstudio_formats(), alicevision_formats(),
-          mcap_formats(), detail::database_formats()}) {
+          kapture_formats(), mcap_formats(), detail::database_formats()}) {
       std::move(some.begin(), some.end(), std::back_inserter(more));
     }
     return native_formats().extended_by(std::move(more));

@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-/// All map formats that Cairn knows: native_formats() and those of other systems (docs/formats.md).
+/// All map formats of Cairn: native_formats() and those of other systems (docs/formats.md).
 const FormatRegistry& all_formats();
 
 }  // namespace cairn

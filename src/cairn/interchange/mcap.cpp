@@ -249,7 +249,8 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options) {
     if (timeless > 0) lost.push_back(fmt::format("poses of {} frames without a time", timeless));
   }
   if (lost.empty()) return;
-  options.log(fmt::format("MCAP has no place for: {}; left out", fmt::join(lost, ", ")));
+  options.log({fmt::format("MCAP has no place for: {}; left out", fmt::join(lost, ", ")),
+               RemarkKind::kLoss});
 }
 
 }  // namespace

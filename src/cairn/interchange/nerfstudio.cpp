@@ -48,7 +48,7 @@ class Reader {
       unknown += camera ? 0 : 1;
     }
     if (unknown > 0)
-      remark(fmt::format("{} of {} frames have no known camera", unknown, frames.json().size()));
+      lost(fmt::format("{} of {} frames have no known camera", unknown, frames.json().size()));
     if (all.has("ply_file_path")) read_points(folder / all.at("ply_file_path").text());
     tables_.info.length_unit = LengthUnit::kFree;
     return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
@@ -57,6 +57,11 @@ class Reader {
  private:
   void remark(const std::string& text) const {
     if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+  }
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
+    }
   }
 
   // world_from_camera, where the camera looks along -z with y up.
@@ -251,7 +256,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   const std::string lost =
       detail::loss_remark(map, {.observations = false, .covariances = true, .columns = columns},
                           path.string(), "nerfstudio");
-  if (options.log && !lost.empty()) options.log(lost);
+  if (options.log && !lost.empty()) options.log({lost, RemarkKind::kLoss});
   const fs::path points = path.parent_path() / kPointsName;
   std::error_code ignored;
   if (map.landmark_count() > 0) {

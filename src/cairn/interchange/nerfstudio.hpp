@@ -11,16 +11,16 @@
 
 namespace cairn {
 
-/// Reads transforms.json of nerfstudio or instant-ngp (docs/formats.md): frames and cameras, numbered from 0.
-/// The points of "ply_file_path" become landmarks.
-/// @param folder that the file's paths start from
-/// @throws Error (input) naming source and place, what was found and what was expected
+/// Reads transforms.json of nerfstudio or instant-ngp (docs/formats.md): frames and cameras, numbered from
+/// 0. The points of "ply_file_path" become landmarks.
+/// @param folder to which the file's paths are relative
+/// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_nerfstudio(ByteSource& source, const std::filesystem::path& folder,
                             const MapReadOptions& options = {});
 
-/// Writes transforms.json, and the landmarks beside it as sparse_pc.ply.
-/// @throws Error (input) naming a frame without a camera, or a camera of a model that nerfstudio does not have,
-///         (storage) if there is a sparse_pc.ply
+/// Writes transforms.json, and the landmarks as sparse_pc.ply in the same folder.
+/// @throws Error (input) naming a frame without a camera, or a camera model that nerfstudio lacks,
+///        (storage) if sparse_pc.ply exists
 void write_nerfstudio(const LandmarkMap& map, const std::filesystem::path& path,
                       const MapWriteOptions& options = {});
 

@@ -91,7 +91,7 @@ class Reader {
     read_frames(all.at("extrinsics").array(), all.at("views").array());
     if (all.has("structure")) read_structure(all.at("structure").array());
     if (all.has("control_points") && !all.at("control_points").array().json().empty()) {
-      remark(fmt::format("{} control points are left out", all.at("control_points").json().size()));
+      lost(fmt::format("{} control points are left out", all.at("control_points").json().size()));
     }
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
     tables_.info.length_unit = LengthUnit::kFree;
@@ -99,8 +99,10 @@ class Reader {
   }
 
  private:
-  void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
+    }
   }
 
   void read_cameras(const JsonValue& intrinsics) {
@@ -110,12 +112,12 @@ class Reader {
       const JsonValue data = data_of(entry);
       // Spherical cameras have no focal length.
       if (!data.has("focal_length")) {
-        remark(fmt::format("camera {} is unknown to the map: it has no focal length", id));
+        lost(fmt::format("camera {} is unknown to the map: it has no focal length", id));
         continue;
       }
       const Camera camera = camera_of(data, CameraId{id});
       if (const std::string defect = camera_defect(camera); !defect.empty()) {
-        remark(fmt::format("camera {} is unknown to the map: {}", id, defect));
+        lost(fmt::format("camera {} is unknown to the map: {}", id, defect));
         continue;
       }
       cameras_.emplace(id, CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())});
@@ -156,7 +158,7 @@ class Reader {
                                                         : std::optional(camera->second));
       frames.image_names.push_back(view.at("filename").text());
     }
-    if (without_pose > 0) remark(fmt::format("{} views without a pose are left out", without_pose));
+    if (without_pose > 0) lost(fmt::format("{} views without a pose are left out", without_pose));
   }
 
   void read_structure(const JsonValue& structure) {
@@ -187,7 +189,7 @@ class Reader {
       }
     }
     if (unposed > 0) {
-      remark(fmt::format("{} observations by views without a pose are left out", unposed));
+      lost(fmt::format("{} observations by views without a pose are left out", unposed));
     }
   }
 

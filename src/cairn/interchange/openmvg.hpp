@@ -12,7 +12,7 @@ namespace cairn {
 
 /// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure
 /// landmarks of free scale.
-/// @throws Error (input) naming source and place, what was found and what was expected
+/// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_openmvg(ByteSource& source, const MapReadOptions& options = {});
 
 /// The format "openmvg".

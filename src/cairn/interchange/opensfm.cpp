@@ -31,6 +31,8 @@ namespace fs = std::filesystem;
 using detail::JsonValue;
 
 constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
+constexpr double kUnknownAccuracy_m =
+    999999.0;  // what OpenSfM writes of a shot without GNSS position
 
 // OpenSfM's image coordinates: the centre of the image is (0, 0), its longer side is 1.
 struct ImageFrame {
@@ -85,15 +87,18 @@ class Reader {
       : sources_(sources), options_(options) {}
 
   void read(const JsonValue& reconstruction) {
+    read_reference(reconstruction);
     read_cameras(reconstruction.at("cameras").object());
     read_shots(reconstruction.at("shots").object());
     if (reconstruction.has("points")) read_points(reconstruction.at("points").object());
     std::vector<std::string> dropped;
     for (const auto& [key, value] : reconstruction.json().items()) {
-      if (key != "cameras" && key != "shots" && key != "points") dropped.push_back(printable(key));
+      if (key != "cameras" && key != "shots" && key != "points" && key != "reference_lla") {
+        dropped.push_back(printable(key));
+      }
     }
     dropped.insert(dropped.end(), dropped_of_shots_.begin(), dropped_of_shots_.end());
-    if (!dropped.empty()) remark(fmt::format("left out: {}", fmt::join(dropped, ", ")));
+    if (!dropped.empty()) lost(fmt::format("left out: {}", fmt::join(dropped, ", ")));
   }
 
   void read_tracks() {
@@ -126,12 +131,50 @@ class Reader {
   void remark(const std::string& text) const {
     if (options_.log) options_.log(fmt::format("{}: {}", sources_.reconstruction->name(), text));
   }
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log(
+          {fmt::format("{}: {}", sources_.reconstruction->name(), text), RemarkKind::kLoss});
+    }
+  }
 
  private:
   struct KnownCamera {
     ImageFrame image;
     std::optional<CameraIndex> index;
   };
+
+  void read_reference(const JsonValue& reconstruction) {
+    if (!reconstruction.has("reference_lla")) return;
+    const JsonValue lla = reconstruction.at("reference_lla").object();
+    const GeodeticPosition origin{lla.at("latitude").number(), lla.at("longitude").number(),
+                                  lla.at("altitude").number()};
+    // In the sea off Africa, where OpenSfM puts what it knows no place of.
+    if (origin == GeodeticPosition{}) {
+      remark("reference_lla is 0 0 0, as without GNSS positions: the map has no georeference");
+      return;
+    }
+    // The world frame is the topocentric one.
+    tables_.info.georeference = GeoReference{origin};
+  }
+
+  void read_gnss(const JsonValue& shot) {
+    auto& gnss = tables_.frames.gnss;
+    const double accuracy = shot.number_or("gps_dop", 0.0);
+    if (!shot.has("gps_position") || accuracy == kUnknownAccuracy_m) {
+      gnss.push_back(std::nullopt);
+      return;
+    }
+    const Eigen::Vector3d enu = shot.at("gps_position").vector3();
+    if (!tables_.info.georeference) {
+      dropped_of_shots_.insert("'gps_position'");
+      gnss.push_back(std::nullopt);
+      return;
+    }
+    GnssFix fix{tables_.info.georeference->geodetic(enu), std::nullopt};
+    if (accuracy > 0.0) fix.accuracy_m = accuracy;
+    gnss.push_back(fix);
+  }
 
   void read_cameras(const JsonValue& cameras) {
     for (const auto& [name, json] : cameras.json().items()) {
@@ -146,7 +189,7 @@ class Reader {
                                               printable(camera.at("projection_type").text()) +
                                               " has no model in Cairn";
       if (!defect.empty()) {
-        remark(fmt::format("camera {} is unknown to the map: {}", printable(name), defect));
+        lost(fmt::format("camera {} is unknown to the map: {}", printable(name), defect));
         continue;
       }
       known.index = CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())};
@@ -180,10 +223,11 @@ class Reader {
       frames.image_names.push_back(name);
       const double time = shot.number_or("capture_time", 0.0);
       frames.timestamps_s.push_back(time != 0.0 ? std::optional(time) : std::nullopt);
+      read_gnss(shot);
+      static const std::set<std::string_view> kKept = {
+          "rotation", "translation", "camera", "capture_time", "gps_dop", "gps_position"};
       for (const auto& [key, value] : json.items()) {
-        if (key != "rotation" && key != "translation" && key != "camera" && key != "capture_time") {
-          dropped_of_shots_.insert(printable(key));
-        }
+        if (!kKept.contains(key)) dropped_of_shots_.insert(printable(key));
       }
     }
   }
@@ -376,7 +420,18 @@ class Writer {
       text_ += '}';
       flush(sink);
     }
-    text_ += "}}]\n";
+    text_ += '}';
+    if (is_georeferenced()) {
+      const GeodeticPosition& origin = map_.info().georeference->origin;
+      text_ += ", \"reference_lla\": {\"latitude\": ";
+      append_number(text_, origin.latitude_deg);
+      text_ += ", \"longitude\": ";
+      append_number(text_, origin.longitude_deg);
+      text_ += ", \"altitude\": ";
+      append_number(text_, origin.altitude_m);
+      text_ += '}';
+    }
+    text_ += "}]\n";
     sink(text_);
   }
 
@@ -410,12 +465,25 @@ class Writer {
 
   void remark() const {
     if (!options_.log) return;
-    const std::string lost = detail::loss_remark(map_, {.timestamps = true, .keypoints = true},
-                                                 path_.string(), "OpenSfM");
-    if (!lost.empty()) options_.log(lost);
+    if (map_.info().georeference && !is_georeferenced()) {
+      options_.log(fmt::format(
+          "{}: the world of OpenSfM is the east-north-up frame of reference_lla, and this map lies "
+          "otherwise; cairn convert --enu moves it there",
+          path_.string()));
+    }
+    const detail::Holdings holdings{.timestamps = true,
+                                    .keypoints = true,
+                                    .georeference = is_georeferenced(),
+                                    .gnss = is_georeferenced()};
+    const std::string lost = detail::loss_remark(map_, holdings, path_.string(), "OpenSfM");
+    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
   }
 
  private:
+  bool is_georeferenced() const {
+    return map_.info().georeference && map_.info().georeference->is_enu();
+  }
+
   static std::string camera_name(const Camera& camera) {
     // Padded, so that the order of names is that of ids.
     return fmt::format("camera {:010}", camera.id.value);
@@ -448,6 +516,15 @@ class Writer {
     if (!frames.timestamps_s.empty() && frames.timestamps_s[frame.value]) {
       text_ += ", \"capture_time\": ";
       append_number(text_, *frames.timestamps_s[frame.value]);
+    }
+    if (is_georeferenced() && !frames.gnss.empty() && frames.gnss[frame.value]) {
+      const GnssFix fix = *frames.gnss[frame.value];
+      text_ += ", \"gps_position\": ";
+      vector(map_.info().georeference->in_map(fix.position));
+      if (fix.accuracy_m) {
+        text_ += ", \"gps_dop\": ";
+        append_number(text_, *fix.accuracy_m);
+      }
     }
     text_ += '}';
   }

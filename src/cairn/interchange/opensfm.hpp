@@ -13,22 +13,22 @@
 
 namespace cairn {
 
-/// The files of one OpenSfM data set.
+/// The files of an OpenSfM data set.
 struct OpenSfmSources {
-  ByteSource* reconstruction = nullptr;  ///< must be there
-  ByteSource* tracks = nullptr;          ///< tracks.csv: the observations; null where it is missing
+  ByteSource* reconstruction = nullptr;  ///< required
+  ByteSource* tracks = nullptr;          ///< tracks.csv, the observations; null if missing
 };
 
-/// Reads one of the reconstructions of an OpenSfM file (docs/formats.md): shots become frames, numbered
-/// from 0 in the order of their names; points become landmarks of free scale.
-/// @param part which reconstruction, from 0; nothing: the first
-/// @throws Error (input) naming source, line or place, what was found and what was expected
+/// Reads a reconstruction of an OpenSfM file (docs/formats.md): shots become frames, numbered from 0 in the
+/// order of their names; points become landmarks of free scale.
+/// @param part index of the reconstruction, from 0; std::nullopt: the first
+/// @throws Error (input) naming source, line or place, value and constraint
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part = {},
                          const MapReadOptions& options = {});
 
-/// Writes a reconstruction and, where the map knows its observations, tracks.csv beside it.
-/// @throws Error (input) naming a frame without a camera, image names that are not distinct, or a camera of a
-///         model that OpenSfM does not have, (storage) if there is a tracks.csv
+/// Writes a reconstruction and, if the map has observations, tracks.csv in the same folder.
+/// @throws Error (input) naming a frame without a camera, duplicate image names, or a camera model that
+///        OpenSfM lacks, (storage) if tracks.csv exists
 void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
                    const MapWriteOptions& options = {});
 

@@ -7,11 +7,13 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/map/operations.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
@@ -34,7 +36,7 @@ constexpr std::string_view kReconstruction = R"([{
                       "k1": 0.01, "k2": 0.0}},
   "shots": {
     "b.jpg": {"rotation": [0, 0, 0], "translation": [0, 0, 0], "camera": "cam", "capture_time": 5.5,
-              "gps_position": [1, 2, 3]},
+              "gps_position": [1, 2, 3], "gps_dop": 5.0, "orientation": 6},
     "a.jpg": {"rotation": [0, 0, 1.5707963267948966], "translation": [1, 2, 3], "camera": "cam",
               "capture_time": 0.0}},
   "points": {"10": {"coordinates": [1, 2, 10], "color": [255, 127.6, 0]},
@@ -53,20 +55,27 @@ class OpenSfmTest : public ::testing::Test {
   LandmarkMap read(std::string_view reconstruction = kReconstruction,
                    std::string_view tracks = kTracks, const std::string& part = "") {
     remarks_.clear();
+    losses_.clear();
     folder_.write("reconstruction.json", reconstruction);
     std::filesystem::remove(folder_ / "tracks.csv");
     if (!tracks.empty()) folder_.write("tracks.csv", tracks);
-    return all_formats().read(
-        folder_ / ("reconstruction.json" + part),
-        {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
+    return all_formats().read(folder_ / ("reconstruction.json" + part), {.log = log()});
   }
   template <class... Arguments>
   std::string refused(Arguments... arguments) {
     return refusal(ErrorKind::kInput, [&] { read(arguments...); });
   }
 
+  LogSink log() {
+    return [&](const Remark& remark) {
+      auto& said = remark.kind == RemarkKind::kLoss ? losses_ : remarks_;
+      said.emplace_back(remark.text);
+    };
+  }
+
   TemporaryFolder folder_;
-  std::vector<std::string> remarks_;
+  std::vector<std::string> remarks_;  // but for losses
+  std::vector<std::string> losses_;
 };
 
 TEST_F(OpenSfmTest, ShotsBecomeFramesAndPointsLandmarks) {
@@ -86,8 +95,84 @@ TEST_F(OpenSfmTest, ShotsBecomeFramesAndPointsLandmarks) {
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[0], (Pixel{115.5, 81.5}));
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[1], (Pixel{-0.5, -0.5})) << "the image's corner";
   EXPECT_EQ(map.observations().keypoints[0], 3U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("left out: 'reference_lla', 'gps_position'")));
+  EXPECT_EQ(map.info().georeference, (GeoReference{{47.0, 8.0, 400.0}}));
   EXPECT_THAT(remarks_, Contains(HasSubstr("holds 2 reconstructions, of which the first is read")));
+}
+
+TEST_F(OpenSfmTest, WhatHasNoPlaceIsALoss) {
+  read();
+  EXPECT_THAT(losses_, ElementsAre(HasSubstr("left out: 'orientation'")));
+  EXPECT_THAT(remarks_, Contains(HasSubstr("holds 2 reconstructions")));
+}
+
+TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
+  const LandmarkMap map = read();
+  ASSERT_EQ(map.frames().gnss.size(), 2U);
+  EXPECT_FALSE(map.frames().gnss[0].has_value());
+  const GnssFix fix = map.frames().gnss[1].value();
+  EXPECT_EQ(fix.accuracy_m, 5.0);
+  const GeoReference& reference = *map.info().georeference;
+  EXPECT_LT((reference.in_map(fix.position) - Eigen::Vector3d(1, 2, 3)).norm(), 1e-8);
+  EXPECT_NEAR(fix.position.altitude_m, 403.0, 1e-5);
+}
+
+TEST_F(OpenSfmTest, WithoutGnssPositionsThereIsNoGeoreference) {
+  // As OpenSfM writes it of photographs without GNSS positions.
+  const LandmarkMap map = read(
+      R"([{"cameras":{"c":{"width":200,"height":100,"focal":1}},
+           "shots":{"a":{"rotation":[0,0,0],"translation":[0,0,0],"camera":"c",
+                         "gps_dop":999999.0,"gps_position":[0,0,0]}},
+           "reference_lla":{"latitude":0.0,"longitude":0.0,"altitude":0}}])",
+      "");
+  EXPECT_EQ(map.info().georeference, std::nullopt);
+  EXPECT_TRUE(map.frames().gnss.empty());
+  EXPECT_THAT(losses_, ElementsAre());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("the map has no georeference")));
+}
+
+TEST_F(OpenSfmTest, TheGeoreferenceIsWrittenOfAMapInItsFrame) {
+  const LandmarkMap map = read();
+  const auto written = [&](const LandmarkMap& given, const std::string& name) {
+    losses_.clear();
+    const std::filesystem::path out = folder_ / name / "reconstruction.json";
+    std::filesystem::create_directories(out.parent_path());
+    all_formats().write(given, out, {.log = log()});
+    return all_formats().read(out);
+  };
+  const LandmarkMap back = written(map, "same");
+  EXPECT_EQ(back.info().georeference, map.info().georeference);
+  const GnssFix before = map.frames().gnss[1].value();
+  const GnssFix after = back.frames().gnss[1].value();
+  EXPECT_NEAR(after.position.latitude_deg, before.position.latitude_deg, 1e-13);
+  EXPECT_NEAR(after.position.longitude_deg, before.position.longitude_deg, 1e-13);
+  EXPECT_NEAR(after.position.altitude_m, before.position.altitude_m, 1e-7);
+  EXPECT_EQ(after.accuracy_m, before.accuracy_m);
+
+  // OpenSfM's world is the topocentric frame. A map that lies otherwise keeps its own.
+  const LandmarkMap moved = transformed(
+      map, Similarity3(3.0, Rigid3::from_roll_pitch_yaw({5.0, 6.0, 7.0}, 0.1, 0.2, 0.3)));
+  const LandmarkMap as_moved = written(moved, "moved");
+  EXPECT_EQ(as_moved.info().georeference, std::nullopt);
+  EXPECT_EQ(as_moved.landmarks().positions, moved.landmarks().positions);
+  EXPECT_THAT(losses_, ElementsAre(HasSubstr("no place for: georeference, GNSS positions")));
+
+  const LandmarkMap enu = written(in_enu_frame(moved), "enu");
+  EXPECT_EQ(enu.info().georeference, map.info().georeference);
+  for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+    EXPECT_LT((enu.landmarks().positions[i] - map.landmarks().positions[i]).norm(), 1e-12);
+  }
+}
+
+TEST_F(OpenSfmTest, APlaceThatIsNoneIsRefused) {
+  const auto text = [](std::string_view latitude) {
+    return fmt::format(
+        R"([{{"cameras":{{}},"shots":{{}},"reference_lla":{{"latitude":{},"longitude":8,"altitude":4}}}}])",
+        latitude);
+  };
+  EXPECT_THAT(refused(text("95"), ""),
+              HasSubstr("reconstruction.json: georeference: latitude 95 is out of range"));
+  EXPECT_THAT(refused(text("\"north\""), ""),
+              HasSubstr("/0/reference_lla/latitude: is of type string; expected a number"));
 }
 
 TEST_F(OpenSfmTest, PartNamesAReconstruction) {
@@ -148,7 +233,7 @@ TEST_F(OpenSfmTest, CamerasWithoutAModelAreUnknown) {
       "");
   EXPECT_EQ(map.frame_count(), 1U);
   EXPECT_TRUE(map.frames().cameras.empty());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("projection 'spherical' has no model in Cairn")));
+  EXPECT_THAT(losses_, Contains(HasSubstr("projection 'spherical' has no model in Cairn")));
 }
 
 TEST_F(OpenSfmTest, ErrorsSayWhere) {

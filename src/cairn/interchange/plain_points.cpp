@@ -110,12 +110,14 @@ class Points {
     tables_.landmarks.ids.push_back(LandmarkId{tables_.landmarks.ids.size()});
     tables_.landmarks.positions.push_back(position);
   }
-  void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
+    }
   }
   LandmarkMap finish() && {
     if (left_out_ > 0) {
-      remark(fmt::format("{} points without a finite position; left out", left_out_));
+      lost(fmt::format("{} points without a finite position; left out", left_out_));
     }
     tables_.info.length_unit = LengthUnit::kFree;
     return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
@@ -273,8 +275,9 @@ class TableReader {
       fields.push_back(std::move(field));
     }
     if (!dropped.empty() && options_.log) {
-      options_.log(fmt::format("{}: columns that hold no numbers are left out: {}", source_.name(),
-                               fmt::join(dropped, ", ")));
+      options_.log({fmt::format("{}: columns that hold no numbers are left out: {}", source_.name(),
+                                fmt::join(dropped, ", ")),
+                    RemarkKind::kLoss});
     }
     return {detail::PointFormat::kPly, source_.name(),
             fmt::format("{}:{}", source_.name(), header_line_), std::move(fields), options_};
@@ -305,7 +308,7 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
                    const detail::Holdings& holdings, std::string_view format) {
   if (!options.log) return;
   const std::string lost = detail::loss_remark(map, holdings, "", format);
-  if (!lost.empty()) options.log(lost);
+  if (!lost.empty()) options.log({lost, RemarkKind::kLoss});
 }
 
 // Frames and observations have no place in any of these formats, which says so in its row.
@@ -342,7 +345,7 @@ class NpzReader {
       tables_.landmarks.positions.push_back(x);
     }
     if (rows.size() < count) {
-      remark(fmt::format("{} points without a finite position; left out", count - rows.size()));
+      lost(fmt::format("{} points without a finite position; left out", count - rows.size()));
     }
     LandmarkTable& landmarks = tables_.landmarks;
     std::vector<std::string> left_out;
@@ -381,8 +384,8 @@ class NpzReader {
       for (std::size_t i = 0; i < rows.size(); ++i) landmarks.ids.push_back(LandmarkId{i});
     }
     if (!left_out.empty()) {
-      remark(fmt::format("arrays that are not one entry a point are left out: {}",
-                         fmt::join(left_out, ", ")));
+      lost(fmt::format("arrays that are not one entry a point are left out: {}",
+                       fmt::join(left_out, ", ")));
     }
     tables_.info.length_unit = LengthUnit::kFree;
     return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
@@ -392,8 +395,10 @@ class NpzReader {
   static bool is_plain(std::string_view key) {
     return std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 127; });
   }
-  void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
+    }
   }
 
   const detail::NpyArray& find_positions() const {
@@ -514,7 +519,7 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
   if (!others.what().empty()) {
     throw Error(ErrorKind::kInput, source.name(), fmt::format("holds {}", others.what()), "points");
   }
-  if (has_more) points.remark("columns other than x, y and z are left out");
+  if (has_more) points.lost("columns other than x, y and z are left out");
   return std::move(points).finish();
 }
 

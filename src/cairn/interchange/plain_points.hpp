@@ -10,32 +10,32 @@
 
 namespace cairn {
 
-/// Reads points as text, one a line: x, y and z, apart by blanks, commas or semicolons. A first line of names
-/// says which column is which: they are read as PLY's properties are (docs/formats.md). Without it the first
-/// three are x, y and z.
-/// @throws Error (input) naming source, line, field, what was found and what was expected
+/// Reads text points, one per line: x, y and z, separated by blanks, commas or semicolons. A first line
+/// with names identifies the columns, which are read like PLY's properties (docs/formats.md). Without it,
+/// the first three columns are x, y and z.
+/// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options = {});
 
-/// Reads an array of NumPy, version 1 to 3 of the .npy format: N x 3 float32 or float64, row by row.
-/// @throws Error (input) naming source, byte, what was found and what was expected
+/// Reads a NumPy array, version 1 to 3 of the .npy format: N x 3 float32 or float64, row-major.
+/// @throws Error (input) naming source, byte, value and constraint
 LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options = {});
 
-/// Reads an archive of arrays as numpy.savez and savez_compressed write them: positions, and what else holds
-/// an entry a point.
-/// @throws Error (input) naming source and array, what was found and what was expected
+/// Reads an archive of arrays from numpy.savez or savez_compressed: positions, and arrays with one entry
+/// per point.
+/// @throws Error (input) naming source, array, value and constraint
 LandmarkMap read_npz_points(ByteSource& source, const MapReadOptions& options = {});
 
-/// Positions alone, one point a line.
+/// Writes positions only, one point per line.
 void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options = {});
-/// A line of names, then a line a landmark: what PLY holds, apart by commas.
-/// @throws Error (misuse) for a named column whose name stands for something else
+/// Writes a line of names, then a line per landmark, comma-separated, with the same fields as PLY.
+/// @throws Error (misuse) for a named column whose name has another meaning
 void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options = {});
-/// Positions as N x 3 float64.
+/// Writes positions as N x 3 float64.
 void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options = {});
-/// Positions, ids, covariances, colours, descriptors, named columns and counts of observations.
+/// Writes positions, ids, covariances, colours, descriptors, named columns and observation counts.
 void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options = {});
 

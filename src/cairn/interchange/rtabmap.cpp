@@ -20,6 +20,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/database_file.hpp"
 #include "cairn/interchange/detail/described_observations.hpp"
@@ -44,6 +45,7 @@ struct Node {
   std::optional<double> stamp_s;
   std::string label;
   std::uint64_t session = 0;
+  std::optional<GnssFix> gnss = {};
 };
 
 struct Link {
@@ -128,13 +130,23 @@ class Graph {
   void remark(const std::string& text) const {
     if (options_.log) options_.log(fmt::format("{}: {}", database_.name(), text));
   }
+  void lost(const std::string& text) const {
+    if (options_.log) {
+      options_.log({fmt::format("{}: {}", database_.name(), text), RemarkKind::kLoss});
+    }
+  }
 
  private:
   void read_nodes() {
     const auto optimised = optimised_poses(database_);
     is_optimised = !optimised.empty();
     std::size_t without_pose = 0;
-    auto rows = database_.prepare("SELECT id, map_id, stamp, pose, label FROM Node ORDER BY id");
+    const auto columns = database_.columns("Node");
+    const bool has_gps = std::find(columns.begin(), columns.end(), "gps") != columns.end();
+    auto rows = database_.prepare(
+        has_gps ? "SELECT id, map_id, stamp, pose, label, gps FROM Node ORDER BY id"
+                : "SELECT id, map_id, stamp, pose, label, NULL FROM Node ORDER BY id");
+    std::size_t no_place = 0;
     while (rows.step()) {
       const std::int64_t id = rows.integer(0);
       if (id < 0) refuse(database_, fmt::format("Node {}", id), "a negative id", "0 or more");
@@ -148,16 +160,34 @@ class Graph {
         ++without_pose;
         continue;
       }
-      Node node{static_cast<std::uint64_t>(id), *pose, finite(rows.optional_real(2)), {}, 0};
+      Node node{static_cast<std::uint64_t>(id), *pose, finite(rows.optional_real(2)), {}};
       if (const auto label = rows.optional_text(4)) node.label = *label;
       const std::int64_t session = rows.optional_integer(1).value_or(0);
       node.session = session < 0 ? 0 : static_cast<std::uint64_t>(session);
+      if (const auto bytes = rows.optional_blob(5); bytes && !bytes->empty()) {
+        node.gnss = gnss_of(*bytes);
+        no_place += node.gnss ? 0 : 1;
+      }
       nodes.push_back(std::move(node));
     }
     if (without_pose > 0) {
-      remark(fmt::format("{} nodes without {} pose are left out", without_pose,
-                         is_optimised ? "an optimised" : "a"));
+      lost(fmt::format("{} nodes without {} pose are left out", without_pose,
+                       is_optimised ? "an optimised" : "a"));
     }
+    if (no_place > 0) {
+      lost(fmt::format("GNSS positions of {} nodes are none on the Earth; left out", no_place));
+    }
+  }
+
+  // From doubles: time, longitude, latitude, altitude, accuracy, bearing.
+  static std::optional<GnssFix> gnss_of(std::span<const std::byte> bytes) {
+    std::array<double, 6> numbers{};
+    if (bytes.size() != sizeof numbers) return std::nullopt;
+    std::memcpy(numbers.data(), bytes.data(), sizeof numbers);
+    GnssFix fix{{numbers[2], numbers[1], numbers[3]}, std::nullopt};
+    if (!geodetic_defect(fix.position).empty()) return std::nullopt;
+    if (numbers[4] > 0.0 && numbers[4] <= kLargestCoordinate) fix.accuracy_m = numbers[4];
+    return fix;
   }
 
   void read_links() {
@@ -193,7 +223,7 @@ class Graph {
       if (const auto bytes = rows.optional_blob(4)) link.covariance = covariance_of(*bytes);
       links.push_back(link);
     }
-    if (others > 0) remark(fmt::format("{} priors and other links are left out", others));
+    if (others > 0) lost(fmt::format("{} priors and other links are left out", others));
   }
 
   // From 6 x 6 doubles; std::nullopt for what has no inverse.
@@ -399,7 +429,7 @@ class MapReader {
       }
       unknown += !calibration || !calibration->camera ? 1 : 0;
     }
-    if (unknown > 0) graph_.remark(fmt::format("{} calibrations are unknown to the map", unknown));
+    if (unknown > 0) graph_.lost(fmt::format("{} calibrations are unknown to the map", unknown));
   }
 
   void add_frame(std::size_t i) {
@@ -414,6 +444,7 @@ class MapReader {
     frames.translations.push_back(pose.translation());
     frames.timestamps_s.push_back(node.stamp_s);
     frames.image_names.push_back(node.label);
+    frames.gnss.push_back(node.gnss);
     world_from_camera_.push_back(pose);
     std::optional<CameraIndex> camera;
     if (calibrations_[i] && calibrations_[i]->camera) camera = index_of(*calibrations_[i]->camera);
@@ -491,10 +522,10 @@ class MapReader {
       features_.push_back(feature);
     }
     if (unposed > 0) {
-      graph_.remark(fmt::format("{} features of nodes without a pose are left out", unposed));
+      graph_.lost(fmt::format("{} features of nodes without a pose are left out", unposed));
     }
     if (of_other_cameras > 0) {
-      graph_.remark(
+      graph_.lost(
           fmt::format("{} features of a second or further camera are left out", of_other_cameras));
     }
   }
@@ -687,13 +718,13 @@ class MapReader {
         .fill(tables_, kind,
               is_binary ? detail::DescriptorNorm::kHamming : detail::DescriptorNorm::kSquared);
     if (without_depth > 0) {
-      graph_.remark(
+      graph_.lost(
           fmt::format("{} features without a depth, and with no match that has one, are "
                       "left out",
                       without_depth));
     }
     if (disagreeing > 0) {
-      graph_.remark(
+      graph_.lost(
           fmt::format("{} features are not where their word is elsewhere; left out", disagreeing));
     }
     if (features_.empty()) {

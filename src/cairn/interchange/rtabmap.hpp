@@ -11,9 +11,9 @@
 
 namespace cairn {
 
-/// Reads a database of RTAB-Map (docs/formats.md): nodes become frames, in metres. RTAB-Map has no landmarks:
-/// features of one visual word in linked nodes become one where their geometry agrees.
-/// @throws Error (input) naming file, table and row, what was found and what was expected
+/// Reads a database of RTAB-Map (docs/formats.md): nodes become frames, in metres. RTAB-Map has no
+/// landmarks; features of one visual word in linked nodes become a landmark if their geometry agrees.
+/// @throws Error (input) naming file, table, row, value and constraint
 LandmarkMap read_rtabmap(const std::filesystem::path& path, const MapReadOptions& options = {});
 
 /// The nodes and links of such a database.

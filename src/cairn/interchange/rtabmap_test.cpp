@@ -76,7 +76,7 @@ class RtabmapTest : public testing::ImportTest {
     database.execute(
         "CREATE TABLE Node(id INTEGER PRIMARY KEY, map_id INTEGER, weight INTEGER, stamp FLOAT, "
         "pose BLOB, "
-        "label TEXT);"
+        "label TEXT, gps BLOB);"
         "CREATE TABLE Data(id INTEGER PRIMARY KEY, calibration BLOB);"
         "CREATE TABLE Link(from_id INTEGER, to_id INTEGER, type INTEGER, information_matrix BLOB, "
         "transform "
@@ -96,7 +96,7 @@ class RtabmapTest : public testing::ImportTest {
     }
     for (int node = 1; node <= 4; ++node) {
       const Rigid3 pose = world_from_base(node);
-      database.run("INSERT INTO Node VALUES(?1,0,0,?2,?3,NULL)", node, 100.0 + node,
+      database.run("INSERT INTO Node VALUES(?1,0,0,?2,?3,NULL,NULL)", node, 100.0 + node,
                    std::span<const std::byte>(blob_of(pose)));
       if (options.with_calibration) {
         database.run("INSERT INTO Data VALUES(?1,?2)", node,
@@ -152,6 +152,30 @@ class RtabmapTest : public testing::ImportTest {
 
   std::vector<Eigen::Vector3d> points_;
 };
+
+TEST_F(RtabmapTest, GnssPositionsBelongToTheirNodes) {
+  make();
+  {
+    sqlite::Database database(folder_ / "map.db",
+                              {.access = sqlite::Access::kWrite, .untrusted = false});
+    const auto set = [&](int node, std::initializer_list<double> numbers) {
+      std::vector<std::byte> blob;
+      for (const double number : numbers) append(blob, number);
+      database.run("UPDATE Node SET gps = ?1 WHERE id = ?2", std::span<const std::byte>(blob),
+                   node);
+    };
+    set(1, {101.0, 8.54, 47.37, 408.0, 3.5, 90.0});
+    set(2, {102.0, 8.54, 97.37, 408.0, 3.5, 90.0});
+    set(3, {103.0, 8.55, 47.37, 408.0, 0.0, 90.0});
+  }
+  const LandmarkMap map = read_map();
+  ASSERT_EQ(map.frames().gnss.size(), 4U);
+  EXPECT_EQ(map.frames().gnss[0], (GnssFix{{47.37, 8.54, 408.0}, 3.5}));
+  EXPECT_FALSE(map.frames().gnss[1].has_value());
+  EXPECT_EQ(map.frames().gnss[2], (GnssFix{{47.37, 8.55, 408.0}, std::nullopt}));
+  EXPECT_EQ(map.info().georeference, std::nullopt) << "nobody fitted the map to them";
+  EXPECT_THAT(remarks_, Contains(HasSubstr("GNSS positions of 1 nodes are none on the Earth")));
+}
 
 TEST_F(RtabmapTest, FeaturesOfAWordAlongLinksBecomeLandmarks) {
   make();

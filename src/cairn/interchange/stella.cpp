@@ -552,7 +552,9 @@ class Writer {
 
   void remark() const {
     if (!options_.log) return;
-    const auto say = [&](const std::string& text) { options_.log("stella_vslam: " + text); };
+    const auto say = [&](const std::string& text, RemarkKind kind = RemarkKind::kLoss) {
+      options_.log({"stella_vslam: " + text, kind});
+    };
     static constexpr std::array<std::string_view, 2> kColumns = {"visible", "found"};
     const detail::Holdings holdings{.image_names = false,
                                     .timestamps = true,
@@ -561,14 +563,15 @@ class Writer {
                                     .descriptors = has_orb() ? "ORB" : "",
                                     .columns = kColumns};
     const std::string lost = detail::loss_remark(map_, holdings, "", "stella_vslam");
-    if (!lost.empty()) options_.log(lost);
+    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
     if (observed_ < map_.landmark_count()) {
       say(fmt::format("{} landmarks without an observation have no place; left out",
                       map_.landmark_count() - observed_));
     }
     if (!has_orb()) {
       say("the landmarks have no ORB descriptors, so those of the keypoints are zero: stella_vslam "
-          "cannot relocalise in this map");
+          "cannot relocalise in this map",
+          RemarkKind::kInformation);
     }
     if (renumbered_) say("ids are too large: numbered from 0");
     if (folded_ > 0) say(fmt::format("{} pixels have no line of sight; left distorted", folded_));

@@ -10,13 +10,13 @@
 
 namespace cairn {
 
-/// Reads a map of stella_vslam or OpenVSLAM in MessagePack (docs/formats.md): keyframes become frames, sorted
-/// by id as landmarks are. Undistorted keypoints become pixels of the image.
-/// @throws Error (input) naming source, byte, field, what was found and what was expected
+/// Reads a map of stella_vslam or OpenVSLAM in MessagePack (docs/formats.md): keyframes become frames,
+/// sorted by id like the landmarks. Undistorted keypoints are distorted to pixels of the image.
+/// @throws Error (input) naming source, byte, field, value and constraint
 LandmarkMap read_stella(ByteSource& source, const MapReadOptions& options = {});
 
-/// Writes a map of stella_vslam in MessagePack: only the keypoints that see a landmark.
-/// @throws Error (input) if a frame has no camera, or one of a model that stella_vslam does not have
+/// Writes a map of stella_vslam in MessagePack, with only the keypoints of landmarks.
+/// @throws Error (input) if a frame has no camera, or one whose model stella_vslam lacks
 void write_stella(const LandmarkMap& map, const ByteSink& sink,
                   const MapWriteOptions& options = {});
 

@@ -10,8 +10,8 @@
 
 namespace cairn {
 
-/// Reads an SQLite map of stella_vslam, which says the same as its MessagePack (stella.hpp).
-/// @throws Error (input) naming file, table and row, what was found and what was expected
+/// Reads an SQLite map of stella_vslam, with the same content as its MessagePack (stella.hpp).
+/// @throws Error (input) naming file, table, row, value and constraint
 LandmarkMap read_stella_database(const std::filesystem::path& path,
                                  const MapReadOptions& options = {});
 

@@ -144,8 +144,8 @@ class ImageLocator::Parts {
     const std::optional<Candidate> best = candidate(features, mutual, kProposalIterations);
     if (!best) {
       result.reason =
-          fmt::format("{} of {} corners match a landmark, and no pose explains {} of them",
-                      mutual.size(), features.size(), kFewestProposals);
+          fmt::format("no pose explains {} or more matches: {} of {} corners match a landmark",
+                      kFewestProposals, mutual.size(), features.size());
       return result;
     }
     // What looks alike may stand in several places: what a convincing pose does not explain may show another.
@@ -393,7 +393,7 @@ class ImageLocator::Parts {
     }
     result.probability = probability_of(best);
     std::string found = fmt::format(
-        "{} of the {} landmarks that fall on a corner match it ({:.1f} expected by chance)",
+        "{} of the {} landmarks projected near a corner match it ({:.1f} expected by chance)",
         best.pairs.size(), best.visible, best.expected);
     if (next != nullptr && probability_of(*next) > 0.05 * result.probability) {
       const double other = probability_of(*next);
@@ -405,8 +405,7 @@ class ImageLocator::Parts {
     }
     result.located = result.probability >= options_.min_probability;
     result.reason =
-        fmt::format("{}: right with a probability of {}{}", found,
-                    probability_text(result.probability), result.located ? "" : " only");
+        fmt::format("{}: {}", decision_text(result.probability, options_.min_probability), found);
     if (result.located) result.world_from_camera = result.estimate;
   }
 

@@ -14,8 +14,8 @@
 
 namespace cairn {
 
-/// A point of an image: u to the right, v down, in pixels; the centre of the top-left pixel is
-/// (0, 0), as in OpenCV.
+/// An image point: u to the right, v down, in pixels; the centre of the top-left pixel is (0, 0), as in
+/// OpenCV.
 struct Pixel {
   double u = 0.0;
   double v = 0.0;
@@ -26,7 +26,7 @@ struct Pixel {
 /// The intrinsics of one camera.
 struct Camera {
   CameraId id;
-  /// A model of `camera_models()`, named as COLMAP does.
+  /// A model of `camera_models()`, with COLMAP's name.
   std::string model;
   std::uint32_t width = 0;   ///< pixels
   std::uint32_t height = 0;  ///< pixels
@@ -36,7 +36,7 @@ struct Camera {
   friend bool operator==(const Camera&, const Camera&) = default;
 };
 
-/// A camera model: its name and what its parameters are called, in order.
+/// A camera model: its name and the names of its parameters, in order.
 struct CameraModel {
   std::string_view name;
   std::vector<std::string_view> parameters;
@@ -45,26 +45,26 @@ struct CameraModel {
 /// All models Cairn can project with.
 std::span<const CameraModel> camera_models();
 
-/// Why `camera` cannot be used (unknown model, wrong number of parameters, a focal length that is
-/// not positive, a parameter that is not finite, no size); empty if it can.
+/// The defect of `camera` (unknown model, wrong number of parameters, a focal length that is not positive,
+/// a parameter that is not finite, no size); empty if it has none.
 std::string camera_defect(const Camera& camera);
 
-/// What every model has: focal lengths and the pixel of the optical axis.
+/// The parameters that every model has: focal lengths and principal point.
 struct Intrinsics {
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
 };
 
-/// `camera` must have no defect.
+/// Intrinsics of `camera`, which must have no defect.
 Intrinsics intrinsics(const Camera& camera);
 
-/// Where a point in camera coordinates (x right, y down, z forward) appears; nothing if it is not
-/// in front of the camera. Bounds of the image are not looked at. `camera` must have no defect.
+/// Pixel of a point in camera coordinates (x right, y down, z forward), also outside the image;
+/// std::nullopt if the point is not in front of the camera. `camera` must have no defect.
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);
 
-/// The inverse of project: the (x, y) for which the point (x, y, 1) in camera coordinates appears at
-/// `pixel`, to 1e-3 pixels. Nothing where distortion folds the image over, so that no line of sight
-/// belongs to the pixel. `camera` must have no defect.
-/// @param near a solution nearby, e.g. of the neighbouring pixel: saves steps
+/// The inverse of project: the (x, y) for which (x, y, 1) in camera coordinates projects to `pixel`, to
+/// 1e-3 pixels. std::nullopt if no line of sight belongs to the pixel because the distortion folds the
+/// image. `camera` must have no defect.
+/// @param near a nearby solution, e.g. of the neighbouring pixel; saves iterations
 std::optional<Eigen::Vector2d> unproject(const Camera& camera, const Pixel& pixel,
                                          const Eigen::Vector2d& near = Eigen::Vector2d::Zero());
 

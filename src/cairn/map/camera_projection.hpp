@@ -9,16 +9,16 @@
 
 namespace cairn {
 
-/// project() of one camera model, which is looked up by its name once: for those who project by the million.
+/// project() of one camera model, looked up by name once, for very many projections.
 class CameraProjection {
  public:
-  /// @throws Error (misuse) for a camera with a model or a number of parameters that there is not
+  /// @throws Error (misuse) for an unknown model or a wrong number of parameters
   explicit CameraProjection(const Camera& camera);
 
-  /// As project(), of a camera of that model with these parameters; as many as the model has.
+  /// As project(), with these parameters; as many as the model has.
   std::optional<Pixel> operator()(const double* parameters,
                                   const Eigen::Vector3d& x_in_camera) const;
-  /// With how many focal lengths its parameters begin; the optical axis' pixel follows, then distortion.
+  /// Number of focal lengths with which the parameters begin; the principal point follows, then distortion.
   int focal_lengths() const { return focal_lengths_; }
 
  private:

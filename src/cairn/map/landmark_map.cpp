@@ -27,6 +27,17 @@ std::string text_of(const Eigen::Vector3d& v) {
   return fmt::format("({}, {}, {})", v.x(), v.y(), v.z());
 }
 
+constexpr std::string_view kExpectedGeodetic =
+    "degrees from -90 to 90 and -180 to 180, metres from -1e9 to 1e9";
+
+double norm_of(const std::array<double, 4>& q) {
+  return std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+}
+
+bool is_unit(double norm) {
+  return std::abs(norm - 1.0) <= 1e-3;  // false for NaN
+}
+
 bool is_plain_name(std::string_view name) {
   return !name.empty() &&
          std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < '\x7f'; });
@@ -129,6 +140,37 @@ class Checks {
       refuse(MapColumn::kGravity, 0, "gravity",
              fmt::format("{} is not a unit vector", text_of(*gravity)), "norm 1 within 1e-3");
     }
+    if (tables_.info.georeference) check_georeference(*tables_.info.georeference);
+  }
+
+  void check_georeference(const GeoReference& georeference) const {
+    const auto refuse_it = [&](std::string_view what, std::string_view expected) {
+      refuse(MapColumn::kGeoReference, 0, "georeference", what, expected);
+    };
+    if (const std::string defect = geodetic_defect(georeference.origin); !defect.empty()) {
+      refuse_it(defect, kExpectedGeodetic);
+    }
+    const double scale = georeference.scale;
+    if (!(scale >= 1.0 / kLargestCoordinate && scale <= kLargestCoordinate)) {
+      refuse_it(fmt::format("scale {}", scale), "a scale from 1e-9 to 1e9");
+    }
+    if (const double norm = norm_of(georeference.quaternion); !is_unit(norm)) {
+      refuse_it(fmt::format("quaternion of norm {:.6g}", norm), "norm 1 within 1e-3");
+    }
+    if (const auto defect = coordinate_defect(georeference.translation); !defect.empty()) {
+      refuse_it(fmt::format("translation {} {}", text_of(georeference.translation), defect),
+                kExpectedCoordinates);
+    }
+  }
+
+  void check_gnss(std::size_t row, const GnssFix& fix) const {
+    if (const std::string defect = geodetic_defect(fix.position); !defect.empty()) {
+      refuse_frame(MapColumn::kGnss, row, "GNSS position: " + defect, kExpectedGeodetic);
+    }
+    if (fix.accuracy_m && !(*fix.accuracy_m > 0.0 && *fix.accuracy_m <= kLargestCoordinate)) {
+      refuse_frame(MapColumn::kGnss, row, fmt::format("GNSS accuracy {}", *fix.accuracy_m),
+                   "a positive number of metres, at most 1e9");
+    }
   }
 
   void check_cameras() const {
@@ -153,6 +195,7 @@ class Checks {
     check_size("frame cameras", frames.cameras.size(), count, true);
     check_size("frame timestamps", frames.timestamps_s.size(), count, true);
     check_size("frame image names", frames.image_names.size(), count, true);
+    check_size("frame GNSS positions", frames.gnss.size(), count, true);
     for (std::size_t i = 0; i < count; ++i) {
       if (!are_coordinates(frames.translations[i])) {
         refuse_frame(MapColumn::kTranslations, i,
@@ -160,9 +203,7 @@ class Checks {
                                  coordinate_defect(frames.translations[i])),
                      kExpectedCoordinates);
       }
-      const auto& q = frames.quaternions[i];
-      const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-      if (!(std::abs(norm - 1.0) <= 1e-3)) {
+      if (const double norm = norm_of(frames.quaternions[i]); !is_unit(norm)) {
         refuse_frame(MapColumn::kQuaternions, i, fmt::format("quaternion of norm {:.6g}", norm),
                      "norm 1 within 1e-3");
       }
@@ -179,6 +220,7 @@ class Checks {
                                : "timestamp is not finite",
                      "seconds, from -1e20 to 1e20");
       }
+      if (!frames.gnss.empty() && frames.gnss[i]) check_gnss(i, *frames.gnss[i]);
     }
   }
 
@@ -365,6 +407,7 @@ void drop_unknown_columns(MapTables& tables) {
   std::erase(tables.info.provenance, std::string());
   drop_if_unknown(tables.frames.cameras);
   drop_if_unknown(tables.frames.timestamps_s);
+  drop_if_unknown(tables.frames.gnss);
   auto& names = tables.frames.image_names;
   if (std::all_of(names.begin(), names.end(), [](const auto& name) { return name.empty(); })) {
     names.clear();

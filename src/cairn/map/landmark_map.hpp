@@ -17,26 +17,28 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/georeference.hpp"
 #include "cairn/map/optional_column.hpp"
 
 namespace cairn {
 
-/// What one unit of length in a map is.
+/// Unit of the lengths in a map.
 enum class LengthUnit {
   kMetres,
   kFree,  ///< scale unknown, as from a single moving camera
 };
 
-/// What a map says of itself; what is not known is absent.
+/// What a map states about itself; std::nullopt if unknown.
 struct MapInfo {
   LengthUnit length_unit = LengthUnit::kMetres;
-  std::optional<std::string> world_frame;  ///< name of the frame that positions are given in
-  std::optional<Eigen::Vector3d> gravity;  ///< unit vector downwards, in the world frame
+  std::optional<std::string> world_frame;  ///< name of the frame of the positions
+  std::optional<Eigen::Vector3d> gravity;  ///< unit vector downwards, in that frame
   std::optional<std::string> uuid;
-  std::vector<std::string> provenance;  ///< how the map came to be, oldest first
+  std::vector<std::string> provenance;  ///< steps that produced the map, oldest first
+  std::optional<GeoReference> georeference = {};
 };
 
-/// Keyframes in columns. The optional columns are empty, or have one entry a frame.
+/// Keyframes in columns. The optional columns are empty or have one entry per frame.
 struct FrameTable {
   std::vector<FrameId> ids;
   std::vector<Eigen::Vector3d> translations;       ///< camera centre in the world
@@ -44,7 +46,8 @@ struct FrameTable {
                                                    ///< norm within 1e-3 of 1
   OptionalColumn<CameraIndex> cameras;             ///< optional
   OptionalColumn<double> timestamps_s;             ///< optional
-  std::vector<std::string> image_names;            ///< optional; empty text where unknown
+  std::vector<std::string> image_names;            ///< optional; empty text if unknown
+  OptionalColumn<GnssFix> gnss;                    ///< optional
 };
 
 struct Color {
@@ -55,51 +58,51 @@ struct Color {
   friend bool operator==(const Color&, const Color&) = default;
 };
 
-/// Limits on what a landmark carries: they bound what a small file can make a map take in memory.
+/// Limits on a landmark's data. They bound the memory that a small file can claim.
 inline constexpr std::size_t kMostDescriptorBytes = 4096;
 inline constexpr std::size_t kMostNamedColumns = 512;
 
-/// One descriptor a landmark, all of one kind and size.
+/// One descriptor per landmark, all of one kind and size.
 struct DescriptorColumn {
   std::string kind;                 ///< e.g. "ORB"
   std::size_t bytes_each = 0;       ///< 1 to kMostDescriptorBytes
-  std::vector<std::uint8_t> known;  ///< one entry a landmark: 1 if it has a descriptor
-  std::vector<std::uint8_t> bytes;  ///< bytes_each a landmark, zero where unknown
+  std::vector<std::uint8_t> known;  ///< per landmark: 1 if it has a descriptor
+  std::vector<std::uint8_t> bytes;  ///< bytes_each per landmark, zero if unknown
 };
 
-/// A number a landmark under a name of the user's choosing; NaN where unknown.
+/// A number per landmark, with a user's name; NaN if unknown.
 struct NamedColumn {
   std::string name;
   std::vector<double> values;
 };
 
-/// Landmarks in columns. The optional columns are empty, or have one entry a landmark.
+/// Landmarks in columns. The optional columns are empty or have one entry per landmark.
 struct LandmarkTable {
   std::vector<LandmarkId> ids;
-  std::vector<Eigen::Vector3d> positions;    ///< in the world frame
-  std::vector<Eigen::Matrix3d> covariances;  ///< optional; of the position; unknown where
-                                             ///< the first entry is NaN
-  OptionalColumn<Color> colors;              ///< optional
+  std::vector<Eigen::Vector3d> positions;  ///< in the world frame
+  std::vector<Eigen::Matrix3d>
+      covariances;               ///< optional; of the position; unknown if the first entry is NaN
+  OptionalColumn<Color> colors;  ///< optional
   std::optional<DescriptorColumn> descriptors;
-  std::vector<NamedColumn> columns;  ///< at most kMostNamedColumns, of distinct names
+  std::vector<NamedColumn> columns;  ///< at most kMostNamedColumns, with distinct names
 };
 
-/// How it is known where a landmark appears in an image.
+/// How the pixel of an observation was measured.
 enum class PixelSource : std::uint8_t {
-  kCorner,     ///< a corner was found there
-  kPatch,      ///< the landmark's patch fits best there
-  kReference,  ///< the patch was cut there: that pixel is what the landmark is
+  kCorner,     ///< a corner was detected there
+  kPatch,      ///< the landmark's patch matches best there
+  kReference,  ///< the patch was taken there: this pixel defines the landmark
 };
 inline constexpr std::size_t kPixelSourceCount = 3;
 
 /// "corner", "patch" or "reference".
 std::string_view to_string(PixelSource source);
 
-/// Observations in columns, grouped by landmark. One observation is one measurement of a landmark
-/// in one keyframe. The optional columns are empty, or have one entry an observation.
+/// Observations in columns, grouped by landmark. One observation is one measurement of a landmark in one
+/// keyframe. The optional columns are empty or have one entry per observation.
 struct ObservationTable {
-  /// Landmark i's observations are [offsets[i], offsets[i + 1]). Empty if the map does not know
-  /// its observations at all, as one read from a point cloud, or has no landmarks.
+  /// Landmark i's observations are [offsets[i], offsets[i + 1]). Empty if the map has no observations, such
+  /// as one read from a point cloud, or no landmarks.
   std::vector<std::uint64_t> offsets;
   std::vector<FrameIndex> frames;
   std::vector<Pixel> pixels;
@@ -110,7 +113,7 @@ struct ObservationTable {
   OptionalColumn<double> sigmas_px;  ///< optional; standard deviation of u and of v; positive
 };
 
-/// All columns of a map: what one fills in to make a LandmarkMap.
+/// All columns of a map, from which a LandmarkMap is made.
 struct MapTables {
   MapInfo info;
   std::vector<Camera> cameras;
@@ -119,8 +122,8 @@ struct MapTables {
   ObservationTable observations;
 };
 
-/// What MapTables hold, column by column. The numbers are those of the sections of the binary format
-/// (docs/formats.md): they never change.
+/// The columns of MapTables. The values are the section numbers of the binary format (docs/formats.md) and
+/// never change.
 enum class MapColumn : std::uint8_t {
   kWorldFrame = 1,
   kGravity = 2,
@@ -150,23 +153,25 @@ enum class MapColumn : std::uint8_t {
   kOctaves = 26,
   kPixelSources = 27,
   kPixelSigmas = 28,
+  kGeoReference = 29,
+  kGnss = 30,
 };
 
-/// Says where an entry of a column was read from, for messages, e.g. "desk.map:12: field 2 (id)". The
-/// rows of kColumnValues are those of the first named column, then those of the second, and so on.
+/// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of
+/// kColumnValues count through the first named column, then the second, and so on.
 using EntryPlace = std::function<std::string(MapColumn column, std::size_t row)>;
 
-/// A landmark map: keyframes, landmarks and which of them saw which where. Valid and immutable. An
-/// optional column in which nothing is known is absent; descriptors and named columns are kept.
+/// A landmark map: keyframes, landmarks and observations. Valid and immutable. An optional column without
+/// known values is dropped; descriptors and named columns are kept.
 class LandmarkMap {
  public:
   /// An empty map.
   LandmarkMap() = default;
-  /// Checks and takes the columns over, in their order.
+  /// Checks the columns and takes them over in their order.
   /// @param place where entries were read from; messages begin with it
-  /// @throws Error (input) naming the entry that breaks what the tables state: sizes, ids that
-  ///         occur twice, indices out of range, numbers that are not finite, quaternions off norm 1
-  ///         by more than 1e-3, matrices that are no covariance, cameras with a defect
+  /// @throws Error (input) naming the invalid entry: sizes, duplicate ids, indices out of range, numbers
+  ///        that are not finite, quaternion norms off 1 by more than 1e-3, matrices that are no covariance,
+  ///        defective cameras
   explicit LandmarkMap(MapTables tables, const EntryPlace& place = {});
 
   const MapInfo& info() const { return tables_.info; }
@@ -182,30 +187,30 @@ class LandmarkMap {
   /// Pose of a frame with the quaternion normalised.
   Rigid3 world_from_camera(FrameIndex frame) const;
   bool has_covariances() const { return !tables_.landmarks.covariances.empty(); }
-  /// Nothing if unknown.
+  /// std::nullopt if unknown.
   std::optional<Eigen::Matrix3d> covariance(LandmarkIndex landmark) const;
-  /// Whether the map knows who saw its landmarks; if not, counts are unknown, not zero.
+  /// Whether the map has observations; if not, counts are unknown, not zero.
   bool has_observations() const {
     return !tables_.observations.offsets.empty() || landmark_count() == 0;
   }
-  /// How often a landmark was observed; 0 if the map does not know its observations.
+  /// Number of observations of a landmark; 0 if the map has none.
   std::size_t observation_count(LandmarkIndex landmark) const;
   /// Frames that observed a landmark, in the order of its observations.
   std::span<const FrameIndex> observing_frames(LandmarkIndex landmark) const;
-  /// Pixels beside observing_frames.
+  /// Pixels of the same observations.
   std::span<const Pixel> observed_pixels(LandmarkIndex landmark) const;
 
   std::optional<FrameIndex> find(FrameId id) const;
   std::optional<LandmarkIndex> find(LandmarkId id) const;
-  /// The column of that name, or null.
+  /// The column of that name; null if there is none.
   const NamedColumn* column(std::string_view name) const;
 
-  /// The columns, given away: to make another map from.
+  /// Gives the columns away, to make another map.
   MapTables tables() && { return std::move(tables_); }
 
  private:
   MapTables tables_;
-  // Positions sorted by id; empty where the ids ascend already.
+  // Positions sorted by id; empty if the ids ascend.
   std::vector<std::uint32_t> frames_by_id_;
   std::vector<std::uint32_t> landmarks_by_id_;
 };

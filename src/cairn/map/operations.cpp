@@ -28,7 +28,8 @@ Column rows(const Column& column, std::span<const std::uint32_t> kept) {
 FrameTable frame_rows(const FrameTable& frames, std::span<const std::uint32_t> kept) {
   return {rows(frames.ids, kept),          rows(frames.translations, kept),
           rows(frames.quaternions, kept),  rows(frames.cameras, kept),
-          rows(frames.timestamps_s, kept), rows(frames.image_names, kept)};
+          rows(frames.timestamps_s, kept), rows(frames.image_names, kept),
+          rows(frames.gnss, kept)};
 }
 
 LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std::uint32_t> kept) {
@@ -171,6 +172,9 @@ LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old)
   const Eigen::Matrix3d rotation = rigid.rotation();
   const double scale = new_from_old.scale();
   if (tables.info.gravity) tables.info.gravity = rotation * *tables.info.gravity;
+  if (auto& georeference = tables.info.georeference) {
+    georeference = georeference->moved(new_from_old);
+  }
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     const Eigen::Quaterniond q = (rigid * pose).quaternion();
@@ -193,6 +197,25 @@ LandmarkMap with_length_unit(const LandmarkMap& map, LengthUnit unit) {
   MapTables tables = copied_tables(map);
   tables.info.length_unit = unit;
   return LandmarkMap(std::move(tables));
+}
+
+LandmarkMap with_georeference(const LandmarkMap& map,
+                              const std::optional<GeoReference>& georeference) {
+  MapTables tables = copied_tables(map);
+  tables.info.georeference = georeference;
+  return LandmarkMap(std::move(tables));
+}
+
+LandmarkMap in_enu_frame(const LandmarkMap& map) {
+  const auto& georeference = map.info().georeference;
+  if (!georeference) {
+    throw Error(ErrorKind::kInput, "map", "has no georeference",
+                "a map whose place on the Earth is known");
+  }
+  const LandmarkMap moved = transformed(map, georeference->enu_from_map());
+  // Without the rounding of a pose times its inverse.
+  return with_georeference(with_length_unit(moved, LengthUnit::kMetres),
+                           GeoReference{.origin = georeference->origin});
 }
 
 LandmarkMap with_column(const LandmarkMap& map, const std::string& name,

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,39 +13,45 @@
 
 namespace cairn {
 
-// A map made from another keeps what still holds and drops the UUID, which named the other.
+// A derived map keeps what still holds and drops the UUID.
 
-/// Landmarks with at least `count` observations; all of them if the map does not know its
-/// observations.
+/// Landmarks with at least `count` observations; all if the map has no observations.
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
 
-/// Some rows of a column of descriptors, in the given order.
+/// Rows of a descriptor column, in the given order.
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows);
 
-/// Only these landmarks, with their observations, in the given order; all frames.
-/// @throws Error (misuse) for an index that the map does not have, (input) for one given twice
+/// Only these landmarks, in the given order, with their observations and all frames.
+/// @throws Error (misuse) for an index out of range, (input) for a duplicate one
 LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks);
 
-/// The mini-map of the frames whose id is in [begin, end): those frames and only landmarks that
-/// were observed and all of whose observations lie in them.
-/// @throws Error (misuse) if the map does not know its observations, or has no such frame
+/// The mini-map of the frames with ids in [begin, end): those frames, and the landmarks observed only
+/// there.
+/// @throws Error (misuse) if the map has no observations or no such frame
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
-/// The map in another world frame: positions, covariances, poses and gravity moved, all lengths (those
-/// and the depths of observations, not named columns) times the scale. The unit of length is said to be
-/// the same.
+/// The map in another world frame. Transforms positions, covariances, poses, gravity and georeference; scales
+/// all lengths, including the depths of observations but not named columns. Keeps the unit's name.
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
-/// The map with its lengths said to be in the unit.
+/// The map with its length unit renamed.
 LandmarkMap with_length_unit(const LandmarkMap& map, LengthUnit unit);
 
-/// The map with a named column added; one of that name is replaced.
-/// @param values one a landmark
+/// The map with another georeference, or none.
+LandmarkMap with_georeference(const LandmarkMap& map,
+                              const std::optional<GeoReference>& georeference);
+
+/// The map transformed into the ENU frame of its georeference: metres to the east, north and up.
+/// @throws Error (input) if it has none
+LandmarkMap in_enu_frame(const LandmarkMap& map);
+
+/// The map with an added named column; replaces one of that name.
+/// @param values one per landmark
 LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
                         std::vector<double> values);
 
-/// The map with one camera that all its frames are taken by; a camera that is there is replaced.
+/// The map with this camera for all frames, instead of any others.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
 
 }  // namespace cairn

@@ -318,6 +318,7 @@ TEST(Transformed, KeepsAllElseAndDropsTheUuid) {
   EXPECT_EQ(moved.info.uuid, std::nullopt);
   moved.info.uuid = map.info().uuid;
   moved.info.gravity = map.info().gravity;
+  moved.info.georeference = map.info().georeference;
   moved.frames.translations = map.frames().translations;
   moved.frames.quaternions = map.frames().quaternions;
   moved.landmarks.positions = map.landmarks().positions;

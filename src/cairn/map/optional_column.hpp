@@ -12,14 +12,14 @@
 
 namespace cairn {
 
-/// Values of which some may be unknown, flat: the values beside what tells which are known. Reads and
-/// writes like a vector of optional values, which it hands out by value.
+/// Values that may be unknown, stored flat: the values, and flags for those that are known. Reads and
+/// writes like a vector of optional values, which it returns by value.
 template <class Value>
 class OptionalColumn {
  public:
   using value_type = std::optional<Value>;
 
-  /// Stands for an entry that may be written.
+  /// Proxy of an entry that can be written.
   class Entry {
    public:
     // NOLINTNEXTLINE(google-explicit-constructor): reads as the value it stands for
@@ -105,9 +105,9 @@ class OptionalColumn {
   Iterator begin() const { return {*this, 0}; }
   Iterator end() const { return {*this, size()}; }
 
-  /// One a row; zero where unknown.
+  /// One per row; zero if unknown.
   std::span<const Value> values() const { return values_; }
-  /// One a row: 1 where the value is known, else 0.
+  /// One per row: 1 if the value is known, else 0.
   std::span<const std::uint8_t> known() const { return known_; }
 
   void set(std::size_t i, const value_type& value) {

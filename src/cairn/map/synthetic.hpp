@@ -11,42 +11,40 @@
 
 namespace cairn {
 
-/// A scene of the size of a desk, and how a session maps it.
+/// A scene the size of a desk, and how a session maps it.
 struct SyntheticOptions {
   std::uint64_t seed = 1;
-  std::size_t landmarks = 3000;  ///< a map; fewer only if its frames see next to nothing
-  std::size_t frames = 60;       ///< keyframes a session, along a hand-held path; 1 to a million
+  std::size_t landmarks = 3000;  ///< per map; fewer only if its frames see almost none
+  std::size_t frames = 60;       ///< keyframes per session, along a hand-held path; 1 to a million
   double pixel_noise_px = 0.7;   ///< standard deviation of an observation, each of u and v; 0 to 20
   double depth_noise_m = 0.003;  ///< standard deviation of a measured depth at 1 m; grows as z²;
                                  ///< 0 to 0.03
-  double overlap = 0.6;          ///< share of a map's surface points that are the other's too, in
-                                 ///< a pair; 0 to 1
-  double outlier_fraction = 0.0;  ///< share of landmarks put anywhere, with a covariance that
-                                  ///< does not know it; 0 to 1
+  double overlap = 0.6;  ///< share of a map's surface points that both maps of a pair have; 0 to 1
+  /// share of landmarks at random places, with covariances that do not show it; 0 to 1
+  double outlier_fraction = 0.0;
 
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// Two sessions of one scene, each in a world frame of its own.
+/// Two sessions of one scene, each in its own world frame.
 struct SyntheticPair {
   LandmarkMap source;
   LandmarkMap target;
   Rigid3 target_from_source;  ///< the truth
-  /// Landmarks of the two maps that are one point of the scene, by source landmark; without those
-  /// that are an outlier in a map.
+  /// Landmarks of both maps that are the same point of the scene, by source landmark; without outliers.
   std::vector<std::pair<LandmarkIndex, LandmarkIndex>> shared;
 };
 
-/// One session: landmarks on the surfaces of a desk and the boxes on it, seen from cameras that
-/// sweep over it. An observation is kept with the keyframe's pixel and depth; a landmark's position
-/// is the weighted mean of its noisy observations and its covariance is that mean's; without noise
-/// both are exact. Poses are exact. Metres, z up, in a frame named "synthetic_desk". Same seed,
-/// same map; the noise changes neither scene nor paths nor which frame observes what.
+/// One session: landmarks on the surfaces of a desk and the boxes on it, observed by cameras that sweep
+/// over it. A landmark's position is the weighted mean of its noisy observations, with the covariance of
+/// that mean; without noise both are exact. Poses are exact. Metres, z up, in a frame named
+/// "synthetic_desk". The same seed gives the same map. The noise does not change the scene, the paths or
+/// which frame observes which landmark.
 LandmarkMap synthetic_map(const SyntheticOptions& options = {});
 
-/// Two sessions of one scene with different paths and noise. The target is in the scene's frame,
-/// the source in another, "synthetic_desk_source", that is turned any way and up to 3 m off.
+/// Two sessions of one scene with different paths and noise. The target is in the scene's frame; the source
+/// is in "synthetic_desk_source", rotated arbitrarily and up to 3 m away.
 SyntheticPair synthetic_pair(const SyntheticOptions& options = {});
 
 }  // namespace cairn

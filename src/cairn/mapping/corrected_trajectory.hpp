@@ -7,16 +7,16 @@
 
 namespace cairn {
 
-/// Where a keyframe was taken to be, and where it is.
+/// A keyframe's pose before and after a correction.
 struct CorrectedKeyframe {
   double timestamp_s = 0.0;
   Rigid3 before;  ///< world_from_camera
   Rigid3 after;
 };
 
-/// The trajectory after its keyframes were moved. Each pose keeps its place relative to the keyframes before
-/// and after it; between what the two say it is interpolated by time. Before the first and after the last
-/// keyframe the nearest one decides.
+/// The trajectory after its keyframes were moved. Each pose keeps its pose relative to the keyframes before
+/// and after it, interpolated between the two by time. Before the first and after the last keyframe, only
+/// the nearest counts.
 /// @param keyframes in the order of time, each once
 /// @throws Error (misuse) if they are not, or there are none
 Trajectory corrected(const Trajectory& trajectory, std::span<const CorrectedKeyframe> keyframes);

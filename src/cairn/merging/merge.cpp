@@ -2,7 +2,6 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
@@ -11,41 +10,41 @@
 #include "cairn/core/error.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/placement/probability_text.hpp"
 
 namespace cairn {
 namespace {
-
-std::string percent(double probability) {
-  return fmt::format("{:.2f} %", std::floor(1e4 * probability) / 100.0);
-}
 
 double probability_of(const MapLink& link) {
   return link.probability.value_or(0.0);
 }
 
-// Why a map is not in the result.
-std::string reason_of(std::size_t map, std::span<const MergeInput> maps,
-                      const MergeResult& result) {
-  const MapLink* best = nullptr;
+// Says why a map is not placed.
+void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& result) {
+  MergedMap& merged = result.maps[map];
   std::size_t aligned = 0;
-  for (const MapLink& link : result.links) {
+  std::optional<std::size_t> best;
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    const MapLink& link = result.links[i];
     if (link.target != map && link.source != map) continue;
     if (link.verdict == Verdict::kAligned) {
       ++aligned;
-    } else if (best == nullptr || probability_of(link) > probability_of(*best)) {
-      best = &link;
+    } else if (!best || probability_of(link) > probability_of(result.links[*best])) {
+      best = i;
     }
   }
-  const auto other = [&](const MapLink& link) -> const std::string& {
-    return maps[link.target == map ? link.source : link.target].name;
-  };
-  if (aligned == 0 && best == nullptr) return "there is nothing to align it with";
-  if (aligned == 0) {
-    return fmt::format("aligned with none; likeliest with {} ({}): {}: {}", other(*best),
-                       percent(probability_of(*best)), to_string(best->verdict), best->reason);
+  if (aligned > 0) {
+    merged.reason = fmt::format("aligned with {} map{}, but with none of the largest group",
+                                aligned, aligned == 1 ? "" : "s");
+  } else if (best) {
+    const MapLink& link = result.links[*best];
+    merged.likeliest_link = best;
+    merged.reason = fmt::format("aligned with no other map; likeliest with {} ({}, {})",
+                                maps[link.target == map ? link.source : link.target].name,
+                                to_string(link.verdict), probability_text(probability_of(link)));
+  } else {
+    merged.reason = "no pair with another map was tried";
   }
-  return fmt::format("aligned with {} map{}, but with none of the largest group", aligned,
-                     aligned == 1 ? "" : "s");
 }
 
 }  // namespace
@@ -114,7 +113,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
     MergedMap& merged = result.maps[i];
     merged.placed = any && poses.world_from_node[i].has_value();
     if (!merged.placed) {
-      merged.reason = reason_of(i, maps, result);
+      explain(i, maps, result);
       continue;
     }
     merged.world_from_map = poses.world_from_node[i];

@@ -20,46 +20,49 @@ struct MergeInput {
 };
 
 struct MergeOptions {
-  LinkOptions links = {};  ///< its execution and seed are taken from below
-  /// Links that are known besides, of maps by index, such as odometry's between mini-maps of one run.
+  LinkOptions links = {};  ///< execution and seed are replaced by those below
+  /// Known links, of maps by index, such as odometry between mini-maps of one run.
   std::vector<PoseLink> stated = {};
-  MergePlacedOptions placed = {};  ///< its fusion's seed, execution and log are taken from below
+  MergePlacedOptions placed =
+      {};  ///< seed, execution and log of its fusion are replaced by those below
   std::uint64_t seed = 0;
   Execution execution = {};
   LogSink log = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// What became of one map.
+/// Result for one map.
 struct MergedMap {
   bool placed = false;
-  std::string reason;  ///< of a map that is not placed: one sentence for people
+  std::string reason;  ///< why it is not placed, in one sentence; empty if it is placed
+  /// Index in MergeResult::links of the likeliest link of a map that is not placed, if none is aligned.
+  std::optional<std::size_t> likeliest_link;
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
   std::optional<MapFusion> fusion;
 };
 
 struct MergeResult {
-  std::vector<MergedMap> maps;    ///< one an input
-  std::vector<MapLink> links;     ///< of all pairs, aligned or not; then those that were stated
-  std::vector<bool> used;         ///< by link: aligned, and in agreement with the poses
-  std::vector<std::size_t> tree;  ///< links that first placed a map, in that order
-  /// In the frame of the first map that is placed. std::nullopt where no two maps were placed.
+  std::vector<MergedMap> maps;    ///< one per input
+  std::vector<MapLink> links;     ///< of all pairs, aligned or not; then the stated ones
+  std::vector<bool> used;         ///< per link: whether it is aligned and agrees with the poses
+  std::vector<std::size_t> tree;  ///< links that first placed a map, in order
+  /// In the frame of the first map that is placed; std::nullopt if no two maps were placed.
   std::optional<LandmarkMap> map;
-  /// std::nullopt where it was not asked for, or the maps do not tell enough; the log says why. Poses of maps
-  /// above are those before it: their keyframes no longer move as one.
+  /// std::nullopt if not requested, or if the maps lack the data; the log says why. The poses above are
+  /// those before the adjustment, which moves keyframes individually.
   std::optional<MergeAdjustment> adjustment;
 
   std::size_t placed() const;
 };
 
-/// The aligned links as a graph, whose nodes are the maps by index.
+/// The aligned links as a graph; its nodes are the maps by index.
 PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result);
 
-/// Merges maps of one place into one: link_maps(), optimise_poses(), merge_placed(). Only links that were
-/// judged aligned, or stated, place a map; maps that nothing connects to the largest group stay out.
+/// Merges maps of one place: link_maps(), optimise_poses(), merge_placed(). Only aligned and stated links
+/// place a map; maps without a link to the largest group are left out.
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
 

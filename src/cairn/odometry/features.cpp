@@ -247,6 +247,39 @@ Eigen::Vector2f FeatureExtractor::undistorted(const Pixel& raw) const {
          down * ((1.0F - right) * bottom[0] + right * bottom[1]);
 }
 
+Keypoint FeatureExtractor::corrected(const Features& features, Keypoint keypoint) const {
+  keypoint.pixel = undistorted(keypoint.raw);
+  keypoint.depth_m = keypoint.read_depth_m;
+  const RowMotion& motion = features.row_motion();
+  if (motion.none()) return keypoint;
+  const bool known = keypoint.read_depth_m > 0.0F;
+  const double depth = known ? keypoint.read_depth_m : features.usual_depth_m_;
+  const Eigen::Vector3d x =
+      motion.at_middle(pinhole_.back_project(keypoint.pixel.cast<double>(), depth), keypoint.raw.v);
+  keypoint.pixel = pinhole_.project(x).cast<float>();
+  if (known) keypoint.depth_m = static_cast<float>(x.z());
+  return keypoint;
+}
+
+void FeatureExtractor::correct(Features& features, std::uint32_t index) const {
+  features.keypoints_[index] = corrected(features, features.keypoints_[index]);
+}
+
+void FeatureExtractor::correct(Features& features, const RowMotion& motion) const {
+  features.row_motion_ = motion;
+  std::vector<float> depths;
+  for (const Keypoint& keypoint : features.keypoints_) {
+    if (keypoint.read_depth_m > 0.0F) depths.push_back(keypoint.read_depth_m);
+  }
+  if (!depths.empty()) {
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    features.usual_depth_m_ = *middle;
+  }
+  for (Keypoint& keypoint : features.keypoints_) keypoint = corrected(features, keypoint);
+  features.fill_grid();
+}
+
 float FeatureExtractor::depth_at(const cv::Mat& depth_m, const Pixel& raw) const {
   if (depth_m.empty()) return 0.0F;
   const int x = static_cast<int>(std::lround(raw.u));
@@ -383,7 +416,8 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       constexpr float kRadians = 0.01745329252F;
       keypoint.angle = corners[i].angle * kRadians;
       keypoint.octave = static_cast<std::uint8_t>(level);
-      keypoint.depth_m = depth_at(depth_m, keypoint.raw);
+      keypoint.read_depth_m = depth_at(depth_m, keypoint.raw);
+      keypoint.depth_m = keypoint.read_depth_m;
       keypoints.push_back(keypoint);
       Descriptor descriptor;
       std::memcpy(descriptor.data(), rows.ptr(static_cast<int>(i)), sizeof(descriptor));

@@ -11,17 +11,18 @@
 
 #include "cairn/map/camera.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/odometry/row_motion.hpp"
 
 namespace cairn {
 
-/// A pinhole camera without distortion: what keypoints are undistorted to.
+/// An undistorted pinhole camera, to which keypoints are undistorted.
 struct Pinhole : Intrinsics {
   /// @param x_in_camera with positive z
   Eigen::Vector2d project(const Eigen::Vector3d& x_in_camera) const {
     const double inverse = 1.0 / x_in_camera.z();
     return {fx * x_in_camera.x() * inverse + cx, fy * x_in_camera.y() * inverse + cy};
   }
-  /// The point that appears at `pixel` at `depth_m` along the optical axis.
+  /// The point at `pixel` with `depth_m` along the optical axis.
   Eigen::Vector3d back_project(const Eigen::Vector2d& pixel, double depth_m) const {
     return {(pixel.x() - cx) / fx * depth_m, (pixel.y() - cy) / fy * depth_m, depth_m};
   }
@@ -32,15 +33,16 @@ using Descriptor = std::array<std::uint64_t, 4>;
 
 /// A corner of an image.
 struct Keypoint {
-  Pixel raw;              ///< in the image as it was taken
-  Eigen::Vector2f pixel;  ///< undistorted
-  float depth_m = 0.0F;   ///< along the optical axis; 0 where unknown or ambiguous
-  float angle = 0.0F;     ///< of the patch, radians
+  Pixel raw;                  ///< in the original image
+  Eigen::Vector2f pixel;      ///< undistorted, and moved to where the middle row would have seen it
+  float depth_m = 0.0F;       ///< along the optical axis, moved alike; 0 if unknown or ambiguous
+  float read_depth_m = 0.0F;  ///< the same as read from the depth image
+  float angle = 0.0F;         ///< of the patch, radians
   std::uint8_t octave = 0;
   PixelSource source = PixelSource::kCorner;
 };
 
-/// The corners of one image, with a grid to find those near a pixel.
+/// The corners of one image, with a grid for searches near a pixel.
 class Features {
  public:
   Features() = default;
@@ -52,10 +54,10 @@ class Features {
   std::span<const Keypoint> keypoints() const { return keypoints_; }
   std::span<const Descriptor> descriptors() const { return descriptors_; }
   std::size_t size() const { return keypoints_.size(); }
-  /// Whether there was a depth image at all.
+  /// Whether there was a depth image.
   bool has_depth() const { return has_depth_; }
 
-  /// The image, from fine to coarse; empty once it was dropped.
+  /// The image, from fine to coarse; empty after it was dropped.
   std::span<const cv::Mat> pyramid() const { return pyramid_; }
   const cv::Mat& depth_m() const { return depth_m_; }
   void drop_images() {
@@ -63,12 +65,14 @@ class Features {
     depth_m_.release();
   }
   void add(std::span<const Keypoint> keypoints, std::span<const Descriptor> descriptors);
-  /// Puts a keypoint where comparing patches found it.
+  /// Moves a keypoint to the place where patch alignment found it.
   void move_keypoint(std::uint32_t index, const Pixel& raw, const Eigen::Vector2f& pixel) {
     keypoints_[index].raw = raw;
     keypoints_[index].pixel = pixel;
     keypoints_[index].source = PixelSource::kPatch;
   }
+  /// How the camera moved while the image was taken; set by FeatureExtractor::correct().
+  const RowMotion& row_motion() const { return row_motion_; }
   void set_source(std::uint32_t index, PixelSource source) { keypoints_[index].source = source; }
 
   /// Calls `visit(index)` for each keypoint within `radius` of `pixel` (a square window).
@@ -94,6 +98,7 @@ class Features {
   }
 
  private:
+  friend class FeatureExtractor;    // corrects keypoints
   static constexpr int kCell = 16;  // pixels
 
   int column(float x) const {
@@ -109,6 +114,8 @@ class Features {
   std::vector<cv::Mat> pyramid_;
   cv::Mat depth_m_;
   bool has_depth_ = false;
+  RowMotion row_motion_;
+  float usual_depth_m_ = 1.0F;  // for keypoints without
   int columns_ = 1;
   int rows_ = 1;
   std::vector<std::uint32_t> cell_starts_ = {0, 0};
@@ -116,40 +123,46 @@ class Features {
 };
 
 struct FeatureOptions {
-  int count = 1000;         ///< keypoints wanted in an image, 50 to 20000
+  int count = 1000;         ///< number of keypoints per image, 50 to 20000
   int levels = 8;           ///< of the image pyramid, 1 to 12
   double scale = 1.2;       ///< between its levels, 1.05 to 2
-  int threshold = 20;       ///< grey levels by which a corner stands out
-  int least_threshold = 7;  ///< the same, where nothing stands out by `threshold`
+  int threshold = 20;       ///< contrast of a corner, grey levels
+  int least_threshold = 7;  ///< the same, in areas without a corner of `threshold`
   double max_depth_m = 10.0;
 
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// Finds oriented FAST corners, spread evenly over the image, and describes them as ORB does
-/// (Rublee et al., ICCV 2011).
+/// Detects oriented FAST corners, evenly spread over the image, with ORB descriptors (Rublee et al., ICCV
+/// 2011).
 class FeatureExtractor {
  public:
   /// @param camera without defect
   FeatureExtractor(const Camera& camera, const FeatureOptions& options);
 
-  /// Thread-safe. A depth that changes abruptly around a corner is taken as unknown: there the
-  /// corner may belong to either surface.
-  /// @param gray    8 bit, of the camera's size
-  /// @param depth_m 32-bit float of the same size, 0 where unknown; or empty
+  /// Thread-safe. A depth that changes abruptly around a corner counts as unknown, because the corner may
+  /// belong to either surface.
+  /// @param gray 8 bit, of the camera's size
+  /// @param depth_m 32-bit float of the same size, 0 if unknown; or empty
   Features extract(const cv::Mat& gray, const cv::Mat& depth_m) const;
 
   const Pinhole& pinhole() const { return pinhole_; }
-  /// Size of a pixel of a pyramid level, in pixels of the image.
+  /// Pixel size of a pyramid level, in pixels of the image.
   double scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
   int levels() const { return options_.levels; }
   /// The depth of a corner; 0 if unknown or ambiguous.
   float depth_at(const cv::Mat& depth_m, const Pixel& raw) const;
-  /// How depth grows to the right and downwards around a corner, a pixel, as a share of its depth;
-  /// zero where the surface is not known well enough.
-  /// @param reach in pixels: half the side of the window that is looked at
+  /// Increase of the depth per pixel to the right and downwards around a corner, as a share of its depth;
+  /// zero if the surface is not known well enough.
+  /// @param reach in pixels: half the side of the window
   static Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach);
+  /// Moves all keypoints and their depths to where the image's middle row would have seen them; those
+  /// without depth as if they had the median of the others. Colour and depth are read out alike.
+  void correct(Features& features, const RowMotion& motion) const;
+  /// One keypoint, by the motion that its features have.
+  void correct(Features& features, std::uint32_t index) const;
+  Keypoint corrected(const Features& features, Keypoint keypoint) const;
   /// @param raw within the image
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 

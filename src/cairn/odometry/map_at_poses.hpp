@@ -18,13 +18,13 @@ namespace cairn {
 
 struct MapAtPosesOptions {
   FeatureOptions features;
-  /// Of the sensor. What the poses are off by comes on top: both are found from the residuals.
+  /// Of the sensor. The error of the poses is added; both are estimated from the residuals.
   SensorNoise noise;
-  MapOptions map;                       ///< covariance: recursive only
-  double max_time_difference_s = 0.02;  ///< of a frame to the nearest pose; positive
-  /// Go on where an image cannot be read, without that keyframe. Else that is an error.
+  MapOptions map;                       ///< its covariance must be recursive
+  double max_time_difference_s = 0.02;  ///< between a frame and the nearest pose; positive
+  /// Skip keyframes whose image cannot be read; if false, that is an error.
   bool skip_unreadable = false;
-  Executor executor = Executor(0);
+  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
   std::stop_token stop = {};
   std::function<void(const MappingProgress&)> progress = {};  ///< of keyframes
   LogSink log = {};
@@ -35,30 +35,30 @@ struct MapAtPosesOptions {
 
 struct MapAtPoses {
   LandmarkMap map;        ///< in the world of the poses
-  Trajectory trajectory;  ///< of all frames that have a pose
+  Trajectory trajectory;  ///< of all frames with a pose
   std::size_t frames = 0;
-  std::size_t without_pose = 0;   ///< frames with none near in time
-  std::size_t without_depth = 0;  ///< frames with a pose, but no depth image
-  std::size_t unreadable = 0;     ///< keyframes left out for that
+  std::size_t without_pose = 0;   ///< frames without a pose near in time
+  std::size_t without_depth = 0;  ///< frames with a pose but no depth image
+  std::size_t unreadable = 0;     ///< keyframes left out because an image could not be read
 };
 
-/// Builds a landmark map where the camera's poses are known, e.g. from motion capture or another
-/// SLAM: nothing is estimated but the landmarks. A frame's pose is interpolated between those before
-/// and after it, at most 0.1 s apart; or that of its own time, to a millisecond. Keyframes are
-/// frames with depth after each turn of 10 degrees or 15 cm; only their images are read. The result
-/// is the same with any number of threads.
+/// Builds a landmark map with known camera poses, e.g. from motion capture or another SLAM system; only the
+/// landmarks are estimated. A frame's pose is interpolated between neighbours at most 0.1 s apart, or is
+/// that of the same time, to a millisecond. Keyframes are frames with depth after each rotation of 10
+/// degrees or 15 cm of motion; only their images are read. The result is the same for any number of
+/// threads.
 /// @param timestamps_s of the frames, ascending
-/// @param read_frame   gives a frame; called from several threads
-/// @throws Error (input) if no frame has a pose, or no keyframe corners with depth; (misuse) naming
-///         the field of the options or an image of another size than the camera's; (cancelled);
-///         what read_frame throws
+/// @param read_frame   returns a frame; called from several threads
+/// @throws Error (input) if no frame has a pose, or no keyframe has corners with depth; (misuse) naming the
+///        field of the options or an image that has not the camera's size; (cancelled); what read_frame
+///        throws
 MapAtPoses map_at_poses(std::span<const double> timestamps_s,
                         const std::function<FrameImages(std::size_t frame)>& read_frame,
                         const Trajectory& poses, const Camera& camera,
                         const MapAtPosesOptions& options = {});
 
-/// The same for a sequence on disk; frames without depth are no keyframes.
-/// @throws Error (input) naming an image that cannot be read or has another size than the camera
+/// The same for a sequence on disk; frames without depth are not keyframes.
+/// @throws Error (input) naming an image that cannot be read or has not the camera's size
 MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, const Camera& camera,
                         const MapAtPosesOptions& options = {});
 

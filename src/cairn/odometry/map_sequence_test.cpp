@@ -351,6 +351,8 @@ TEST(MapSequenceOptions, ValuesOutOfRangeAreNamed) {
               HasSubstr("MapOptions.min_observations"));
   EXPECT_THAT(message([](auto& o) { o.odometry.min_tracked = 5; }),
               HasSubstr("OdometryOptions.min_tracked"));
+  EXPECT_THAT(message([](auto& o) { o.odometry.readout_s = -0.01; }),
+              HasSubstr("OdometryOptions.readout_s"));
   EXPECT_THAT(message([](auto& o) { o.odometry.adjusted_keyframes = 0; }),
               HasSubstr("OdometryOptions.adjusted_keyframes"));
   EXPECT_THAT(message([](auto& o) { o.odometry.final_iterations = -1; }),

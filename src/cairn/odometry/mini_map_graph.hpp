@@ -9,10 +9,10 @@
 
 namespace cairn {
 
-/// A sequence's mini-maps as a graph: a node each, whose id is its place in time, and a link between
-/// neighbours, of kind odometry. Poses are in the frame of the first mini-map, by the links alone. The session
-/// is a UUID made of the maps' content.
-/// @param names one a mini-map
+/// The mini-maps of a sequence as a graph: a node for each, with its position in time as id, and odometry
+/// links between neighbours. Poses are in the frame of the first mini-map, from the links alone. The
+/// session is a UUID of the maps' content.
+/// @param names one per mini-map
 PoseGraph pose_graph(const MappedSequence& mapped, std::span<const std::string> names);
 
 }  // namespace cairn

@@ -19,6 +19,7 @@ void OdometryOptions::validate() const {
     throw Error(ErrorKind::kMisuse, fmt::format("OdometryOptions.{}", field),
                 fmt::format("{}", value), expected);
   };
+  require(readout_s >= 0.0 && readout_s <= 1.0, "readout_s", readout_s, "0 to 1 second");
   require(min_tracked >= 6, "min_tracked", min_tracked, "at least 6");
   require(adjusted_keyframes >= 1, "adjusted_keyframes", adjusted_keyframes, "at least 1");
   require(final_iterations >= 0 && final_iterations <= 1000, "final_iterations", final_iterations,

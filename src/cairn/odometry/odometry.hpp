@@ -18,14 +18,16 @@ namespace cairn {
 struct OdometryOptions {
   FeatureOptions features;
   SensorNoise noise;
-  /// The pose of the first frame that the map is built from, asked for with that frame's time;
-  /// empty: the identity.
+  /// Pose of the first frame of the map, called with that frame's time; empty: the identity.
   std::function<Rigid3(double timestamp_s)> start = {};
-  /// Fewer landmarks than this found in a frame: tracking is lost. At least 6.
+  /// Readout time of a rolling shutter, from an image's first row to its last, seconds; 0: global shutter.
+  /// 0 to 1.
+  double readout_s = 0.0;
+  /// Tracking is lost if fewer landmarks than this are found in a frame. At least 6.
   std::size_t min_tracked = 20;
-  /// Keyframes that move in a local bundle adjustment. At least 1.
+  /// Number of keyframes that a local bundle adjustment moves. At least 1.
   std::size_t adjusted_keyframes = 8;
-  /// Iterations of the bundle adjustment over all keyframes that completes a map; 0: none.
+  /// Iterations of the final bundle adjustment over all keyframes; 0: none.
   int final_iterations = 10;
 
   /// @throws Error (misuse) naming the field
@@ -33,29 +35,28 @@ struct OdometryOptions {
 };
 
 enum class FrameStatus {
-  kWaiting,  ///< nothing to start from yet: no depth, or no texture
+  kWaiting,  ///< not started: no frame with depth and texture yet
   kTracked,
   kLost,
 };
 
-/// What became of one frame.
+/// Result for one frame.
 struct FrameReport {
   FrameStatus status = FrameStatus::kWaiting;
   bool keyframe = false;
   std::size_t landmarks = 0;  ///< found in it
-  /// Distance of each of them from where the map says it appears, pixels.
+  /// Reprojection error of each of them, pixels.
   std::vector<float> reprojection_errors;
 };
 
-/// How landmark covariances are found; both are of the position relative to the keyframe that
-/// observed the landmark first.
+/// Estimation of landmark covariances. Both are relative to the keyframe that observed the landmark first.
 enum class LandmarkCovariance {
-  kRecursive,  ///< updated observation by observation; cost grows with the observations only
+  kRecursive,  ///< updated with each observation; cost is linear in the observations
   kMarginal,   ///< from the whole least-squares problem; at most kMostMarginalKeyframes keyframes
 };
 
 struct MapOptions {
-  std::size_t min_observations = 1;  ///< landmarks with fewer are left out; at least 1
+  std::size_t min_observations = 1;  ///< leaves out landmarks with fewer; at least 1
   LandmarkCovariance covariance = LandmarkCovariance::kRecursive;
   bool descriptors = true;
 
@@ -63,21 +64,21 @@ struct MapOptions {
   void validate() const;
 };
 
-/// How one mini-map lies in the one before it.
+/// Pose of a mini-map in the previous one.
 struct MiniMapLink {
   Rigid3 previous_from_next;
   Matrix6d covariance = Matrix6d::Zero();  ///< of that pose; see link_covariance()
 };
 
-/// A map that is complete because another was begun.
+/// A map that was completed when another was begun.
 struct FinishedMap {
   LandmarkMap map;
   Trajectory trajectory;
   MiniMapLink to_next;
 };
 
-/// Feature-based RGB-D odometry: estimates the pose of each frame against the map of landmarks seen
-/// so far, and builds that map. Frames come in the order of time.
+/// Feature-based RGB-D odometry: estimates the pose of each frame in the map built so far, and extends that
+/// map. Frames must come in the order of time.
 class Odometry {
  public:
   /// @throws Error (misuse) for a camera with a defect, or options outside their range
@@ -86,29 +87,27 @@ class Odometry {
   Odometry& operator=(Odometry&&) noexcept;
   ~Odometry();
 
-  /// The costly part of a frame that depends on no other. Thread-safe.
-  /// @param gray    8 bit, of the camera's size
-  /// @param depth_m 32-bit float of the same size, 0 where unknown; empty if there is none
+  /// Extracts the features of a frame: the costly part, independent of other frames. Thread-safe.
+  /// @param gray 8 bit, of the camera's size
+  /// @param depth_m 32-bit float of the same size, 0 if unknown; empty if there is none
   Features extract(const cv::Mat& gray, const cv::Mat& depth_m) const;
 
   FrameReport track(double timestamp_s, Features features, std::string image_name = {});
 
-  /// Completes the map: the last frame becomes a keyframe, and all keyframes and landmarks are
-  /// adjusted at once.
+  /// Completes the map: makes the last frame a keyframe and adjusts all keyframes and landmarks.
   void complete();
-  /// The poses of all frames tracked in this map so far, as the map has them now.
+  /// Poses of all frames tracked in this map so far, in its current state.
   Trajectory trajectory() const;
   /// All keyframes, and the landmarks.
   /// @throws Error (misuse) naming the field of the options
   LandmarkMap map(const MapOptions& options = {}) const;
 
-  /// Where the last frame was, in the map; nothing if it was not tracked.
+  /// Pose of the last frame in the map; std::nullopt if it was not tracked.
   std::optional<Rigid3> last_pose() const;
-  /// Whether a map can begin at the last frame: it was tracked, and has the depth and the texture that
-  /// a first frame needs.
+  /// Whether a map can begin at the last frame: it was tracked, and has enough depth and texture.
   bool can_begin_new_map() const;
-  /// Ends the map at the last frame, which becomes its last keyframe, and begins another, in the
-  /// frame of that camera, with it as the first keyframe. The two maps share no landmark.
+  /// Ends the map with the last frame as its last keyframe, and begins another with it as the first
+  /// keyframe, in the frame of that camera. The two maps share no landmark.
   /// @throws Error (misuse) unless can_begin_new_map()
   FinishedMap begin_new_map(const MapOptions& options = {});
 

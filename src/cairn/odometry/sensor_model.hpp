@@ -13,14 +13,14 @@
 
 namespace cairn {
 
-/// How far an RGB-D camera's measurements are off, as standard deviations.
+/// Standard deviations of an RGB-D camera's measurements.
 struct SensorNoise {
-  /// Of where a corner is found, in pixels of its pyramid level; positive.
+  /// Of a detected corner, in pixels of its pyramid level; positive.
   double pixel = 0.9;
-  /// The same, for where the landmark's patch was found, relative to where it was cut; positive.
+  /// Of an aligned patch, relative to where it was taken; positive.
   double aligned_pixel = 0.4;
-  /// Of depth z: floor + quadratic·z², metres for z in metres (structured light: Khoshelham and
-  /// Elberink, Sensors 2012). Positive; not negative.
+  /// Of depth z: floor + quadratic·z², in metres (structured light: Khoshelham and Elberink, Sensors 2012).
+  /// Floor positive, quadratic not negative.
   double depth_floor_m = 0.001;
   double depth_quadratic = 0.002;
 
@@ -28,8 +28,8 @@ struct SensorNoise {
   void validate() const;
 };
 
-/// What a pinhole camera measures of a point: where it appears and, where `sigma_depth` is finite,
-/// how far along the optical axis it is.
+/// A pinhole camera's measurement of a point: its pixel and, if `sigma_depth` is finite, its depth along
+/// the optical axis.
 struct PointMeasurement {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  ///< undistorted
   double depth_m = 0.0;                             ///< 0: not measured
@@ -39,8 +39,8 @@ struct PointMeasurement {
   bool has_depth() const { return depth_m > 0.0; }
 };
 
-/// Residuals (u, v, depth), each divided by its standard deviation, with the derivative by the point
-/// in camera coordinates. The third is zero where depth is not measured.
+/// Residuals (u, v, depth), each divided by its standard deviation, with the derivative with respect to the
+/// point in camera coordinates. The third is zero if depth is not measured.
 struct PointResidual {
   Eigen::Vector3d value = Eigen::Vector3d::Zero();
   Eigen::Matrix3d by_x_in_camera = Eigen::Matrix3d::Zero();
@@ -49,10 +49,10 @@ struct PointResidual {
   double squared_depth() const { return value.z() * value.z(); }
 };
 
-/// Nearer than this a point is taken to be behind the camera.
+/// A point with a smaller depth counts as behind the camera.
 inline constexpr double kNearestDepth = 0.05;
 
-/// @param x_in_camera at least kNearestDepth before the camera
+/// @param x_in_camera at least kNearestDepth in front of the camera
 inline PointResidual point_residual(const Pinhole& pinhole, const PointMeasurement& measured,
                                     const Eigen::Vector3d& x_in_camera) {
   PointResidual residual;
@@ -69,7 +69,7 @@ inline PointResidual point_residual(const Pinhole& pinhole, const PointMeasureme
   return residual;
 }
 
-/// The measurement that a keypoint is.
+/// Measurements from keypoints.
 class SensorModel {
  public:
   SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales);
@@ -78,12 +78,12 @@ class SensorModel {
   const Pinhole& pinhole() const { return pinhole_; }
   double scale(int octave) const { return octave_scales_[static_cast<std::size_t>(octave)]; }
   int octaves() const { return static_cast<int>(octave_scales_.size()); }
-  /// The octave, not rounded, whose pixels are so many times the size of the image's.
+  /// The fractional octave whose pixels are `size` times those of the image.
   double octave_of(double size) const {
     return std::log(size) / std::log(octaves() > 1 ? scale(1) : 2.0);
   }
   double sigma_pixel(const Keypoint& keypoint) const {
-    // Where the patch was cut is exact by definition, but for what interpolation makes of it.
+    // The place where the patch was taken is exact by definition, except for interpolation.
     constexpr double kReference = 0.05;
     const double of_octave = keypoint.source == PixelSource::kPatch    ? noise_.aligned_pixel
                              : keypoint.source == PixelSource::kCorner ? noise_.pixel

@@ -8,15 +8,15 @@
 
 namespace cairn {
 
-/// A cloud that was moved to its centroid, so that coordinates far from an origin cost no precision.
+/// A cloud moved to its centroid, so that large coordinates do not cost precision.
 struct CentredCloud {
   explicit CentredCloud(LandmarkCloud cloud);
 
-  Eigen::Vector3d centre;  ///< where the centroid was; of all landmarks but far outliers
+  Eigen::Vector3d centre;  ///< the original centroid, without far outliers
   LandmarkCloud landmarks;
 };
 
-/// The same landmarks, all lengths times the scale.
+/// The same landmarks, all lengths multiplied by the scale.
 std::shared_ptr<const CentredCloud> scaled(const CentredCloud& cloud, double scale);
 
 /// Two centred clouds. Poses between them are called centred.
@@ -31,9 +31,9 @@ class CentredPair {
 
   Similarity3 centred(const Similarity3& target_from_source) const;
   Similarity3 uncentred(const Similarity3& pose) const;
-  /// Covariance of uncentred(pose) for that of a centred pose; both left perturbations, (δt, δφ).
+  /// Covariance of uncentred(pose) from that of a centred pose; both left perturbations, (δt, δφ).
   Matrix6d uncentred(const Matrix6d& covariance, const Rigid3& pose) const;
-  /// The same with the scale's, (δt, δφ, δ log s).
+  /// The same with the scale, (δt, δφ, δ log s).
   Matrix7d uncentred(const Matrix7d& covariance, const Similarity3& pose) const;
 
  private:

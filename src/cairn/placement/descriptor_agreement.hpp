@@ -5,18 +5,17 @@
 
 namespace cairn {
 
-/// From how many agreeing matches outside their largest cluster (DescriptorAgreement::spread) descriptors
-/// decide by themselves.
+/// From this many agreeing matches outside their largest cluster (DescriptorAgreement::spread), descriptors
+/// decide alone.
 inline constexpr std::size_t kDecisiveAgreement = 15;
 
-/// How well matches of descriptors, found without regard to any pose, agree with a pose.
+/// Agreement of descriptor matches, found without a pose, with a pose.
 struct DescriptorAgreement {
-  std::size_t matches = 0;   ///< mutual matches of descriptors
-  std::size_t agreeing = 0;  ///< those whose landmarks the pose brings within the radius
-  /// Agreeing matches outside the cluster that has most of them: one thing that stands in two places
-  /// gives none of these.
+  std::size_t matches = 0;   ///< mutual descriptor matches
+  std::size_t agreeing = 0;  ///< matches whose landmarks the pose brings within the radius
+  /// Agreeing matches outside their largest cluster: excludes a single object that stands in two places.
   std::size_t spread = 0;
-  /// Agreeing matches to expect if partners were drawn at random: measured on this pair, at this pose.
+  /// Number of agreeing matches expected by chance, with random partners, on this pair and pose.
   double expected = 0.0;
 
   /// Log-likelihood ratio of `spread` against a Poisson count of mean `expected`, at least 0.

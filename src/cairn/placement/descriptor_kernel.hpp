@@ -8,28 +8,28 @@
 
 namespace cairn::descriptor_kernel {
 
-/// How the difference of two descriptors is measured.
+/// Distance between two descriptors.
 enum class Norm {
-  kHamming,       ///< bits that differ
-  kSquaredBytes,  ///< squared differences of the bytes, summed
+  kHamming,       ///< number of differing bits
+  kSquaredBytes,  ///< sum of squared byte differences
 };
 
-/// For one descriptor, those of the other set: the smallest differences.
+/// The nearest descriptors in the other set.
 struct Nearest {
   static constexpr std::uint32_t kNone = 0xffffffffU;
 
-  std::uint32_t index = kNone;   ///< of equally near ones the first
-  std::uint32_t first = kNone;   ///< difference of that one
-  std::uint32_t second = kNone;  ///< of the second nearest; kNone if there is none
+  std::uint32_t index = kNone;   ///< of the nearest; the first of equals
+  std::uint32_t first = kNone;   ///< its distance
+  std::uint32_t second = kNone;  ///< distance of the second nearest; kNone if there is none
 };
 
 struct NearestBothWays {
-  std::vector<Nearest> of_a;  ///< in b, one a descriptor of a
+  std::vector<Nearest> of_a;  ///< in b, one per descriptor of a
   std::vector<Nearest> of_b;  ///< in a; without `second`
 };
 
-/// Compares each descriptor of a with each of b, exactly, in vector lanes: the same on every instruction
-/// set.
+/// Compares each descriptor of a with each of b, exactly, with vector instructions; the result is the same
+/// for every instruction set.
 /// @param a, b  rows of `bytes_each` bytes
 NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
                                   std::size_t bytes_each, Norm norm);

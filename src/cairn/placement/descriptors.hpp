@@ -13,30 +13,30 @@
 
 namespace cairn {
 
-/// Whether descriptors of a kind are compared bit by bit (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH); others
-/// are compared byte by byte.
+/// Whether descriptors of a kind are compared by bits (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH); others are
+/// compared by bytes.
 bool is_binary(std::string_view kind);
 
-/// Whether descriptors of both clouds can be compared: both have some, of one kind and length.
+/// Whether both clouds have descriptors, of one kind and length.
 bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b);
 
-/// The known descriptors among the first landmarks of a cloud, for comparing.
+/// The known descriptors of the first landmarks of a cloud, laid out for comparisons.
 class Descriptors {
  public:
   /// @param cloud  has descriptors
-  /// @param sample its first landmarks that are looked at
+  /// @param sample number of first landmarks to use
   Descriptors(const LandmarkCloud& cloud, std::size_t sample);
 
   std::size_t size() const { return landmarks_.size(); }
-  /// Which landmark the i-th belongs to; ascending.
+  /// Landmark of the i-th descriptor; ascending.
   std::uint32_t landmark(std::size_t i) const { return landmarks_[i]; }
-  /// Which is that of a landmark, if it is known.
+  /// Index of a landmark's descriptor; std::nullopt if unknown.
   std::optional<std::size_t> of(std::uint32_t landmark) const;
-  /// Its bytes, zeros after them.
+  /// Its bytes, padded with zeros.
   std::span<const std::uint64_t> words(std::size_t i) const {
     return {values_.data() + i * words_, words_};
   }
-  /// Compared bit by bit; otherwise byte by byte.
+  /// Compared by bits; otherwise by bytes.
   bool binary() const { return binary_; }
 
  private:
@@ -46,13 +46,13 @@ class Descriptors {
   std::vector<std::uint64_t> values_;
 };
 
-/// How unlike two binary descriptors are: bits that differ.
+/// Hamming distance of two binary descriptors.
 inline std::uint32_t differing_bits(std::span<const std::uint64_t> a,
                                     std::span<const std::uint64_t> b) {
   return static_cast<std::uint32_t>(hamming_distance(a, b));
 }
 
-/// How unlike two others are: squared differences of their bytes, summed.
+/// Sum of squared byte differences of two other descriptors.
 std::uint32_t squared_difference(std::span<const std::uint64_t> a,
                                  std::span<const std::uint64_t> b);
 

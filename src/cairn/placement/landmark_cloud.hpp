@@ -21,35 +21,35 @@ struct LandmarkView {
   std::vector<std::uint32_t> landmarks;              ///< indices in the cloud
 };
 
-/// Landmarks as placement sees them: where they are, how exactly, how far each is trusted, and from
-/// where they were seen.
+/// Input of the placement: landmark positions, their covariances, weights and descriptors, and the
+/// keyframes that saw them.
 struct LandmarkCloud {
   std::vector<Eigen::Vector3d> positions;
-  /// Of the positions: one a landmark, zero where unknown; or empty.
+  /// Of the positions: one per landmark, zero if unknown; or empty.
   std::vector<Eigen::Matrix3d> covariances;
-  /// One a landmark, not negative, of mean 1; or empty: all alike.
+  /// One per landmark, not negative, mean 1; or empty: all equal.
   std::vector<double> weights;
-  /// A few keyframes that stand for all; empty where nothing is known of them.
+  /// A few representative keyframes; empty if unknown.
   std::vector<LandmarkView> views;
-  /// What the landmarks look like: one entry a landmark; nothing where that is unknown.
+  /// One entry per landmark; std::nullopt if unknown.
   std::optional<DescriptorColumn> descriptors;
 
   std::size_t size() const { return positions.size(); }
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }
 
-  /// @throws Error (misuse) for columns of different lengths, for numbers that are not finite, weights
-  ///         that are negative, views of landmarks that are not there, and descriptors of no bytes or of
-  ///         more than kMostDescriptorBytes
+  /// @throws Error (misuse) for columns of different lengths, numbers that are not finite, negative
+  ///        weights, views of missing landmarks, and descriptors of 0 or more than kMostDescriptorBytes
+  ///        bytes
   /// @param name of the cloud, for the message
   void validate(std::string_view name) const;
 };
 
-/// The same landmarks, all lengths times the scale.
+/// The same landmarks, all lengths multiplied by the scale.
 LandmarkCloud scaled(LandmarkCloud cloud, double scale);
 
 /// The landmarks of a map that take part in an alignment, in the order of landmarks_to_align().
-/// @param weights nothing: all alike
-/// @throws Error (input) where the map lacks the metric's input
+/// @param weights std::nullopt: all equal
+/// @throws Error (input) if the map lacks the metric's input
 LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>& weights = {},
                              const PointSetOptions& options = {});
 

@@ -26,6 +26,7 @@
 #include "cairn/placement/detail/search.hpp"
 #include "cairn/placement/detail/support_counter.hpp"
 #include "cairn/placement/detail/surroundings.hpp"
+#include "cairn/placement/probability_text.hpp"
 #include "cairn/placement/proximity.hpp"
 #include "cairn/placement/refine.hpp"
 #include "cairn/placement/scales.hpp"
@@ -633,7 +634,7 @@ RegistrationResult PreparedPair::Parts::refined(const Finalist& best, bool hold,
     alignment.stop_reason = StopReason::kTimeLimit;
     alignment.status = status_of(StopReason::kTimeLimit);
     alignment.reason =
-        fmt::format("stopped at the limit of time after {} iterations", alignment.iterations);
+        fmt::format("stopped at the time limit after {} iterations", alignment.iterations);
   }
   return alignment;
 }
@@ -732,19 +733,17 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
   if (better) {
     const double unit = inverted_ ? 1.0 / held.scale : 1.0;
     result.reason = fmt::format(
-        "a pose {:.2g} matching radii from it (root mean square over the landmarks) fits better, "
-        "and is "
-        "right with a probability of {:.2f} %",
-        *better * unit / result.radius, 100.0 * found.poses[own].probability);
+        "another pose, {:.2g} matching radii away (root mean square over the landmarks), fits "
+        "better: its probability is {}",
+        *better * unit / result.radius, probability_text(found.poses[own].probability));
     return;
   }
   result.own = own;
   result.probability = found.poses[own].probability;
   if (own > 0) {
     result.reason = fmt::format(
-        "another pose is likelier: it is right with a probability of {:.2f} %, this one of {:.2f} "
-        "%",
-        100.0 * found.poses.front().probability, 100.0 * result.probability);
+        "another pose is likelier: its probability is {}, that of this pose {}",
+        probability_text(found.poses.front().probability), probability_text(result.probability));
     return;
   }
   judge_best(found.poses.front(), result);
@@ -763,9 +762,8 @@ PlacementResult PreparedPair::Parts::timed(const Work& work) {
   PlacementResult result;
   result.time_limited = callers_.time_limit_s.has_value();
   if (!placement_) {
-    result.reason =
-        fmt::format("{} source and {} target landmarks: a pose is told from chance by at least {}",
-                    source_.size(), target_.size(), kFewestLandmarks);
+    result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
+                                source_.size(), target_.size(), kFewestLandmarks);
     result.alignment.reason = result.reason;
   } else {
     work(TimeLimit(start, callers_), result);

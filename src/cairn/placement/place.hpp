@@ -16,123 +16,123 @@
 
 namespace cairn {
 
-/// A known downward direction in both maps, which leaves open the turn about it and a small tilt.
+/// The downward direction in both maps. The rotation about it and a small tilt remain free.
 struct GravityPrior {
   Eigen::Vector3d source = -Eigen::Vector3d::UnitZ();  ///< downwards, in the source's frame
-  Eigen::Vector3d target = -Eigen::Vector3d::UnitZ();  ///< and in the target's
-  double max_tilt_rad = 0.17;                          ///< most that the two may differ; in (0, π]
+  Eigen::Vector3d target = -Eigen::Vector3d::UnitZ();  ///< the same in the target's
+  double max_tilt_rad = 0.17;  ///< largest angle between the two after alignment; in (0, π]
 };
 
-/// Numbers among which is the one that the source's lengths are multiplied by to be in the target's unit.
-/// Looked for are those of them that are no more than about three times off what the maps' extents and
-/// spacings suggest: of a map that is less than a tenth of the other, no scale is found.
+/// Bounds of s in x_target = R·(s·x_source) + t. The search tries only scales within about three times of
+/// what the maps' extents and spacings suggest; a map less than a tenth of the other's size is not found.
 struct ScaleRange {
   double least = 1.0 / 20.0;
   double most = 20.0;
 };
 
-/// When rotations are searched. Where many mutual matches of descriptors agree on a pose, that decides.
+/// When rotations are searched. If many mutual descriptor matches agree on a pose, they decide.
 enum class PoseSearch {
-  kWhereNeeded,  ///< where descriptors do not decide
+  kWhereNeeded,  ///< if descriptors do not decide
   kAlways,
-  kNever,  ///< descriptors alone propose poses: fast, and without them nothing is found
+  kNever,  ///< only descriptors propose poses: fast, and finds no pose without them
 };
 
-/// How to place a map from no initial pose.
+/// Options of place().
 struct PlaceOptions {
   std::uint64_t seed = 0;
-  /// Work in units of the default's: how many rotations are tried; from 1/16 to 64.
+  /// Number of rotations tried, as a multiple of the default's; from 1/16 to 64.
   double effort = 1.0;
   PoseSearch search = PoseSearch::kWhereNeeded;
-  /// How much likelier it is, before anything is looked at, that the maps show one place than that they do
-  /// not: 0.01 where of a hundred pairs one does. From 1e-6 to 1e6.
+  /// Odds that the maps show the same place, before any evidence: 0.01 if one pair in a hundred does. From
+  /// 1e-6 to 1e6.
   double prior_odds = 1.0;
-  /// From which probability a pose is aligned, and poses between them are ambiguous; in [0.5, 1).
+  /// Least probability of an aligned pose; if only several poses together reach it, they are ambiguous. In
+  /// [0.5, 1).
   double min_probability = 0.99;
   std::optional<GravityPrior> gravity = {};
-  /// For maps that need not be of one scale, such as those of a single camera; takes some times longer
-  /// where descriptors do not decide. Nothing: both maps are of one scale.
+  /// Also estimates the scale, e.g. of maps from a single camera; several times slower if descriptors do
+  /// not decide. std::nullopt: both maps have one scale.
   std::optional<ScaleRange> scale = {};
-  /// Wall time after which the search makes do with what it has: half of it for the search for poses,
-  /// the rest to refine and judge them. What is found then depends on the machine, and so can be another
-  /// from run to run. What has to be done whatever is found (trees, descriptors, overlap) is done, so the
-  /// whole may take longer. Positive, at most 1e6; nothing: no limit.
+  /// Wall time for the search, which then continues with what it has: half for the search for poses, the
+  /// rest to refine and judge them. The result then depends on the machine and may differ between runs.
+  /// Necessary work (trees, descriptors, overlap) is always done, so the call may take longer. Positive, at
+  /// most 1e6; std::nullopt: no limit.
   std::optional<double> time_limit_s = {};
   bool use_covariances = true;  ///< in the final refinement; see RefineOptions
-  /// Within which distance the refined result's landmarks count as overlapping; nothing: the
+  /// A landmark of the result overlaps if the other map has one within this distance. std::nullopt: the
+  /// placement's radius.
   /// placement's own radius.
   std::optional<double> overlap_radius = {};
-  bool trace = false;  ///< keep score and matches of every iteration of the final refinement
+  bool trace = false;  ///< record score and matches of every iteration of the final refinement
 
   Execution execution = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
 struct PlacementResult {
   Verdict verdict = Verdict::kRejected;
-  std::string reason;  ///< one sentence for people, with its numbers
-  /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if
-  /// there is none. Its status says nothing of how right the pose is: the verdict does.
+  std::string reason;  ///< one sentence for people, the decision first
+  /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if there
+  /// is none. Its status is that of the refinement; the verdict says whether the pose is right.
   RegistrationResult alignment;
-  /// Likeliest first. Of a placement the first is what was refined, the second the runner-up.
+  /// Likeliest first. In place(), the first is the refined pose, the second the runner-up.
   std::vector<PlacementCandidate> candidates;
   double probability = 0.0;  ///< that the pose is right
-  /// The candidate that the pose is; nothing for a judged pose that is near a better candidate.
+  /// Index of the candidate with this pose; std::nullopt for a judged pose that is near a better candidate.
   std::optional<std::size_t> own;
-  double radius = 0.0;  ///< within which landmarks count as matched
-  /// What lines of sight say of the landmarks around those that match, at the likeliest candidate.
+  double radius = 0.0;  ///< landmarks within this distance count as matched
+  /// Free-space check of the landmarks around the matches, at the likeliest candidate.
   SightCounts around = {};
-  /// The time limit cut the work short: a pose that the search would have found may be missing, and the
-  /// probability does not know; or the last refinement did not come to its end.
+  /// The time limit ended the search or the last refinement early. A pose may be missing from the
+  /// candidates, and the probability does not account for it.
   bool cut_short = false;
-  bool time_limited = false;  ///< there was a limit, whether it cut anything short or not
+  bool time_limited = false;  ///< there was a time limit, whether or not it had an effect
   double duration_s = 0.0;    ///< wall time of the whole call
 };
 
-/// Aligns two maps from no initial pose, and says whether the pose can be trusted.
+/// Aligns two maps without an initial pose and judges the pose.
 ///
-/// Search: from thousands of evenly spread rotations, each with the translations that put parts of the
-/// source on parts of the target, a tournament of robust refinements on samples of both maps leaves a few
-/// distinct poses. Where the scale is open, this is done at scales a quarter apart, about what the maps'
-/// extents and spacings suggest, and the refinements that follow free the scale. The poses are refined
-/// against all landmarks of the samples and ranked by how likely they are right: from how much closer
-/// landmarks meet than by chance and how many of them look alike (Support), and from what the keyframes of
-/// either map say of the other's landmarks (SeenViews). The best is refined once more with all
-/// landmarks and their covariances.
+/// Starts from thousands of evenly spread rotations, each with the translations that best overlay parts of
+/// the source and the target. A tournament of robust refinements on samples of both maps leaves a few
+/// distinct poses. With a free scale, this runs at scales a quarter apart around what the extents and
+/// spacings suggest, and the refinements also estimate the scale. The poses are refined with all sampled
+/// landmarks and ranked by probability, from the match distances and descriptors compared with chance
+/// (Support) and the free-space check (SeenViews). The best pose is refined with all landmarks and their
+/// covariances.
 ///
-/// Lengths come from the maps: their extents, the spacing of their landmarks, their covariances. An
-/// expected failure (too few landmarks, nothing in common) is a verdict. Same input and seed, same
-/// result, whatever the executor's number of threads; with a time limit, see there.
+/// Lengths derive from the maps: extents, landmark spacings, covariances. An expected failure (too few
+/// landmarks, no overlap) is a verdict. The same input and seed give the same result for any number of
+/// threads, except with a time limit.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
                       const PlaceOptions& options = {});
 
-/// A pair of maps between which any number of poses is found or judged; what all of them need is computed
-/// once, when it is first needed. What a pose is held against are the poses that place() chooses among.
+/// Finds or judges any number of poses between two maps. Work that all of them share is done once, on first
+/// use. Each pose is compared with the candidates of place().
 class PreparedPair {
  public:
   /// @throws Error (misuse) for invalid options
   PreparedPair(const PreparedCloud& source, const PreparedCloud& target,
                const PlaceOptions& options = {});
-  /// @throws Error (misuse) for invalid clouds too
+  /// @throws Error (misuse) also for invalid clouds
   PreparedPair(const LandmarkCloud& source, const LandmarkCloud& target,
                const PlaceOptions& options = {});
   ~PreparedPair();
   PreparedPair(PreparedPair&&) noexcept;
   PreparedPair& operator=(PreparedPair&&) noexcept;
 
-  /// What cairn::place() gives.
+  /// Same as cairn::place().
   PlacementResult place();
 
-  /// Judges a pose as it is, whatever found it. It is aligned only if it is likelier than every other
-  /// pose, and if it is no worse than the best pose near it.
-  /// @throws Error (misuse) for a scale other than 1, unless PlaceOptions::scale is given
+  /// Judges a given pose without changing it. It is aligned only if it is likelier than every other pose
+  /// and no worse than the best pose near it.
+  /// @throws Error (misuse) for a scale other than 1 without PlaceOptions::scale
   PlacementResult judge(const Similarity3& target_from_source);
 
-  /// Moves a pose to the optimum near it and judges that.
+  /// Refines a pose to the nearest optimum and judges that.
   /// @throws Error as judge()
   PlacementResult settle(const Similarity3& target_from_source);
 

@@ -289,7 +289,8 @@ TEST(Place, LooksAtDescriptorsEitherWay) {
     const auto& likeness = result.candidates.front().support.likeness;
     ASSERT_TRUE(likeness);
     EXPECT_GT(2 * likeness->alike, likeness->compared);
-    EXPECT_THAT(result.reason, HasSubstr("of the matches look alike (1.6 % would by chance)"));
+    EXPECT_THAT(result.reason,
+                HasSubstr("of the matches have similar descriptors (1.6 % expected by chance)"));
   }
 }
 

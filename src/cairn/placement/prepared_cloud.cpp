@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <span>
 #include <string_view>
 #include <utility>
 
 #include "cairn/core/hash.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/map/operations.hpp"
 #include "cairn/placement/detail/spatial_groups.hpp"
 
 namespace cairn {
@@ -37,28 +37,49 @@ std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random rando
 }
 
 // Entry i becomes what entry order[i] was: along each cycle, without a second copy of a column.
-template <class Value>
-void reorder(std::vector<Value>& column, std::span<const std::uint32_t> order) {
-  if (column.empty()) return;
+// `save(i)` keeps entry i aside, `move(to, from)` moves one, `restore(i)` makes what was kept entry i.
+template <class Save, class Move, class Restore>
+void reorder(std::span<const std::uint32_t> order, const Save& save, const Move& move,
+             const Restore& restore) {
   std::vector<bool> is_done(order.size(), false);
   for (std::size_t start = 0; start < order.size(); ++start) {
     if (is_done[start]) continue;
-    Value first = std::move(column[start]);
+    save(start);
     std::size_t at = start;
     for (; order[at] != start; at = order[at]) {
-      column[at] = std::move(column[order[at]]);
+      move(at, order[at]);
       is_done[at] = true;
     }
-    column[at] = std::move(first);
+    restore(at);
     is_done[at] = true;
   }
+}
+
+template <class Value>
+void reorder(std::vector<Value>& column, std::span<const std::uint32_t> order) {
+  if (column.empty()) return;
+  Value kept;
+  reorder(
+      order, [&](std::size_t i) { kept = std::move(column[i]); },
+      [&](std::size_t to, std::size_t from) { column[to] = std::move(column[from]); },
+      [&](std::size_t i) { column[i] = std::move(kept); });
+}
+
+void reorder(DescriptorColumn& column, std::span<const std::uint32_t> order) {
+  reorder(column.known, order);
+  std::vector<std::uint8_t> kept(column.bytes_each);
+  const auto row = [&](std::size_t i) { return column.bytes.data() + i * column.bytes_each; };
+  reorder(
+      order, [&](std::size_t i) { std::copy_n(row(i), kept.size(), kept.data()); },
+      [&](std::size_t to, std::size_t from) { std::copy_n(row(from), kept.size(), row(to)); },
+      [&](std::size_t i) { std::copy_n(kept.data(), kept.size(), row(i)); });
 }
 
 LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order) {
   reorder(cloud.positions, order);
   reorder(cloud.covariances, order);
   reorder(cloud.weights, order);
-  if (cloud.descriptors) cloud.descriptors = descriptor_rows(*cloud.descriptors, order);
+  if (cloud.descriptors) reorder(*cloud.descriptors, order);
   std::vector<std::uint32_t> place(order.size());
   for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
   for (LandmarkView& view : cloud.views) {

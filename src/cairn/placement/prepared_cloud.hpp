@@ -17,31 +17,31 @@
 
 namespace cairn {
 
-/// A cloud of landmarks with all that is needed of it alone to find and judge poses between it and any
-/// other, computed once. Copies share it; any number of threads may use it.
+/// A landmark cloud with everything computed once that alignments with any other cloud need. Copies share
+/// the data; any number of threads may use it.
 class PreparedCloud {
  public:
-  /// How many landmarks are looked for in another cloud.
+  /// Number of landmarks in the sample.
   static constexpr std::size_t kSample = 4096;
-  static constexpr std::size_t kGroups = Proximity::kGroups;  ///< spatial parts of these
+  static constexpr std::size_t kGroups = Proximity::kGroups;  ///< spatial parts of the sample
 
-  /// @param seed of the random order, which depends on the landmarks too
+  /// @param seed of the random order, which also depends on the landmarks
   /// @param name of the cloud, for messages
   /// @throws Error (misuse) as LandmarkCloud::validate()
   explicit PreparedCloud(LandmarkCloud cloud, std::uint64_t seed = 0,
                          const Executor& executor = Executor(), std::string_view name = "cloud");
 
   std::size_t size() const { return landmarks().size(); }
-  /// Centred, and in random order, the likelier early the more they weigh: the first n are a sample.
+  /// Centred, in random order; landmarks of larger weight tend to come earlier. The first n are a sample.
   const LandmarkCloud& landmarks() const { return centred_->landmarks; }
   const std::shared_ptr<const CentredCloud>& centred() const { return centred_; }
-  /// Index of each of the landmarks in the cloud that was prepared.
+  /// Index of each landmark in the original cloud.
   std::span<const std::uint32_t> order() const { return *order_; }
   /// Of the landmarks' positions.
   const BatchTree& tree() const { return parts_->tree; }
   std::shared_ptr<const BatchTree> shared_tree() const { return {parts_, &parts_->tree}; }
   const CloudScales& scales() const { return parts_->scales; }
-  /// Of the first kSample alone, whose landmarks are farther apart.
+  /// Of the first kSample, whose spacing is larger.
   const CloudScales& sample_scales() const { return parts_->sample_scales; }
   /// landmark_spacings() of each landmark.
   std::span<const double> spacings() const { return parts_->spacings; }
@@ -49,7 +49,7 @@ class PreparedCloud {
   std::span<const std::size_t> groups() const { return parts_->groups; }
   const SeenViews& views() const { return parts_->views; }
 
-  /// The same landmarks in the same order, all lengths times the scale.
+  /// The same landmarks in the same order, all lengths multiplied by the scale.
   PreparedCloud scaled(double scale, const Executor& executor) const;
 
  private:

@@ -14,38 +14,38 @@
 
 namespace cairn {
 
-/// What of a map takes part in alignments.
+/// Options of PreparedMap.
 struct PrepareOptions {
-  std::optional<Metric> confidence = {};  ///< how far each landmark is trusted; nothing: all alike
-  PointSetOptions points = {};            ///< which landmarks take part
-  CutOptions cut = {};                    ///< into how many parts the map may be cut
+  std::optional<Metric> confidence =
+      {};                       ///< metric of the landmarks' confidences; std::nullopt: all equal
+  PointSetOptions points = {};  ///< landmarks that take part
+  CutOptions cut = {};          ///< limits of the parts that the map can be cut into
   std::uint64_t seed = 0;
   Executor executor = Executor();
 };
 
-/// A part of a map, ready to be placed on another map by itself. It is in the frame of the map.
+/// A part of a map, prepared to be placed separately. It is in the frame of the map.
 struct PreparedPart {
   MapPart part;
   PreparedCloud cloud;
 };
 
-/// A map made ready for alignments with many others: what all of them need of it is computed once. It
-/// does not refer to the map. Copies share it; any number of threads may use it.
+/// A map prepared for alignments with many others: computes shared work once. Does not refer to the map.
+/// Copies share the data; any number of threads may use it.
 class PreparedMap {
  public:
-  /// @throws Error (input) where the map lacks the input of the confidence metric
+  /// @throws Error (input) if the map lacks the input of the confidence metric
   explicit PreparedMap(const LandmarkMap& map, const PrepareOptions& options = {});
 
   const PreparedCloud& cloud() const { return cloud_; }
   LengthUnit length_unit() const { return length_unit_; }
-  /// Downwards, if the map says so.
+  /// Unit vector downwards; std::nullopt if the map does not state it.
   const std::optional<Eigen::Vector3d>& gravity() const { return gravity_; }
-  /// The parts of the map, prepared when they are first asked for; none if it is too small for two.
+  /// The parts of the map, prepared on first use; empty if it is too small for two.
   std::span<const PreparedPart> parts() const;
-  /// Index of the part of each landmark, in the order of landmarks_to_align(); parts().size() for none.
+  /// Index of each landmark's part, in the order of landmarks_to_align(); parts().size() for none.
   std::span<const std::uint32_t> part_of() const;
-  /// How far along the map each of them is, in parts: 2.5 in the middle of the third. NaN for one in no
-  /// part.
+  /// Position of each landmark along the map, in parts: 2.5 is the middle of the third. NaN if in no part.
   std::span<const double> along() const;
 
  private:

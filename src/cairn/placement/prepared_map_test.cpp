@@ -20,7 +20,14 @@ SyntheticPair two_maps(std::size_t landmarks = 600) {
 }
 
 TEST(PreparedCloud, HoldsEachLandmarkOnceCentredAndSaysWhichItIs) {
-  const LandmarkCloud cloud = landmark_cloud(two_maps().source);
+  LandmarkCloud cloud = landmark_cloud(two_maps().source);
+  DescriptorColumn& looks = cloud.descriptors.emplace();
+  looks = {"SIFT", 3, std::vector<std::uint8_t>(cloud.size(), 1), {}};
+  looks.known[5] = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const auto byte = static_cast<std::uint8_t>(i == 5 ? 0 : i % 251);
+    looks.bytes.insert(looks.bytes.end(), {byte, 1, byte});
+  }
   const PreparedCloud prepared(cloud);
   std::vector<std::uint32_t> order(prepared.order().begin(), prepared.order().end());
   ASSERT_EQ(order.size(), cloud.size());
@@ -30,6 +37,10 @@ TEST(PreparedCloud, HoldsEachLandmarkOnceCentredAndSaysWhichItIs) {
     const Eigen::Vector3d& there = prepared.landmarks().positions[i];
     EXPECT_LT((there + prepared.centred()->centre - cloud.positions[order[i]]).norm(), 1e-12);
     EXPECT_EQ(prepared.landmarks().covariances[i], cloud.covariances[order[i]]);
+    const DescriptorColumn& theirs = *prepared.landmarks().descriptors;
+    EXPECT_EQ(theirs.known[i], looks.known[order[i]]);
+    EXPECT_TRUE(std::equal(theirs.bytes.begin() + 3 * i, theirs.bytes.begin() + 3 * (i + 1),
+                           looks.bytes.begin() + 3 * order[i]));
     sum += there;
   }
   EXPECT_LT(sum.norm(), 1e-9);

@@ -1,17 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <string>
 
 #include <fmt/format.h>
 
 namespace cairn {
 
-/// A probability for people, in per cent. It is never said to be one, nor nought.
+/// A probability for people, in percent, rounded down to two digits, from 99.99 % on to four. It never reads
+/// 0 % or 100 %.
 inline std::string probability_text(double probability) {
-  if (probability > 0.9999) return "over 99.99 %";
-  if (probability < 0.0001) return "below 0.01 %";
-  return fmt::format("{:.2f} %", 100.0 * probability);
+  if (probability < 0.0001) return "<0.01 %";
+  if (probability > 0.999999) return ">99.9999 %";
+  const int digits = probability < 0.9999 ? 2 : 4;
+  constexpr double kRounding = 1e-6;  // 0.9983 is stored as a little less
+  const double units = std::pow(10.0, digits);
+  return fmt::format("{:.{}f} %", std::floor(100.0 * units * probability + kRounding) / units,
+                     digits);
+}
+
+/// "probability 12.30 %, below the required 99 %": the start of a reason.
+inline std::string decision_text(double probability, double required) {
+  return fmt::format("probability {}, {} the required {:g} %", probability_text(probability),
+                     probability < required ? "below" : "at least", 100.0 * required);
 }
 
 }  // namespace cairn

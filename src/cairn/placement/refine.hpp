@@ -11,61 +11,60 @@
 
 namespace cairn {
 
-/// How to refine a pose robustly. Lengths are in the unit of the maps; where a scale is estimated, of the
-/// target.
+/// Options of refine(). Lengths are in the unit of the maps, or of the target if a scale is estimated.
 struct RefineOptions {
-  Rigid3 initial = {};  ///< target_from_source to start from
-  /// Of the source, to start from, where it is to be estimated with the pose (see RegistrationResult::scale);
-  /// positive. Nothing: both maps are of one scale.
+  Rigid3 initial = {};  ///< initial target_from_source
+  /// Initial scale of the source, which is then estimated with the pose (see RegistrationResult::scale);
+  /// positive. std::nullopt: both maps have one scale.
   std::optional<double> scale = {};
-  /// Scale of the kernel in the beginning: matches much farther apart hardly count. Nothing: half the
-  /// extent of the smaller cloud, from which a pose far off is still drawn in.
+  /// Initial kernel scale; matches much farther apart hardly count. std::nullopt: half the extent of the
+  /// smaller cloud, which tolerates large initial errors.
   std::optional<double> coarse = {};
-  /// Scale in the end, at most `coarse`. Nothing: what landmarks that are one differ by, from their
-  /// spacing and covariances.
+  /// Final kernel scale, at most `coarse`. std::nullopt: the expected error of a match, from spacing and
+  /// covariances.
   std::optional<double> fine = {};
-  /// From `fine` down to this scale, matches are one to one: how closely most maps agree shows there. At
-  /// most `fine`. Nothing: a twelfth of `fine`.
+  /// From `fine` down to this scale, matches are one to one; at most `fine`. std::nullopt: a twelfth of
+  /// `fine`, the accuracy of most maps.
   std::optional<double> finest = {};
-  /// Scale with which the covariance is measured: maps are bent by more than their landmarks differ. Nothing:
-  /// four times `finest`, at most `fine`.
+  /// Kernel scale for the covariance; larger than the errors of single landmarks, because maps bend.
+  /// std::nullopt: four times `finest`, at most `fine`.
   std::optional<double> error_scale = {};
-  /// Keep the initial pose as it is: matches, scores and covariance are those of this pose.
+  /// Keep the initial pose: matches, scores and covariance are those of this pose.
   bool hold = false;
-  /// Also from where the paper's base ICP leads, whose matches may be ever so far: that is the result if
-  /// it fits twice as well. Where the maps share most of what they hold, ICP is drawn in from farther off;
-  /// where they do not, it is led astray. Not with a scale.
+  /// Also refines from ICP's result, whose match distances are unlimited, and keeps it if its objective is
+  /// at least twice as large. ICP converges from larger errors if the maps share most landmarks, else often
+  /// to a wrong pose. Not with a scale.
   bool by_icp_too = true;
-  bool use_covariances = true;  ///< weigh residuals by the landmarks' covariances, where known
-  bool one_to_one = false;  ///< match a target landmark only with the source landmark closest to it
-  int max_iterations = 100;  ///< of either method; at least 1
-  /// Within which distance landmarks count as overlapping; nothing: overlap is not computed.
+  bool use_covariances = true;  ///< weight residuals by the landmarks' covariances, if known
+  bool one_to_one = false;   ///< match each target landmark only with its nearest source landmark
+  int max_iterations = 100;  ///< of each method; at least 1
+  /// A landmark overlaps if the other map has one within this distance. std::nullopt: no overlap is
+  /// computed.
   std::optional<double> overlap_radius = {};
-  bool trace = false;  ///< keep score and matches of every iteration
+  bool trace = false;  ///< record score and matches of every iteration
 
   Execution execution = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// Robust probabilistic refinement of a pose: iteratively reweighted least squares.
+/// Robust probabilistic refinement of a pose by iteratively reweighted least squares.
 ///
-/// The smaller of the two clouds is moved: each of its landmarks is matched with the nearest of the
-/// other. The residual r of a match counts by its Mahalanobis distance,
-/// m² = rᵀ·(s²·R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances of both landmarks, under the kernel of Geman
-/// and McClure, m²/(1 + m²), whose scale σ falls from coarse to fine as the iteration proceeds
-/// (graduated non-convexity; Black and Rangarajan 1996). From there to the finest scale a landmark of the
-/// other cloud is matched once, with the nearest.
+/// Moves the smaller cloud and matches each of its landmarks with the nearest of the other. A residual r
+/// enters with its squared Mahalanobis distance, m² = rᵀ·(s²·R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances
+/// of both landmarks, under the kernel of Geman and McClure, m²/(1 + m²). The kernel scale σ falls from
+/// coarse to fine (graduated non-convexity; Black and Rangarajan 1996). From fine to finest, each landmark
+/// of the other cloud is matched at most once, with the nearest.
 ///
-/// The covariance of the pose is a sandwich estimator. Its parts are what the objective does when the
-/// pose is moved and all matches are found anew, and the pulls of 16 groups of matched landmarks. It is
-/// made larger for these being few, so that the 95 % ellipsoid holds as many errors: 2.4 times for 16
-/// groups and 6 freedoms, so mean squared errors are smaller than its diagonal. There is none for fewer
-/// than 12 groups with a match (14 with a scale). A direction counts as unobservable if landmarks fit about
-/// as well two scales of the kernel along it, or if its standard deviation is larger than that.
-/// An expected failure (too few landmarks or matches) is a status. Same input, same result, whatever
-/// the executor's number of threads.
+/// The pose covariance is a sandwich estimator, from the change of the objective when the pose is moved and
+/// all matches are found anew, and from the gradients of 16 groups of matches. It is enlarged for that
+/// small number, so that the 95 % ellipsoid holds 95 % of the errors: 2.4 times for 16 groups and 6 degrees
+/// of freedom. Mean squared errors are therefore smaller than its diagonal. There is no covariance for
+/// fewer than 12 groups with a match (14 with a scale). A direction is unobservable if moving by two kernel
+/// scales along it hardly changes the objective, or if its standard deviation is larger than that.
+/// An expected failure (too few landmarks or matches) is a status. The same input gives the same result for
+/// any number of threads.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,

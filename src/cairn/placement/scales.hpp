@@ -11,24 +11,23 @@
 
 namespace cairn {
 
-/// Lengths that a cloud itself gives.
+/// Characteristic lengths of a cloud.
 struct CloudScales {
-  /// Median distance from the centroid: half the size of the cloud, strays aside.
+  /// Median distance from the centroid: half the cloud's size, without outliers.
   double extent = 0.0;
-  /// Median distance to the eighth nearest landmark: within it, chance offers several matches.
+  /// Median distance to the eighth nearest landmark; within it, several matches arise by chance.
   double spacing = 0.0;
-  /// Median standard deviation of a landmark along an axis, by its covariance; 0 where unknown.
+  /// Median standard deviation of a landmark along an axis, from its covariance; 0 if unknown.
   double noise = 0.0;
 };
 
 /// CloudScales::extent alone.
 double cloud_extent(const LandmarkCloud& cloud);
 
-/// How many neighbours a landmark's spacing reaches over.
+/// Number of neighbours that define a landmark's spacing.
 inline constexpr std::size_t kSpacingNeighbors = 8;
 
-/// Distance of each point to its eighth neighbour in a cloud that it is part of; to the farthest in one
-/// of fewer landmarks.
+/// Distance of each point to its eighth neighbour in its cloud, or to the farthest in a smaller cloud.
 /// @param tree of the cloud's positions
 std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
                                       const BatchTree& tree, const Executor& executor);
@@ -37,22 +36,21 @@ std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
 CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
                          const Executor& executor);
 
-/// Spacings in the fine scale: at fewer the objective has an optimum wherever a few landmarks happen to
-/// meet.
+/// The fine kernel scale, in spacings. Below it, the objective has an optimum wherever a few landmarks
+/// coincide.
 inline constexpr double kSmoothSpacings = 1.5;
 
-/// Where a refinement ends, in fine scales: many maps agree that closely.
+/// Where a refinement ends, in fine scales: the accuracy of many maps.
 inline constexpr double kFinest = 1.0 / 12.0;
 
-/// Scale with which a covariance is measured, in those where the refinement ends: maps are bent by more
-/// than their landmarks differ.
+/// Kernel scale for a covariance, in scales where the refinement ends; larger, because maps bend.
 inline constexpr double kErrorScale = 4.0;
 
-/// Where the kernel of a robust alignment begins and ends.
+/// Kernel scales at which a robust alignment begins and ends.
 struct KernelScales {
-  double coarse = 0.0;  ///< half the extent of the smaller cloud: what one start can still reach
-  double fine = 0.0;    ///< one and a half times the finer spacing, or the noise of a match if that
-                        ///< is more
+  double coarse =
+      0.0;  ///< half the extent of the smaller cloud: the largest error that one start can correct
+  double fine = 0.0;  ///< one and a half times the finer spacing, or the noise of a match if larger
 };
 
 KernelScales kernel_scales(const CloudScales& source, const CloudScales& target);

@@ -10,26 +10,26 @@
 
 namespace cairn {
 
-/// What the cameras of one map have to say of the landmarks of another: they saw through the air in
-/// front of their own landmarks, and not through what those lie on.
+/// Free-space check: counts of landmarks relative to what the other map's keyframes saw along the same
+/// lines of sight. The space in front of a seen landmark is free.
 struct SightCounts {
-  std::size_t agree = 0;     ///< landmarks where a camera saw its own
-  std::size_t in_front = 0;  ///< where it looked through: they cannot be there
-  std::size_t behind = 0;    ///< where it could not see them, behind others
+  std::size_t agree = 0;     ///< landmarks at the depth of what the camera saw
+  std::size_t in_front = 0;  ///< landmarks in front of it, in free space: a contradiction
+  std::size_t behind = 0;    ///< landmarks behind it, hidden from the camera
 
   std::size_t total() const { return agree + in_front + behind; }
   SightCounts& operator+=(const SightCounts& other);
 };
 
-/// How far the views of a cloud saw, by direction, in cells of about one degree.
+/// Depth that the views of a cloud saw, by direction, in cells of about one degree.
 ///
-/// A landmark of another map is compared with what a view saw in the same cell; most cells are empty, and
-/// say nothing.
+/// A landmark of another map is compared with the depth that a view saw in its cell. Most cells are empty
+/// and are not compared.
 class SeenViews {
  public:
   explicit SeenViews(const LandmarkCloud& cloud);
 
-  /// @param landmarks where a pose has another map's, in the cloud's frame
+  /// @param landmarks of the other map, moved into the cloud's frame by a pose
   SightCounts count(std::span<const Eigen::Vector3d> landmarks) const;
 
  private:
@@ -39,8 +39,7 @@ class SeenViews {
   };
   struct View {
     Eigen::Vector3d centre;
-    std::vector<std::uint16_t>
-        slots;  // of each cell, from 1, in `ranges`; 0 where nothing was seen
+    std::vector<std::uint16_t> slots;  // of each cell, from 1, in `ranges`; 0 if unseen
     std::vector<Range> ranges;
   };
 

@@ -11,28 +11,27 @@
 
 namespace cairn {
 
-/// What two clouds have in common at a pose: see SupportCounter.
+/// What two clouds have in common at a pose; computed by SupportCounter.
 struct Support {
-  /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r, among the landmarks looked at.
+  /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r, in the sample.
   static constexpr std::size_t kRadii = 6;
   std::array<std::size_t, kRadii> within = {};
-  /// The matches of all landmarks, as a share of the smaller cloud: what a pose cannot gain by moving
-  /// many landmarks onto one.
+  /// One-to-one matches of all landmarks, as a share of the smaller cloud. Mapping many landmarks onto one
+  /// does not increase it.
   double share = 0.0;
-  /// By how much likelier the distances of all pairs that are each other's nearest, whatever the radius,
-  /// are if some of these pairs are one landmark, seen twice, than if only surfaces meet: logarithm of the
-  /// ratio, at least 0.
+  /// Log-likelihood ratio of the match distances, of all mutual nearest neighbours at any distance: some
+  /// are the same landmarks, versus independent points on a surface. At least 0.
   double evidence = 0.0;
-  /// The same without the part of the source, a sixteenth, that has the most of it: what one thing that
-  /// stands in both places does not give.
+  /// The same without the sixteenth of the source that contributes most: excludes a single object that
+  /// stands in both places.
   double spread_evidence = 0.0;
-  /// Of the distances of mutual nearest neighbours, against those at the other candidates.
+  /// Log-likelihood ratio of the match distances, versus those at the other candidates.
   ProximityEvidence proximity = {};
   /// Of mutual descriptor matches; std::nullopt if the clouds have no descriptors of one kind.
   std::optional<DescriptorAgreement> agreement = {};
-  /// Of the matches; nothing where the clouds have no descriptors to compare.
+  /// Descriptor similarity of the matches; std::nullopt if the clouds have no descriptors of one kind.
   std::optional<Likeness> likeness = {};
-  /// Its evidence without the part of the source that has the most of it.
+  /// The likeness evidence without the part of the source that contributes most.
   double spread_likeness = 0.0;
 
   std::size_t matches() const { return within[0]; }

@@ -15,7 +15,7 @@ namespace {
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
 // Of lines of sight to the surroundings of the matches; docs/method.md says how they were chosen.
-constexpr std::size_t kFewestAround = 100;   // fewer say nothing
+constexpr std::size_t kFewestAround = 100;   // fewer are too few to judge by
 constexpr double kMostContradicted = 0.25;   // of those that agree or are contradicted
 constexpr double kFewestInAgreement = 0.02;  // of all, with those that end behind what was seen
 
@@ -23,7 +23,7 @@ std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
 }
 
-// "a shift along (0.00, 1.00, 0.00)", "a turn about ...", one a direction.
+// "the shift along (0.00, 1.00, 0.00) and the turn about ...": each open direction.
 std::string open_text(const RegistrationResult& result) {
   std::string text;
   for (const OpenDirection& open : result.unobservable) {
@@ -44,21 +44,48 @@ std::string open_text(const RegistrationResult& result) {
   return text;
 }
 
-// What of the surroundings shows another place; empty where nothing does.
+// How the surroundings of the matches contradict the pose; empty if they do not.
 std::string other_surroundings(const SightCounts& around) {
   const auto share = [](std::size_t part, std::size_t all) {
     return static_cast<double>(part) / static_cast<double>(all);
   };
   const std::size_t compared = around.agree + around.in_front;
   if (compared >= kFewestAround && share(around.in_front, compared) > kMostContradicted) {
-    return fmt::format("{} of {} lines of sight are contradicted",
-                       percent(share(around.in_front, compared)), compared);
+    return fmt::format(
+        "{} of {} lines of sight around the matches are contradicted, more than the limit of {:g} "
+        "%",
+        percent(share(around.in_front, compared)), compared, 100.0 * kMostContradicted);
   }
   if (around.total() >= kFewestAround && share(around.agree, around.total()) < kFewestInAgreement) {
-    return fmt::format("{} of {} lines of sight agree",
-                       percent(share(around.agree, around.total())), around.total());
+    return fmt::format(
+        "{} of {} lines of sight around the matches agree, below the required {:g} %",
+        percent(share(around.agree, around.total())), around.total(), 100.0 * kFewestInAgreement);
   }
   return {};
+}
+
+// What speaks for and against the best candidate.
+std::string evidence_text(std::span<const PlacementCandidate> candidates, std::size_t landmarks) {
+  const PlacementCandidate& best = candidates.front();
+  std::string text = fmt::format(
+      "the best pose matches {} of {} landmarks one to one, {}", percent(best.support.share),
+      landmarks,
+      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
+                            : "no other pose was found");
+  if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
+    text += fmt::format(", {} of {} descriptor matches agree with it ({:.1f} expected by chance)",
+                        agreement->agreeing, agreement->matches, agreement->expected);
+  }
+  if (const auto& likeness = best.support.likeness; likeness && likeness->compared > 0) {
+    const auto share =
+        static_cast<double>(likeness->alike) / static_cast<double>(likeness->compared);
+    text += fmt::format(", {} of the matches have similar descriptors ({} expected by chance)",
+                        percent(share), percent(Likeness::kChance));
+  }
+  if (best.contradicted) {
+    text += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
+  }
+  return text;
 }
 
 }  // namespace
@@ -77,61 +104,37 @@ std::string_view to_string(Verdict verdict) {
 
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
                 std::size_t landmarks, double least, const SightCounts& around) {
-  if (candidates.empty()) return {Verdict::kRejected, "no pose brings landmarks together"};
+  if (candidates.empty()) {
+    return {Verdict::kRejected, "the search found no pose that matches landmarks"};
+  }
   const PlacementCandidate& best = candidates.front();
   double any = 0.0;
   for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
-  std::string found = fmt::format(
-      "the best pose matches {} of {} landmarks one to one, {}", percent(best.support.share),
-      landmarks,
-      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
-                            : "there is no other");
-  if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
-    found += fmt::format(", {} of {} descriptor matches agree with it ({:.1f} would by chance)",
-                         agreement->agreeing, agreement->matches, agreement->expected);
-  }
-  if (const auto& likeness = best.support.likeness; likeness && likeness->compared > 0) {
-    const auto share =
-        static_cast<double>(likeness->alike) / static_cast<double>(likeness->compared);
-    found += fmt::format(", {} of the matches look alike ({} would by chance)", percent(share),
-                         percent(Likeness::kChance));
-  }
-  if (best.contradicted) {
-    found += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
-  }
+  const std::string found = fmt::format("{}: {}", decision_text(best.probability, least),
+                                        evidence_text(candidates, landmarks));
+  const auto ambiguous = [&](const std::string& why) {
+    return Judgement{Verdict::kAmbiguous, fmt::format("{}; {}", why, found)};
+  };
   if (best.probability >= least) {
-    found += fmt::format(": right with a probability of {}", probability_text(best.probability));
     if (!result.unobservable.empty()) {
-      return {Verdict::kAmbiguous,
-              fmt::format("{}, but the maps do not determine {}", found, open_text(result))};
+      return ambiguous("the matches do not determine " + open_text(result));
     }
     if (!result.covariance) {
-      return {
-          Verdict::kAmbiguous,
-          fmt::format("{}, but landmarks match in too few places to say how exact it is", found)};
+      return ambiguous("the matches lie in too few places to compute a covariance");
     }
     if (const std::string other = other_surroundings(around); !other.empty()) {
-      return {
-          Verdict::kAmbiguous,
-          fmt::format(
-              "{}, but the surroundings of the matches differ ({}): the maps may show two places "
-              "that share one thing",
-              found, other)};
+      return ambiguous("the maps may show two places that share one object: " + other);
     }
-    return {Verdict::kAligned, std::move(found)};
+    return {Verdict::kAligned, found};
   }
   if (any >= least) {
     const auto rivals = std::count_if(candidates.begin(), candidates.end(),
                                       [&](const PlacementCandidate& candidate) {
                                         return candidate.probability >= kRival * best.probability;
                                       });
-    return {Verdict::kAmbiguous,
-            fmt::format(
-                "{}, but {} poses are about as good: this one is right with a probability of {}",
-                found, rivals, probability_text(best.probability))};
+    return ambiguous(fmt::format("{} poses fit about equally well", rivals));
   }
-  return {Verdict::kRejected, fmt::format("{}: right with a probability of {} only", found,
-                                          probability_text(best.probability))};
+  return {Verdict::kRejected, found};
 }
 
 }  // namespace cairn

@@ -14,25 +14,25 @@
 
 namespace cairn {
 
-/// What is to be thought of the best of several poses.
+/// Verdict on the best candidate.
 enum class Verdict {
-  kAligned,    ///< it is right beyond doubt
-  kAmbiguous,  ///< something is the same beyond doubt, but it does not make one pose of several right
-  kRejected,  ///< perhaps none is right
+  kAligned,    ///< its probability suffices, and the matches determine it
+  kAmbiguous,  ///< the evidence suffices for a match, but not for one pose
+  kRejected,   ///< no pose is probable enough
 };
 
-/// "aligned" and so on: the names in results.
+/// "aligned", "ambiguous" or "rejected": the names in results.
 std::string_view to_string(Verdict verdict);
 
-/// A pose that explains the maps to some extent, distinct from the others.
+/// A candidate pose, distinct from the others.
 struct PlacementCandidate {
   Rigid3 target_from_source;
-  double scale = 1.0;  ///< of the source, which is scaled before it is moved
+  double scale = 1.0;  ///< s in x_target = R·(s·x_source) + t
   Support support = {};
-  /// Share of the lines of sight of either map's keyframes on which the other map has a landmark in front
-  /// of what they saw; nothing where too few lines were compared to say. See SeenViews.
+  /// Share of compared lines of sight, of both maps' keyframes, on which the other map has a landmark in
+  /// front of what the keyframe saw. std::nullopt if too few lines were compared. See SeenViews.
   std::optional<double> contradicted = {};
-  /// That it is the right pose; what is missing to 1 over all candidates is that none is.
+  /// Probability that this pose is right. 1 minus the sum over all candidates is that none is.
   double probability = 0.0;
 
   /// The pose with its scale.
@@ -41,17 +41,18 @@ struct PlacementCandidate {
 
 struct Judgement {
   Verdict verdict = Verdict::kRejected;
-  std::string reason;  ///< one sentence for people, with its numbers
+  std::string
+      reason;  ///< one sentence for people: the decision and the number behind it, then the evidence
 };
 
-/// Judges the best of some candidates by their probabilities. A pose is at most ambiguous, however likely
-/// it is, without a covariance, with an open direction, or where what surrounds its matches contradicts it:
-/// one thing that stands in two places matches as well as a place does.
+/// Judges the likeliest candidate. A pose without a covariance, with an open direction, or contradicted by
+/// the surroundings of its matches is at most ambiguous: an object that stands in two places matches as
+/// well as a place does.
 ///
 /// @param candidates likeliest first
-/// @param result     the first candidate's pose, with its covariance and open directions
-/// @param landmarks  of the smaller map, whose share the supports are
-/// @param least      probability from which the pose is aligned
+/// @param result     pose of the first candidate, with covariance and open directions
+/// @param landmarks  number in the smaller map, to which the supports refer
+/// @param least      least probability of an aligned pose
 /// @param around     surrounding_sights() of the first candidate
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
                 std::size_t landmarks, double least = 0.99, const SightCounts& around = {});

@@ -7,11 +7,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/placement/probability_text.hpp"
+
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 RegistrationResult known_pose() {
   RegistrationResult result;
@@ -43,14 +46,16 @@ TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
 
 TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
   PlacementCandidate best = candidate(0.996);
-  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("similar")));
   best.support.likeness = Likeness{200, 50};
-  EXPECT_THAT(verdict_of({best}).reason,
-              HasSubstr("25.0 % of the matches look alike (1.6 % would by chance)"));
+  EXPECT_THAT(
+      verdict_of({best}).reason,
+      HasSubstr("25.0 % of the matches have similar descriptors (1.6 % expected by chance)"));
   best.support.likeness = Likeness{1, 1};
-  EXPECT_THAT(verdict_of({best}).reason, HasSubstr("100.0 % of the matches look alike"));
+  EXPECT_THAT(verdict_of({best}).reason,
+              HasSubstr("100.0 % of the matches have similar descriptors"));
   best.support.likeness = Likeness{0, 0};
-  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("alike")));
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("similar")));
 }
 
 TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
@@ -76,7 +81,7 @@ TEST(Verdict, TakesTheLeastProbabilityItself) {
 }
 
 TEST(Verdict, SaysWhetherThereIsAnotherPose) {
-  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("there is no other"));
+  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("no other pose was found"));
   EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.15)}).reason,
               HasSubstr("the next pose 15.0 %"));
 }
@@ -130,7 +135,34 @@ TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
   best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
   EXPECT_THAT(verdict_of({best}).reason,
-              HasSubstr("50 of 200 descriptor matches agree with it (1.2 would by chance)"));
+              HasSubstr("50 of 200 descriptor matches agree with it (1.2 expected by chance)"));
+}
+
+TEST(Verdict, ReasonLeadsWithTheDecisionAndItsNumber) {
+  EXPECT_THAT(verdict_of({candidate(0.996)}).reason,
+              StartsWith("probability 99.60 %, at least the required 99 %: "));
+  EXPECT_THAT(verdict_of({candidate(0.123)}).reason,
+              StartsWith("probability 12.30 %, below the required 99 %: "));
+  EXPECT_THAT(judge({{candidate(0.6)}}, known_pose(), 3000, 0.995).reason,
+              StartsWith("probability 60.00 %, below the required 99.5 %: "));
+  EXPECT_THAT(verdict_of({candidate(0.5), candidate(0.495)}).reason,
+              StartsWith("2 poses fit about equally well; probability 50.00 %, below the "
+                         "required 99 %: "));
+  EXPECT_THAT(verdict_of({candidate(0.996)}, RegistrationResult{}).reason,
+              StartsWith("the matches lie in too few places to compute a covariance; probability "
+                         "99.60 %, at least the required 99 %: "));
+}
+
+TEST(ProbabilityText, IsNeverRoundedUpToTheBarToZeroOrToOne) {
+  EXPECT_EQ(probability_text(0.0), "<0.01 %");
+  EXPECT_EQ(probability_text(0.00009), "<0.01 %");
+  EXPECT_EQ(probability_text(0.00102), "0.10 %");
+  EXPECT_EQ(probability_text(0.9983), "99.83 %");
+  EXPECT_EQ(probability_text(0.98999), "98.99 %");
+  EXPECT_EQ(probability_text(0.99), "99.00 %");
+  EXPECT_EQ(probability_text(0.99996), "99.9960 %");
+  EXPECT_EQ(probability_text(0.9999991), ">99.9999 %");
+  EXPECT_EQ(probability_text(1.0), ">99.9999 %");
 }
 
 TEST(Verdict, IsNamedInResults) {
@@ -140,8 +172,8 @@ TEST(Verdict, IsNamedInResults) {
 }
 
 TEST(Verdict, NeverSaysThatAPoseIsCertain) {
-  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("over 99.99 %"));
-  EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("below 0.01 %"));
+  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr(">99.9999 %"));
+  EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("<0.01 %"));
 }
 
 TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
@@ -151,10 +183,13 @@ TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
   };
   const Judgement judgement = with({.agree = 600, .in_front = 400, .behind = 9000});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
-  EXPECT_THAT(judgement.reason, HasSubstr("40.0 % of 1000 lines of sight"));
+  EXPECT_THAT(judgement.reason, HasSubstr("40.0 % of 1000 lines of sight around the matches are "
+                                          "contradicted, more than the limit of 25 %"));
   const Judgement behind = with({.agree = 10, .in_front = 0, .behind = 990});
   EXPECT_EQ(behind.verdict, Verdict::kAmbiguous);
-  EXPECT_THAT(behind.reason, HasSubstr("1.0 % of 1000 lines of sight agree"));
+  EXPECT_THAT(
+      behind.reason,
+      HasSubstr("1.0 % of 1000 lines of sight around the matches agree, below the required 2 %"));
   EXPECT_EQ(with({.agree = 980, .in_front = 20, .behind = 2000}).verdict, Verdict::kAligned);
   // Outdoors much is behind what the other map saw.
   EXPECT_EQ(with({.agree = 50, .in_front = 0, .behind = 950}).verdict, Verdict::kAligned);

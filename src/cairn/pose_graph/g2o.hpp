@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// What a g2o file says, number by number: written again, its numbers are the same.
+/// Content of a g2o file; reading and writing keeps all numbers.
 struct G2oGraph {
   /// world_from_vertex; the quaternion as stored, (x, y, z, w), of norm within 1e-2 of 1.
   struct Vertex {
@@ -26,8 +26,8 @@ struct G2oGraph {
     std::uint64_t to = 0;
     std::array<double, 3> translation = {};
     std::array<double, 4> quaternion = {0.0, 0.0, 0.0, 1.0};
-    /// Upper triangle, row by row, of g2o's information matrix. It weighs the translation and the vector
-    /// part of the unit quaternion, w ≥ 0, of measured⁻¹·estimated: half an angle, in the frame of `to`.
+    /// Upper triangle, row by row, of g2o's information matrix. It weights the translation and the vector
+    /// part of the unit quaternion, w ≥ 0, of measured⁻¹·estimated (half an angle), in the frame of `to`.
     std::array<double, 21> information = {};
 
     friend bool operator==(const Edge&, const Edge&) = default;
@@ -35,25 +35,25 @@ struct G2oGraph {
 
   std::vector<Vertex> vertices;
   std::vector<Edge> edges;
-  std::vector<std::uint64_t> fixed;  ///< vertices that an optimiser leaves where they are
+  std::vector<std::uint64_t> fixed;  ///< vertices that an optimiser must not move
 
   friend bool operator==(const G2oGraph&, const G2oGraph&) = default;
 };
 
-/// Reads VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, one a line; lines that start with '#' are comments.
-/// @throws Error (input) naming source, line, field, what was found and what was expected
+/// Reads VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, one per line; lines that start with '#' are comments.
+/// @throws Error (input) naming source, line, field, value and constraint
 G2oGraph read_g2o(ByteSource& source);
 
-/// Writes vertices, what is fixed, then edges; numbers as the shortest decimals that parse back.
+/// Writes vertices, fixed vertices, then edges; numbers as the shortest decimals that parse back.
 void write_g2o(const G2oGraph& graph, const ByteSink& sink);
 
-/// An edge becomes a link with target `from` and source `to`, of kind odometry where the ids are
-/// neighbours and else placement. A covariance is known where the information is positive definite.
+/// An edge becomes a link with target `from` and source `to`, of kind odometry if the ids are consecutive,
+/// else placement. Its covariance is known if the information is positive definite.
 PoseGraph pose_graph(const G2oGraph& graph);
 
-/// What g2o holds of a graph: not names, sessions, kinds and probabilities.
-/// @throws Error (misuse) for a pose of a scale other than 1, a link without a covariance, or one that is
-///         not positive definite
+/// The part of a graph that g2o can hold: no names, sessions, kinds or probabilities.
+/// @throws Error (misuse) for a pose with a scale other than 1, or a link whose covariance is missing or
+///        not positive definite
 G2oGraph g2o_graph(const PoseGraph& graph);
 
 }  // namespace cairn

@@ -11,8 +11,9 @@ namespace cairn {
 /// A graph as JSON: schema cairn.pose_graph, version 1 (docs/formats.md).
 std::string pose_graph_text(const PoseGraph& graph);
 
-/// Reads that. Quaternions are normalised, which may change their last digit; all else is as written.
-/// @throws Error (input) naming source, the place in the document, what was found and what was expected
+/// Reads such a document. Normalises quaternions, which may change their last digit; all else is as
+/// written.
+/// @throws Error (input) naming source, the place in the document, value and constraint
 PoseGraph read_pose_graph(ByteSource& source);
 
 }  // namespace cairn

@@ -12,25 +12,25 @@
 
 namespace cairn {
 
-/// Names a node across files and programs; arbitrary, unique in its graph.
+/// Identifies a node across files and programs; arbitrary, unique in its graph.
 using NodeId = StrongId<struct NodeIdTag, std::uint64_t>;
 
-/// A map, or a keyframe, in a frame of its own.
+/// A map or a keyframe, with its own frame.
 struct PoseNode {
   NodeId id;
   std::string name;             ///< e.g. the map's file; empty if unknown
-  std::string session;          ///< nodes of one run share it; empty if unknown
+  std::string session;          ///< shared by nodes of one run; empty if unknown
   Similarity3 world_from_node;  ///< x_in_world = world_from_node * x_in_node
 };
 
-/// Where a link's transform comes from.
+/// Origin of a link's transform.
 enum class LinkKind {
   kOdometry,   ///< neighbours in one run
   kPlacement,  ///< an alignment that was judged
-  kManual,     ///< said by a person
+  kManual,     ///< stated by a person
 };
 
-/// "odometry" and so on: the names in files.
+/// "odometry" etc.: the names in files.
 std::string_view to_string(LinkKind kind);
 
 /// A measured transform between two nodes: x_in_target = target_from_source * x_in_source.
@@ -40,21 +40,21 @@ struct PoseLink {
   Similarity3 target_from_source;
   /// Left perturbation in the target's frame, (δt, δφ); std::nullopt if unknown.
   std::optional<Matrix6d> covariance;
-  /// The same with the scale's, (δt, δφ, δ log s), of a link that measures the scale.
+  /// The same with the scale, (δt, δφ, δ log s), for a link that measures it.
   std::optional<Matrix7d> covariance_with_scale;
   LinkKind kind = LinkKind::kOdometry;
-  /// That the link is right; std::nullopt if nobody judged.
+  /// Probability that the link is right; std::nullopt if not judged.
   std::optional<double> probability;
 };
 
-/// Nodes, and the transforms measured between them.
+/// Nodes and measured transforms between them.
 struct PoseGraph {
   std::vector<PoseNode> nodes;
   std::vector<PoseLink> links;
 
-  /// @throws Error (input) naming the node or link: an id that occurs twice, a link of a node with itself
-  ///         or with one that is not there, a number that is not finite, a covariance that is not symmetric
-  ///         or has a negative eigenvalue, a probability outside [0, 1]
+  /// @throws Error (input) naming the node or link: a duplicate id, a link of a node with itself or a
+  ///        missing one, a number that is not finite, a covariance that is not symmetric or has a negative
+  ///        eigenvalue, a probability outside [0, 1]
   /// @param where for the messages, e.g. the file's name
   void validate(std::string_view where = "pose graph") const;
 };

@@ -17,11 +17,11 @@ namespace cairn::postgres {
 
 struct OpenOptions {
   bool read_only = false;
-  /// How long to wait for another process's lock.
+  /// Longest wait for another process's lock.
   std::chrono::milliseconds lock_timeout{30'000};
   /// Waiting for a lock ends with an Error (cancelled) soon after stop was requested.
   std::stop_token stop = {};
-  /// First schema of the search path; it need not exist.
+  /// First schema of the search path; need not exist.
   std::string schema = {};
 };
 
@@ -30,8 +30,8 @@ struct Connection;
 struct Rows;
 }  // namespace detail
 
-/// A statement: parameters are bound, rows stepped through, columns read. All rows are fetched at once.
-/// Parameters count from 1 and are written "?1"; columns count from 0.
+/// A statement: bind parameters, step through rows, read columns. All rows are fetched at once. Parameters
+/// count from 1 and are written "?1"; columns count from 0.
 class Statement {
  public:
   Statement(Statement&&) noexcept;
@@ -44,7 +44,7 @@ class Statement {
     return bind(parameter, static_cast<std::int64_t>(value));
   }
   Statement& bind(int parameter, double value);
-  /// @throws Error (misuse) for text with a NUL in it, which PostgreSQL cannot hold
+  /// @throws Error (misuse) for text with a NUL, which PostgreSQL cannot store
   Statement& bind(int parameter, std::string_view text);
   Statement& bind(int parameter, const std::string& text) {
     return bind(parameter, std::string_view(text));
@@ -55,7 +55,7 @@ class Statement {
   Statement& bind(int parameter, const std::optional<Value>& value) {
     return value ? bind(parameter, *value) : bind(parameter, nullptr);
   }
-  /// Starts anew with these as parameters 1, 2, ...
+  /// Restarts with these as parameters 1, 2, ...
   template <class... Values>
   Statement& bind_all(const Values&... values) {
     reset();
@@ -64,11 +64,11 @@ class Statement {
     return *this;
   }
 
-  /// To the next row. @return false at the end, and then the statement is ready to run again.
+  /// Moves to the next row. @return false at the end; the statement can then run again.
   bool step();
-  /// Back to before the first row, without parameters.
+  /// Returns to before the first row and clears the parameters.
   void reset();
-  /// bind_all() and to the end.
+  /// bind_all(), then runs to the end.
   template <class... Values>
   void run(const Values&... values) {
     bind_all(values...);
@@ -78,8 +78,8 @@ class Statement {
 
   bool is_null(int column) const;
 
-  // Of the current row. A value of another type throws an Error (input) that names database, column, what
-  // was found and what was expected. Text and blobs are valid until the next step(), reset() or end.
+  // Columns of the current row. A value of another type throws Error (input) naming database, column, value
+  // and constraint. Text and blobs are valid until the next step(), reset() or the end.
   std::int64_t integer(int column) const;
   /// @throws Error (input) also for an integer below 0
   std::uint64_t unsigned_integer(int column) const;
@@ -102,13 +102,13 @@ class Statement {
   std::unique_ptr<detail::Rows> rows_;  ///< null before the first step()
 };
 
-/// A connection to a PostgreSQL database; one thread at a time. Errors name the database: those
-/// of kind input say that it holds what it must not, those of kind storage that the server,
-/// the network or another process stood in the way.
+/// A connection to a PostgreSQL database; for one thread at a time. Errors name the database: kind input
+/// for invalid content, kind storage for failures of the server or the network, or conflicts with another
+/// process.
 class Database {
  public:
-  /// @param name for messages: the URL as it may be shown
-  /// @throws Error (storage) if there is no connection
+  /// @param name in messages: the URL for display
+  /// @throws Error (storage) if the connection fails
   Database(const std::string& url, std::string name, const OpenOptions& options = {});
   ~Database();
   Database(Database&&) noexcept;
@@ -116,17 +116,17 @@ class Database {
 
   const std::string& name() const noexcept;
 
-  /// It must not outlive the database.
+  /// The statement must not outlive the database.
   Statement prepare(std::string_view sql);
-  /// Any number of statements without parameters; rows are ignored.
+  /// Runs any number of statements without parameters; ignores rows.
   void execute(const std::string& sql);
-  /// One statement, run to its end with these parameters.
+  /// Runs one statement to its end with these parameters.
   template <class... Values>
   void run(std::string_view sql, const Values&... values) {
     prepare(sql).run(values...);
   }
   /// First column of the first row.
-  /// @throws Error (input) if there is no row or it holds no integer
+  /// @throws Error (input) if there is no row or its value is not an integer
   std::int64_t integer(std::string_view sql);
   std::string text(std::string_view sql);
 
@@ -138,23 +138,23 @@ class Database {
   std::unique_ptr<detail::Connection> connection_;
 };
 
-/// What happens between its construction and commit() happens as a whole or not at all. One at a time.
+/// Everything between its construction and commit() happens atomically. One at a time.
 class Transaction {
  public:
   enum class Kind {
     kRead,   ///< sees one state of the database throughout
-    kWrite,  ///< waits for other writers of this kind at once; readers are not disturbed
+    kWrite,  ///< waits for other writers of this kind at once; does not block readers
     kRows,   ///< locks only the rows that its statements lock
   };
 
-  /// @throws Error (storage) if another process held the lock for longer than OpenOptions::lock_timeout
+  /// @throws Error (storage) if another process held the lock longer than OpenOptions::lock_timeout
   explicit Transaction(Database& database, Kind kind = Kind::kWrite);
   /// Undoes everything that was not committed.
   ~Transaction();
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
 
-  /// @throws Error (storage); then nothing was changed, or the message says that this is not known
+  /// @throws Error (storage); the database is then unchanged, or the message says that this is unknown
   void commit();
 
  private:

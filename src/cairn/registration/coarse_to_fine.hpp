@@ -4,6 +4,7 @@
 #include <span>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -11,34 +12,35 @@ namespace cairn {
 
 struct CoarseToFineOptions {
   ConfidentNeighborOptions matching = {};
-  bool reciprocal = false;   ///< keep only matches that hold both ways, within the sample
-  int max_iterations = 150;  ///< on each sample
+  bool reciprocal = false;  ///< keep only mutual matches, within the sample
+  int max_iterations = PclCriteria().max_iterations;  ///< on each sample
   Execution execution = {};
 };
 
-/// Columns of one length; the second and third may be empty.
+/// Columns of equal length; the second and third may be empty.
 struct SampledPoints {
   std::span<const Eigen::Vector3d> positions;
   std::span<const double> confidences;
-  std::span<const double> weights;  ///< not negative; a point without weight is in no sample
+  std::span<const double> weights;  ///< not negative; points of weight 0 are never sampled
 };
 
-/// Where an alignment of samples has come to.
+/// Result of align_samples().
 struct CoarseAlignment {
   Rigid3 target_from_source;
-  int iterations = 0;  ///< on all samples together
+  int iterations = 0;  ///< on all samples
 };
 
-/// Aligns a sample of the source to one of the target, then samples four times as large, starting where
-/// that ended, and so on; all points are left to the caller. Far from the end a sample tells the way as
-/// well as all points do; and among fewer target points steps are longer and the basin is wider.
+/// Aligns a sample of the source to a sample of the target, then samples four times as large from the
+/// resulting pose, and so on. The alignment of all points is left to the caller. Far from the optimum, a
+/// sample determines the step as well as all points do; fewer target points also make steps longer and the
+/// basin of convergence wider.
 ///
-/// A sample has one random point of each 4, 16, ... in a row, and a few hundred at least: of a small
-/// source there are none. It is done with when a step is shorter than what chance in the choice of
-/// its points makes of the pose, √(mean squared match distance / points). With a limit to the distance of
-/// a match, which holds for the target's density, the target is not sampled.
+/// A sample takes one random point of each 4, 16, ... consecutive ones, and at least a few hundred; a small
+/// source is not sampled. Its iteration ends when a step is shorter than the sampling error of the pose,
+/// √(mean squared match distance / points). With a maximum match distance, which assumes the target's
+/// density, the target is not sampled.
 ///
-/// @param source near the target; its confidences matter if matches have to hold both ways
+/// @param source near the target; its confidences matter only for reciprocal matches
 CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<BatchTree>& target,
                               const CoarseToFineOptions& options);
 

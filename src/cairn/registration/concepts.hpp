@@ -15,11 +15,11 @@
 #include "cairn/core/executor.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-/// The stages of an ICP that can be replaced, and what passes between them. `run_icp` (icp_loop.hpp) puts
-/// any four of them together; `icp` (icp.hpp) is the ready-made combination.
+/// The replaceable stages of an ICP and the types passed between them. `run_icp` (icp_loop.hpp) combines
+/// any four; `icp` (icp.hpp) is the ready-made combination.
 namespace cairn {
 
-/// A point of a set, as found from a query.
+/// A point of a set, found by a query.
 struct Neighbor {
   std::uint32_t index = 0;
   double squared_distance = 0.0;
@@ -27,17 +27,17 @@ struct Neighbor {
   friend bool operator==(const Neighbor&, const Neighbor&) = default;
 };
 
-/// A source point and the target point it is taken to be.
+/// A source point and the target point matched with it.
 struct Match {
   std::uint32_t source = 0;
   std::uint32_t target = 0;
-  double squared_distance = 0.0;  ///< at the pose at which the match was found
+  double squared_distance = 0.0;  ///< at the pose of the search
 
   friend bool operator==(const Match&, const Match&) = default;
 };
 
-/// The square of a distance as a NeighborSearch computes it, to the last bit: spelt out, for Eigen is
-/// free to add in another order.
+/// The squared distance exactly as a NeighborSearch computes it. Written out, because Eigen may add in
+/// another order.
 inline double squared_distance(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   const double x = a.x() - b.x();
   const double y = a.y() - b.y();
@@ -45,7 +45,7 @@ inline double squared_distance(const Eigen::Vector3d& a, const Eigen::Vector3d& 
   return x * x + y * y + z * z;
 }
 
-/// The points nearest to a query, nearest first, which may compute distances only when asked for them.
+/// The nearest points of a query, nearest first. It may compute distances on demand.
 template <class List>
 concept NearestList = requires(const List& nearest, std::size_t j) {
   { nearest.size() } -> std::convertible_to<std::size_t>;
@@ -53,7 +53,7 @@ concept NearestList = requires(const List& nearest, std::size_t j) {
   { nearest.squared_distance(j) } -> std::convertible_to<double>;
 };
 
-/// A NearestList of neighbours that were found.
+/// A NearestList of stored neighbours.
 class NeighborList {
  public:
   explicit NeighborList(std::span<const Neighbor> neighbors) : neighbors_(neighbors) {}
@@ -70,9 +70,9 @@ static_assert(NearestList<NeighborList>);
 
 /// Finds the nearest points of a fixed set, exactly.
 ///
-/// `nearest(query, out)` fills `out` with the out.size() nearest points (all, if there are fewer),
-/// nearest first, equal distances by lower index, and returns how many; a set of k nearest with a tie
-/// at its edge keeps the lower indices. Distances are `(p - query).squaredNorm()`. Thread-safe.
+/// `nearest(query, out)` fills `out` with the out.size() nearest points (all, if there are fewer), nearest
+/// first, equal distances by lower index, and returns their number. If the k-th distance is tied, the lower
+/// indices are kept. Distances are `(p - query).squaredNorm()`. Thread-safe.
 template <class Search>
 concept NeighborSearch =
     requires(const Search& search, const Eigen::Vector3d& query, std::span<Neighbor> out) {
@@ -80,13 +80,13 @@ concept NeighborSearch =
       { search.nearest(query, out) } -> std::same_as<std::size_t>;
     };
 
-/// A NeighborSearch that also answers many queries at once, and remembers them.
+/// A NeighborSearch that also answers batches of queries and reuses earlier answers.
 ///
-/// `search.batch(k)` is for asking for the k nearest points of queries that move little from one call
-/// to the next; it may keep what helps it, never anything that changes an answer.
-/// `batch.for_each(queries, executor, visit)` calls `visit(i, nearest)` once for each query, with
-/// what `search.nearest` would find for queries[i] and k, as a NearestList that is valid during the
-/// call; from several threads, in any order. A batch is not thread-safe and must not outlive its search.
+/// `search.batch(k)` makes a batch for the k nearest points of queries that move little between calls; what
+/// it stores never changes an answer. `batch.for_each(queries, executor, visit)` calls `visit(i, nearest)`
+/// once for each query, with the result of `search.nearest` for queries[i] and k as a NearestList that is
+/// valid during the call; from several threads, in any order. A batch is not thread-safe and must not
+/// outlive its search.
 template <class Search>
 concept BatchSearch = NeighborSearch<Search> && requires(const Search& search, std::size_t k,
                                                          std::span<const Eigen::Vector3d> queries,
@@ -95,10 +95,10 @@ concept BatchSearch = NeighborSearch<Search> && requires(const Search& search, s
                            [](std::size_t, const NearestList auto& /*nearest*/) {});
 };
 
-/// Decides which target point each source point is.
+/// Matches source points with target points.
 ///
-/// Called with the source points moved into the target frame and the pose that moved them; returns
-/// at most one match a source point, by ascending source index.
+/// Called with the source points moved into the target frame and the pose that moved them; returns at most
+/// one match per source point, by ascending source index.
 template <class Correspondence>
 concept CorrespondenceSearch =
     requires(const Correspondence& find_matches, std::span<const Eigen::Vector3d> moved_source,
@@ -106,10 +106,10 @@ concept CorrespondenceSearch =
       { find_matches(moved_source, target_from_source) } -> std::same_as<std::vector<Match>>;
     };
 
-/// Finds the motion that brings matched points together.
+/// Estimates the motion that aligns matched points.
 ///
-/// Called with the moved source points and their matches; returns the step to apply to the moved
-/// source points.
+/// Called with the moved source points and their matches; returns the motion to apply to the moved source
+/// points.
 template <class Estimator>
 concept TransformEstimation =
     requires(const Estimator& estimate_step, std::span<const Eigen::Vector3d> moved_source,
@@ -119,20 +119,20 @@ concept TransformEstimation =
 
 /// Why an alignment ended.
 enum class StopReason {
-  kMseChange,       ///< the mean squared match distance hardly changed any more
-  kNoMotion,        ///< a step without any motion
-  kFixedPoint,      ///< the matches are those of the iteration before: the pose is final
-  kCycle,           ///< the matches are those of an earlier iteration, and so for ever
-  kIterationLimit,  ///< the limit, which counts as converged as in PCL
-  kTimeLimit,       ///< the caller's limit of time, which counts alike
-  kTooFewMatches,   ///< fewer than three matches determine no pose
+  kMseChange,       ///< the mean squared match distance converged
+  kNoMotion,        ///< a step with exactly no motion
+  kFixedPoint,      ///< same matches as in the iteration before: the pose is final
+  kCycle,           ///< same matches as in an earlier iteration: a limit cycle
+  kIterationLimit,  ///< the iteration limit; counts as converged in PCL
+  kTimeLimit,       ///< the caller's time limit; treated like the iteration limit
+  kTooFewMatches,   ///< fewer than three matches, which do not determine a pose
   kCancelled,       ///< the caller asked to stop
 };
 
-/// "mse_change" and so on: the names in results.
+/// "mse_change" etc.: the names in results.
 std::string_view to_string(StopReason reason);
 
-/// What a convergence test sees after each iteration.
+/// Input of a convergence test after each iteration.
 struct IterationState {
   int iteration = 0;                   ///< from 1
   Rigid3 step;                         ///< the motion of this iteration
@@ -141,13 +141,13 @@ struct IterationState {
   double previous_mean_squared_distance = std::numeric_limits<double>::max();
 };
 
-/// Says whether, and why, to stop after an iteration.
+/// Decides whether and why to stop after an iteration.
 template <class Convergence>
 concept ConvergenceTest = requires(const Convergence& test, const IterationState& state) {
   { test(state) } -> std::same_as<std::optional<StopReason>>;
 };
 
-/// Fewer matches than this determine no pose.
+/// Fewer matches do not determine a pose.
 inline constexpr std::size_t kFewestMatches = 3;
 
 }  // namespace cairn

@@ -6,54 +6,57 @@
 #include <optional>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/registration/result.hpp"
 
 namespace cairn {
 
-/// How to iterate. The defaults are the paper's.
+/// Options of icp(). The defaults are the paper's.
 struct IcpOptions {
-  Rigid3 initial = {};  ///< target_from_source to start from
-  std::size_t k = 5;  ///< candidates a point among which the most confident is matched; at least 1
-  int max_iterations = 150;  ///< at least 1; of a coarse_to_fine alignment, with each sample
-  /// Stop below this change of the mean squared match distance.
-  double mse_change_threshold = 1e-12;
-  /// Stop as soon as matches come back, when all that would follow is known (see MatchHistory). Without
-  /// it an alignment goes on, as PCL's does, until the change or the limit above ends it: in a limit
-  /// cycle at whichever of its poses the limit falls upon.
+  Rigid3 initial = {};  ///< initial target_from_source
+  /// nearest target points per source point, of which the most confident is matched; at least 1
+  std::size_t k = 5;
+  /// At least 1; per sample with coarse_to_fine.
+  int max_iterations = PclCriteria().max_iterations;
+  /// Stop if the mean squared match distance changes by less than this.
+  double mse_change_threshold = PclCriteria().mse_change_threshold;
+  /// Stop when the matches repeat, because all further iterations are then known (see MatchHistory). If
+  /// false, iterate until the change or the limit above ends it, as PCL does; in a limit cycle, the result
+  /// is then the pose at the limit.
   bool stop_at_repetition = true;
-  /// Align growing samples of both first (see align_samples): faster, and it may end at
-  /// another optimum than without.
+  /// Align growing samples of both sets first (see align_samples): faster; may converge to another optimum.
   bool coarse_to_fine = false;
   double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
-  bool reciprocal = false;        ///< keep only matches that hold both ways
-  double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
-  /// Weigh each match in the estimate by its source point's confidence (the paper does not).
+  bool reciprocal = false;                                        ///< keep only mutual matches
+  /// share of the matches to leave out, those with the largest distances; in [0, 1)
+  double trimmed_fraction = 0.0;
+  /// Weight each match in the estimate by its source point's confidence (the paper does not).
   bool weight_by_source_confidence = false;
-  /// Within which distance points count as overlapping; nothing: overlap is not computed.
+  /// A point overlaps if the other set has one within this distance. std::nullopt: no overlap is computed.
   std::optional<double> overlap_radius = {};
-  bool trace = false;  ///< keep score and matches of every iteration
+  bool trace = false;  ///< record score and matches of every iteration
 
   Execution execution = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// Aligns one set of points to another: the paper's ICP. Base if the target has no confidences,
-/// weighted if it has.
+/// Aligns one point set to another with the paper's ICP: base ICP if the target has no confidences, else
+/// weighted.
 ///
-/// An expected failure (an empty set, too few matches) is a status, not an exception. Same input, same
-/// result, whatever the executor's number of threads.
+/// An expected failure (an empty set, too few matches) is a status. The same input gives the same result
+/// for any number of threads.
 ///
-/// @throws Error (misuse) for invalid options, confidences whose number differs from the points', or
-///         positions or confidences that are not finite
+/// @throws Error (misuse) for invalid options, a wrong number of confidences, or positions or confidences
+///        that are not finite
 RegistrationResult icp(const PointSet& source, const PointSet& target,
                        const IcpOptions& options = {});
 
 /// Aligns two maps with the confidences of one metric.
-/// @param metric nothing: base ICP
-/// @throws Error also where a map lacks the metric's input
+/// @param metric std::nullopt: base ICP
+/// @throws Error also (input) if a map lacks the metric's input
 RegistrationResult icp(const LandmarkMap& source, const LandmarkMap& target,
                        const std::optional<Metric>& metric, const IcpOptions& options = {},
                        const PointSetOptions& point_options = {});

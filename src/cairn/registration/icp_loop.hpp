@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// One iteration as it was.
+/// Record of one iteration.
 struct Iteration {
   Rigid3 target_from_source;           ///< after the iteration's step
   double mean_squared_distance = 0.0;  ///< of its matches, before the step
@@ -20,7 +20,7 @@ struct Iteration {
 
 struct IcpRun {
   Rigid3 target_from_source;
-  int iterations = 0;  ///< steps made
+  int iterations = 0;  ///< number of steps
   StopReason stop_reason = StopReason::kTooFewMatches;
 };
 
@@ -30,12 +30,12 @@ inline double mean_squared_distance(std::span<const Match> matches) {
   return sum / static_cast<double>(matches.size());
 }
 
-/// Iterative closest point (Besl and McKay 1992), of any stages: assume matches, estimate the motion
-/// that brings them together, move the source, repeat.
+/// Iterative closest point (Besl and McKay 1992) with exchangeable stages: match, estimate the motion, move
+/// the source, repeat.
 ///
-/// @param source     points in the source frame
-/// @param initial    target_from_source to start from
-/// @param observe    called after each iteration; may be empty
+/// @param source   points in the source frame
+/// @param initial  initial target_from_source
+/// @param observe  called after each iteration; may be empty
 template <CorrespondenceSearch Correspondence, TransformEstimation Estimator,
           ConvergenceTest Convergence>
 IcpRun run_icp(std::span<const Eigen::Vector3d> source, const Rigid3& initial,

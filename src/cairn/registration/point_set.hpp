@@ -12,27 +12,27 @@
 
 namespace cairn {
 
-/// The points to align, and how far each is trusted.
+/// Points to align, with their confidences.
 struct PointSet {
   std::vector<Eigen::Vector3d> positions;
-  /// One a point, or empty: then the nearest point is always the match. A point whose confidence is
-  /// not positive is never chosen.
+  /// One per point, or empty: then the nearest point is always matched. A point with confidence 0 or less
+  /// is never matched.
   std::vector<double> confidences;
 };
 
 struct PointSetOptions {
-  /// Landmarks observed less often are left out, as the paper's authors do; of no effect on a map
-  /// that does not know its observations.
+  /// Leaves out landmarks with fewer observations, as the paper's authors do. No effect if the map has no
+  /// observations.
   std::size_t min_observations = 2;
 };
 
-/// The landmarks that take part in an alignment, in the order of their points: by ascending id.
+/// The landmarks that take part in an alignment, by ascending id.
 std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
                                               const PointSetOptions& options = {});
 
-/// The landmarks of a map as points, by ascending landmark id, so that ties between points resolve by
-/// id: point i is landmarks_to_align()[i].
-/// @param metric gives the confidences; nothing: none
+/// The landmarks of a map as points, by ascending landmark id, so that ties resolve by id: point i is
+/// landmarks_to_align()[i].
+/// @param metric gives the confidences; std::nullopt: none
 PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
                    const PointSetOptions& options = {});
 

@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// A batch for a NeighborSearch that has none of its own: one query after the other.
+/// A batch for a NeighborSearch without batches: one query after the other.
 template <NeighborSearch Search>
 class OneByOneBatch {
  public:
@@ -37,7 +37,7 @@ class OneByOneBatch {
   std::size_t count_;
 };
 
-/// For asking a search for the k nearest points of many queries, by its own batches if it has some:
+/// Asks a search for the k nearest points of many queries, with the search's own batches if it has them:
 /// see BatchSearch.
 template <NeighborSearch Search>
 auto query_batch(const Search& search, std::size_t k) {

@@ -5,8 +5,8 @@
 
 namespace cairn::report {
 
-/// What this program runs on; texts are empty where the system does not tell.
-/// @param threads that the work could use
+/// The machine that runs this program; texts are empty if the system does not provide them.
+/// @param threads available to the work
 Machine this_machine(unsigned threads);
 
 }  // namespace cairn::report

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <utility>
 
 #include <fmt/format.h>
@@ -14,7 +16,8 @@
 namespace cairn::report {
 namespace {
 
-constexpr std::size_t kMarksShown = 500;  // of one span; more cannot be told apart
+constexpr std::size_t kMarksShown = 500;  // of one span; more cannot be distinguished
+constexpr const char* kSinceStart = "Time since the session's first keyframe";
 
 std::string unit_of(LengthUnit unit) {
   return unit == LengthUnit::kMetres ? "m" : "map units";
@@ -157,21 +160,28 @@ Table maps_table(const Network& network) {
   return table;
 }
 
+// Rounded down as probability_text() does: 99.998 % is not 100 %.
+Scalar percent_of(const std::optional<double>& probability) {
+  if (!probability) return {};
+  constexpr double kRounding = 1e-6;
+  return std::min(99.99, std::floor(1e4 * *probability + kRounding) / 100.0);
+}
+
 Table links_table(const Network& network) {
   Table table;
   table.columns = {{"Target", std::nullopt, CellType::kText, std::nullopt},
                    {"Source", std::nullopt, CellType::kText, std::nullopt},
                    {"Probability", "%", CellType::kNumber, 2},
                    {"Use", std::nullopt, CellType::kText, std::nullopt},
-                   {"Off the poses", unit_of(network.length_unit), CellType::kNumber, 4},
-                   {"Off the poses", "°", CellType::kNumber, 3},
+                   {"Residual distance", unit_of(network.length_unit), CellType::kNumber, 4},
+                   {"Residual angle", "°", CellType::kNumber, 3},
                    {"Reason", std::nullopt, CellType::kText, std::nullopt}};
   for (const NetworkLink& link : network.links) {
     const auto number = [](const std::optional<double>& value, double factor) {
       return value ? Scalar(factor * *value) : Scalar();
     };
     table.rows.push_back({network.nodes[link.target].name, network.nodes[link.source].name,
-                          number(link.probability, 100.0), std::string(use_text(link.use)),
+                          percent_of(link.probability), std::string(use_text(link.use)),
                           number(link.residual, 1.0), number(link.residual_deg, 1.0),
                           link.reason.empty() ? Scalar() : Scalar(link.reason)});
   }
@@ -259,15 +269,44 @@ IntervalsChart residual_chart(const Network& network) {
 }
 
 SpansChart session_chart(std::span<const NetworkMap> maps) {
-  SpansChart chart;
-  chart.x_label = "Time";
+  struct Taken {
+    std::string row;
+    std::string name;
+    std::vector<double> times;
+  };
+  std::vector<Taken> all;
+  std::map<std::string, std::pair<double, double>> extents;  // of each row
   for (const NetworkMap& map : maps) {
     if (map.map == nullptr) continue;
-    const std::vector<double> times = times_of(*map.map);
+    std::vector<double> times = times_of(*map.map);
     if (times.empty()) continue;
-    const std::string row = map.session.empty() ? map.name : map.session;
-    chart.series.push_back(
-        {map.name, {{row, times.front(), times.back(), thinned(times, kMarksShown)}}});
+    const std::string& row = map.session.empty() ? map.name : map.session;
+    const auto [extent, is_new] = extents.try_emplace(row, times.front(), times.back());
+    extent->second.first = std::min(extent->second.first, times.front());
+    extent->second.second = std::max(extent->second.second, times.back());
+    all.push_back({row, map.name, std::move(times)});
+  }
+  double first = std::numeric_limits<double>::infinity();
+  double last = -first;
+  double longest = 0.0;
+  for (const auto& [row, extent] : extents) {
+    first = std::min(first, extent.first);
+    last = std::max(last, extent.second);
+    longest = std::max(longest, extent.second - extent.first);
+  }
+  // Days between sessions, or clocks with different starts, would shrink every bar to a line.
+  constexpr double kShortest = 0.02;
+  const bool common = longest == 0.0 || longest >= kShortest * (last - first);
+  SpansChart chart;
+  chart.x_label = common ? "Time" : kSinceStart;
+  for (Taken& taken : all) {
+    if (!common) {
+      const double start = extents.at(taken.row).first;
+      for (double& time : taken.times) time -= start;
+    }
+    chart.series.push_back({taken.name,
+                            {{taken.row, taken.times.front(), taken.times.back(),
+                              thinned(taken.times, kMarksShown)}}});
   }
   return chart;
 }
@@ -306,9 +345,15 @@ void add_network(Report& report, std::span<const NetworkMap> maps,
          .content = Chart(std::move(residuals))});
   }
   if (!sessions.series.empty()) {
+    std::string told = "When the keyframes of each map were taken.";
+    if (sessions.x_label == kSinceStart) {
+      told +=
+          " Each session starts at zero: the sessions are far apart in time, or their clocks "
+          "differ.";
+    }
     report.sections.push_back({.id = "sessions",
                                .title = "Sessions",
-                               .text = "When the keyframes of each map were taken.",
+                               .text = std::move(told),
                                .content = Chart(std::move(sessions))});
   }
   report.sections.push_back(

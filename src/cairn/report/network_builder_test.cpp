@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/report/network_builder.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -111,6 +115,67 @@ TEST(ResidualChart, LeavesOutLinksThatAloneSayWhereAMapIs) {
   const std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
   const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0), 1.0)};
   EXPECT_THAT(residual_chart(make_network(maps, edges)).series, IsEmpty());
+}
+
+// Keyframes one second apart.
+LandmarkMap map_from(double start_s, std::size_t frames) {
+  MapTables tables = std::move(synthetic_pair({}).target).tables();
+  for (std::size_t i = 0; i < tables.frames.timestamps_s.size(); ++i) {
+    tables.frames.timestamps_s[i] =
+        i < frames ? std::optional(start_s + static_cast<double>(i)) : std::nullopt;
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(SessionChart, KeepsOneClockUnlessABarWouldBeALine) {
+  const LandmarkMap first = map_from(1000.0, 11);
+  const LandmarkMap later = map_from(1100.0, 6);
+  const LandmarkMap other_clock = map_from(1.7e9, 6);
+  std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
+  maps[0].map = &first;
+  maps[1].map = &later;
+  SpansChart chart = session_chart(maps);
+  ASSERT_THAT(chart.series, SizeIs(2));
+  EXPECT_EQ(chart.series[0].spans[0].start, 1000.0);
+  EXPECT_EQ(chart.series[1].spans[0].end, 1105.0);
+  EXPECT_EQ(chart.x_label, "Time");
+
+  maps[1].map = &other_clock;
+  chart = session_chart(maps);
+  ASSERT_THAT(chart.series, SizeIs(2));
+  for (const SpanSeries& series : chart.series) EXPECT_EQ(series.spans[0].start, 0.0);
+  EXPECT_EQ(chart.series[0].spans[0].end, 10.0);
+  EXPECT_EQ(chart.series[1].spans[0].end, 5.0);
+  EXPECT_EQ(chart.series[1].spans[0].marks.back(), 5.0);
+  EXPECT_THAT(chart.x_label, HasSubstr("since the session's first keyframe"));
+  Report report;
+  report.title = "t";
+  add_network(report, maps, {});
+  const auto sessions = std::find_if(report.sections.begin(), report.sections.end(),
+                                     [](const Section& one) { return one.id == "sessions"; });
+  ASSERT_NE(sessions, report.sections.end());
+  EXPECT_THAT(*sessions->text, HasSubstr("Each session starts at zero"));
+
+  // Maps of one session keep their order in time.
+  maps[0].session = maps[1].session = "s";
+  maps[1].map = &later;
+  maps.push_back(placed("c", shift(2.0)));
+  maps[2].map = &other_clock;
+  chart = session_chart(maps);
+  EXPECT_EQ(chart.series[1].spans[0].start, 100.0);
+  EXPECT_EQ(chart.series[2].spans[0].start, 0.0);
+}
+
+TEST(LinksTable, DoesNotRoundAProbabilityUpTo100) {
+  Row row;
+  row.edges[0].probability = 0.99998;
+  Report report;
+  report.title = "t";
+  add_network(report, row.maps, row.edges);
+  const auto links = std::find_if(report.sections.begin(), report.sections.end(),
+                                  [](const Section& one) { return one.id == "links"; });
+  ASSERT_NE(links, report.sections.end());
+  EXPECT_EQ(std::get<Table>(links->content).rows[0][2], Scalar(99.99));
 }
 
 TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {

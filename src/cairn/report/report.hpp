@@ -15,12 +15,11 @@
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-/// What a report shows. The types mirror docs/report_format.md, which says what each field means to a
-/// reader; what is absent there is an empty optional, or an empty text or list, here. Texts may be any
-/// bytes: what is not UTF-8 is shown as U+FFFD.
+/// Content of a report. The types mirror docs/report_format.md, which defines each field for readers; a
+/// value absent there is an empty optional, text or list here. Invalid UTF-8 in texts is shown as U+FFFD.
 namespace cairn::report {
 
-/// Numbers too many for JSON, each list of the type it is stored in.
+/// A list of numbers that is too long for JSON, with its storage type.
 using Buffer =
     std::variant<std::vector<std::uint8_t>, std::vector<std::int8_t>, std::vector<std::uint16_t>,
                  std::vector<std::int16_t>, std::vector<std::uint32_t>, std::vector<std::int32_t>,
@@ -32,7 +31,7 @@ using Scalar = std::variant<std::monostate, double, std::string>;
 struct Machine {
   std::string system = {};
   std::string processor = {};
-  unsigned threads = 0;  ///< that the work could use
+  unsigned threads = 0;  ///< available to the work
 };
 
 struct Input {
@@ -42,7 +41,7 @@ struct Input {
   std::string details_json = {};  ///< any JSON; empty: none
 };
 
-/// How the results came to be.
+/// Origin of the results.
 struct Provenance {
   std::vector<std::string> command = {};
   std::optional<std::uint64_t> seed = {};
@@ -51,17 +50,17 @@ struct Provenance {
   std::string options_json = {};  ///< any JSON; empty: none
 };
 
-/// A number a landmark: offset + scale * stored; NaN where unknown.
+/// A number per landmark: offset + scale * stored; NaN if unknown.
 struct Column {
   std::string name = {};
-  std::string label = {};  ///< for people
+  std::string label = {};  ///< for display
   std::optional<std::string> unit = {};
   Buffer values = {};
   double scale = 1.0;
   double offset = 0.0;
 };
 
-/// The view of a camera as tangents of half its angles.
+/// Field of view of a camera, as tangents of its half-angles.
 struct Frustum {
   double half_width = 0.0;
   double half_height = 0.0;
@@ -70,11 +69,11 @@ struct Frustum {
 struct Frames {
   std::vector<Rigid3> world_from_camera = {};
   std::vector<std::uint64_t> ids = {};    ///< empty: 0, 1, ...
-  std::vector<double> timestamps_s = {};  ///< empty: unknown; else NaN where unknown
+  std::vector<double> timestamps_s = {};  ///< empty: unknown; else NaN if unknown
   std::optional<Frustum> frustum = {};
 };
 
-/// Landmarks to show; make_map() builds one of a LandmarkMap.
+/// Landmarks to show; make_map() builds it from a LandmarkMap.
 struct Map {
   std::string id = {};  ///< unique among the report's maps; lower-case letters, digits and '-'
   std::string name = {};
@@ -82,29 +81,29 @@ struct Map {
   std::size_t count = 0;
   std::array<double, 3> origin = {};                ///< position = origin + step * quantised
   std::array<double, 3> step = {1.0, 1.0, 1.0};     ///< in the map's unit of length
-  Buffer positions = std::vector<std::uint32_t>();  ///< u16 or u32, 3 a landmark
+  Buffer positions = std::vector<std::uint32_t>();  ///< u16 or u32, 3 per landmark
   std::vector<std::uint64_t> ids = {};              ///< empty: 0, 1, ...
   std::vector<Column> columns = {};
-  std::vector<std::uint8_t> colors = {};  ///< sRGB, 3 a landmark; empty: unknown
+  std::vector<std::uint8_t> colors = {};  ///< sRGB, 3 per landmark; empty: unknown
   std::optional<Frames> frames = {};
 };
 
-/// Which target landmark each source landmark was matched with, for each iteration: the first one in
-/// full, then what changed.
+/// Target landmark matched with each source landmark, per iteration: the first iteration in full, then the
+/// changes.
 struct Matches {
-  std::vector<std::int32_t> first = {};           ///< one a source landmark; -1: no match
+  std::vector<std::int32_t> first = {};           ///< one per source landmark; -1: no match
   std::vector<std::uint32_t> change_counts = {};  ///< one for each iteration from the second
   std::vector<std::uint32_t> changed = {};        ///< source landmarks
   std::vector<std::int32_t> targets = {};         ///< their new matches, or -1
 };
 
-/// One alignment; make_run() builds one of an RegistrationResult. Lists of numbers are empty where they are
-/// unknown altogether, and have one entry a pose otherwise, NaN where unknown.
+/// One alignment; make_run() builds it from a RegistrationResult. Lists of numbers are empty if unknown,
+/// else have one entry per pose, NaN if unknown.
 struct AlignmentRun {
   std::string name = {};
   std::vector<std::pair<std::string, Scalar>> summary = {};
   std::vector<Similarity3> target_from_source =
-      {};  ///< the initial pose, then that after each iteration
+      {};  ///< the initial pose, then the pose after each iteration
   std::vector<double> mean_squared_distance = {};
   std::vector<double> scores = {};
   std::vector<double> rotation_error_deg = {};
@@ -112,7 +111,7 @@ struct AlignmentRun {
   std::optional<Matches> matches = {};
 };
 
-/// The 3D view of one map, or of a source being aligned to a target.
+/// 3D view of one map, or of a source that is aligned to a target.
 struct Scene {
   std::optional<std::string> source = {};  ///< id of a map
   std::string target = {};                 ///< id of a map
@@ -123,7 +122,7 @@ struct Scene {
 
 enum class AxisScale { kLinear, kLog };
 
-/// A line across a chart, e.g. where success ends.
+/// A line across a chart, e.g. the success limit.
 struct Threshold {
   double value = 0.0;
   std::string label = {};
@@ -132,12 +131,12 @@ struct Threshold {
 struct Distribution {
   std::string name = {};
   std::vector<double> values = {};
-  std::vector<std::string> labels = {};  ///< one a value, or empty
+  std::vector<std::string> labels = {};  ///< one per value, or empty
 };
 
 enum class DistributionStyle { kViolin, kBox };
 
-/// Values side by side, as the paper's Figures 3 to 5.
+/// Distributions side by side, as in the paper's Figures 3 to 5.
 struct DistributionChart {
   DistributionStyle style = DistributionStyle::kViolin;
   std::string x_label = {};
@@ -151,7 +150,7 @@ struct Line {
   std::string name = {};
   std::vector<double> x = {};
   std::vector<double> y = {};
-  std::vector<double> low = {};   ///< lower ends of intervals; empty: none
+  std::vector<double> low = {};   ///< lower ends of the intervals; empty: none
   std::vector<double> high = {};  ///< upper ends
 };
 
@@ -166,18 +165,20 @@ struct LinesChart {
 
 struct HeatmapPanel {
   std::string name = {};
-  std::vector<std::vector<double>> values = {};  ///< row by row from the first y bin; NaN: no value
-  std::vector<std::vector<double>> counts = {};  ///< what each value is of; empty: unknown
+  std::vector<std::vector<double>> values = {};  ///< by row, from the first y bin; NaN: no value
+  std::vector<std::vector<double>> counts =
+      {};  ///< number of trials behind each value; empty: unknown
 };
 
 struct HeatmapChart {
   std::string x_label = {};
   std::string y_label = {};
   std::string value_label = {};
-  std::vector<double> x = {};  ///< ascending edges of the bins, one more than there are bins
+  std::vector<double> x = {};  ///< ascending bin edges, one more than bins
   std::vector<double> y = {};
   std::vector<HeatmapPanel> panels = {};
-  std::optional<std::array<double, 2>> range = {};  ///< of the colours; nothing: that of the values
+  std::optional<std::array<double, 2>> range =
+      {};  ///< of the colours; std::nullopt: that of the values
 };
 
 struct IntervalItem {
@@ -203,7 +204,7 @@ struct ScatterSeries {
   std::string name = {};
   std::vector<double> x = {};
   std::vector<double> y = {};
-  std::vector<std::string> labels = {};  ///< one a point, or empty
+  std::vector<std::string> labels = {};  ///< one per point, or empty
 };
 
 struct ScatterChart {
@@ -217,7 +218,7 @@ struct ScatterChart {
 };
 
 struct Span {
-  std::string name = {};  ///< spans of one name share a row
+  std::string name = {};  ///< spans with the same name share a row
   double start = 0.0;
   double end = 0.0;
   std::vector<double> marks = {};  ///< e.g. times of keyframes
@@ -228,7 +229,7 @@ struct SpanSeries {
   std::vector<Span> spans = {};
 };
 
-/// Bars over time, in seconds since 1970 or since any start.
+/// Bars over time, in seconds since 1970 or any other start.
 struct SpansChart {
   std::string x_label = {};
   std::vector<SpanSeries> series = {};
@@ -244,7 +245,7 @@ struct TableColumn {
   std::string name = {};
   std::optional<std::string> unit = {};
   CellType type = CellType::kText;
-  std::optional<int> digits = {};  ///< behind the point
+  std::optional<int> digits = {};  ///< after the decimal point
 };
 
 /// Which value of a column to mark.
@@ -252,34 +253,34 @@ enum class Best { kNone, kLow, kHigh };
 
 struct Table {
   std::vector<TableColumn> columns = {};
-  std::vector<std::vector<Scalar>> rows = {};  ///< one value a column each
-  std::vector<Best> best = {};                 ///< one a column, or empty
+  std::vector<std::vector<Scalar>> rows = {};  ///< one value per column each
+  std::vector<Best> best = {};                 ///< one per column, or empty
 };
 
 /// One of several maps.
 struct NetworkNode {
   std::string name = {};
-  std::optional<std::string> map = {};    ///< id of a map of the report: its landmarks are shown
+  std::optional<std::string> map = {};    ///< id of a map of the report, whose landmarks are shown
   std::string session = {};               ///< empty: unknown
   std::string reason = {};                ///< why it has no pose
-  std::optional<std::size_t> group = {};  ///< index of a NetworkGroup; nothing: no pose
+  std::optional<std::size_t> group = {};  ///< index of a NetworkGroup; std::nullopt: no pose
   std::size_t landmarks = 0;
   std::size_t keyframes = 0;
-  std::optional<std::size_t> fused = {};          ///< landmarks that another map has, too
+  std::optional<std::size_t> fused = {};          ///< landmarks that other maps have too
   Eigen::Vector3d centre = {0.0, 0.0, 0.0};       ///< of its landmarks, in its own frame
-  std::vector<Similarity3> group_from_node = {};  ///< one a stage if it has a group, else empty
+  std::vector<Similarity3> group_from_node = {};  ///< one per stage if it has a group, else empty
 };
 
-/// Maps that have poses in one frame.
+/// Maps with poses in one frame.
 struct NetworkGroup {
-  std::string frame = {};                  ///< name of the map whose frame it is
+  std::string frame = {};                  ///< name of the map with that frame
   std::optional<Eigen::Vector3d> up = {};  ///< unit vector in that frame
 };
 
 enum class LinkUse {
   kUsed,
-  kContradicted,  ///< aligned, but other links say otherwise
-  kUndecided,     ///< aligned, but no poses were found since
+  kContradicted,  ///< aligned, but other links contradict it
+  kUndecided,     ///< aligned, but not yet part of an optimisation
   kAmbiguous,
   kRejected,
 };
@@ -291,8 +292,8 @@ struct NetworkLink {
   std::string kind = {};  ///< e.g. "placement"
   std::optional<double> probability = {};
   std::string reason = {};
-  /// By how much the link disagrees with the poses: distance between where the two put the source's
-  /// centre, in the target's unit, and angle.
+  /// Residual of the link against the poses: distance between the places of the source's centre, in the
+  /// target's unit, and angle.
   std::optional<double> residual = {};
   std::optional<double> residual_deg = {};
 };
@@ -304,14 +305,13 @@ struct NetworkThing {
   std::size_t group = 0;
   Eigen::Vector3d low = {0.0, 0.0, 0.0};  ///< corners of its box, in the group's frame
   Eigen::Vector3d high = {0.0, 0.0, 0.0};
-  std::optional<std::array<Eigen::Vector3d, 2>> moved_to =
-      {};  ///< of a moved thing: the box it went to
+  std::optional<std::array<Eigen::Vector3d, 2>> moved_to = {};  ///< of a moved thing: its new box
 };
 
-/// Maps, how they lie to each other, and the links that say so: as graph, matrix and in 3D.
+/// Maps, their poses and links: as graph, matrix and in 3D.
 struct Network {
   LengthUnit length_unit = LengthUnit::kMetres;
-  std::vector<std::string> stages = {};  ///< at least one; names of the poses, the result last
+  std::vector<std::string> stages = {};  ///< at least one; names of the poses, the final ones last
   std::vector<NetworkGroup> groups = {};
   std::vector<NetworkNode> nodes = {};
   std::vector<NetworkLink> links = {};
@@ -332,14 +332,14 @@ struct Images {
   std::vector<Image> images = {};
 };
 
-/// A pose that was held against others, and what speaks for it.
+/// A candidate pose and its evidence.
 struct AnswerCandidate {
   Similarity3 target_from_source = {};
   double probability = 0.0;                 ///< that it is the right pose
   std::size_t matches = 0;                  ///< landmarks matched within AlignmentAnswer::radius
   double share = 0.0;                       ///< of the smaller map's landmarks that are matched
-  std::optional<double> contradicted = {};  ///< share of the lines of sight compared
-  /// Log-likelihood ratios against a wrong pose, by what gave them.
+  std::optional<double> contradicted = {};  ///< share of the compared lines of sight
+  /// Log-likelihood ratios versus a wrong pose, by source.
   std::vector<std::pair<std::string, double>> evidence = {};
 };
 
@@ -347,34 +347,34 @@ struct AnswerCandidate {
 struct PoseDeviations {
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< along x, y, z; the maps' unit
   Eigen::Vector3d rotation_deg = Eigen::Vector3d::Zero();  ///< about x, y, z; degrees
-  std::optional<double> log_scale = {};                    ///< where a scale was estimated
+  std::optional<double> log_scale = {};                    ///< if a scale was estimated
 };
 
-/// A small motion that the matches leave open; see OpenDirection.
+/// A small motion that the matches do not determine; see OpenDirection.
 struct AnswerDirection {
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   double log_scale = 0.0;
 };
 
-/// What one alignment came to.
+/// Result of one alignment.
 struct AlignmentAnswer {
-  std::string name = {};                ///< of its run
-  std::string status = {};              ///< the verdict's word or, unjudged, how the method ended
-  bool judged = false;                  ///< whether there is a verdict
+  std::string name = {};    ///< of its run
+  std::string status = {};  ///< name of the verdict or, if not judged, of the method's status
+  bool judged = false;      ///< whether there is a verdict
   std::optional<double> probability{};  ///< of the pose
   std::string reason = {};
-  std::optional<Similarity3> target_from_source = {};  ///< the best pose found, trusted or not
+  std::optional<Similarity3> target_from_source = {};  ///< the best pose, whatever the verdict
   std::optional<PoseDeviations> deviations = {};
   std::vector<AnswerDirection> open = {};
   std::vector<AnswerCandidate> candidates = {};  ///< likeliest first
-  std::optional<double> radius = {};             ///< within which landmarks count as matched
+  std::optional<double> radius = {};  ///< landmarks within this distance count as matched
 };
 
-/// What the alignments of a pair came to, before how they came to it.
+/// Results of a pair's alignments, shown before the details.
 struct Answer {
   LengthUnit length_unit = LengthUnit::kMetres;
-  std::optional<std::string> scene = {};  ///< id of the section that shows the poses in 3D
+  std::optional<std::string> scene = {};  ///< id of the section with the poses in 3D
   std::vector<AlignmentAnswer> alignments = {};
 };
 
@@ -384,13 +384,13 @@ struct Text {};
 struct Section {
   std::string id = {};  ///< unique among the report's sections; lower-case letters, digits and '-'
   std::string title = {};
-  std::optional<std::string> text = {};  ///< a paragraph; of Text, blank lines separate several
+  std::optional<std::string> text = {};  ///< a paragraph; in Text, blank lines separate paragraphs
   std::variant<Scene, Chart, Table, Images, Text, Network, Answer> content = Text();
 };
 
 struct Report {
   std::string title = {};
-  std::optional<std::string> subtitle = {};  ///< one sentence with the answer
+  std::optional<std::string> subtitle = {};  ///< one sentence with the result
   Provenance provenance = {};
   std::vector<Map> maps = {};
   std::vector<Section> sections = {};

@@ -15,46 +15,46 @@
 
 namespace cairn::report {
 
-/// The points that were aligned as landmarks of the report's maps: entry i is the position of point i
-/// in its Map. Matches of an RegistrationResult count points of a PointSet, which leaves landmarks out and has
-/// an order of its own.
+/// Aligned points as landmarks of the report's maps: entry i is the position of point i in its Map. Needed
+/// because matches of a RegistrationResult index points of a PointSet, which leaves out landmarks and has
+/// its own order.
 struct ShownPoints {
   std::size_t landmark_count = 0;               ///< of the Map
-  std::vector<std::uint32_t> landmarks = {};    ///< one a point
-  std::vector<Eigen::Vector3d> positions = {};  ///< one a point
+  std::vector<std::uint32_t> landmarks = {};    ///< one per point
+  std::vector<Eigen::Vector3d> positions = {};  ///< one per point
 
-  /// Of a map of which just what is aligned is shown, in the order of the PointSet: the Map is made
-  /// with MapOptions::landmarks = landmarks_to_align(map, options).
+  /// For a map that shows only the aligned landmarks, in the order of the PointSet: the Map is made with
+  /// MapOptions::landmarks = landmarks_to_align(map, options).
   static ShownPoints only_aligned(const LandmarkMap& map, const PointSetOptions& options);
-  /// Of a map that is shown with all its landmarks.
+  /// For a map that shows all its landmarks.
   static ShownPoints among_all(const LandmarkMap& map, const PointSetOptions& options);
 };
 
 struct RunOptions {
   std::string name = {};                  ///< e.g. "base"
-  Rigid3 initial = {};                    ///< target_from_source that the alignment started from
-  std::size_t k = 1;                      ///< candidates it chose among
-  std::optional<Similarity3> truth = {};  ///< true target_from_source: adds errors
-  /// What people read as its status; empty: the result's.
+  Rigid3 initial = {};                    ///< initial target_from_source
+  std::size_t k = 1;                      ///< candidates per match
+  std::optional<Similarity3> truth = {};  ///< true target_from_source; adds errors
+  /// Displayed status; empty: the result's.
   std::string status = {};
 };
 
-/// An alignment, iteration by iteration. With IcpOptions::trace it has the scores and matches of
-/// each; without, only those that the result holds.
-/// @throws Error (misuse) if a match names a point that is not there
+/// An alignment by iteration. Includes scores and matches of each with IcpOptions::trace, else only those
+/// in the result.
+/// @throws Error (misuse) if a match names a missing point
 AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
                       const ShownPoints& target, const RunOptions& options);
 
-/// The same coded as differences: `history` as match lists of points.
+/// Differential coding: `history` as match lists of points.
 Matches delta_coded(std::span<const IterationRecord> history, const ShownPoints& source,
                     const ShownPoints& target);
 
-/// How the score fell; of runs without scores the mean squared distance of their matches.
+/// Score by iteration; for runs without scores, the mean squared distance of their matches.
 LinesChart convergence_chart(std::span<const AlignmentRun> runs, LengthUnit unit);
-/// How the errors fell; `translation`: the centroid's displacement, else the rotation's angle. Of no
-/// series where no run knows the truth.
+/// Error by iteration: displacement of the centroid if `translation`, else angle of the rotation. No series
+/// if no run knows the truth.
 LinesChart error_chart(std::span<const AlignmentRun> runs, LengthUnit unit, bool translation);
-/// One row a run, from the summaries that make_run() gives.
+/// One row per run, from the summaries of make_run().
 Table run_table(std::span<const AlignmentRun> runs, LengthUnit unit);
 
 }  // namespace cairn::report

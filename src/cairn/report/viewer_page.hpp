@@ -5,12 +5,11 @@
 
 namespace cairn::report {
 
-/// Whether this build carries the viewer (CMake option CAIRN_WITH_VIEWER), without which no report can
-/// be written.
+/// Whether this build contains the viewer (CMake option CAIRN_WITH_VIEWER), which reports need.
 bool has_viewer();
 
-/// The viewer's page, to be given to write_report().
-/// @throws Error (misuse) if this build carries none
+/// The viewer's page, for write_report().
+/// @throws Error (misuse) if this build has none
 std::string_view viewer_page();
 
 }  // namespace cairn::report

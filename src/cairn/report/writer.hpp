@@ -9,14 +9,14 @@
 
 namespace cairn::report {
 
-/// Writes a report as one HTML page that needs nothing else (docs/report_format.md). Same report and
-/// page, same bytes.
-/// @param page the viewer: HTML in which `<!--CAIRN:TITLE-->` and `<!--CAIRN:DATA-->` each stand once
-/// @throws Error (input) if the page's marks are not there; (misuse) naming the part of the report that
-///         breaks what report.hpp states: ids, sizes, maps that scenes name
+/// Writes a report as one self-contained HTML page (docs/report_format.md). The same report and page give
+/// the same bytes.
+/// @param page the viewer: HTML that contains `<!--CAIRN:TITLE-->` and `<!--CAIRN:DATA-->` once each
+/// @throws Error (input) if the page lacks a mark; (misuse) naming the part of the report that is invalid
+///        by report.hpp: ids, sizes, maps named by scenes
 void write_report(const Report& report, std::string_view page, const ByteSink& sink);
 
-/// Writes a report with this build's viewer as a file: the whole of it, or nothing.
+/// Writes a report with this build's viewer to a file, atomically.
 /// @throws Error (misuse) if this build has no viewer; also as write_report and write_file
 void save_report(const Report& report, const std::filesystem::path& path);
 

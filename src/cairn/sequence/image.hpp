@@ -8,8 +8,7 @@
 
 namespace cairn {
 
-/// An image in memory: rows from the top, pixels of a row from the left, the channels of a pixel
-/// together, without gaps.
+/// An image in memory: rows from the top, pixels from the left, channels interleaved, without padding.
 template <class T, std::size_t kChannels = 1>
 struct Image {
   static constexpr std::size_t kPixelValues = kChannels;
@@ -19,7 +18,7 @@ struct Image {
       : width(image_width),
         height(image_height),
         values(std::size_t{image_width} * image_height * kChannels, value) {}
-  /// @param image_values width x height x kChannels of them; consistent() says whether they are
+  /// @param image_values width x height x kChannels values; consistent() checks that
   Image(std::uint32_t image_width, std::uint32_t image_height, std::vector<T> image_values)
       : width(image_width), height(image_height), values(std::move(image_values)) {}
 
@@ -30,7 +29,7 @@ struct Image {
   bool empty() const { return values.empty(); }
   bool consistent() const { return values.size() == std::size_t{width} * height * kChannels; }
 
-  /// The first value of a pixel, which is in the image.
+  /// First channel of a pixel within the image.
   const T& at(std::size_t column, std::size_t row) const {
     return values[(row * width + column) * kChannels];
   }
@@ -46,7 +45,7 @@ bool same_size(const Image<A, kOfA>& a, const Image<B, kOfB>& b) {
 
 using GrayImage = Image<std::uint8_t>;
 using ColorImage = Image<std::uint8_t, 3>;      ///< blue, green, red
-using StoredDepthImage = Image<std::uint16_t>;  ///< in the units of its file; 0 where unknown
-using DepthImage = Image<float>;                ///< metres; 0 where unknown
+using StoredDepthImage = Image<std::uint16_t>;  ///< in the units of its file; 0 if unknown
+using DepthImage = Image<float>;                ///< metres; 0 if unknown
 
 }  // namespace cairn

@@ -13,11 +13,11 @@
 
 namespace cairn {
 
-/// One moment of an RGB-D sequence, as files.
+/// The files of one frame of an RGB-D sequence.
 struct SequenceFrame {
   double timestamp_s = 0.0;  ///< of the colour image
   std::filesystem::path color;
-  std::optional<std::filesystem::path> depth;  ///< nothing if no depth image is near in time
+  std::optional<std::filesystem::path> depth;  ///< std::nullopt if no depth image is near in time
 };
 
 struct SequenceOptions {
@@ -28,11 +28,11 @@ struct SequenceOptions {
   void validate() const;
 };
 
-/// An RGB-D sequence on disk in the layout of the TUM benchmark: rgb.txt, depth.txt and the images
-/// they name. Holds the lists; images are read one by one.
+/// An RGB-D sequence on disk in the layout of the TUM benchmark: rgb.txt, depth.txt and the images that
+/// they list. Holds the lists; reads images one by one.
 class RgbdSequence {
  public:
-  /// @throws Error (input) naming file, line and field where the lists are unreadable
+  /// @throws Error (input) naming file, line and field if the lists cannot be read
   explicit RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
                         const LogSink& log = {});
 
@@ -47,8 +47,8 @@ class RgbdSequence {
     DepthImage depth;  ///< empty if the frame has none
   };
   /// Thread-safe.
-  /// @throws Error (input) naming the file: missing, cut off, damaged, colour and depth of different
-  ///         sizes
+  /// @throws Error (input) naming the file: missing, truncated, damaged, or colour and depth of different
+  ///        sizes
   Images read(std::size_t frame) const;
 
  private:

@@ -10,10 +10,10 @@
 
 namespace cairn {
 
-/// How colour images are stored.
+/// Format of colour images.
 enum class ColorFormat {
-  kPng,   ///< exactly
-  kJpeg,  ///< at quality 95: several times faster to write and smaller
+  kPng,   ///< lossless
+  kJpeg,  ///< quality 95: several times faster to write and smaller
 };
 
 struct SequenceWriterOptions {
@@ -24,13 +24,13 @@ struct SequenceWriterOptions {
   void validate() const;
 };
 
-/// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written as they come; the
-/// lists by finish(), so that an unfinished folder is not taken for a sequence. What an unfinished
-/// writer wrote goes with it.
+/// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
+/// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
+/// removes what it wrote.
 class SequenceWriter {
  public:
-  /// Makes the folder.
-  /// @throws Error (storage) if it cannot be made, (misuse) if it holds a sequence already
+  /// Creates the folder.
+  /// @throws Error (storage) if it cannot be created, (misuse) if it holds a sequence
   explicit SequenceWriter(const std::filesystem::path& folder,
                           const SequenceWriterOptions& options = {});
   ~SequenceWriter();
@@ -38,9 +38,9 @@ class SequenceWriter {
   SequenceWriter& operator=(const SequenceWriter&) = delete;
 
   /// Thread-safe: frames may come in any order, and several at once.
-  /// @param depth_m of the colour image's size; what is not finite is no reading either
-  /// @throws Error (storage) naming the file; (misuse) for images that do not go together or a
-  ///         timestamp that was there before, to the microsecond
+  /// @param depth_m of the colour image's size; values that are not finite count as no reading
+  /// @throws Error (storage) naming the file; (misuse) for images of different sizes, or a timestamp that
+  ///        was added before, to the microsecond
   void add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m);
   /// Writes the lists, in the order of time.
   void finish();
@@ -55,7 +55,7 @@ class SequenceWriter {
 
   std::filesystem::path folder_;
   SequenceWriterOptions options_;
-  std::vector<std::filesystem::path> made_;  // folders that were not there before, innermost first
+  std::vector<std::filesystem::path> made_;  // created folders, innermost first
   std::mutex mutex_;
   std::vector<Entry> entries_;
   bool finished_ = false;

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// Which place is simulated.
+/// The simulated place.
 enum class EnvironmentKind {
   kDesk,  ///< two desks back to back in a small office; layout 1 fits the frame of TUM's fr1/desk2
   kOffice,     ///< an open-plan office of six workplaces
@@ -32,20 +32,21 @@ std::vector<std::string_view> environment_names();
 
 struct EnvironmentOptions {
   EnvironmentKind kind = EnvironmentKind::kDesk;
-  std::uint64_t seed = 1;         ///< of the place: objects and textures
-  std::uint64_t session = 0;      ///< which objects moved, and where to
-  double changed_fraction = 0.0;  ///< share of the movable objects that moved or went; 0 to 1
-  double texture_scale = 1.0;     ///< factor on the resolution of textures; 0.01 to 2
-  /// Of rooms and furniture: where they stand and how large they are. 1 is the plan as drawn, others
-  /// are stretched, may be mirrored and have furniture of other sizes. The seed's own if none is given.
-  /// Places of one layout and different seeds are twins: alike in plan, not in objects and textures.
+  std::uint64_t seed = 1;     ///< of the place: objects and textures
+  std::uint64_t session = 0;  ///< selects the moved objects and their new places
+  double changed_fraction =
+      0.0;                     ///< share of the movable objects that are moved or removed; 0 to 1
+  double texture_scale = 1.0;  ///< factor on the resolution of textures; 0.01 to 2
+  /// Layout of rooms and furniture: positions and sizes. 1 is the designed plan; others are stretched,
+  /// possibly mirrored, and have furniture of other sizes. std::nullopt: from the seed. Places with one
+  /// layout and different seeds have the same plan, but other objects and textures.
   std::optional<std::uint64_t> layout = std::nullopt;
 
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// Where a camera stands and what it looks at; world frame, metres.
+/// Position of a camera and the point it looks at; world frame, metres.
 struct Viewpoint {
   Eigen::Vector3d position;
   Eigen::Vector3d target;
@@ -53,8 +54,8 @@ struct Viewpoint {
 
 /// Where a camera has room to move.
 struct CameraStage {
-  std::vector<Viewpoint> sweep;       ///< to go through in order, and back
-  Eigen::Vector3d orbit_target;       ///< to go around, looking at it
+  std::vector<Viewpoint> sweep;       ///< visited in order, and back
+  Eigen::Vector3d orbit_target;       ///< centre of the orbit, which the camera looks at
   double orbit_radius_m = 1.0;        ///< about the vertical through the target
   double orbit_height_m = 1.5;        ///< above the floor
   std::vector<Eigen::Vector3d> walk;  ///< corners of a closed round, at eye level
@@ -65,10 +66,10 @@ struct Environment {
   CameraStage stage;
 };
 
-/// Builds a place. Its world frame has z up and the floor at z = 0; it is the same for all sessions
-/// with one kind, seed and layout, and so is everything that did not move. Of the movable objects the share
-/// asked for, rounded, stands elsewhere on the same desk, shelf or floor, or is gone where there was
-/// no free spot. Same options, same scene.
+/// Builds a place. Its world frame has z up and the floor at z = 0. The frame and all unmoved objects are
+/// the same for all sessions of one kind, seed and layout. The requested share of the movable objects,
+/// rounded, is moved on the same desk, shelf or floor, or removed if there is no free spot. The same
+/// options give the same scene.
 Environment make_environment(const EnvironmentOptions& options,
                              const Executor& executor = Executor());
 

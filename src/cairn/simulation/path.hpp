@@ -11,11 +11,11 @@
 
 namespace cairn {
 
-/// How a simulated camera moves.
+/// Motion of a simulated camera.
 enum class PathKind {
-  kSweep,  ///< held in the hand, along the environment's viewpoints, to and fro
+  kSweep,  ///< handheld, along the environment's viewpoints, back and forth
   kOrbit,  ///< around the environment's centre, looking at it
-  kWalk,   ///< at a walking pace along the environment's round, looking ahead and to the sides
+  kWalk,   ///< at walking pace along the environment's round, looking ahead and to the sides
 };
 
 /// "sweep", "orbit" or "walk".
@@ -24,33 +24,33 @@ PathKind path_kind(std::string_view name);
 
 struct PathOptions {
   PathKind kind = PathKind::kSweep;
-  std::uint64_t seed = 1;     ///< where it starts, how it deviates, how the hand trembles
+  std::uint64_t seed = 1;     ///< of start, deviations and shake
   std::size_t frames = 300;   ///< 1 to a million
-  double rate_hz = 30.0;      ///< frames a second; 0.1 to 1000
-  double pace = 1.0;          ///< factor on the speed; 0.01 to 5
-  double shake = 1.0;         ///< factor on the trembling of the hand; 0 to 5
-  double clearance_m = 0.15;  ///< least distance of the camera from anything; 0 to 1
+  double rate_hz = 30.0;      ///< frames per second; 0.1 to 1000
+  double pace = 1.0;          ///< speed factor; 0.01 to 5
+  double shake = 1.0;         ///< factor on the shake of the hand; 0 to 5
+  double clearance_m = 0.15;  ///< least distance of the camera from any surface; 0 to 1
 
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// A path through an environment: poses world_from_camera (x right, y down, z forward) at times
-/// 0, 1 / rate, ... in whole microseconds. It never comes nearer to a surface than `clearance_m`, at
-/// its poses and halfway between two.
+/// A path through an environment: poses world_from_camera (x right, y down, z forward) at times 0, 1 /
+/// rate, ... in whole microseconds. Keeps `clearance_m` from all surfaces, at its poses and halfway between
+/// them.
 /// @throws Error (misuse) if no such path was found
 Trajectory make_path(const Environment& environment, const PathOptions& options = {});
 
-/// Pose at a time, between two poses of the trajectory: linear in position, the shortest turn in
-/// rotation; before the first and after the last pose, that pose. The trajectory must not be empty.
+/// Pose at a time, interpolated (linear position, shortest rotation); before the first and after the last
+/// pose, that pose. The trajectory must not be empty.
 Rigid3 pose_at(const Trajectory& trajectory, double timestamp_s);
 
-/// The poses of a trajectory at an even rate from its start.
-/// @param frames at most this many; 0: to the trajectory's end
+/// The poses of a trajectory at a constant rate from its start.
+/// @param frames upper bound; 0: to the trajectory's end
 /// @throws Error (misuse) for an empty trajectory or a rate that is not positive
 Trajectory resampled(const Trajectory& trajectory, double rate_hz, std::size_t frames = 0);
 
-/// Pose of a camera that looks at a point, upright: its x axis is level.
+/// Upright pose of a camera that looks at a point: its x axis is horizontal.
 Rigid3 looking_at(const Eigen::Vector3d& position, const Eigen::Vector3d& target);
 
 }  // namespace cairn

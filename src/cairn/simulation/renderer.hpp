@@ -12,47 +12,46 @@
 
 namespace cairn {
 
-/// What an ideal camera sees: no noise, no limits. Row by row from the top left.
+/// Image of an ideal camera, without noise or limits. Row by row from the top left.
 struct RenderedFrame {
   std::uint32_t width = 0;
   std::uint32_t height = 0;
-  /// Blue, green, red of each pixel, kLightPerLevel units to a grey level of an 8-bit image. May go
-  /// beyond white (255 levels).
+  /// Blue, green, red of each pixel, kLightPerLevel units per grey level of an 8-bit image. May exceed
+  /// white (255 levels).
   std::vector<std::uint16_t> bgr;
-  /// Along the optical axis, metres; 0 where nothing is.
+  /// Along the optical axis, metres; 0 if no surface is hit.
   std::vector<float> depth_m;
-  /// Cosine of the angle between the line of sight and the surface's normal, 0 where nothing is.
+  /// Cosine of the angle between the line of sight and the surface's normal; 0 if no surface is hit.
   std::vector<float> facing;
 
   static constexpr int kLightPerLevel = 64;
 };
 
-/// A line of sight for each pixel of a camera: (x, y, 1) in camera coordinates, x right, y down, z
-/// forward, such that the point x·z, y·z, z appears at the pixel's centre.
+/// A line of sight for each pixel of a camera: the (x, y, 1) in camera coordinates, x right, y down, z
+/// forward, for which (x·z, y·z, z) projects to the pixel's centre.
 struct RayTable {
   std::vector<float> x;
   std::vector<float> y;
 };
 
-/// Inverts the camera's projection, distortion included, to 1e-9 of the image plane.
-/// @throws Error (misuse) for a camera with a defect, or naming the pixel where its distortion cannot
-///         be inverted
+/// Inverts the camera's projection, including distortion, to 1e-9 of the image plane.
+/// @throws Error (misuse) for a defective camera, or naming a pixel where its distortion cannot be inverted
 RayTable ray_table(const Camera& camera);
 
 struct RendererOptions {
-  /// Grid of the light that is worked out beforehand on each surface, metres; 0.01 to 1.
+  /// Grid of the precomputed light on each surface, metres; 0.01 to 1.
   double light_grid_m = 0.08;
-  /// Averages four lines of sight in pixels where an edge runs through; else each pixel is its centre.
+  /// Averages four lines of sight in pixels with an edge; if false, each pixel uses its centre.
   bool smooth_edges = true;
 
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// Renders a scene by casting a ray through each pixel (Embree). Light is worked out once: of the
-/// lights, with soft shadows, and of the surroundings, darker in corners; surfaces are matt. The
-/// same picture for any number of threads. Another kind of processor may round otherwise: depth agrees
-/// to 1e-6 of itself, and a pixel on an edge may fall to the other side.
+/// Renders a scene by casting a ray through each pixel (Embree). Precomputes the light: from the lights,
+/// with soft shadows, and from the surroundings, darker in corners; surfaces are matt. The image is the
+/// same for any number of threads. Other processors may round differently: depth then agrees to a relative
+/// 1e-6, and a pixel on an edge may differ.
 class Renderer {
  public:
   /// @throws Error (misuse) for a scene that is not valid

@@ -13,19 +13,19 @@
 
 namespace cairn {
 
-/// A flat piece of a scene with a picture on it. Its points are origin + s·edge_u + t·edge_v, s and
-/// t in [0, 1]; seen from the front, s goes to the right and t down.
+/// A flat part of a scene with a texture. Its points are origin + s·edge_u + t·edge_v, s and t in [0, 1];
+/// seen from the front, s increases to the right and t downwards.
 struct Surface {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world frame, metres
   Eigen::Vector3d edge_u = Eigen::Vector3d::UnitX();
-  Eigen::Vector3d edge_v = Eigen::Vector3d::UnitY();  ///< at a right angle to edge_u
+  Eigen::Vector3d edge_v = Eigen::Vector3d::UnitY();  ///< orthogonal to edge_u
   /// Corners (s, t) of a convex outline, in order; empty: the whole rectangle.
   std::vector<std::array<double, 2>> outline;
-  std::uint32_t texture = 0;  ///< of Scene::textures
+  std::uint32_t texture = 0;  ///< index in Scene::textures
   /// The part of the texture that covers the rectangle: left, top, right, bottom, each in [0, 1].
   std::array<double, 4> region = {0.0, 0.0, 1.0, 1.0};
-  std::uint32_t object = 0;  ///< of Scene::objects
-  bool emits_light = false;  ///< a screen or a lamp: as bright in the shade
+  std::uint32_t object = 0;  ///< index in Scene::objects
+  bool emits_light = false;  ///< a screen or a lamp: not darkened by shade
 
   /// Unit vector to the front.
   Eigen::Vector3d normal() const { return edge_v.cross(edge_u).normalized(); }
@@ -34,15 +34,15 @@ struct Surface {
   std::vector<Eigen::Vector3d> corners() const;
 };
 
-/// A thing in a scene.
+/// An object in a scene.
 struct SceneObject {
-  std::string name;          ///< what it is, e.g. "cup"
-  Rigid3 world_from_object;  ///< where it is
-  bool movable = false;      ///< may stand elsewhere in another session
-  bool moved = false;        ///< stands elsewhere than in the scene without changes
+  std::string name;          ///< kind, e.g. "cup"
+  Rigid3 world_from_object;  ///< its pose
+  bool movable = false;      ///< may be moved in another session
+  bool moved = false;        ///< differs from the scene without changes
 };
 
-/// A light on or below the ceiling, a rectangle that shines down.
+/// A rectangular light on or below the ceiling that shines downwards.
 struct AreaLight {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double width_m = 0.6;   ///< along x
@@ -50,16 +50,16 @@ struct AreaLight {
   double power = 1.0;     ///< brightness of a white surface 1 m below a small light
 };
 
-/// All that can be seen. The world's z axis points up.
+/// All visible content. The world's z axis points up.
 struct Scene {
   std::vector<Texture> textures;
   std::vector<SceneObject> objects;
   std::vector<Surface> surfaces;
   std::vector<AreaLight> lights;
-  double ambient = 0.5;  ///< brightness of a white surface in the open, without the lights
+  double ambient = 0.5;  ///< brightness of an unobstructed white surface, without the lights
 
-  /// @throws Error (misuse) naming the surface and what is wrong with it: a texture or object that
-  ///         is not there, no area, edges not at a right angle, an outline of fewer than 3 corners
+  /// @throws Error (misuse) naming the surface and its defect: a missing texture or object, no area, edges
+  ///        that are not orthogonal, an outline with fewer than 3 corners
   void validate() const;
 
   /// Distance from a point to the nearest surface; infinite in an empty scene.

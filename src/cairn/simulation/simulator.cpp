@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/simulation/simulator.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include <fmt/format.h>
@@ -46,6 +47,10 @@ void SimulatorOptions::validate() const {
     throw Error(ErrorKind::kMisuse, "SimulatorOptions.shutter_s", fmt::format("{}", shutter_s),
                 "0 to 1");
   }
+  if (!(readout_s >= 0.0 && readout_s <= 1.0)) {
+    throw Error(ErrorKind::kMisuse, "SimulatorOptions.readout_s", fmt::format("{}", readout_s),
+                "0 to 1");
+  }
   if (blur_samples < 2 || blur_samples > 100) {
     throw Error(ErrorKind::kMisuse, "SimulatorOptions.blur_samples",
                 fmt::format("{}", blur_samples), "2 to 100");
@@ -59,21 +64,57 @@ RgbdSimulator::RgbdSimulator(Scene scene, Trajectory trajectory, const Simulator
       rays_(ray_table(options.camera)),
       renderer_(std::move(scene), options.renderer, executor) {}
 
+// With a rolling shutter few rows at a time, each from where the camera is then.
+RenderedFrame RgbdSimulator::picture_at(double timestamp_s, const Executor& executor) const {
+  const Camera& camera = options_.camera;
+  if (options_.readout_s <= 0.0) {
+    return renderer_.render(camera, rays_, pose_at(trajectory_, timestamp_s), executor);
+  }
+  constexpr std::uint32_t kRows = 4;
+  constexpr std::uint32_t kMargin = 1;  // an edge is found by the rows beside it
+  RenderedFrame whole;
+  whole.width = camera.width;
+  whole.height = camera.height;
+  for (std::uint32_t first = 0; first < camera.height; first += kRows) {
+    const std::uint32_t last = std::min(first + kRows, camera.height);
+    const std::uint32_t from = first - std::min(first, kMargin);
+    const std::uint32_t to = std::min(last + kMargin, camera.height);
+    Camera band = camera;
+    band.height = to - from;
+    const auto part = [&](const auto& values, std::size_t begin, std::size_t end,
+                          std::size_t each) {
+      const auto row = static_cast<std::ptrdiff_t>(each * camera.width);
+      return std::vector(values.begin() + static_cast<std::ptrdiff_t>(begin) * row,
+                         values.begin() + static_cast<std::ptrdiff_t>(end) * row);
+    };
+    const RayTable rays{part(rays_.x, from, to, 1), part(rays_.y, from, to, 1)};
+    const double share = 0.5 * (first + last) / camera.height - 0.5;
+    const RenderedFrame rows = renderer_.render(
+        band, rays, pose_at(trajectory_, timestamp_s + share * options_.readout_s), executor);
+    const auto append = [&](auto& all, const auto& values, std::size_t each) {
+      const auto inner = part(values, first - from, last - from, each);
+      all.insert(all.end(), inner.begin(), inner.end());
+    };
+    append(whole.bgr, rows.bgr, 3);
+    append(whole.depth_m, rows.depth_m, 1);
+    append(whole.facing, rows.facing, 1);
+  }
+  return whole;
+}
+
 RgbdFrame RgbdSimulator::frame(std::size_t index, const Executor& executor) const {
   if (index >= trajectory_.size()) {
     throw Error(ErrorKind::kMisuse, "RgbdSimulator::frame", fmt::format("frame {}", index),
                 fmt::format("less than {}", trajectory_.size()));
   }
   const TimedPose& pose = trajectory_.poses()[index];
-  RenderedFrame picture =
-      renderer_.render(options_.camera, rays_, pose.world_from_camera, executor);
+  RenderedFrame picture = picture_at(pose.timestamp_s, executor);
   if (options_.shutter_s > 0.0) {
     std::vector<std::uint32_t> sum(picture.bgr.size(), 0);
     const auto samples = static_cast<std::uint32_t>(options_.blur_samples);
     for (std::uint32_t k = 0; k < samples; ++k) {
       const double offset = options_.shutter_s * ((k + 0.5) / samples - 0.5);
-      const RenderedFrame part = renderer_.render(
-          options_.camera, rays_, pose_at(trajectory_, pose.timestamp_s + offset), executor);
+      const RenderedFrame part = picture_at(pose.timestamp_s + offset, executor);
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += part.bgr[i];
     }
     for (std::size_t i = 0; i < sum.size(); ++i) {

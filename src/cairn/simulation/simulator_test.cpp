@@ -114,6 +114,31 @@ TEST(RgbdSimulator, MotionBlurSmoothsTheImageButNotTheDepth) {
   EXPECT_LT(roughness(blurred), 0.95 * roughness(sharp));
 }
 
+// Rows are rendered four at a time, from where the camera is at the middle of the four.
+TEST(RgbdSimulator, ARollingShutterTakesRowsOneAfterTheOther) {
+  SimulatorOptions options = small();
+  options.readout_s = 0.1;
+  const RgbdSimulator rolling = desk(options);
+  const RgbdFrame frame = rolling.frame(3);
+  const auto still_at = [&](double time) {
+    return RgbdSimulator(rolling.scene(), Trajectory({{time, pose_at(rolling.trajectory(), time)}}),
+                         small())
+        .frame(0)
+        .exact_depth_m;
+  };
+  constexpr std::size_t kBand = 4 * 80;  // pixels
+  for (const std::size_t first : {0U, 28U, 56U}) {
+    const double share = (static_cast<double>(first) + 2.0) / 60.0 - 0.5;
+    const auto still = still_at(frame.timestamp_s + share * options.readout_s);
+    std::size_t same = 0;
+    for (std::size_t i = first * 80; i < first * 80 + kBand; ++i) {
+      same += std::abs(frame.exact_depth_m[i] - still[i]) < 1e-5F ? 1 : 0;
+    }
+    EXPECT_GT(same, kBand * 98 / 100) << "row " << first;
+  }
+  EXPECT_NE(frame.exact_depth_m, still_at(frame.timestamp_s));
+}
+
 TEST(RgbdSimulator, RefusesNonsenseByName) {
   const auto refused = [](const SimulatorOptions& options, const char* field) {
     try {
@@ -126,6 +151,9 @@ TEST(RgbdSimulator, RefusesNonsenseByName) {
   SimulatorOptions options = small();
   options.shutter_s = -1.0;
   refused(options, "SimulatorOptions.shutter_s");
+  options = small();
+  options.readout_s = 1.5;
+  refused(options, "SimulatorOptions.readout_s");
   options = small();
   options.blur_samples = 1;
   refused(options, "SimulatorOptions.blur_samples");

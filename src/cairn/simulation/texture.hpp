@@ -7,14 +7,14 @@
 
 namespace cairn {
 
-/// A picture on a surface, with its mip levels: each half the size of the one before, so that a
-/// surface seen from afar is averaged and does not flicker from frame to frame.
+/// An image on a surface with its mip levels, each half the size of the previous, so that distant surfaces
+/// are averaged and do not flicker.
 ///
-/// A texel is 0x00RRGGBB, 8 bits a channel. Row by row from the top left.
+/// A texel is 0x00RRGGBB, 8 bits per channel. Row by row from the top left.
 class Texture {
  public:
-  /// @param texels width * height of them
-  /// @throws Error (misuse) if that is not so, or a side is 0 or more than 8192
+  /// @param texels width * height values
+  /// @throws Error (misuse) for another number of texels, or a side of 0 or more than 8192
   Texture(std::uint32_t width, std::uint32_t height, std::vector<std::uint32_t> texels);
 
   std::uint32_t width() const { return levels_.front().width; }
@@ -22,10 +22,10 @@ class Texture {
   std::size_t levels() const { return levels_.size(); }
   const std::vector<std::uint32_t>& texels() const { return levels_.front().texels; }
 
-  /// Colour at a point, linear between texels; halfway between two mip levels it passes from one to
-  /// the other. What is outside takes the colour of the border.
-  /// @param u,v   in texels of level 0 from the texture's corner: the first texel's centre is 0.5
-  /// @param level 0 and up, fractional; beyond the last level it is the last
+  /// Colour at a point: bilinear between texels, and linear between mip levels. Outside points take the
+  /// colour of the border.
+  /// @param u,v   in texels of level 0 from the texture's corner; the first texel's centre is 0.5
+  /// @param level 0 and up, fractional; clamped to the last level
   std::uint32_t sample(float u, float v, float level) const;
 
  private:

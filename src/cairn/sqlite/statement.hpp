@@ -19,11 +19,11 @@ struct StatementHandle;
 
 enum class ColumnType { kInteger, kReal, kText, kBlob, kNull };
 
-/// "integer" and so on.
+/// "integer" etc.
 std::string_view to_string(ColumnType type);
 
-/// A compiled statement: parameters are bound, rows stepped through, columns read. Parameters count from 1
-/// as SQL's "?1", columns from 0.
+/// A compiled statement: bind parameters, step through rows, read columns. Parameters count from 1, like
+/// SQL's "?1", columns from 0.
 class Statement {
  public:
   Statement(Statement&&) noexcept;
@@ -49,7 +49,7 @@ class Statement {
   Statement& bind(int parameter, const std::optional<Value>& value) {
     return value ? bind(parameter, *value) : bind(parameter, nullptr);
   }
-  /// Starts anew with these as parameters 1, 2, ...; those not given are NULL.
+  /// Restarts with these as parameters 1, 2, ...; others are NULL.
   template <class... Values>
   Statement& bind_all(const Values&... values) {
     reset();
@@ -58,11 +58,11 @@ class Statement {
     return *this;
   }
 
-  /// To the next row. @return false at the end, and then the statement is ready to run again.
+  /// Moves to the next row. @return false at the end; the statement can then run again.
   bool step();
-  /// Back to before the first row, without parameters.
+  /// Returns to before the first row and clears the parameters.
   void reset();
-  /// bind_all() and to the end.
+  /// bind_all(), then runs to the end.
   template <class... Values>
   void run(const Values&... values) {
     bind_all(values...);
@@ -71,17 +71,17 @@ class Statement {
   }
 
   int column_count() const;
-  /// As the statement names it.
+  /// Name of the column in the statement.
   std::string column_name(int column) const;
   ColumnType type(int column) const;
   bool is_null(int column) const { return type(column) == ColumnType::kNull; }
 
-  // Of the current row. A value of another type throws an Error (input) that names file, column, what was
-  // found and what was expected. Text and blobs are valid until the next step(), reset() or end.
+  // Columns of the current row. A value of another type throws Error (input) naming file, column, value and
+  // constraint. Text and blobs are valid until the next step(), reset() or the end.
   std::int64_t integer(int column) const;
   /// @throws Error (input) also for an integer below 0
   std::uint64_t unsigned_integer(int column) const;
-  /// An integer counts as a real number.
+  /// Accepts an integer as a real number.
   double real(int column) const;
   std::string_view text(int column) const;
   std::span<const std::byte> blob(int column) const;

@@ -12,25 +12,25 @@
 
 namespace cairn {
 
-/// Where a camera was at a time.
+/// Pose of a camera at a time.
 struct TimedPose {
   double timestamp_s = 0.0;
   Rigid3 world_from_camera;
 };
 
-/// The poses of a camera in the order of time. Valid and immutable.
+/// Poses of a camera, ordered by time. Valid and immutable.
 class Trajectory {
  public:
   /// An empty trajectory.
   Trajectory() = default;
-  /// @throws Error (input) unless the timestamps ascend, each once, and timestamps and positions are
-  ///         numbers within the limits (cairn/geometry/limits.hpp)
+  /// @throws Error (input) unless the timestamps ascend strictly, and timestamps and positions are within
+  ///        the limits (cairn/geometry/limits.hpp)
   explicit Trajectory(std::vector<TimedPose> poses);
 
   std::span<const TimedPose> poses() const { return poses_; }
   std::size_t size() const { return poses_.size(); }
   bool empty() const { return poses_.empty(); }
-  /// From the first pose to the last; 0 of fewer than two.
+  /// From the first pose to the last; 0 for fewer than two.
   double duration_s() const;
   /// Length of the path through the camera centres, in the unit of the poses.
   double length() const;
@@ -39,14 +39,14 @@ class Trajectory {
   std::vector<TimedPose> poses_;
 };
 
-/// The trajectory in another world: positions scaled, turned and moved, orientations turned.
+/// The trajectory in another world.
 Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from_old);
 
-/// The pose nearest in time, of two that are equally near the earlier; null in an empty trajectory.
+/// The pose nearest in time, the earlier of two equally near ones; null for an empty trajectory.
 const TimedPose* nearest_pose(const Trajectory& trajectory, double timestamp_s);
 
-/// The pose at a time, between the poses before and after it (straight line; rotation at constant
-/// speed). Nothing outside the trajectory, or where these two are more than `max_gap_s` apart.
+/// The pose at a time, interpolated between its neighbours (linear position, constant angular velocity).
+/// std::nullopt outside the trajectory, or if the neighbours are more than `max_gap_s` apart.
 std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestamp_s,
                                    double max_gap_s = 0.1);
 

@@ -6,9 +6,9 @@
 
 namespace cairn {
 
-/// Reads a trajectory in the format of the TUM RGB-D benchmark: `timestamp tx ty tz qx qy qz qw` a
-/// line, seconds and metres, world_from_camera; lines that start with '#' are comments.
-/// @throws Error (input) naming source, line, field, what was found and what was expected
+/// Reads a trajectory in the format of the TUM RGB-D benchmark: `timestamp tx ty tz qx qy qz qw` per line,
+/// seconds and metres, world_from_camera; lines that start with '#' are comments.
+/// @throws Error (input) naming source, line, field, value and constraint
 Trajectory read_tum_trajectory(ByteSource& source);
 
 /// Writes that format, numbers as the shortest decimals that parse back.

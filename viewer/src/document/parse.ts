@@ -69,7 +69,7 @@ function checkSchema(schema: Field): void {
   if (version < 1 || version > kVersion) {
     throw new ReportError(
       `This page reads ${kSchema} up to version ${kVersion}; the document is version ${version}. ` +
-        "It was put together by two different versions of Cairn.",
+        "Two different versions of Cairn produced it.",
     );
   }
 }
@@ -189,7 +189,7 @@ function parseSection(field: Field, buffers: Buffers, lookUp: MapLookup, taken: 
           ...head,
           kind: "notice",
           severity: "unknown",
-          message: `This section is of a kind that this page does not know: "${kind}".`,
+          message: `This page does not support sections of this kind: "${kind}".`,
         };
     }
   } catch (error) {

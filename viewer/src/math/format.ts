@@ -67,22 +67,21 @@ function groupDigits(text: string, negative: boolean): string {
   return `${negative ? kMinus : ""}${grouped}${fraction ? `.${fraction}` : ""}`;
 }
 
-/** A probability in per cent. Below 1 it never reads 100 %. */
+/** A probability in percent, as probability_text() in C++ writes it: rounded down, never 0 % or 100 %. */
 export function formatProbability(probability: number): string {
-  const percent = 100 * probability;
-  if (percent > 0 && percent < 0.005) {
+  if (probability < 0.0001) {
     return "<0.01 %";
   }
-  for (let digits = 2; digits <= 6; ++digits) {
-    const text = percent.toFixed(digits);
-    if (probability >= 1 || !text.startsWith("100")) {
-      return `${text} %`;
-    }
+  if (probability > 0.999999) {
+    return ">99.9999 %";
   }
-  return ">99.9999 %";
+  const digits = probability < 0.9999 ? 2 : 4;
+  const units = 10 ** digits;
+  // 0.9983 is stored as a little less.
+  return `${(Math.floor(100 * units * probability + 1e-6) / units).toFixed(digits)} %`;
 }
 
-/** A share in per cent. */
+/** A share in percent. */
 export function formatShare(share: number): string {
   return `${trimZeros((100 * share).toFixed(1))} %`;
 }

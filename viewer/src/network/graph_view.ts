@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText } from "../charts/shared";
 import { h, s } from "../dom";
-import { formatNumber } from "../math/format";
+import { formatProbability } from "../math/format";
 import type { Palette } from "../theme";
 import { fromAbove, spread, type Place } from "./graph_layout";
 import { counts, kUseTexts, linkColor, type NetworkModel, type Selection } from "./network_model";
@@ -184,6 +184,6 @@ export class GraphView {
 
 export function linkLabel(model: NetworkModel, index: number): string {
   const link = model.links[index];
-  const probability = link.probability === null ? "" : `, ${formatNumber(100 * link.probability, 4)} %`;
+  const probability = link.probability === null ? "" : `, ${formatProbability(link.probability)}`;
   return `${model.linkName(index)}: ${kUseTexts[link.use]}${probability}`;
 }

@@ -126,8 +126,8 @@ class NetworkFigure {
     const plans = h(
       "div",
       { class: "network-plans" },
-      this.#plan("Graph", "Maps where they are seen from above.", this.#graph.element),
-      this.#plan("Pairs", "Probability that the two maps show one place, in per cent.", this.#matrix.element),
+      this.#plan("Graph", "Top view of the maps.", this.#graph.element),
+      this.#plan("Pairs", "Probability of each link, in percent.", this.#matrix.element),
     );
     this.element.append(plans, this.#linkLegend());
     if (!has3d) {
@@ -265,7 +265,7 @@ class NetworkFigure {
       h("span", { class: "network-ramp" }, "Probability 0 %", ramp, "100 %"),
       h("span", null, line(null), " used"),
       h("span", null, line("5 4"), " not used: rejected, ambiguous or contradicted"),
-      h("span", { class: "muted" }, "Choose a link or a map for what is known of it."),
+      h("span", { class: "muted" }, "Choose a link or a map for its details."),
     );
   }
 

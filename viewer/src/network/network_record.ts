@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { button, h } from "../dom";
-import { formatCount, formatLength, formatNumber, idText } from "../math/format";
+import { formatCount, formatLength, formatNumber, formatProbability, idText } from "../math/format";
 import { apply, positionOf } from "../math/pose";
 import type { NetworkLink } from "../document/report";
 import { kUseTexts, type NetworkModel, type Selection } from "./network_model";
@@ -19,11 +19,9 @@ function facts(...entries: [string, string | HTMLElement | null][]): HTMLElement
 
 function probabilityText(link: NetworkLink): string {
   if (link.probability === null) {
-    return "nobody judged";
+    return "not judged";
   }
-  const percent = 100 * link.probability;
-  // 99.996 is not 100.
-  return `${percent > 99 && percent < 100 ? Math.floor(100 * percent) / 100 : formatNumber(percent, 3)} %`;
+  return formatProbability(link.probability);
 }
 
 function badge(link: NetworkLink): HTMLElement {
@@ -48,8 +46,8 @@ function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLEle
     facts(
       ["Probability", probabilityText(link)],
       ["Found by", link.kind],
-      ["Off the poses", link.residual === null ? null : formatLength(link.residual, model.lengthUnit)],
-      ["Turned by", link.residualDeg === null ? null : `${formatNumber(link.residualDeg, 3)}°`],
+      ["Residual distance", link.residual === null ? null : formatLength(link.residual, model.lengthUnit)],
+      ["Residual angle", link.residualDeg === null ? null : `${formatNumber(link.residualDeg, 3)}°`],
       ["Target", go(link.target)],
       ["Source", go(link.source)],
     ),

@@ -119,9 +119,7 @@ class SceneFigure {
     this.element.append(this.#legend);
     const summary = summaryTable(section);
     if (summary) {
-      this.element.append(
-        h("details", { class: "scene-summary" }, h("summary", null, "All that the results say"), summary),
-      );
+      this.element.append(h("details", { class: "scene-summary" }, h("summary", null, "All results"), summary));
     }
     this.#stage.append(...this.#panes.map((pane) => pane.element));
     this.#panes.forEach((pane) => this.#listen(pane));
@@ -347,7 +345,7 @@ class SceneFigure {
   #toggle(pane: Pane): void {
     if (this.#shown.has(pane)) {
       if (this.#shown.size === 1) {
-        announce("One strategy stays shown.");
+        announce("At least one strategy is always shown.");
         return;
       }
       this.#shown.delete(pane);

@@ -15,9 +15,9 @@
 
 namespace cairn {
 
-/// What a camera measures of a point. Blocks: PoseBlock of the camera, point in the world.
-/// @tparam Measure a function std::optional<SeenPoint>(const Eigen::Vector3d& x_in_camera); std::nullopt
-///                 where the point cannot be seen
+/// A camera's measurement of a point. Blocks: PoseBlock of the camera, point in the world.
+/// @tparam Measure a function std::optional<SeenPoint>(const Eigen::Vector3d& x_in_camera); std::nullopt if
+///        the point is not visible
 template <class Measure>
 class PointCost final : public ceres::SizedCostFunction<2, 7, 3> {
  public:
@@ -51,10 +51,10 @@ class PointCost final : public ceres::SizedCostFunction<2, 7, 3> {
   Measure measure_;
 };
 
-/// The same for a pixel, by the camera's parameters too: a third block, as many numbers as the model has.
+/// The same for a pixel, with the camera's parameters as a third block.
 class CalibrationCost final : public ceres::CostFunction {
  public:
-  /// @param camera for the model
+  /// @param camera gives the model
   CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel, double sigma_px);
 
   bool Evaluate(const double* const* parameters, double* residuals,
@@ -80,7 +80,7 @@ class RelativePoseCost final : public ceres::SizedCostFunction<6, 7, 7> {
   Eigen::Matrix<double, 6, 6> whitening_;
 };
 
-/// What is known of a pose beforehand, whitened. Block: its PoseBlock.
+/// Prior of a pose, whitened. Block: its PoseBlock.
 class PosePriorCost final : public ceres::SizedCostFunction<6, 7> {
  public:
   /// @param covariance left perturbation in the world, (δt, δφ); positive definite

@@ -10,16 +10,16 @@
 
 namespace cairn {
 
-/// Frames that share landmarks, directly or by way of others.
+/// Frames that share landmarks, directly or through other frames.
 struct FrameGroup {
-  std::vector<std::uint32_t> frames;     ///< ascending; the first is the gauge
+  std::vector<std::uint32_t> frames;     ///< ascending; the first fixes the gauge
   std::vector<std::uint32_t> landmarks;  ///< ascending
-  /// Where no depth determines the scale: the frame farthest from the first.
+  /// The frame farthest from the first, if no depth determines the scale.
   std::optional<std::uint32_t> scale_frame;
 };
 
-/// In the order of their first frames. A landmark of fewer than `min_observations` ties no frames, but is in
-/// the group of its first frame. Frames without observations are in no group.
+/// Groups in the order of their first frames. A landmark with fewer than `min_observations` connects no
+/// frames, but belongs to the group of its first frame. Frames without observations are in no group.
 std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
                                      std::span<const std::vector<Measurement>> measurements,
                                      std::size_t min_observations);

@@ -9,15 +9,15 @@
 
 namespace cairn {
 
-/// A pose as Ceres moves it: quaternion x y z w, then translation.
+/// A pose as Ceres parameters: quaternion x y z w, then translation.
 using PoseBlock = std::array<double, 7>;
 
 PoseBlock to_block(const Rigid3& pose);
 Rigid3 to_pose(const double* block);
 
-/// Steps are Rigid3's left perturbations (δt, δφ). Cost functions give derivatives by those in the
-/// first six columns of what Ceres takes for derivatives by the seven numbers, and zeros in the last;
-/// with this Jacobian the product is right.
+/// Steps are Rigid3's left perturbations (δt, δφ). Cost functions put the derivatives with respect to these
+/// into the first six columns of the Jacobian that Ceres expects for the seven numbers, and zeros into the
+/// last; the product with this manifold's Jacobian is then right.
 class PoseManifold final : public ceres::Manifold {
  public:
   int AmbientSize() const override { return 7; }

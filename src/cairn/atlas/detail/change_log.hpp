@@ -12,31 +12,31 @@
 
 namespace cairn {
 
-/// What the objects of changes are; the numbers are in files.
+/// Kinds of the changed objects; the values are stored in files.
 enum RowKind : std::int64_t { kNode = 1, kLink = 2, kPose = 3, kAgrees = 4 };
 
-/// A change as the log has it: after it, the object has the value, or is not there.
+/// A change in the log: afterwards, the object has the value, or does not exist.
 struct RowChange {
   std::int64_t kind = 0;
   std::uint64_t object = 0;
   std::optional<std::uint64_t> value;
 };
 
-/// What every object's value is after some commits.
+/// Values of all objects after some commits.
 struct RowValues {
   std::map<std::uint64_t, std::uint64_t> nodes, links, poses, agrees;
 
-  /// @return false for a kind that there is not
+  /// @return false for an unknown kind
   bool apply(const RowChange& change);
 };
 
-/// Of a commit and its changes: tells whether they are as they were written.
+/// Digest of a commit and its changes, to detect damage.
 std::string commit_digest(const AtlasCommit& commit, std::span<const RowChange> changes);
 
 void apply(const AtlasChanges& changes, AtlasState& state);
 
-/// Whether the changes led to an atlas that can be.
-/// @throws Error (misuse) saying what it has that no atlas may have
+/// Checks that the changes lead to a valid atlas.
+/// @throws Error (misuse) naming the defect
 void check_state(const AtlasState& state, const std::string& name);
 
 /// @throws Error (input), always

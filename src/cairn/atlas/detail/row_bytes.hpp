@@ -12,14 +12,14 @@
 
 namespace cairn {
 
-// Numbers as stores keep them: little-endian doubles, one after the other.
+// Numbers in stores: little-endian doubles, without gaps.
 
 /// Scale, quaternion w x y z, translation x y z: 64 bytes.
 std::string pose_bytes(const Similarity3& pose);
 /// @return std::nullopt unless the bytes are a pose of finite numbers
 std::optional<Similarity3> pose_of_bytes(std::string_view bytes);
 
-/// 36 or 49 numbers, row by row.
+/// 36 or 49 numbers, row-major.
 std::string covariance_bytes(const Matrix6d& covariance);
 std::string covariance_bytes(const Matrix7d& covariance);
 /// @return std::nullopt unless the bytes are a covariance of that size
@@ -30,7 +30,7 @@ std::optional<Matrix7d> covariance7_of_bytes(std::string_view bytes);
 std::string extent_bytes(const NodeExtent& extent);
 std::optional<NodeExtent> extent_of_bytes(std::string_view bytes);
 
-/// Bytes of fields, each with its length, so that no two rows have the same: what a row's digest is of.
+/// Bytes of fields, each with its length, so that different rows differ: input of a row's digest.
 class RowBytes {
  public:
   RowBytes& add(std::uint64_t value);
@@ -38,20 +38,20 @@ class RowBytes {
   RowBytes& add(const std::optional<std::uint64_t>& value);
   RowBytes& add(double value);
 
-  /// XXH3 of 128 bits: 16 bytes, the higher half first, each half with its highest byte first.
+  /// 128-bit XXH3: 16 bytes, big-endian.
   std::string digest() const;
 
  private:
   std::string bytes_;
 };
 
-/// 32 hexadecimal digits of 16 bytes, and back.
+/// 16 bytes as 32 hexadecimal digits, and back.
 std::string hexadecimal(std::string_view bytes);
 std::optional<std::string> bytes_of_hexadecimal(std::string_view digits);
 
 std::string digest_of(const AtlasNode& node);
-/// A link's numbers as they are stored: what is read back may differ in the last digit, for quaternions are
-/// normalised. Empty where there are none.
+/// A link's numbers as stored. Reading may change the last digit, because quaternions are normalised. Empty
+/// if absent.
 struct LinkBlobs {
   std::string target_from_source;
   std::string covariance;
@@ -60,7 +60,7 @@ struct LinkBlobs {
 LinkBlobs blobs_of(const AtlasLink& link);
 std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs);
 
-/// The same of a pose.
+/// The same for a pose.
 struct PoseBlobs {
   std::string frame_from_node;
   std::string covariance;

@@ -25,7 +25,7 @@
 
 namespace cairn::detail {
 
-/// Values of a database end at 1 GB; smaller ones need less memory at a time.
+/// Databases limit values to 1 GB; smaller ones need less memory at a time.
 inline constexpr std::size_t kChunkBytes = std::size_t{4} << 20;
 
 inline std::span<const std::byte> as_blob(std::string_view bytes) {
@@ -147,9 +147,9 @@ RowChange change_of(const Statement& row) {
   return change;
 }
 
-/// The store of an atlas in a database that speaks SQL. `Engine` names its Database, Statement and
-/// Transaction, with the interface of those in cairn/sqlite, and what differs:
-/// check(database, problems) looks for damage below the tables, after_compact(database) gives space back.
+/// The store of an atlas in an SQL database. `Engine` names its Database, Statement and Transaction, with
+/// the interface of those in cairn/sqlite, and the differences: check(database, problems) looks for damage
+/// below the tables, after_compact(database) frees space.
 template <class Engine>
 class SqlStore : public AtlasStore {
   using Database = typename Engine::Database;
@@ -339,7 +339,7 @@ class SqlStore : public AtlasStore {
         read_binary(reader);
       });
     }
-    // One cause often shows more than once.
+    // One cause often appears more than once.
     std::vector<std::string> distinct;
     for (std::string& problem : result.problems) {
       if (std::find(distinct.begin(), distinct.end(), problem) == distinct.end()) {
@@ -351,14 +351,14 @@ class SqlStore : public AtlasStore {
   }
 
   AtlasCompaction compact(std::uint64_t keep, bool dry) override {
+    if (keep < 1) throw Error(ErrorKind::kMisuse, "keep", "0", "at least 1 commit");
     AtlasCompaction result;
     Transaction transaction(database_);
     const CommitId last = last_commit();
     const auto first =
         static_cast<std::uint64_t>(database_.integer("SELECT coalesce(min(id), 0) FROM commits"));
     if (first == 0) return result;
-    keep = std::max<std::uint64_t>(keep, 1);
-    // Becomes the oldest that is left.
+    // Becomes the oldest remaining commit.
     const CommitId base{last.value + 1 > first + keep ? last.value + 1 - keep : first};
     result.commits = base.value - first;
     if (result.commits > 0) {
@@ -403,7 +403,7 @@ class SqlStore : public AtlasStore {
   }
 
  private:
-  // Of all commits up to this one, in their order; each commit's digest is checked.
+  // Values after all commits up to this one, in order; checks each commit's digest.
   RowValues read_values(CommitId at) {
     RowValues values;
     Statement commits = database_.prepare(
@@ -422,7 +422,7 @@ class SqlStore : public AtlasStore {
       }
       expected = commit.id.value + 1;
       std::vector<RowChange> changes;
-      // Changes of a commit that is missing make the next one's digest wrong.
+      // Changes of a missing commit make the next commit's digest wrong.
       for (; more && rows.unsigned_integer(3) <= commit.id.value; more = rows.step()) {
         changes.push_back(change_of(rows));
       }
@@ -453,7 +453,7 @@ class SqlStore : public AtlasStore {
     return state;
   }
 
-  // Those of the table that are values of objects.
+  // The rows that are values of objects.
   template <class Take>
   void read_rows(const char* table, const char* columns,
                  const std::map<std::uint64_t, std::uint64_t>& values, const Take& take) {
@@ -475,7 +475,7 @@ class SqlStore : public AtlasStore {
   }
 
   std::uint64_t next_id(const char* table, std::int64_t kind) {
-    // Ids of dropped objects are not given out again, as the log may name them.
+    // Ids of dropped objects are not reused, because the log may name them.
     const std::int64_t of_rows =
         database_.integer(fmt::format("SELECT coalesce(max(id), 0) FROM {}", table));
     const std::int64_t of_changes =
@@ -484,7 +484,7 @@ class SqlStore : public AtlasStore {
     return static_cast<std::uint64_t>(std::max(of_rows, of_changes)) + 1;
   }
 
-  // Gives new objects their ids and writes their rows. @return the changes as the log has them
+  // Assigns ids to new objects and writes their rows. @return the changes for the log
   std::vector<RowChange> write_objects(AtlasChanges& changes, AtlasCommitted& committed) {
     std::vector<RowChange> rows;
     for (const NodeId id : changes.removed_nodes) rows.push_back({kNode, id.value, std::nullopt});

@@ -8,7 +8,8 @@
 #include <unistd.h>
 
 #include "cairn/atlas/store/postgres_store.hpp"
-#include "cairn/atlas/store/sqlite_store.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/plain_text.hpp"
 
 namespace cairn {
 
@@ -36,6 +37,16 @@ std::unique_ptr<AtlasStore> open_store(const std::string& location,
                                        const AtlasStoreOptions& options) {
   return is_postgres_url(location) ? open_postgres_store(location, options)
                                    : open_sqlite_store(location, options);
+}
+
+AtlasSalvage salvage_store(const std::string& from, const std::string& to,
+                           const AtlasStoreOptions& options) {
+  for (const std::string& location : {from, to}) {
+    if (!is_postgres_url(location)) continue;
+    throw Error(ErrorKind::kMisuse, without_password(location), "is a database",
+                "the path of a file; repair a database with the tools of its server");
+  }
+  return salvage_sqlite_store(from, to, options);
 }
 
 }  // namespace cairn

@@ -8,12 +8,12 @@
 
 namespace cairn {
 
-// An atlas in a PostgreSQL database, in its schema "cairn": one atlas a database. Many hosts may write at
-// once.
+// An atlas in a PostgreSQL database, in the schema "cairn": one atlas per database. Many hosts may write
+// concurrently.
 
-/// Makes an atlas without maps; whole or not at all.
+/// Creates an empty atlas, atomically.
 /// @throws Error (storage) if there is one already, or the server cannot be reached; (misuse) in a build
-///         without PostgreSQL (CAIRN_WITH_POSTGRES)
+///        without PostgreSQL (CAIRN_WITH_POSTGRES)
 void create_postgres_store(const std::string& url, const AtlasStoreOptions& options = {});
 
 /// @throws Error (input) if there is no atlas, or one of another schema; otherwise as above

@@ -18,15 +18,15 @@
 
 namespace cairn {
 
-/// Commits count from 1 without gaps; 0 is the empty atlas.
+/// Commits are numbered from 1 without gaps; 0 is the empty atlas.
 using CommitId = StrongId<struct CommitIdTag, std::uint64_t>;
 using AtlasLinkId = StrongId<struct AtlasLinkIdTag, std::uint64_t>;
 
-/// A map in the atlas. Its landmarks are stored once, under the hash of their bytes, and never change.
+/// A map in the atlas. Its data are stored once, under the hash of their bytes, and never change.
 struct AtlasNode {
-  NodeId id;            ///< from 1; never used again
-  std::string name;     ///< unique among the nodes that are there
-  std::string session;  ///< maps of one run share it; empty if unknown
+  NodeId id;            ///< from 1; never reused
+  std::string name;     ///< unique among the present nodes
+  std::string session;  ///< shared by maps of one run; empty if unknown
   std::string map;      ///< hash of its .cairn bytes, 32 hexadecimal digits
   LengthUnit length_unit = LengthUnit::kMetres;
   std::uint64_t frames = 0;
@@ -35,53 +35,53 @@ struct AtlasNode {
   NodeExtent extent;
 };
 
-/// What was found out about two maps, or said about them. Never changes.
+/// The result of aligning two maps, or a statement about them. Never changes.
 struct AtlasLink {
-  AtlasLinkId id;  ///< from 1; never used again
+  AtlasLinkId id;  ///< from 1; never reused
   NodeId target;
   NodeId source;
   LinkKind kind = LinkKind::kPlacement;
   Verdict verdict = Verdict::kRejected;
-  std::optional<double> probability;  ///< that the transform is right; nothing if nobody judged
+  std::optional<double> probability;  ///< that the transform is right; std::nullopt if not judged
   std::string reason;                 ///< one sentence for people
   /// Only if the verdict is aligned.
   std::optional<Similarity3> target_from_source;
   /// Left perturbation in the target's frame, (δt, δφ).
   std::optional<Matrix6d> covariance;
-  /// The same with the scale's, of a link that measures the scale.
+  /// The same with the scale, for a link that measures it.
   std::optional<Matrix7d> covariance_with_scale;
 
   bool is_aligned() const { return verdict == Verdict::kAligned && target_from_source.has_value(); }
 };
 
-/// Where a map is among those that links connect it with.
+/// Pose of a map in its component.
 struct AtlasPose {
   NodeId node;
-  NodeId frame;  ///< the node whose frame the poses of its component are in
+  NodeId frame;  ///< the node whose frame its component uses
   Similarity3 frame_from_node;
   Matrix7d covariance = Matrix7d::Zero();  ///< left perturbation in the frame, (δt, δφ, δ log s)
 };
 
-/// To within rounding.
+/// Equality up to rounding.
 bool operator==(const AtlasPose& a, const AtlasPose& b);
 
-/// What an atlas holds after a commit.
+/// Content of an atlas after a commit.
 struct AtlasState {
   CommitId commit;
   std::map<NodeId, AtlasNode> nodes;
   std::map<AtlasLinkId, AtlasLink> links;
   std::map<NodeId, AtlasPose> poses;
-  /// Of aligned links: whether they agree with the poses; those that optimisation did not see are missing.
+  /// For aligned links: whether they agree with the poses; without links added since the last optimisation.
   std::map<AtlasLinkId, bool> agrees;
 
   /// Null if there is none of that name.
   const AtlasNode* find(const std::string& name) const;
 };
 
-/// What a commit does. Nodes and links with id 0 are new; with another id they are there again, as they
-/// were. Removing a node does not remove what refers to it.
+/// Changes of a commit. Nodes and links with id 0 are new; with another id, removed ones are restored.
+/// Removing a node does not remove its links and poses.
 struct AtlasChanges {
-  std::string text;  ///< for people: what was done
+  std::string text;  ///< description for people
   std::vector<AtlasNode> nodes;
   std::vector<AtlasLink> links;
   std::vector<AtlasPose> poses;  ///< each replaces the node's pose
@@ -104,10 +104,10 @@ struct AtlasCommit {
   std::int64_t time_ms = 0;  ///< since 1970, UTC
   std::string author;
   std::string host;
-  std::string verb;  ///< "add" and so on
+  std::string verb;  ///< "add" etc.
   std::string text;
-  std::optional<CommitId> undoes;  ///< last commit of the run that it undid
-  CommitId run;                    ///< first commit of the command that it is part of
+  std::optional<CommitId> undoes;  ///< last commit of the run that this one undid
+  CommitId run;                    ///< first commit of the command that it belongs to
 };
 
 /// Objects that commits changed.

@@ -2,13 +2,18 @@
 #include "cairn/atlas/store/sqlite_store.hpp"
 
 #include <array>
+#include <cerrno>
 #include <fstream>
 #include <limits>
 #include <set>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/vfs.h>
 #include <unistd.h>
 
@@ -106,11 +111,67 @@ void migrate(sqlite::Database& database, std::int64_t from) {
   database.execute(fmt::format("PRAGMA user_version = {}", kAtlasSchema));
 }
 
-// A file that only this process can know of, until it is complete.
-fs::path unfinished(const fs::path& path) {
-  return folder_of(path) /
-         fmt::format(".{}.{}.cairn-unfinished", path.filename().string(), ::getpid());
-}
+// The file in which an atlas is made until it is complete, locked as long as this lives. One that a killed process
+// left is taken over.
+class Unfinished {
+ public:
+  explicit Unfinished(const fs::path& atlas)
+      : path_(folder_of(atlas) / fmt::format(".{}.cairn-unfinished", atlas.filename().string())),
+        beside_{path_.string() + "-wal", path_.string() + "-shm", path_.string() + "-journal"} {
+    for (;;) {
+      descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
+      if (descriptor_ < 0) fail(atlas, errno);
+      if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
+        const int error_number = errno;
+        ::close(descriptor_);
+        if (error_number != EWOULDBLOCK) fail(atlas, error_number);
+        throw Error(ErrorKind::kStorage, atlas.string(), "another process is making it",
+                    "to be tried again later");
+      }
+      const nlink_t names = names_in_place();
+      if (names == 1) break;
+      // A process that was killed while it gave the complete file its second name, that of an atlas: not to be touched.
+      if (names > 1) ::unlink(path_.c_str());
+      ::close(descriptor_);
+    }
+    remove_beside();
+    if (::ftruncate(descriptor_, 0) == 0) return;
+    const int error_number = errno;
+    ::unlink(path_.c_str());
+    ::close(descriptor_);
+    fail(atlas, error_number);
+  }
+  // Not before the database is closed: closing any descriptor of a file gives up SQLite's locks on it.
+  ~Unfinished() {
+    remove_beside();
+    ::unlink(path_.c_str());
+    ::close(descriptor_);
+  }
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+ private:
+  [[noreturn]] static void fail(const fs::path& atlas, int error_number) {
+    throw Error(ErrorKind::kStorage, atlas.string(),
+                "cannot be made: " + std::generic_category().message(error_number), "");
+  }
+  // How many names the open file has; 0: another process has just finished, and this name is not its any more.
+  nlink_t names_in_place() const {
+    struct stat open = {};
+    struct stat named = {};
+    const bool known = ::fstat(descriptor_, &open) == 0 && ::lstat(path_.c_str(), &named) == 0;
+    return known && open.st_ino == named.st_ino && open.st_dev == named.st_dev ? open.st_nlink : 0;
+  }
+  void remove_beside() const {
+    for (const std::string& beside : beside_) ::unlink(beside.c_str());
+  }
+
+  fs::path path_;
+  std::array<std::string, 3> beside_;  // SQLite's own
+  int descriptor_ = -1;
+};
 
 void refuse_existing(const fs::path& path) {
   throw Error(ErrorKind::kStorage, path.string(), "exists already", "a name that is free");
@@ -154,14 +215,8 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
   std::error_code failure;
   if (fs::exists(fs::symlink_status(path, failure))) refuse_existing(path);
   require_local(path, options);
-  const fs::path temporary = unfinished(path);
-  const auto remove_rest = [&] {
-    std::error_code ignored;
-    for (const char* const ending : {"", "-wal", "-shm", "-journal"}) {
-      fs::remove(temporary.string() + ending, ignored);
-    }
-  };
-  remove_rest();
+  const Unfinished unfinished(path);
+  const fs::path& temporary = unfinished.path();
   try {
     {
       sqlite::Database database(
@@ -170,31 +225,28 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
       configure(database);
       // So that compact() can give space back.
       database.execute("PRAGMA auto_vacuum = INCREMENTAL");
-      database.execute("PRAGMA journal_mode = WAL");
       sqlite::Transaction transaction(database);
       database.execute(fmt::format("PRAGMA application_id = {}", kApplicationId));
       migrate(database, 0);
       transaction.commit();
+      // Only now: what a journal of that kind holds reaches the file when it is closed, which reports no failure.
+      if (database.text("PRAGMA journal_mode = WAL") != "wal") {
+        throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
+      }
     }
     // Unlike a renaming, a link never replaces what another process has made meanwhile.
     fs::create_hard_link(temporary, path, failure);
     if (failure == std::errc::file_exists) refuse_existing(path);
     if (failure) fs::rename(temporary, path);
-    remove_rest();
     sync_files(folder_of(path));
   } catch (const fs::filesystem_error& error) {
-    remove_rest();
     throw Error(ErrorKind::kStorage, path.string(), error.code().message(), "a place to write to");
   } catch (const Error& error) {
-    remove_rest();
     // The temporary file's name means nothing to people.
     std::string text = error.what();
     const std::size_t at = text.find(temporary.string());
     if (at == text.npos) throw;
     throw Error(error.kind(), "", text.replace(at, temporary.string().size(), path.string()), "");
-  } catch (...) {
-    remove_rest();
-    throw;
   }
 }
 

@@ -9,16 +9,16 @@
 
 namespace cairn {
 
-/// Makes an atlas without maps; whole or not at all.
-/// @throws Error (storage) if something is at `path` already, or on a network file system
+/// Creates an empty atlas, atomically.
+/// @throws Error (storage) if `path` exists or is on a network file system
 void create_sqlite_store(const std::filesystem::path& path, const AtlasStoreOptions& options = {});
 
-/// Whether a file is an atlas, by its first bytes. False for what cannot be read.
+/// Whether a file is an atlas, by its first bytes. False if it cannot be read.
 bool is_sqlite_store(const std::filesystem::path& path);
 
-/// Opens an atlas; one of an older schema is brought to this one, in one transaction.
+/// Opens an atlas and upgrades an older schema, in one transaction.
 /// @throws Error (input) naming the path if there is no atlas, or one of a newer schema; (storage) if it
-///         cannot be opened
+///        cannot be opened
 std::unique_ptr<AtlasStore> open_sqlite_store(const std::filesystem::path& path,
                                               const AtlasStoreOptions& options = {});
 
@@ -29,14 +29,14 @@ struct AtlasSalvage {
   std::vector<std::string> lost;  ///< sentences
 };
 
-/// Takes what is sound in a damaged atlas into a new one at `to`: maps, and links and poses between them
-/// as they were last. The history is not kept.
+/// Copies the undamaged maps, and the last links and poses between them, from a damaged atlas to a new one
+/// at `to`, without the history.
 /// @throws Error as the two above
 AtlasSalvage salvage_sqlite_store(const std::filesystem::path& from,
                                   const std::filesystem::path& to,
                                   const AtlasStoreOptions& options = {});
 
-/// Name of the network file system of this type (statfs), or null for any other.
+/// Name of the network file system of this type (statfs); null for other types.
 const char* network_file_system(long type);
 
 }  // namespace cairn

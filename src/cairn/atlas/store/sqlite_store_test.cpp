@@ -3,11 +3,14 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include "cairn/core/error.hpp"
@@ -48,6 +51,39 @@ class SqliteStoreTest : public ::testing::Test {
 
   testing::TemporaryFolder folder_;
 };
+
+TEST_F(SqliteStoreTest, TakesOverWhatAKilledProcessLeftUnfinished) {
+  folder_.write(".new.atlas.cairn-unfinished", "half of an atlas");
+  folder_.write(".new.atlas.cairn-unfinished-wal", "and of its log");
+  create_sqlite_store(folder_ / "new.atlas");
+  EXPECT_THAT(open_sqlite_store(folder_ / "new.atlas", {})->verify().problems, IsEmpty());
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder_.path())) {
+    names.insert(entry.path().filename());
+  }
+  EXPECT_THAT(names, ElementsAre("new.atlas", "town.atlas"));
+}
+
+// A process that is killed between the two leaves an atlas with a second name, which is no rest to write over.
+TEST_F(SqliteStoreTest, LeavesAnAtlasAloneThatHasTheUnfinishedNameToo) {
+  fs::create_hard_link(path(), folder_ / ".new.atlas.cairn-unfinished");
+  const std::string before = testing::read_text(path());
+  create_sqlite_store(folder_ / "new.atlas");
+  EXPECT_EQ(testing::read_text(path()), before);
+  EXPECT_FALSE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
+}
+
+TEST_F(SqliteStoreTest, IsNotMadeByTwoProcessesAtOnce) {
+  folder_.write(".new.atlas.cairn-unfinished", "");
+  const int other = ::open((folder_ / ".new.atlas.cairn-unfinished").c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_EQ(::flock(other, LOCK_EX), 0);
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_sqlite_store(folder_ / "new.atlas"); }),
+              HasSubstr("new.atlas: another process is making it"));
+  EXPECT_TRUE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
+  ::close(other);
+  create_sqlite_store(folder_ / "new.atlas");
+  EXPECT_FALSE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
+}
 
 TEST_F(SqliteStoreTest, IsToldFromOtherFiles) {
   EXPECT_TRUE(is_sqlite_store(path()));

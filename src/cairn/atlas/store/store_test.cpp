@@ -242,6 +242,8 @@ TEST_P(StoreTest, CompactsWhatNoKeptCommitNeeds) {
   EXPECT_EQ(store->state(CommitId{2}).nodes.size(), 2U);
   EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { store->state(CommitId{1}); }),
               HasSubstr("compacted"));
+  EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { store->compact(0, false); }),
+              HasSubstr("at least 1 commit"));
   EXPECT_EQ(store->compact(1, false).maps, 1U);
   EXPECT_THAT(store->verify().problems, IsEmpty());
   EXPECT_EQ(store->state().nodes.size(), 2U);

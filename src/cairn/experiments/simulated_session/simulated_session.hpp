@@ -11,31 +11,31 @@
 
 namespace cairn {
 
-/// A camera's visit to a simulated place. Path and noise follow from the place's seed and the number
-/// of the session.
+/// A camera's session in a simulated place. Path and noise derive from the place's seed and the session
+/// number.
 struct SimulatedSessionOptions {
   EnvironmentOptions environment;
   PathKind path = PathKind::kSweep;
   std::size_t frames = 150;
   double rate_hz = 10.0;
-  /// The map begins at the true pose of its first camera, so its frame is the place's, with z up; else
+  /// Start the map at the true pose of the first camera, so its frame is the place's, with z up; if false,
   /// it is that camera's.
   bool in_world_frame = false;
 };
 
 struct SimulatedSession {
-  MappedSequence mapped;  ///< of one map at least
+  MappedSequence mapped;  ///< with at least one map
   Trajectory truth;       ///< world_from_camera of all frames
   std::size_t movable = 0;
   std::size_t moved = 0;
 
   const LandmarkMap& map() const { return mapped.maps.front(); }
-  /// How the map lies in the place: exact for its first camera, off by the drift elsewhere.
+  /// Pose of the map in the place: exact for its first camera, with drift elsewhere.
   Rigid3 world_from_map() const;
 };
 
-/// Renders a session frame by frame, from the renderer to the tracker without a file in between, and
-/// maps it. Same options, same bytes, whatever the number of threads.
+/// Renders a session frame by frame, directly into the tracker, and maps it. The same options give the same
+/// bytes for any number of threads.
 /// @param mapping its `odometry.start` is replaced
 /// @throws Error (misuse) for options out of range, or if no frame could be tracked; (cancelled)
 SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,

@@ -24,7 +24,7 @@ struct BootstrapOptions {
   std::size_t resamples = 10'000;  ///< at least 2; intervals want some thousands
   double confidence = 0.95;        ///< within (0, 1)
   std::uint64_t seed = 0;
-  Executor executor = Executor();  ///< the result is the same with any number of threads
+  Executor executor = Executor();  ///< the result is the same for any number of threads
   std::stop_token stop = {};       ///< when asked, Error (cancelled)
 
   /// @throws Error (misuse) naming the field
@@ -36,11 +36,11 @@ struct BootstrapResult {
   double standard_error = 0.0;  ///< deviation of the resampled statistic, over resamples - 1
   double bias = 0.0;            ///< mean of the resampled statistic less the estimate
   /// Between the quantiles of the resampled statistic. Of no width if no resample varies it, which
-  /// tells of too little variation in the data, not of certainty. Nothing if it was never defined.
+  /// tells of too little variation in the data, not of certainty. std::nullopt if it was never defined.
   std::optional<Interval> percentile;
   /// Bias-corrected and accelerated: between quantiles shifted for the bias of the median and for the
   /// change of the standard error with the statistic; its coverage is an order more accurate. Prefer
-  /// it. Nothing where that cannot be estimated: the statistic undefined without one of the units, or
+  /// it. std::nullopt if that cannot be estimated: the statistic undefined without one of the units, or
   /// (nearly) all of the resamples on one side of the estimate.
   std::optional<Interval> bca;
   double bias_correction =

@@ -11,8 +11,8 @@
 namespace cairn {
 
 /// Pearson's correlation of pairs.
-/// @param first,second finite, as many of both
-/// @return nothing of fewer than two pairs, or if either is constant
+/// @param first,second finite, equally many
+/// @return std::nullopt for fewer than two pairs, or if either is constant
 /// @throws Error (misuse)
 std::optional<double> pearson_correlation(std::span<const double> first,
                                           std::span<const double> second);
@@ -27,10 +27,10 @@ struct SpearmanOptions {
 struct Spearman {
   std::size_t pairs = 0;
   double rho = 0.0;  ///< in [-1, 1]
-  /// Nothing of fewer than four pairs, or if rho is 1 or -1.
+  /// std::nullopt for fewer than four pairs, or if rho is 1 or -1.
   std::optional<Interval> interval;
   double p_value = 1.0;  ///< two-sided, that the two are independent
-  bool exact = false;    ///< whether `p_value` is
+  bool exact = false;    ///< whether `p_value` is exact
 };
 
 /// Spearman's rank correlation: Pearson's of the mid-ranks, right with ties; Hollander and Wolfe,
@@ -39,8 +39,8 @@ struct Spearman {
 /// requirements for estimating Pearson, Kendall and Spearman correlations", Psychometrika 65, 23-28
 /// (2000). The p-value is exact or Student's of rho·sqrt((n - 2)/(1 - rho²)) with n - 2 degrees of
 /// freedom.
-/// @param first,second finite, as many of both
-/// @return nothing of fewer than three pairs, or if either is constant
+/// @param first,second finite, equally many
+/// @return std::nullopt for fewer than three pairs, or if either is constant
 /// @throws Error (misuse)
 std::optional<Spearman> spearman_correlation(std::span<const double> first,
                                              std::span<const double> second,

@@ -18,7 +18,7 @@ enum class BandwidthRule {
 /// Standard deviation of the Gaussian kernel that the rule chooses. If half of the values are equal,
 /// so that the quartiles are, the standard deviation alone stands for A.
 /// @param values finite
-/// @return nothing of fewer than two values, or if all are equal
+/// @return std::nullopt for fewer than two values, or if all are equal
 /// @throws Error (misuse)
 std::optional<double> kernel_bandwidth(std::span<const double> values,
                                        BandwidthRule rule = BandwidthRule::kSilverman);
@@ -45,7 +45,7 @@ struct Density {
 
 /// Kernel density estimate with a Gaussian kernel, computed directly: points times values.
 /// @param values finite
-/// @return nothing if there is no bandwidth: too few values, or all equal, and none given
+/// @return std::nullopt if there is no bandwidth: too few values, or all equal, and none given
 /// @throws Error (misuse)
 std::optional<Density> kernel_density(std::span<const double> values,
                                       const DensityOptions& options = {});
@@ -67,7 +67,7 @@ struct BoxSummary {
 };
 
 /// @param values finite
-/// @return nothing of no values
+/// @return std::nullopt for no values
 /// @throws Error (misuse)
 std::optional<BoxSummary> box_summary(std::span<const double> values);
 

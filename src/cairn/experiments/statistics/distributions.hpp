@@ -14,7 +14,7 @@ double normal_cdf(double z);
 double normal_upper_tail(double z);
 /// The z with P(Z <= z) = `probability`, which lies within (0, 1).
 double normal_quantile(double probability);
-/// The z > 0 with P(|Z| <= z) = `confidence`, which lies within (0, 1): 1.96 of 0.95.
+/// The z > 0 with P(|Z| <= z) = `confidence`, which lies within (0, 1): 1.96 for 0.95.
 double normal_two_sided_quantile(double confidence);
 
 /// P(T >= t) of Student's distribution; `degrees_of_freedom` > 0; t may be infinite.

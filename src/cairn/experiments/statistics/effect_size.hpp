@@ -14,15 +14,15 @@ namespace cairn {
 /// n - 1); Cohen, "Statistical Power Analysis for the Behavioral Sciences", 2nd ed. 1988, section 2.3;
 /// Lakens, Frontiers in Psychology 4:863 (2013), equation 6.
 /// @param differences first - second, finite
-/// @return nothing of fewer than two, or if all are equal
+/// @return std::nullopt for fewer than two, or if all are equal
 /// @throws Error (misuse)
 std::optional<double> cohens_dz(std::span<const double> differences);
 
 /// How far one group of values lies above another.
 struct Dominance {
   double delta = 0.0;  ///< Cliff's: P(first > second) - P(first < second), in [-1, 1]
-  /// Of delta; nothing with fewer than two values in either group. Of no width, hence telling
-  /// nothing, if the groups do not overlap.
+  /// Of delta; std::nullopt with fewer than two values in either group. Of zero width, and therefore without
+  /// information, if the groups do not overlap.
   std::optional<Interval> interval;
   /// Vargha and Delaney's A: P(first > second) + P(first = second)/2 = (delta + 1)/2.
   double vargha_delaney_a = 0.5;
@@ -36,7 +36,7 @@ struct Dominance {
 /// Behavioral Statistics 25, 101-132 (2000). A variance estimated below (1 - δ²)/(n1·n2 - 1) is raised
 /// to that, as Cliff advises.
 /// @param first,second finite
-/// @return nothing if either group is empty
+/// @return std::nullopt if either group is empty
 /// @throws Error (misuse)
 std::optional<Dominance> cliffs_delta(std::span<const double> first, std::span<const double> second,
                                       double confidence = 0.95);

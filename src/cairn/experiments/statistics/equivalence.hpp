@@ -41,7 +41,7 @@ struct DifferenceSummary {
 /// Without any variance the p-values are 0 or 1: whether the mean lies within the margin.
 /// @param margin of the differences' unit, low < high
 /// @param alpha within (0, 0.5)
-/// @return nothing of fewer than two differences
+/// @return std::nullopt for fewer than two differences
 /// @throws Error (misuse)
 std::optional<Equivalence> tost_paired_means(const DifferenceSummary& differences, Interval margin,
                                              double alpha = 0.05);
@@ -55,7 +55,7 @@ std::optional<Equivalence> tost_paired_means(std::span<const double> differences
 /// paired_score_statistic(). The interval is paired_score_difference()'s.
 /// @param margin within (0, 1): differences from -margin to margin count as none
 /// @param alpha within (0, 0.5)
-/// @return nothing of no pairs
+/// @return std::nullopt for no pairs
 /// @throws Error (misuse)
 std::optional<Equivalence> tost_paired_proportions(const PairedCounts& counts, double margin,
                                                    double alpha = 0.05);

@@ -15,15 +15,15 @@ namespace cairn {
 struct Friedman {
   std::size_t blocks = 0;
   std::size_t treatments = 0;
-  std::vector<double> mean_ranks;  ///< one a treatment; 1 is lowest
+  std::vector<double> mean_ranks;  ///< one per treatment; 1 is lowest
   double statistic = 0.0;          ///< chi-squared with treatments - 1 degrees, corrected for ties
   double degrees_of_freedom = 0.0;
   double p_value = 1.0;  ///< by the chi-squared distribution
   /// The F statistic of Iman and Davenport (1980), less conservative: (n-1)χ² / (n(k-1) - χ²) with k-1
-  /// and (k-1)(n-1) degrees. Infinite if all blocks agree; nothing of one block or if all are tied.
+  /// and (k-1)(n-1) degrees. Infinite if all blocks agree; std::nullopt for one block or if all are tied.
   std::optional<double> f_statistic;
   std::optional<double> f_p_value;
-  /// Kendall's W, agreement of the blocks, 0 (none) to 1: statistic / n(k-1). Nothing if all is tied.
+  /// Kendall's W, agreement of the blocks, 0 (none) to 1: statistic / n(k-1). std::nullopt if all is tied.
   std::optional<double> kendalls_w;
 };
 
@@ -38,7 +38,7 @@ Friedman friedman_test(std::span<const std::vector<double>> blocks);
 /// The exact p-value of the same test: the share of the assignments of ranks within blocks, all equally
 /// likely and ties as they are, whose statistic is no less. Takes up to some seconds; worth it with
 /// few blocks, where the chi-squared distribution is far off.
-/// @return nothing where there are too many to count: above 6 treatments, some hundred blocks of 3 or
+/// @return std::nullopt if there are too many to count: above 6 treatments, some hundred blocks of 3 or
 ///         some twenty of 4
 /// @throws Error (misuse) as friedman_test() does
 std::optional<double> friedman_exact_p_value(std::span<const std::vector<double>> blocks);

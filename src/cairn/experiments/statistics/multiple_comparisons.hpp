@@ -30,14 +30,14 @@ struct PairwiseComparison {
 /// Wilcoxon's signed-rank test of each two treatments, adjusted by Holm's procedure. Recommended over
 /// the comparison of mean ranks, which depends on the treatments that are not compared, by Benavoli,
 /// Corani and Mangili, Journal of Machine Learning Research 17(5), 1-10 (2016). `effect` is the
-/// rank-biserial correlation, 0 if nothing differs.
+/// rank-biserial correlation, 0 if all are equal.
 /// @param blocks a row a case, a column a treatment; finite, at least two columns
 /// @throws Error (misuse)
 std::vector<PairwiseComparison> pairwise_signed_rank(std::span<const std::vector<double>> blocks);
 
 /// McNemar's exact test of each two treatments, adjusted by Holm's procedure. `effect` is the
 /// difference of the success rates, 0 of no cases.
-/// @param successes a row a treatment, at least two: whether it succeeded on each case
+/// @param successes a row per treatment, at least two: whether it succeeded on each case
 /// @throws Error (misuse)
 std::vector<PairwiseComparison> pairwise_mcnemar(std::span<const std::vector<bool>> successes);
 

@@ -27,7 +27,7 @@ struct PairedCounts {
 };
 
 /// @param first,second whether each of the same cases succeeded
-/// @throws Error (misuse) unless there are as many of both
+/// @throws Error (misuse) unless there are equally many
 PairedCounts count_pairs(const std::vector<bool>& first, const std::vector<bool>& second);
 
 /// McNemar's exact test, two-sided: given that pairs differ, either order is equally likely, so
@@ -60,7 +60,7 @@ ChiSquaredTest mcnemar_chi_squared(const PairedCounts& counts, bool continuity_c
 /// Statistics in Medicine 17, 2635-2650 (1998), method 10: Wilson's intervals of the two rates, put
 /// together with the correlation φ of the pairs, which is corrected for continuity if positive:
 ///   low = d - sqrt((p1 - l1)² - 2φ(p1 - l1)(u2 - p2) + (u2 - p2)²), high accordingly.
-/// @return nothing of no pairs
+/// @return std::nullopt for no pairs
 /// @throws Error (misuse)
 std::optional<ProportionDifference> paired_difference(const PairedCounts& counts,
                                                       double confidence = 0.95);
@@ -73,7 +73,7 @@ std::optional<ProportionDifference> paired_difference(const PairedCounts& counts
 ///   q = (B + sqrt(B² + 8ncΔ(1 - Δ))) / 4n, B = b + c - (2n - b + c)Δ.
 /// At Δ = 0 its square is McNemar's statistic without correction.
 /// @param hypothetical within (-1, 1)
-/// @return standard normal if the hypothesis is true; infinite where it is impossible; nothing of no
+/// @return standard normal if the hypothesis is true; infinite if it is impossible; std::nullopt for no
 ///         pairs
 /// @throws Error (misuse)
 std::optional<double> paired_score_statistic(const PairedCounts& counts, double hypothetical);
@@ -81,7 +81,7 @@ std::optional<double> paired_score_statistic(const PairedCounts& counts, double 
 /// The difference of the success rates with the interval of those that Tango's score test does not
 /// reject (see paired_score_statistic). It says the same as the tests, which Newcombe's interval does
 /// only nearly; the two differ little.
-/// @return nothing of no pairs
+/// @return std::nullopt for no pairs
 /// @throws Error (misuse)
 std::optional<ProportionDifference> paired_score_difference(const PairedCounts& counts,
                                                             double confidence = 0.95);
@@ -95,7 +95,7 @@ struct DiscordantOdds {
 /// The conditional odds ratio b/c of paired trials, whose exact interval is p/(1 - p) of Clopper and
 /// Pearson's for p = b/(b + c): Breslow and Day, "Statistical Methods in Cancer Research I", 1980,
 /// section 5.2.
-/// @return nothing if no pair differs
+/// @return std::nullopt if no pair differs
 /// @throws Error (misuse)
 std::optional<DiscordantOdds> discordant_odds(const PairedCounts& counts, double confidence = 0.95);
 

@@ -6,7 +6,7 @@
 
 #include "cairn/experiments/statistics/interval.hpp"
 
-/// Success rates and how sure they are.
+/// Success rates and their uncertainty.
 namespace cairn {
 
 /// How often something succeeded.
@@ -14,9 +14,9 @@ struct SuccessCount {
   std::size_t successes = 0;
   std::size_t trials = 0;
 
-  /// Nothing of no trials.
+  /// std::nullopt for no trials.
   std::optional<double> rate() const;
-  /// @throws Error (misuse) of more successes than trials
+  /// @throws Error (misuse) for more successes than trials
   void validate() const;
 };
 
@@ -26,20 +26,20 @@ struct SuccessCount {
 /// Newcombe, "Two-sided confidence intervals for the single proportion", Statistics in Medicine 17,
 /// 857-872 (1998), method 3.
 /// @param confidence within (0, 1)
-/// @return [0, 1] of no trials
+/// @return [0, 1] for no trials
 /// @throws Error (misuse)
 Interval wilson_interval(SuccessCount count, double confidence = 0.95);
 
 /// The exact interval of Clopper and Pearson (1934), from quantiles of the beta distribution: covers
 /// at least as often as it says, hence is wider than Wilson's. Newcombe (1998), method 5.
-/// @return [0, 1] of no trials
+/// @return [0, 1] for no trials
 /// @throws Error (misuse)
 Interval clopper_pearson_interval(SuccessCount count, double confidence = 0.95);
 
 /// A success rate with Wilson's interval.
 struct Proportion {
   SuccessCount count;
-  std::optional<double> estimate;  ///< nothing of no trials
+  std::optional<double> estimate;  ///< std::nullopt for no trials
   Interval interval;               ///< wilson_interval()
 };
 
@@ -55,7 +55,7 @@ struct ProportionDifference {
 ///   low = d - sqrt((p1 - l1)² + (u2 - p2)²), high = d + sqrt((u1 - p1)² + (p2 - l2)²);
 /// Newcombe, "Interval estimation for the difference between independent proportions", Statistics in
 /// Medicine 17, 873-890 (1998), method 10. Rates of the same trials are paired: paired_difference().
-/// @return nothing if either has no trials
+/// @return std::nullopt if either has no trials
 /// @throws Error (misuse)
 std::optional<ProportionDifference> independent_difference(SuccessCount first, SuccessCount second,
                                                            double confidence = 0.95);

@@ -16,7 +16,7 @@ enum class ScoreMeaning { kHigherIsBetter, kLowerIsBetter };
 
 /// What comes of judging as successes the scores that are as good as a threshold.
 struct RocPoint {
-  /// A score that occurs; infinitely good for the point that calls nothing a success.
+  /// One of the scores; infinitely good for the point without predicted successes.
   double threshold = 0.0;
   double sensitivity = 0.0;  ///< share of the successes that are judged so
   double specificity = 0.0;  ///< share of the failures that are not
@@ -30,9 +30,9 @@ struct Roc {
   /// failure drawn at random, ties counting half.
   double auc = 0.5;
   /// Of DeLong, DeLong and Clarke-Pearson, Biometrics 44, 837-845 (1988): from the variation of each
-  /// trial's share. Nothing with fewer than two successes or failures.
+  /// trial's share. std::nullopt for fewer than two successes or failures.
   std::optional<double> delong_standard_error;
-  /// auc ± z·delong_standard_error, cut at 0 and 1. Nothing without the error or if that is 0, as of a
+  /// auc ± z·delong_standard_error, cut at 0 and 1. std::nullopt without the error or if that is 0, as of a
   /// perfect score.
   std::optional<Interval> delong_interval;
   /// Of Hanley and McNeil, Radiology 143, 29-36 (1982), who take scores to be exponentially
@@ -42,7 +42,7 @@ struct Roc {
   /// |auc - A| <= z·sqrt(V(A)), V(A) = A(1-A)(1 + m((1-A)/(2-A) + A/(1+A))) / (successes·failures),
   /// m = (successes + failures)/2 - 1. Never of zero width, good for few trials and perfect scores.
   Interval score_interval;
-  /// From nothing judged a success to everything; one point a different score and one before.
+  /// From no predicted successes to all; one point per distinct score, and one before.
   std::vector<RocPoint> curve;
   /// The point of the largest Youden's J (Cancer 3, 32-35, 1950); of equal ones the strictest. Chosen
   /// and judged on the same trials, hence optimistic.
@@ -51,7 +51,7 @@ struct Roc {
 
 /// @param scores no NaN; infinite ones are allowed
 /// @param success whether each trial succeeded; as many as scores
-/// @return nothing unless there are successes and failures
+/// @return std::nullopt unless there are successes and failures
 /// @throws Error (misuse)
 std::optional<Roc> roc_analysis(std::span<const double> scores, const std::vector<bool>& success,
                                 ScoreMeaning meaning, double confidence = 0.95);

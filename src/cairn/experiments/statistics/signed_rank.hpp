@@ -26,11 +26,11 @@ struct SignedRank {
   double positive_rank_sum = 0.0;  ///< of the positive differences; R's V, elsewhere W+ or T+
   double negative_rank_sum = 0.0;
   double p_value = 1.0;
-  bool exact = true;        ///< whether `p_value` is
-  std::optional<double> z;  ///< standard normal; nothing if exact
+  bool exact = true;        ///< whether `p_value` is exact
+  std::optional<double> z;  ///< standard normal; std::nullopt if exact
   /// Share of the rank sum for a positive difference less that against it, in [-1, 1]: matched-pairs
   /// rank-biserial correlation (Kerby, "The simple difference formula", Comprehensive Psychology 3,
-  /// 2014). Nothing if nothing differs.
+  /// 2014). std::nullopt if all are equal.
   std::optional<double> rank_biserial;
 };
 
@@ -41,7 +41,7 @@ struct SignedRank {
 /// two-sided one is twice the smaller tail, at most 1. The approximation is normal with variance
 /// n(n+1)(2n+1)/24 - Σ(t³ - t)/48 over groups of t tied ranks.
 /// @param differences first - second, finite
-/// @return p-value 1 if nothing differs
+/// @return p-value 1 if all differences are 0
 /// @throws Error (misuse)
 SignedRank wilcoxon_signed_rank(std::span<const double> differences,
                                 const SignedRankOptions& options = {});
@@ -60,8 +60,8 @@ struct LocationShift {
 /// asked for; with so few that none is as high, the interval is the range, of the confidence stated.
 /// Above 50 it is approximate. Takes memory of the square of the number of differences.
 /// @param differences finite
-/// @return nothing of no differences
-/// @throws Error (misuse), also of more than 10 000 differences
+/// @return std::nullopt for no differences
+/// @throws Error (misuse), also for more than 10 000 differences
 std::optional<LocationShift> hodges_lehmann(std::span<const double> differences,
                                             double confidence = 0.95);
 

@@ -64,7 +64,7 @@ enum class RadiusCriterion {
 /// last bin up to which all bins, from the first, reach the level. A bin without trials ends it.
 /// @param bins as of success_bins()
 /// @param level within [0, 1]
-/// @return nothing if the first bin falls short
+/// @return std::nullopt if the first bin falls short
 /// @throws Error (misuse)
 std::optional<double> convergence_radius(std::span<const SuccessBin> bins, double level,
                                          RadiusCriterion criterion = RadiusCriterion::kRate);
@@ -81,7 +81,7 @@ struct SuccessRadius {
 /// out together.
 /// @param offsets finite, at least 0; as many as successes
 /// @param level within [0, 1]
-/// @return nothing if no radius has it
+/// @return std::nullopt if no radius has it
 /// @throws Error (misuse)
 std::optional<SuccessRadius> success_radius(std::span<const double> offsets,
                                             const std::vector<bool>& success, double level,

@@ -22,12 +22,14 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
       "unit of length (metres)");
   add(map.info().world_frame.has_value(), "name of the world frame");
   add(map.info().gravity.has_value(), "direction of gravity");
+  add(map.info().georeference.has_value() && !holdings.georeference, "georeference");
   add(map.info().uuid.has_value(), "UUID");
   add(!map.info().provenance.empty(), "provenance");
   add(!holdings.frames && map.frame_count() > 0, fmt::format("{} frames", map.frame_count()));
   add(!holdings.cameras && !map.cameras().empty(), fmt::format("{} cameras", map.cameras().size()));
   add(!frames.timestamps_s.empty() && !holdings.timestamps, "timestamps");
   add(!frames.image_names.empty() && !holdings.image_names, "names of images");
+  add(!frames.gnss.empty() && !holdings.gnss, "GNSS positions");
   add(!landmarks.covariances.empty() && !holdings.covariances, "covariances");
   add(!landmarks.colors.empty() && !holdings.colors, "colours");
   if (landmarks.descriptors && holdings.descriptors != "*" &&

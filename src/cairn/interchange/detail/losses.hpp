@@ -24,6 +24,8 @@ struct Holdings {
   bool colors = true;
   bool covariances = false;
   bool length_unit = false;
+  bool georeference = false;
+  bool gnss = false;                               ///< GNSS positions of frames
   std::string_view descriptors = {};               ///< the kind that has a place, or "*": any
   std::span<const std::string_view> columns = {};  ///< names of columns that have a place
 };

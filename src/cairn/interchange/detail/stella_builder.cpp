@@ -38,8 +38,8 @@ std::optional<Camera> camera_of(const StellaCamera& c, CameraId id) {
 StellaBuilder::StellaBuilder(std::string name, const MapReadOptions& options)
     : name_(std::move(name)), options_(options) {}
 
-void StellaBuilder::remark(const std::string& text) const {
-  if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
+void StellaBuilder::lost(const std::string& text) const {
+  if (options_.log) options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
 }
 
 void StellaBuilder::add_camera(const std::string& name, const StellaCamera& camera) {
@@ -95,16 +95,16 @@ std::vector<std::optional<CameraIndex>> StellaBuilder::place_cameras(MapTables& 
     if (camera.setup_type != "Stereo" && camera.setup_type != "RGBD") any_unknown_scale = true;
     const auto usable = camera_of(camera, CameraId{tables.cameras.size()});
     if (!usable) {
-      remark(fmt::format("camera {} is unknown to the map: its model {} is none of Cairn's",
-                         printable(name), printable(camera.model_type)));
+      lost(fmt::format("camera {} is unknown to the map: its model {} is none of Cairn's",
+                       printable(name), printable(camera.model_type)));
       continue;
     }
     if (const std::string defect = camera_defect(*usable); !defect.empty()) {
-      remark(fmt::format("camera {} is unknown to the map: {}", printable(name), defect));
+      lost(fmt::format("camera {} is unknown to the map: {}", printable(name), defect));
       continue;
     }
     if (camera.model_type != "Perspective" && camera.model_type != "Fisheye") {
-      remark(
+      lost(
           fmt::format("camera {}: the distortion {} is none of Cairn's; the camera is that of the "
                       "undistorted image",
                       printable(name), printable(camera.model_type)));
@@ -166,7 +166,7 @@ LandmarkMap StellaBuilder::finish() && {
   }
   const std::size_t lost = std::move(observations_).fill(tables, "ORB", DescriptorNorm::kHamming);
   if (lost > 0) {
-    remark(fmt::format("{} observations of landmarks that are not there; left out", lost));
+    lost(fmt::format("{} observations of landmarks that are not there; left out", lost));
   }
   return LandmarkMap(std::move(tables), [&](MapColumn, std::size_t) { return name_; });
 }

@@ -69,7 +69,7 @@ class StellaBuilder {
     std::optional<double> timestamp_s;
     std::string camera;
   };
-  void remark(const std::string& text) const;
+  void lost(const std::string& text) const;
   std::vector<std::optional<CameraIndex>> place_cameras(MapTables& tables) const;
 
   std::string name_;

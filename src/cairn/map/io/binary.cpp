@@ -57,7 +57,7 @@ struct Layout {
   std::uint64_t bytes_each;  // 0: not the same for all entries, or not known beforehand
 };
 
-constexpr std::array<Layout, 28> kLayouts = {{
+constexpr std::array<Layout, 30> kLayouts = {{
     {"world frame", Per::kFile, 0},
     {"gravity", Per::kFile, 24},
     {"uuid", Per::kFile, 0},
@@ -86,8 +86,10 @@ constexpr std::array<Layout, 28> kLayouts = {{
     {"octaves", Per::kObservation, 8},
     {"sources", Per::kObservation, 8},
     {"sigmas", Per::kObservation, 8},
+    {"georeference", Per::kFile, 88},
+    {"GNSS positions", Per::kFrame, 32},
 }};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kPixelSigmas));
+static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kGnss));
 
 constexpr std::size_t index_of(MapColumn column) {
   return static_cast<std::size_t>(column) - 1;
@@ -445,6 +447,7 @@ class BinaryReader {
     if (has(MapColumn::kGravity)) {
       std::memcpy(info.gravity.emplace().data(), section(MapColumn::kGravity).bytes.data(), 24);
     }
+    if (has(MapColumn::kGeoReference)) read_georeference();
     for (Cursor texts(*this, MapColumn::kProvenance); !texts.at_end();) {
       info.provenance.push_back(texts.text("a text"));
       if (info.provenance.back().empty()) {
@@ -452,6 +455,46 @@ class BinaryReader {
                "none");
       }
     }
+  }
+
+  static GeodeticPosition geodetic(const char* bytes) {
+    return {load<double>(bytes), load<double>(bytes + 8), load<double>(bytes + 16)};
+  }
+
+  void read_georeference() {
+    const char* const bytes = section(MapColumn::kGeoReference).bytes.data();
+    GeoReference& result = tables_.info.georeference.emplace();
+    result.origin = geodetic(bytes);
+    result.scale = load<double>(bytes + 24);
+    std::memcpy(result.quaternion.data(), bytes + 32, sizeof result.quaternion);
+    std::memcpy(result.translation.data(), bytes + 64, 24);
+  }
+
+  void read_gnss() {
+    auto& gnss = tables_.frames.gnss;
+    const std::string_view bytes = section(MapColumn::kGnss).bytes;
+    constexpr std::size_t kNumbers = 4;
+    constexpr std::size_t kSize = kNumbers * sizeof(double);
+    bool nothing_known = has(MapColumn::kGnss);
+    for (std::size_t row = 0; row < bytes.size() / kSize; ++row) {
+      const char* const entry = bytes.data() + row * kSize;
+      if (std::isnan(load<double>(entry))) {
+        for (std::size_t i = 0; i < kNumbers; ++i) {
+          expect_unknown(MapColumn::kGnss, kNumbers * row + i,
+                         load<double>(entry + i * sizeof(double)));
+        }
+        gnss.push_back(std::nullopt);
+        continue;
+      }
+      nothing_known = false;
+      GnssFix fix{geodetic(entry), load<double>(entry + 24)};
+      if (std::isnan(*fix.accuracy_m)) {
+        expect_unknown(MapColumn::kGnss, kNumbers * row + 3, *fix.accuracy_m);
+        fix.accuracy_m.reset();
+      }
+      gnss.push_back(fix);
+    }
+    refuse_if_unknown(nothing_known, MapColumn::kGnss);
   }
 
   void read_cameras() {
@@ -475,6 +518,7 @@ class BinaryReader {
     copy_required(MapColumn::kQuaternions, frames.quaternions);
     read_integers<std::uint32_t>(MapColumn::kFrameCameras, frames.cameras);
     read_numbers(MapColumn::kTimestamps, frames.timestamps_s);
+    read_gnss();
     if (!has(MapColumn::kImageNames)) return;
     Cursor names(*this, MapColumn::kImageNames);
     bool nothing_known = true;
@@ -603,6 +647,7 @@ class BinaryWriter {
     plan_frames();
     plan_landmarks();
     plan_observations();
+    plan_places();
   }
 
   void write() {
@@ -809,6 +854,34 @@ class BinaryWriter {
     plan_integers(MapColumn::kPixelSources, observations.sources,
                   [](PixelSource source) { return static_cast<std::int64_t>(source); });
     plan_numbers(MapColumn::kPixelSigmas, observations.sigmas_px);
+  }
+
+  void put_geodetic(const GeodeticPosition& position) {
+    for (const double value : {position.latitude_deg, position.longitude_deg, position.altitude_m})
+      put(value);
+  }
+
+  // On the Earth.
+  void plan_places() {
+    if (const auto& georeference = map_.info().georeference) {
+      plan(MapColumn::kGeoReference, 88, [this, &georeference] {
+        put_geodetic(georeference->origin);
+        put(georeference->scale);
+        for (const double value : georeference->quaternion) put(value);
+        for (const double value : georeference->translation) put(value);
+      });
+    }
+    const auto& gnss = map_.frames().gnss;
+    plan(MapColumn::kGnss, 32 * gnss.size(), [this, &gnss] {
+      for (const auto& fix : gnss) {
+        if (fix) {
+          put_geodetic(fix->position);
+          put(fix->accuracy_m.value_or(kUnknownNumber));
+        } else {
+          for (int i = 0; i < 4; ++i) put(kUnknownNumber);
+        }
+      }
+    });
   }
 
   const LandmarkMap& map_;

@@ -9,17 +9,17 @@
 
 namespace cairn {
 
-/// What a file in Cairn's binary format starts with. No text starts so, and a transfer that converts
-/// line ends breaks it.
+/// First bytes of Cairn's binary format. No text begins with them, and a transfer that converts line ends
+/// breaks them.
 inline constexpr std::string_view kBinaryMagic =
     "\x89"
     "CAIRN\r\n";
 
-/// Reads Cairn's own binary format (docs/formats.md) from where it lies, if the source can be mapped.
-/// @throws Error (input) naming source, byte, field, what was found and what was expected
+/// Reads Cairn's binary format (docs/formats.md), memory-mapped if the source can be.
+/// @throws Error (input) naming source, byte, field, value and constraint
 LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options = {});
 
-/// Writes Cairn's own binary format.
+/// Writes Cairn's binary format.
 /// @throws Error (misuse) if a text of the map has 2^32 bytes or more
 void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& progress = {});
 

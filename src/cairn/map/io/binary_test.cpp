@@ -397,9 +397,9 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
   expect_refused({
-      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 28"},
-      {uuid_entry(0, 29), at_number + "29 is no section; expected 1 to 28"},
-      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 28", kHuge)},
+      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 30"},
+      {uuid_entry(0, 31), at_number + "31 is no section; expected 1 to 30"},
+      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 30", kHuge)},
       {uuid_entry(0, 2), at_number + "2 (gravity) occurs twice" + once},
       {uuid_entry(0, 1), at_number + "1 (world frame) stands below 2" + once},
       {uuid_entry(8, uuid + 8),
@@ -497,6 +497,13 @@ TEST(ReadBinary, RefusesBrokenInfoAndCameras) {
       {setting(MapColumn::kGravity, 16, 9.81),
        byte_of(MapColumn::kGravity) +
            "gravity: gravity: (0, 0.6, 9.81) is not a unit vector; expected norm 1 within 1e-3"},
+      {setting(MapColumn::kGeoReference, 0, 91.0),
+       byte_of(MapColumn::kGeoReference) + "georeference: georeference: latitude 91 is out of "
+                                           "range; expected degrees from -90 to 90 "
+                                           "and -180 to 180, metres from -1e9 to 1e9"},
+      {setting(MapColumn::kGeoReference, 24, kUnknownBits),
+       byte_of(MapColumn::kGeoReference) +
+           "georeference: georeference: scale nan; expected a scale from 1e-9 to 1e9"},
       {setting<std::uint64_t>(MapColumn::kCameras, 0, 2),
        byte_of(MapColumn::kCameras) +
            "cameras: camera 2: the id occurs twice; expected distinct ids"},
@@ -539,6 +546,16 @@ TEST(ReadBinary, RefusesBrokenFrames) {
       {[](File& f) { f.fill(MapColumn::kTimestamps, kUnknownBits); },
        byte_of(MapColumn::kTimestamps) +
            "timestamps: nothing is known in it; expected the section left out"},
+      {setting(MapColumn::kGnss, 24, -1.0),
+       byte_of(MapColumn::kGnss) + "GNSS positions: frame 7: GNSS accuracy -1; expected a positive "
+                                   "number of metres, at most 1e9"},
+      {setting(MapColumn::kGnss, 40, 0.0), byte_of(MapColumn::kGnss, 40) +
+                                               "GNSS positions: 0 of the bits 0000000000000000; "
+                                               "expected 7ff8000000000000 where unknown, "
+                                               "else a number"},
+      {[](File& f) { f.fill(MapColumn::kGnss, kUnknownBits); },
+       byte_of(MapColumn::kGnss) +
+           "GNSS positions: nothing is known in it; expected the section left out"},
   });
 }
 

@@ -74,6 +74,11 @@ Camera tum_camera(const std::string& name) {
               "fr1, fr2 or fr3");
 }
 
+std::optional<double> tum_readout_s(const std::string& name) {
+  if (name == "fr1") return 0.026;
+  return std::nullopt;
+}
+
 CameraFile read_camera_file(ByteSource& source) {
   CameraFile result;
   LineReader lines(source);
@@ -95,9 +100,11 @@ CameraFile read_camera_file(ByteSource& source) {
       result.camera.parameters = parse_list(value, place);
     } else if (key == "depth_units_per_metre") {
       result.depth_units_per_metre = parse_positive(value, place, key);
+    } else if (key == "readout_s") {
+      result.readout_s = parse_positive(value, place, key);
     } else {
       throw Error(ErrorKind::kInput, place, printable(key) + " is no key",
-                  "model, width, height, parameters or depth_units_per_metre");
+                  "model, width, height, parameters, depth_units_per_metre or readout_s");
     }
   }
   const std::string defect = camera_defect(result.camera);
@@ -118,6 +125,11 @@ std::string camera_file_text(const CameraFile& file) {
   if (file.depth_units_per_metre) {
     text += "depth_units_per_metre: ";
     append_number(text, *file.depth_units_per_metre);
+    text += '\n';
+  }
+  if (file.readout_s) {
+    text += "readout_s: ";
+    append_number(text, *file.readout_s);
     text += '\n';
   }
   return text;

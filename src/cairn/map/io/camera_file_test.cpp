@@ -34,7 +34,11 @@ TEST(CameraFile, ComesBackAsWritten) {
     const CameraFile after = parsed(camera_file_text(before));
     EXPECT_EQ(after.camera, before.camera);
     EXPECT_EQ(after.depth_units_per_metre, 5000.0);
+    EXPECT_FALSE(after.readout_s);
   }
+  const CameraFile rolling = parsed(camera_file_text({tum_camera("fr1"), {}, 0.026}));
+  EXPECT_EQ(rolling.readout_s, 0.026);
+  EXPECT_FALSE(rolling.depth_units_per_metre);
 }
 
 TEST(CameraFile, ReadsWhatAPersonWrites) {
@@ -56,6 +60,7 @@ TEST(CameraFile, NamesLineAndKeyOfWhatItRefuses) {
   EXPECT_THAT(message_of("parameters: 1 2 3\n"), HasSubstr("parameters: no list in brackets"));
   EXPECT_THAT(message_of("parameters: [1, x]\n"), HasSubstr("'x' is not a number"));
   EXPECT_THAT(message_of("depth_units_per_metre: -1\n"), HasSubstr("not a positive number"));
+  EXPECT_THAT(message_of("readout_s: 0\n"), HasSubstr("readout_s: '0' is not a positive number"));
   EXPECT_THAT(message_of("model: PINHOLE\nwidth: 4\nheight: 4\nparameters: [1]\n"),
               HasSubstr("has 4 parameters"));
 }

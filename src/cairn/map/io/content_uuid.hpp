@@ -8,11 +8,11 @@
 
 namespace cairn {
 
-/// A UUID (RFC 9562, version 8) made of a hash of the bytes: the same bytes, the same UUID.
+/// A UUID (RFC 9562, version 8) from a hash of the bytes.
 std::string uuid_of(std::string_view bytes);
 
-/// One that is made of what a map holds, but for its own UUID: of its bytes in the binary format. What the
-/// same inputs, options and seed produce has the same.
+/// UUID of a map's content without its own UUID: of its bytes in the binary format. Maps made with the same
+/// inputs, options and seed have the same.
 std::string content_uuid(const LandmarkMap& map);
 
 /// The map with that UUID.

@@ -17,41 +17,41 @@ namespace cairn {
 
 struct MapWriteOptions {
   std::string format = {};                 ///< name of a MapFormat; empty: by the path's ending
-  std::optional<int> native_version = {};  ///< nothing: 1 where it holds all of the map, else 2
+  std::optional<int> native_version = {};  ///< std::nullopt: 1 if it can hold the whole map, else 2
   bool ascii = false;                      ///< PLY and PCD: text instead of binary
   bool double_precision =
-      false;  ///< PCD: positions as doubles, which PCL's point types do not take
+      false;  ///< PCD: positions as doubles, which PCL's point types cannot read
   Progress progress = {};
-  LogSink log = {};  ///< told what the format cannot hold and was left out
+  LogSink log = {};  ///< reports what the format cannot hold
 };
 
-/// A file or folder that a map is read from.
+/// A file or folder to read a map from.
 struct MapInput {
   std::filesystem::path path;
-  std::optional<std::string> part = {};  ///< N of "path#N": which map of a file with several
-  std::string_view first_bytes = {};     ///< of a file: its first 4096, or all; of a folder none
+  std::optional<std::string> part = {};  ///< N of "path#N": selects one map of a file with several
+  std::string_view first_bytes = {};     ///< of a file: at most its first 4096; of a folder none
   ByteSource* source = nullptr;          ///< of a file, at its start; null for a folder
 };
 
-/// One map format: a row of the table from which reading, writing, help and messages derive.
+/// A map format: a row of the table from which reading, writing, help and messages derive.
 struct MapFormat {
-  std::string name;   ///< a word for options, e.g. "colmap-text"; unique in a registry
-  std::string title;  ///< for messages, e.g. "COLMAP text"
-  /// Endings of paths that are written in this format: an extension (".ply"), a file name
-  /// ("reconstruction.json"), or "/" for a folder. Empty: written only if asked for by name.
+  std::string name;   ///< name in options, e.g. "colmap-text"; unique in a registry
+  std::string title;  ///< name in messages, e.g. "COLMAP text"
+  /// Endings of paths for this format: an extension (".ply"), a file name ("reconstruction.json"), or "/"
+  /// for a folder. Empty: written only if requested by name.
   std::vector<std::string> endings = {};
   bool is_folder = false;      ///< written as a folder of files
   bool holds_frames = true;    ///< false: landmarks only
-  bool holds_several = false;  ///< a file may hold several maps, of which "path#N" names one
-  bool is_read = true;         ///< false: only written, and reading one says so
-  /// Whether a file or folder is in this format. Looks at the path, what lies beside it, and the first
-  /// bytes; does not read from the source.
+  bool holds_several = false;  ///< a file may hold several maps; "path#N" selects one
+  bool is_read = true;         ///< false: write-only; reading reports that
+  /// Whether a file or folder has this format. Uses the path, its neighbours and the first bytes; does not
+  /// read from the source.
   std::function<bool(const MapInput& input)> recognises = {};
   std::function<LandmarkMap(const MapInput& input, const MapReadOptions& options)> read = {};
-  /// Writes a file as a stream of bytes. Empty, as is `write`: the format is only read.
+  /// Writes a file as a stream of bytes. Empty, like `write`, if the format is read-only.
   std::function<void(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options)>
       write_to = {};
-  /// Writes what is no single file, whole or not at all.
+  /// Writes a folder, or several files, atomically.
   std::function<void(const LandmarkMap& map, const std::filesystem::path& path,
                      const MapWriteOptions& options)>
       write = {};
@@ -59,41 +59,40 @@ struct MapFormat {
   bool is_written() const { return write_to != nullptr || write != nullptr; }
 };
 
-/// The map formats that a program knows: a value, handed to whoever reads or writes maps.
+/// The map formats that a program knows; a value that is passed to readers and writers of maps.
 class FormatRegistry {
  public:
   FormatRegistry() = default;
-  /// @param formats asked from the last to the first when a map is read: the first may recognise what no
-  ///        other does
-  /// @throws Error (misuse) for a name that occurs twice
+  /// @param formats tried from the last to the first when a map is read; the first is the fallback
+  /// @throws Error (misuse) for a duplicate name
   explicit FormatRegistry(std::vector<MapFormat> formats);
 
-  /// These formats and `more`, which are asked before these.
+  /// These formats and `more`, which are tried first.
   FormatRegistry extended_by(std::vector<MapFormat> more) const;
 
   std::span<const MapFormat> formats() const { return formats_; }
   /// Null if there is none of that name.
   const MapFormat* find(std::string_view name) const;
-  /// The format that a path is written in, by its ending; null if unknown.
+  /// Format for a path, by its ending; null if unknown.
   const MapFormat* format_of_ending(const std::filesystem::path& path) const;
   /// As text for help and messages: ".map, .txt, .cairn, .ply or .pcd".
   std::string endings_text() const;
-  /// What can be read, as text for help: "Cairn text, Cairn binary, PLY or PCD".
+  /// Formats that can be read, as text for help: "Cairn text, Cairn binary, PLY or PCD".
   std::string titles_text() const;
   /// Names of the formats that can be written, as text for help and messages.
   std::string written_names_text() const;
 
-  /// Reads a map in any of the formats, recognised by content. A path that does not exist as it stands may
-  /// be "path#N": map N of a file that holds several.
-  /// @throws Error (input) naming the file, line or byte, field, value and what was expected
+  /// Reads a map in any of the formats, recognised by content. If the path does not exist, it may be
+  /// "path#N": map N of a file that holds several.
+  /// @throws Error (input) naming the file, line or byte, field, value and constraint
   LandmarkMap read(const std::filesystem::path& path, const MapReadOptions& options = {}) const;
 
-  /// The format of `options`, or of the path's ending.
-  /// @throws Error (misuse) if the format or ending is unknown, or the format is only read
+  /// The format in `options`, or else that of the path's ending.
+  /// @throws Error (misuse) if the format or ending is unknown, or the format is read-only
   const MapFormat& format_to_write(const std::filesystem::path& path,
                                    const MapWriteOptions& options = {}) const;
 
-  /// Writes a map, whole or not at all.
+  /// Writes a map atomically.
   /// @throws Error (misuse) as format_to_write, (storage) if it cannot be written
   void write(const LandmarkMap& map, const std::filesystem::path& path,
              const MapWriteOptions& options = {}) const;

@@ -9,11 +9,11 @@
 
 namespace cairn {
 
-/// Reads a map in one of the native_formats(), recognised by the file's first bytes.
-/// @throws Error (input) naming the file, line or byte, field, value and what was expected
+/// Reads a map in one of the native_formats(), recognised by the first bytes.
+/// @throws Error (input) naming the file, line or byte, field, value and constraint
 LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options = {});
 
-/// Writes a map in one of the native_formats(), whole or not at all.
+/// Writes a map in one of the native_formats(), atomically.
 /// @throws Error (misuse) for an unknown extension, (storage) if the file cannot be written
 void write_map(const LandmarkMap& map, const std::filesystem::path& path,
                const MapWriteOptions& options = {});

@@ -530,7 +530,7 @@ class NativeReader {
       read_descriptor_kind(fields);
     } else if (record == "COLUMN") {
       read_column(fields);
-    } else if (record == "TIME" || record == "VIEW" || record == "IMAGE") {
+    } else if (record == "TIME" || record == "VIEW" || record == "IMAGE" || record == "GNSS") {
       read_frame_extra(record, fields);
     } else if (record == "COLOR" || record == "DESCRIPTOR" || record == "VALUE" ||
                record == "DETAIL" || record == "MEASURED") {
@@ -566,6 +566,10 @@ class NativeReader {
       const double z = fields.number("z");
       info.gravity = Eigen::Vector3d(x, y, z);
       gravity_line_ = line_;
+    } else if (key == "georeference") {
+      refuse_second(info.georeference.has_value(), fields);
+      info.georeference = georeference(fields);
+      georeference_line_ = line_;
     } else if (key == "uuid") {
       refuse_second(info.uuid.has_value(), fields);
       info.uuid = unescaped(fields.rest("uuid"), fields);
@@ -573,8 +577,28 @@ class NativeReader {
       info.provenance.push_back(unescaped(fields.rest("provenance"), fields));
     } else {
       fields.refuse(printable(key) + " is no key",
-                    "length_unit, world_frame, gravity, uuid or provenance");
+                    "length_unit, world_frame, gravity, georeference, uuid or provenance");
     }
+  }
+
+  static GeodeticPosition geodetic(Fields& fields) {
+    const double latitude = fields.number("latitude");
+    const double longitude = fields.number("longitude");
+    const double altitude = fields.number("altitude");
+    return {latitude, longitude, altitude};
+  }
+
+  static GeoReference georeference(Fields& fields) {
+    GeoReference result;
+    result.origin = geodetic(fields);
+    result.scale = fields.number("scale");
+    constexpr std::array<const char*, 4> kNames = {"qw", "qx", "qy", "qz"};
+    for (std::size_t i = 0; i < 4; ++i) result.quaternion[i] = fields.number(kNames[i]);
+    const double x = fields.number("tx");
+    const double y = fields.number("ty");
+    const double z = fields.number("tz");
+    result.translation = {x, y, z};
+    return result;
   }
 
   void read_camera(Fields& fields) {
@@ -648,6 +672,14 @@ class NativeReader {
                       "the id of a CAMERA record above");
       }
       frames.cameras[row] = found->second;
+    } else if (record == "GNSS") {
+      frames.gnss.resize(count);
+      refuse_second(frames.gnss[row].has_value(), fields);
+      GnssFix fix{geodetic(fields), std::nullopt};
+      if (!fields.take_unknown()) fix.accuracy_m = fields.number("accuracy");
+      frames.gnss[row] = fix;
+      if (gnss_lines_.size() < count) gnss_lines_.resize(count);
+      gnss_lines_[row] = line_;
     } else {
       frames.image_names.resize(count);
       refuse_second(!frames.image_names[row].empty(), fields);
@@ -797,6 +829,7 @@ class NativeReader {
     fill(frames.cameras, frames.ids.size());
     fill(frames.timestamps_s, frames.ids.size());
     fill(frames.image_names, frames.ids.size());
+    fill(frames.gnss, frames.ids.size());
     fill(landmarks.colors, landmarks.ids.size());
     fill(observations.keypoints, observations.frames.size());
     fill(observations.depths, observations.frames.size());
@@ -818,6 +851,10 @@ class NativeReader {
     switch (column) {
       case MapColumn::kGravity:
         return fmt::format("{}:{}: fields 3-5 (x y z)", source_.name(), gravity_line_);
+      case MapColumn::kGeoReference:
+        return fmt::format("{}:{}", source_.name(), georeference_line_);
+      case MapColumn::kGnss:
+        return fmt::format("{}:{}", source_.name(), gnss_lines_[row]);
       case MapColumn::kQuaternions:
         return fmt::format("{}:{}: fields 6-9 (qw qx qy qz)", source_.name(),
                            frame_lines_.line_of(row));
@@ -842,6 +879,8 @@ class NativeReader {
   std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was
   std::size_t measured_ = 0;  // the same of MEASURED
   std::uint64_t gravity_line_ = 0;
+  std::uint64_t georeference_line_ = 0;
+  std::vector<std::uint64_t> gnss_lines_;  // one a frame, as far as any GNSS record reaches
   RowLines frame_lines_;
   RowLines landmark_lines_;
   std::unordered_map<FrameId, FrameIndex> frame_index_;
@@ -922,6 +961,14 @@ class NativeWriter {
       line("META", std::string_view("gravity"), info.gravity->x(), info.gravity->y(),
            info.gravity->z());
     }
+    if (const auto& georeference = info.georeference) {
+      const auto& q = georeference->quaternion;
+      const Eigen::Vector3d& t = georeference->translation;
+      buffer_ += "META georeference";
+      geodetic(georeference->origin);
+      field(georeference->scale, q[0], q[1], q[2], q[3], t.x(), t.y(), t.z());
+      end_line();
+    }
     if (info.uuid) text("uuid", *info.uuid);
     for (const std::string& step : info.provenance) text("provenance", step);
     for (const Camera& camera : map_.cameras()) {
@@ -938,6 +985,10 @@ class NativeWriter {
     for (const NamedColumn& column : map_.landmarks().columns) {
       line("COLUMN", std::string_view(column.name));
     }
+  }
+
+  void geodetic(const GeodeticPosition& position) {
+    field(position.latitude_deg, position.longitude_deg, position.altitude_m);
   }
 
   void write_frame(std::size_t i) {
@@ -958,6 +1009,18 @@ class NativeWriter {
     }
     if (!frames.image_names.empty() && !frames.image_names[i].empty()) {
       line("IMAGE", id, std::string_view(escaped(frames.image_names[i])));
+    }
+    if (!frames.gnss.empty() && frames.gnss[i]) {
+      const GnssFix fix = *frames.gnss[i];
+      buffer_ += "GNSS";
+      field(id);
+      geodetic(fix.position);
+      if (fix.accuracy_m) {
+        field(*fix.accuracy_m);
+      } else {
+        field(std::string_view("-"));
+      }
+      end_line();
     }
   }
 
@@ -1070,11 +1133,13 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
   if (info.length_unit != LengthUnit::kMetres) return "the free scale";
   if (info.world_frame) return "the name of the world frame";
   if (info.gravity) return "the direction of gravity";
+  if (info.georeference) return "the georeference";
   if (info.uuid) return "the UUID";
   if (!info.provenance.empty()) return "the provenance";
   if (!map.cameras().empty()) return "the cameras";
   if (!frames.timestamps_s.empty()) return "the frames' times";
   if (!frames.image_names.empty()) return "the frames' image names";
+  if (!frames.gnss.empty()) return "the frames' GNSS positions";
   if (!landmarks.colors.empty()) return "the landmarks' colours";
   if (landmarks.descriptors) return "the landmarks' descriptors";
   if (!landmarks.columns.empty()) return "the landmarks' named columns";

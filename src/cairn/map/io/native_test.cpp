@@ -605,6 +605,7 @@ TEST(ReadNative, RefusesBrokenMeta) {
       {meta("META"), fmt::format("desk.map:2: field 2 (key): {}", kMissing)},
       {meta("META colour red"),
        "desk.map:2: field 2 (key): 'colour' is no key; expected length_unit, world_frame, gravity, "
+       "georeference, "
        "uuid or provenance"},
       {meta("META length_unit feet"),
        "desk.map:2: field 3 (length_unit): 'feet' is no unit of length; expected metres or free"},
@@ -621,6 +622,13 @@ TEST(ReadNative, RefusesBrokenMeta) {
        "desk.map:2: fields 3-5 (x y z): gravity: (0, 0, -9.81) is not a unit vector; expected norm "
        "1 "
        "within 1e-3"},
+      {meta("META georeference 47 8 400 1 1 0 0 0 0 0"),
+       fmt::format("desk.map:2: field 13 (tz): {}", kMissing)},
+      {meta("META georeference 91 8 400 1 1 0 0 0 0 0 0"),
+       "desk.map:2: georeference: latitude 91 is out of range; expected degrees from -90 to 90 and "
+       "-180 to 180, metres from -1e9 to 1e9"},
+      {meta("META georeference 47 8 400 1 1 0 0 0 0 0 0\nMETA georeference 0 0 0 1 1 0 0 0 0 0 0"),
+       fmt::format("desk.map:3: {}", kSecond)},
       {meta("META provenance"), fmt::format("desk.map:2: field 3 (provenance): {}", kMissing)},
   });
   for (const std::string_view text : {"%", "a%", "a%2", "%2 b", "%g0", "%0g", "%%25", "100 %"}) {
@@ -667,6 +675,12 @@ TEST(ReadNative, RefusesBrokenExtrasOfFrames) {
       {after_landmark("VIEW 7 1\nCAMERA 1 SIMPLE_PINHOLE 64 48 50 32 24"),
        "desk.map:7: field 3 (camera): camera 1" + unknown + "CAMERA record above"},
       {after_landmark("TIME 7 1\nTIME 7 1"), fmt::format("desk.map:8: {}", kSecond)},
+      {after_landmark("GNSS 7 47 8 400"),
+       fmt::format("desk.map:7: field 6 (accuracy): {}", kMissing)},
+      {after_landmark("GNSS 7 47 8 400 -\nGNSS 7 47 8 400 -"),
+       fmt::format("desk.map:8: {}", kSecond)},
+      {after_landmark("GNSS 7 47 8 400 0"),
+       "desk.map:7: frame 7: GNSS accuracy 0; expected a positive number of metres, at most 1e9"},
       {after_landmark("VIEW 7 0\nVIEW 7 0"), fmt::format("desk.map:8: {}", kSecond)},
       {after_landmark("IMAGE 7 a\nIMAGE 7 a"), fmt::format("desk.map:8: {}", kSecond)},
       {after_landmark("TIME 7"), fmt::format("desk.map:7: field 3 (seconds): {}", kMissing)},
@@ -794,6 +808,7 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "META length_unit free\n"
       "META world_frame desk\n"
       "META gravity 0 0.6 0.8\n"
+      "META georeference 47.37 8.54 408 2.5 0.6 0 0.8000004 0 1 -2 0.1\n"
       "META uuid 123e4567-e89b-12d3-a456-426614174000\n"
       "META provenance made by hand\n"
       "META provenance %20100 %25 of it%0a\n"
@@ -805,12 +820,14 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "FRAME 7 0 -0 0 1 0 0 0\n"
       "VIEW 7 2\n"
       "IMAGE 7 rgb/1.png\n"
+      "GNSS 7 47.3701 8.54 410.5 3.5\n"
       "FRAME 18446744073709551615 0.1 0.2 -0.3 0.5 -0.5 0.5 0.5\n"
       "TIME 18446744073709551615 1305031453.374112\n"
       "FRAME 3 1e-310 4.5 0.3333333333333333 0.6 0 0.8000004 0\n"
       "TIME 3 0\n"
       "VIEW 3 5\n"
       "IMAGE 3 %2050%25%09of%7f\xc3\xa9%20\n"
+      "GNSS 3 -0 -180 1e-300 -\n"
       "LANDMARK 30 0.5 0 2 2e-04 1e-05 -3e-05 1e-05 1e-04 0 -3e-05 0 9e-04 2 7 447.925 255.3 3 "
       "-0.5 479.5\n"
       "COLOR 30 200 180 40\n"
@@ -942,6 +959,7 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
       {"the name of the world frame", [](MapTables& t) { t.info.world_frame = "desk"; }},
       {"the direction of gravity",
        [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0.0, 0.0, -1.0); }},
+      {"the georeference", [](MapTables& t) { t.info.georeference = GeoReference(); }},
       {"the UUID", [](MapTables& t) { t.info.uuid = "a"; }},
       {"the provenance", [](MapTables& t) { t.info.provenance = {"a"}; }},
       {"the cameras",
@@ -951,6 +969,10 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
       {"the frames' times",
        [](MapTables& t) {
          t.frames.timestamps_s = {1.0, std::nullopt};
+       }},
+      {"the frames' GNSS positions",
+       [](MapTables& t) {
+         t.frames.gnss = {std::nullopt, GnssFix()};
        }},
       {"the frames' image names",
        [](MapTables& t) {

@@ -8,11 +8,11 @@
 
 namespace cairn {
 
-/// What every reader of a map format takes.
+/// Options of every map reader.
 struct MapReadOptions {
   Progress progress = {};
-  std::stop_token stop = {};  ///< asked for: reading throws Error (cancelled)
-  LogSink log = {};           ///< told what was left out and why
+  std::stop_token stop = {};  ///< if requested, reading throws Error (cancelled)
+  LogSink log = {};           ///< reports what was left out and why
 };
 
 }  // namespace cairn

@@ -207,9 +207,10 @@ class HeaderReader {
       is_identity = is_identity && *value == kIdentity[i];
     }
     if (!is_identity && log_) {
-      log_(fmt::format(
-          "{}: the VIEWPOINT is not applied: positions are taken as they stand, as PCL does",
-          source_.header_place()));
+      log_({fmt::format(
+                "{}: the VIEWPOINT is not applied: positions are taken as they stand, as PCL does",
+                source_.header_place()),
+            RemarkKind::kLoss});
     }
   }
 

@@ -227,8 +227,9 @@ LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options) {
                    options);
   for (const Element& element : header.elements()) {
     if (&element != vertex && options.log) {
-      options.log(fmt::format("{}: {} {} left out: only vertices are landmarks", source.name(),
-                              element.count, plural_of(element)));
+      options.log({fmt::format("{}: {} {} left out: only vertices are landmarks", source.name(),
+                               element.count, plural_of(element)),
+                   RemarkKind::kLoss});
     }
   }
   if (header.encoding() == Encoding::kAscii) {

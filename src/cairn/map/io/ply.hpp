@@ -11,8 +11,8 @@ struct PlyWriteOptions {
   bool ascii = false;  ///< text instead of binary_little_endian
 };
 
-/// Reads the vertices of a PLY 1.0 file as landmarks (docs/formats.md says which properties).
-/// @throws Error (input) naming source, line or byte, what was found and what was expected
+/// Reads the vertices of a PLY 1.0 file as landmarks (docs/formats.md lists the properties).
+/// @throws Error (input) naming source, line or byte, value and constraint
 LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options = {});
 
 /// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, count, named columns.

@@ -454,10 +454,9 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
     const PointField& field = fields_[i];
     if (format == PointFormat::kPcd && field.name == "_") continue;  // padding
     if (field.list_count || field.count != 1) {
-      remark(fmt::format("field {} left out: it is not one number a point", printable(field.name)));
+      lost(fmt::format("field {} left out: it is not one number a point", printable(field.name)));
     } else if (!is_plain_name(field.name)) {
-      remark(
-          fmt::format("field {} left out: its name is not visible ASCII", printable(field.name)));
+      lost(fmt::format("field {} left out: its name is not visible ASCII", printable(field.name)));
     } else {
       by_name.emplace(field.name, i);
       slots_[i].role = Role::kColumn;
@@ -686,7 +685,7 @@ void PointTable::drop_points_without_position() {
   for (std::size_t i = 0; i < size; ++i) kept[i] = positions_[i].allFinite() ? 1 : 0;
   const auto left_out = std::count(kept.begin(), kept.end(), 0);
   if (left_out == 0) return;
-  remark(fmt::format("{} of {} points left out: a coordinate is not finite", left_out, size));
+  lost(fmt::format("{} of {} points left out: a coordinate is not finite", left_out, size));
   const auto compact = [&](auto& column) {
     if (column.empty()) return;
     std::size_t to = 0;
@@ -707,8 +706,8 @@ void PointTable::forget_infinite_values() {
     const auto is_infinite = [](double value) { return std::isinf(value); };
     const auto count = std::count_if(column.values.begin(), column.values.end(), is_infinite);
     if (count == 0) continue;
-    remark(fmt::format("{} infinite values of field {} taken as unknown", count,
-                       printable(column.name)));
+    lost(fmt::format("{} infinite values of field {} taken as unknown", count,
+                     printable(column.name)));
     std::replace_if(column.values.begin(), column.values.end(), is_infinite, kNan);
   }
 }
@@ -768,6 +767,10 @@ void PointTable::refuse(std::uint64_t line, std::uint64_t token, std::string_vie
 
 void PointTable::remark(const std::string& text) const {
   if (options_.log) options_.log(fmt::format("{}: {}", source_, text));
+}
+
+void PointTable::lost(const std::string& text) const {
+  if (options_.log) options_.log({fmt::format("{}: {}", source_, text), RemarkKind::kLoss});
 }
 
 // ---- bodies

@@ -13,14 +13,14 @@
 #include "cairn/map/io/options.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-// What the PLY and PCD formats share: a landmark map as a table of points with scalar fields.
-// Private to cairn/map/io and cairn/interchange.
+// Shared by the PLY and PCD formats: a landmark map as a table of points with scalar fields. Private to
+// cairn/map/io and cairn/interchange.
 namespace cairn::detail {
 
 enum class PointFormat {
   kPly,
   kPcd,
-  kFoxglove,  ///< as PLY, with an alpha value; only written
+  kFoxglove,  ///< as PLY, with an alpha value; write-only
 };
 
 enum class ScalarType : std::uint8_t {
@@ -39,42 +39,41 @@ enum class ScalarType : std::uint8_t {
 std::size_t size_of(ScalarType type);
 bool is_integer(ScalarType type);
 
-/// What a file says a point (or another record) holds, in the order of the file.
+/// A field of a point or other record, as a file declares it, in the file's order.
 struct PointField {
   std::string name;
   ScalarType type = ScalarType::kFloat64;
-  std::uint64_t count = 1;               ///< values a point; below 2^32
-  std::optional<ScalarType> list_count;  ///< of a list, whose length stands before its values
+  std::uint64_t count = 1;               ///< values per point; below 2^32
+  std::optional<ScalarType> list_count;  ///< type of a list's length, which precedes its values
 };
 
-/// A map holds fewer points than this.
+/// Upper bound of the points in a map.
 constexpr std::uint64_t kPointLimit = std::uint64_t{1} << 32;
-/// And a file has fewer fields: far more than any has, few enough to compare all their names.
+/// Upper bound of the fields in a file: above any real file, and few enough to compare all names.
 constexpr std::size_t kFieldLimit = 4096;
 
-/// A source of a text header followed by a body. Looks after the progress and the stop of reading.
+/// A source with a text header followed by a body. Handles progress and cancellation.
 class HeadedSource final : public ByteSource {
  public:
   HeadedSource(ByteSource& source, const MapReadOptions& options);
 
-  /// The next line of the header, without its end and the blanks around it. Valid until the next
-  /// call.
-  /// @throws Error (input) at the end of the source, or for a line of no header's length
+  /// The next line of the header, without line end and surrounding blanks. Valid until the next call.
+  /// @throws Error (input) at the end of the source, or if the line is too long
   std::string_view header_line(std::string_view expected);
-  /// "file:line" of the header line last handed out.
+  /// "file:line" of the last header line returned.
   std::string header_place() const;
   std::uint64_t header_lines() const { return header_lines_; }
 
-  /// The bytes next in line: at least `least`, fewer only at the end. Valid until the next call.
+  /// The next bytes: at least `least`, fewer only at the end. Valid until the next call.
   std::string_view peek(std::size_t least);
   void consume(std::size_t count);
-  /// Passes over bytes. @return how many there were
+  /// Skips bytes. @return the number of bytes skipped
   std::uint64_t skip(std::uint64_t count);
-  /// Bytes handed out so far.
+  /// Bytes returned so far.
   std::uint64_t offset() const { return offset_; }
-  /// Bytes left; nothing if the source has no size.
+  /// Bytes left; std::nullopt if the source has no size.
   std::optional<std::uint64_t> remaining() const;
-  /// @throws Error (input) unless all bytes were handed out
+  /// @throws Error (input) unless all bytes were read
   void expect_end();
 
   const std::string& name() const override { return source_.name(); }
@@ -102,10 +101,10 @@ class TextRows {
   explicit TextRows(HeadedSource& source);
 
   /// Row `done` of `count` rows.
-  /// @throws Error (input) if there is none, or its end is missing
+  /// @throws Error (input) if there is none, or it is incomplete
   std::string_view next(std::uint64_t done, std::uint64_t count, std::string_view rows);
   std::uint64_t line_number() const { return header_lines_ + lines_.line_number(); }
-  /// @throws Error (input) if there is one more
+  /// @throws Error (input) if there is another row
   void expect_end();
 
  private:
@@ -116,11 +115,11 @@ class TextRows {
   LineReader lines_;
 };
 
-/// Fields of points on their way into a map.
+/// Collects point fields for a map.
 class PointTable {
  public:
-  /// Decides what becomes of each field.
-  /// @param where what the message says if x, y or z is missing
+  /// Assigns each field its role.
+  /// @param where text for the message if x, y or z is missing
   PointTable(PointFormat format, std::string source, std::string_view where,
              std::vector<PointField> fields, const MapReadOptions& options);
 
@@ -128,14 +127,14 @@ class PointTable {
   std::size_t size() const { return positions_.size(); }
   void reserve(std::size_t rows);
 
-  /// Takes one point in text.
+  /// Adds one point from text.
   void append_text(std::string_view row, std::uint64_t line_number);
-  /// Takes `rows` points that lie one behind the other without their lists.
+  /// Adds `rows` contiguous points without lists.
   void append_binary(const char* bytes, std::size_t rows, bool big_endian);
-  /// Takes little-endian points that lie field by field: the start of each field's values.
+  /// Adds little-endian points from columns, given each field's first value.
   void append_columns(const std::vector<const char*>& columns, std::size_t rows);
 
-  /// Makes the map: leaves out points without a finite position, and finds out whose ids are ids.
+  /// Makes the map: drops points without a finite position, and decides whether the ids are usable.
   LandmarkMap finish() &&;
 
  private:
@@ -159,11 +158,12 @@ class PointTable {
   void forget_infinite_values();
   void take_ids(LandmarkTable& landmarks);
   void remark(const std::string& text) const;
+  void lost(const std::string& text) const;
 
   std::string source_;
   const MapReadOptions& options_;
   std::vector<PointField> fields_;
-  std::vector<Slot> slots_;  // one a field
+  std::vector<Slot> slots_;  // one per field
   std::vector<Eigen::Vector3d> positions_;
   bool has_covariances_ = false;
   std::vector<Eigen::Matrix3d> covariances_;
@@ -171,7 +171,7 @@ class PointTable {
   OptionalColumn<Color> colors_;
   bool has_ids_ = false;
   bool ids_are_signed_ = false;
-  std::vector<std::uint64_t> ids_;  // two's complement of what is negative
+  std::vector<std::uint64_t> ids_;  // two's complement if negative
   std::vector<NamedColumn> columns_;
 };
 
@@ -179,27 +179,27 @@ class PointTable {
 void read_text_points(TextRows& rows, HeadedSource& source, std::uint64_t count,
                       std::string_view points, PointTable& table);
 
-/// Reads `count` points of a binary body in which point follows point.
+/// Reads `count` points of a binary body, point after point.
 void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_view points,
                         bool big_endian, PointTable& table);
 
-/// Passes over records of a binary body.
+/// Skips records of a binary body.
 void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fields,
                          std::uint64_t count, std::string_view records, bool big_endian);
 
-/// The first bytes of a scalar as an unsigned 32-bit integer of little-endian order.
+/// The first bytes of a scalar as a little-endian unsigned 32-bit integer.
 std::uint32_t load_little_endian_32(const char* bytes);
 
-/// A map as points with fields.
+/// The landmarks of a map as points with fields.
 class PointRows {
  public:
   /// @param position_type kFloat32 or kFloat64, of x, y and z
-  /// @throws Error (misuse) for a named column whose name stands for something else in the file, or a
-  ///         position beyond the range of `position_type`
+  /// @throws Error (misuse) for a named column whose name has another meaning in the file, or a position
+  ///        out of the range of `position_type`
   PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type);
 
   const std::vector<PointField>& fields() const { return fields_; }
-  /// Hands out header and points, the points as text or in little-endian binary.
+  /// Writes header and points, as text or little-endian binary.
   void write(std::string header, bool ascii, const ByteSink& sink) const;
 
  private:
@@ -215,7 +215,7 @@ class PointRows {
 
   const LandmarkMap& map_;
   std::vector<PointField> fields_;
-  std::vector<Cell> cells_;  // one a field
+  std::vector<Cell> cells_;  // one per field
 };
 
 }  // namespace cairn::detail

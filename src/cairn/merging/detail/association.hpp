@@ -12,23 +12,23 @@
 
 namespace cairn {
 
-/// Landmarks in one frame, as association sees them.
+/// Input of the association: landmarks in one frame.
 struct LandmarkSet {
   std::span<const Eigen::Vector3d> positions;
-  std::span<const Eigen::Matrix3d> covariances;   ///< of the positions; zero where unknown
+  std::span<const Eigen::Matrix3d> covariances;   ///< of the positions; zero if unknown
   const DescriptorColumn* descriptors = nullptr;  ///< null: none
 };
 
 struct AssociationOptions {
-  /// Limit of the squared Mahalanobis distance: 99.9 % of chi-squared numbers of 3 degrees of freedom lie
-  /// below the default.
+  /// Largest squared Mahalanobis distance; default: the 99.9 % quantile of the chi-squared distribution
+  /// with 3 degrees of freedom.
   double gate = 16.266;
-  double min_probability = 0.5;  ///< from which a pair is taken for one landmark; in [0.5, 1]
+  double min_probability = 0.5;  ///< least probability that a pair is one landmark; in [0.5, 1]
   std::uint64_t seed = 0;
   Execution execution = {};
 };
 
-/// Two landmarks that are taken for one.
+/// Two associated landmarks.
 struct Association {
   std::uint32_t first = 0;
   std::uint32_t second = 0;
@@ -37,20 +37,19 @@ struct Association {
 
 struct AssociationResult {
   std::vector<Association> pairs;  ///< by ascending second; each landmark at most once
-  /// By how much more than the covariances say the landmarks that are one lie apart: deviation of each
-  /// coordinate, in the sets' unit.
+  /// Deviation of common landmarks beyond their covariances, per coordinate, in the sets' unit.
   double deviation = 0.0;
-  double share = 0.0;  ///< of the second set's landmarks that have a partner, estimated
+  double share = 0.0;  ///< estimated share of the second set's landmarks with a partner
 };
 
-/// Which landmarks of two sets are one.
+/// Associates the landmarks of two sets that are the same.
 ///
-/// A landmark of the second set is one of its nearest in the first, at a distance that the covariances and
-/// a common deviation explain, or it has no partner and the first set's landmarks are near it as others on
-/// the same surface are. Share and deviation come from the sets by expectation maximisation. A pair is
-/// taken if each is the other's likeliest, within the gate, and likelier than not. Descriptors of one kind
-/// exclude a pair that they make less alike than 98 % of random pairs. Same input and seed, same result,
-/// whatever the number of threads.
+/// Model: a landmark of the second set is the same as one of its nearest in the first, at a distance that
+/// the covariances and a common deviation explain; or it has no partner, and nearby landmarks are others on
+/// the same surface. Share and deviation are estimated by expectation maximisation. A pair is accepted if
+/// each is the other's likeliest partner, within the gate, and more likely than no partner. Descriptors of
+/// one kind exclude a pair less similar than 98 % of random pairs. The same input and seed give the same
+/// result for any number of threads.
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
                             const AssociationOptions& options = {});
 

@@ -11,12 +11,12 @@
 
 namespace cairn {
 
-/// Whether descriptors of the two columns can be compared: they are of one kind and size.
+/// Whether descriptors of the two columns can be compared: same kind and size.
 inline bool comparable(const DescriptorColumn& a, const DescriptorColumn& b) {
   return a.kind == b.kind && a.bytes_each == b.bytes_each;
 }
 
-/// Bits in which the descriptors of landmark i of one column and j of another differ.
+/// Hamming distance of the descriptors of landmark i of one column and j of the other.
 inline int differing_bits(const DescriptorColumn& a, std::size_t i, const DescriptorColumn& b,
                           std::size_t j) {
   const std::size_t size = a.bytes_each;

@@ -10,35 +10,36 @@
 
 namespace cairn {
 
-/// A link of a pose graph by indices of its nodes, with a positive definite covariance.
+/// A link of a pose graph with node indices and a positive definite covariance.
 struct PoseEdge {
-  std::size_t link = 0;  ///< of the graph
+  std::size_t link = 0;  ///< index in the graph
   std::size_t target = 0;
   std::size_t source = 0;
   Similarity3 target_from_source;
   Matrix7d covariance;
 };
 
-/// Root mean square of how far two poses move the node's landmarks apart, in radii.
+/// Root mean square distance by which two poses move the node's landmarks apart, in radii.
 double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent);
 
-/// Nodes that edges connect, in one frame.
+/// Linked nodes in one frame.
 struct PoseGroup {
   std::vector<std::size_t> nodes;            ///< ascending
-  std::vector<Similarity3> group_from_node;  ///< beside the nodes
+  std::vector<Similarity3> group_from_node;  ///< one per node
 };
 
-/// Poses by groups that grow together: each node is a group at first, and again and again the two groups
-/// become one between which the most edges agree on how they lie. An edge also counts once for every third
-/// group by way of which others say the same. So a wrong edge decides only where no other speaks, and where
-/// edges contradict each other and none has another on its side, groups stay apart.
+/// Poses by growing groups: each node starts as a group; repeatedly joins the two groups between which the
+/// most edges agree on the relative pose. An edge also counts once for every third group by way of which
+/// other edges agree with it. A wrong edge therefore decides only if it is alone, and groups stay apart if
+/// unsupported edges contradict each other.
 ///
-/// Groups of one run grow first: how two runs lie to each other is then decided by all edges between them.
+/// Groups of one run grow first, so that all edges between two runs decide their relative pose.
 ///
-/// @param runs      beside the extents: nodes of one run have one number
-/// @param agreement see PoseOptimisationOptions; what the edges' covariances allow comes to it
-/// @param refine    improves the poses of a group; called when it has doubled, so that errors do not pile up
-/// @return groups, the largest first; of those as large the one with the lowest node
+/// @param runs one number per node, equal for nodes of one run
+/// @param agreement see PoseOptimisationOptions; the tolerance from the edges' covariances is added
+/// @param refine improves the poses of a group; called when its size has doubled, to limit accumulated
+///        errors
+/// @return groups, the largest first; of equal ones, that with the lowest node
 std::vector<PoseGroup> grow_groups(std::span<const PoseEdge> edges,
                                    std::span<const NodeExtent> extents,
                                    std::span<const std::size_t> runs, double agreement,

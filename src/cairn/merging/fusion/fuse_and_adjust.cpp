@@ -85,6 +85,7 @@ LandmarkMap with_frames_joined(LandmarkMap map, std::span<const SharedFrame> sha
   keep_rows(tables.frames.cameras, kept);
   keep_rows(tables.frames.timestamps_s, kept);
   keep_rows(tables.frames.image_names, kept);
+  keep_rows(tables.frames.gnss, kept);
   ObservationTable& observations = tables.observations;
   if (observations.offsets.empty()) return LandmarkMap(std::move(tables));
   std::vector<std::size_t> rows;

@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// A keyframe that two of the maps have: one image, hence one pose.
+/// A keyframe that two of the maps share: one image, and therefore one pose.
 struct SharedFrame {
   std::size_t map = 0;
   FrameIndex frame;
@@ -21,45 +21,44 @@ struct SharedFrame {
 struct FuseAndAdjustOptions {
   FusionOptions fusion = {};  ///< its progress is not used
   AdjustOptions adjustment = {};
-  /// How often landmarks are matched again after an adjustment, and adjusted again; 0 to 10.
+  /// Rounds of matching landmarks again after an adjustment, and adjusting again; 0 to 10.
   int matching_rounds = 2;
-  /// Each keyframe of `other_map` is left out for that of `map`; a keyframe is named once at most.
+  /// Leaves out each keyframe of `other_map` for that of `map`; each keyframe at most once.
   std::vector<SharedFrame> shared_frames = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// What the adjustment of a merged map did; see AdjustResult.
+/// Result of adjusting a merged map; see AdjustResult.
 struct MergeAdjustment {
   bool converged = false;
   int iterations = 0;  ///< of all rounds
   std::size_t observations = 0;
-  double initial_rms_px = 0.0;  ///< of the landmarks as they were fused first
-  double final_rms_px = 0.0;    ///< of those that were fused last
+  double initial_rms_px = 0.0;  ///< with the landmarks of the first fusion
+  double final_rms_px = 0.0;    ///< with the landmarks of the last fusion
   int matching_rounds = 0;
 };
 
 struct AdjustedFusion {
   LandmarkMap map;
-  std::vector<MapFusion> maps;                  ///< one a map, as they were fused last
-  std::vector<std::vector<FrameIndex>> frames;  ///< by map and its frame: which of `map` it is
+  std::vector<MapFusion> maps;                  ///< one per map, of the last fusion
+  std::vector<std::vector<FrameIndex>> frames;  ///< per map and frame: its index in `map`
   MergeAdjustment adjustment;
 };
 
-/// A map whose keyframes lie in the world where another map, that was made from it and adjusted, has them.
-/// Each landmark goes with the keyframe that observed it first, and so does its covariance; one that none
-/// observed goes with the map. Cameras stay those of the map.
-/// @param world_from_map where the map was before; its scale is applied
-/// @param frames         of `adjusted`, one a frame of the map
+/// A map with the keyframe poses of an adjusted map that was made from it. Each landmark and its covariance
+/// move with the keyframe that observed it first, or with the map if none did. Keeps the map's cameras.
+/// @param world_from_map pose of the map before the adjustment; its scale is applied
+/// @param frames         frame of `adjusted` for each frame of the map
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames);
 
-/// fuse_maps(), adjust(), and again: landmarks are matched anew from where their own maps have them under
-/// the adjusted poses (moved_with_frames()). What was matched before does not count, so that a wrong match
-/// may go, and landmarks that were too far apart for one may meet.
+/// Repeats fuse_maps() and adjust(): matches landmarks anew from their own maps' positions under the
+/// adjusted poses (moved_with_frames()). Earlier matches are not kept, so a wrong match can disappear, and
+/// landmarks that were too far apart can be matched.
 ///
-/// @throws Error as fuse_maps() and adjust(); (misuse) for a shared frame that there is not
+/// @throws Error as fuse_maps() and adjust(); (misuse) for an unknown shared frame
 AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
                                const FuseAndAdjustOptions& options = {});
 

@@ -288,6 +288,7 @@ void Fusion::add_frames(std::size_t m) {
                                                               : theirs.timestamps_s[i]);
     frames.image_names.push_back(theirs.image_names.empty() ? std::string()
                                                             : theirs.image_names[i]);
+    frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
   }
 }
 
@@ -401,6 +402,11 @@ void Fusion::set_info() {
   info.gravity = first.gravity;
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const MapInfo& theirs = maps_[m].map->info();
+    // The first map's frame is that of all.
+    if (theirs.georeference && !info.georeference) {
+      info.georeference =
+          m == 0 ? *theirs.georeference : theirs.georeference->moved(maps_[m].world_from_map);
+    }
     for (const std::string& line : theirs.provenance) {
       info.provenance.push_back(fmt::format("{}: {}", maps_[m].name, line));
     }

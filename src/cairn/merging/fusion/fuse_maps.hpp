@@ -14,57 +14,56 @@
 
 namespace cairn {
 
-/// A map and where it is.
+/// A map and its pose.
 struct PlacedMap {
   const LandmarkMap* map = nullptr;  ///< not null
   std::string name;                  ///< for the provenance
   Similarity3 world_from_map;
-  /// Left perturbation in the world, (δt, δφ, δ log s); zero of the map whose frame is the world's.
+  /// Left perturbation in the world, (δt, δφ, δ log s); zero for the map whose frame is the world's.
   Matrix7d covariance = Matrix7d::Zero();
 };
 
 struct FusionOptions {
-  /// From which probability two landmarks are one; in [0.5, 1].
+  /// Least probability that two landmarks are the same; in [0.5, 1].
   double min_probability = 0.5;
   std::uint64_t seed = 0;
   Execution execution = {};
-  LogSink log = {};  ///< told what of the maps cannot be kept
+  LogSink log = {};  ///< reports what cannot be kept
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// What came of a map's landmarks.
+/// Result for a map's landmarks.
 struct MapFusion {
   std::size_t landmarks = 0;
-  std::size_t fused = 0;  ///< became one with a landmark of a map before it
-  /// By how much more than stated the landmarks that are one lie apart; see AssociationResult.
+  std::size_t fused = 0;  ///< number fused with a landmark of an earlier map
+  /// Distance of fused landmarks beyond their covariances; see AssociationResult.
   double deviation = 0.0;
 };
 
 struct FusionResult {
   LandmarkMap map;
-  std::vector<MapFusion> maps;  ///< one a map
+  std::vector<MapFusion> maps;  ///< one per map
 };
 
-/// Names of the columns of a fused map that say where each landmark came from.
+/// Columns of a fused map that state each landmark's origin.
 inline constexpr const char* kFromMapColumn = "from_map";  ///< index of the first of its maps
 inline constexpr const char* kFromLandmarkColumn = "from_landmark";  ///< id there; NaN above 2^53
-inline constexpr const char* kFusedColumn = "fused";                 ///< how many landmarks it was
+inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks it combines
 
-/// One map of several that are in one frame.
+/// Fuses maps in one frame into one map.
 ///
-/// The maps are taken in their order. Landmarks of the next that are one with landmarks so far (associate())
-/// are fused with them: position and covariance by their information, in which each map's pose and half the
-/// deviation that the maps show take part. A pair is right with the probability that the association gives
-/// it; the covariance is that of the mixture of both cases, so that doubt shows. Never are two landmarks of
-/// one map fused. Where a part has no covariance, the position counts as exact to the deviation and
-/// the result has no covariance.
+/// Takes the maps in order. Fuses landmarks of the next map with the same landmarks so far (associate()),
+/// weighting position and covariance by information, which includes each map's pose covariance and half the
+/// deviation that the maps show. The association gives the probability of each pair; the covariance is that
+/// of the mixture of both cases, so it includes the doubt. Landmarks of one map are never fused. If a
+/// landmark has no covariance, its position counts as exact to the deviation, and the result has none.
 ///
-/// Kept are all frames and observations, cameras (one of those that are alike), colours, descriptors of the
-/// first kind, and named columns. Frames, cameras and landmarks are numbered anew from 0, frames in the order
-/// of the maps; provenance and columns say where each came from. Length unit, world frame, and gravity are the first
-/// map's. Same input and seed, same result, whatever the number of threads.
+/// Keeps all frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
+/// and named columns. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
+/// provenance and columns state their origin. Length unit, world frame and gravity are those of the first
+/// map. The same input and seed give the same result for any number of threads.
 ///
 /// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {});

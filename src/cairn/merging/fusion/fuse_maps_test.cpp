@@ -212,6 +212,7 @@ TEST(FuseMaps, KeepsAllThatTheMapsHold) {
                                      HasSubstr("frames 3 to 5 are its 3 in their order")));
   EXPECT_EQ(map.frames().timestamps_s[4], 1305031453.374112);
   EXPECT_EQ(map.frames().image_names[3], "rgb/1.png");
+  EXPECT_EQ(map.frames().gnss[3], first.frames().gnss[0]);
   EXPECT_EQ(map.frames().cameras[3]->value, 1U);  // the fisheye of both
   EXPECT_EQ(map.frames().cameras[5]->value, 2U);
   EXPECT_EQ(map.landmarks().colors[4], first.landmarks().colors[0]);
@@ -228,6 +229,30 @@ TEST(FuseMaps, KeepsAllThatTheMapsHold) {
   EXPECT_EQ(map.observations().sigmas_px[6], 0.4);
   EXPECT_FALSE(map.covariance(LandmarkIndex{1}));
   EXPECT_TRUE(map.covariance(LandmarkIndex{0}));
+}
+
+TEST(FuseMaps, KnowsItsPlaceOnTheEarthFromTheFirstMapThatDoes) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 8});
+  const GeoReference of_source{{47.0, 8.0, 400.0}, 1.5, {0.8, 0.6, 0.0, 0.0}, {1.0, 2.0, 3.0}};
+  const GeoReference of_target{{47.0, 8.0, 420.0}};
+  const LandmarkMap source = with_georeference(pair.source, of_source);
+  const LandmarkMap target = with_georeference(pair.target, of_target);
+  const auto fused = [&](const LandmarkMap& first, const LandmarkMap& second) {
+    return fuse_maps(std::vector<PlacedMap>{{&first, "target", {}},
+                                            {&second, "source", pair.target_from_source}})
+        .map.info()
+        .georeference;
+  };
+  EXPECT_EQ(fused(target, source), of_target);
+  EXPECT_EQ(fused(pair.target, pair.source), std::nullopt);
+  const auto from_second = fused(pair.target, source);
+  ASSERT_TRUE(from_second.has_value());
+  const Eigen::Vector3d x(0.5, -0.25, 2.0);
+  const GeodeticPosition expected = of_source.geodetic(x);
+  const GeodeticPosition found = from_second->geodetic(pair.target_from_source * x);
+  EXPECT_NEAR(found.latitude_deg, expected.latitude_deg, 1e-12);
+  EXPECT_NEAR(found.longitude_deg, expected.longitude_deg, 1e-12);
+  EXPECT_NEAR(found.altitude_m, expected.altitude_m, 1e-7);
 }
 
 TEST(FuseMaps, IsTheSameForAnyNumberOfThreads) {

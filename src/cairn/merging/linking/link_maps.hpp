@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// What is known of how two of several maps lie to each other: what align() came to, or what another states.
+/// Relation of two of several maps: the result of align(), or a stated link.
 struct MapLink {
   std::size_t target = 0;  ///< index of a map
   std::size_t source = 0;
@@ -22,47 +22,48 @@ struct MapLink {
   Verdict verdict = Verdict::kRejected;
   std::optional<double> probability;  ///< std::nullopt for a link that was not judged
   std::string reason;                 ///< one sentence for people
-  /// Only if the verdict is aligned; with the covariances that Alignment states.
+  /// Only if the verdict is aligned; with the covariances of Alignment.
   std::optional<Similarity3> target_from_source;
   std::optional<Matrix6d> covariance;
   std::optional<Matrix7d> covariance_with_scale;
 };
 
-/// The link of a pose graph that an aligned pair is; its nodes have the maps' indices. Nothing of other pairs.
+/// The pose graph's link for an aligned pair, with the maps' indices as nodes; std::nullopt for other
+/// pairs.
 std::optional<PoseLink> pose_link(const MapLink& link);
 
-/// The same the other way round, of a link that nobody judged. Its nodes' ids are indices.
+/// The inverse conversion, for a link that was not judged. Its nodes' ids are indices.
 MapLink stated_link(const PoseLink& link);
 
 struct LinkOptions {
-  double min_probability = 0.99;  ///< from which a pair is aligned; see AlignOptions
+  double min_probability = 0.99;  ///< least probability of an aligned pair; see AlignOptions
   double prior_odds = 1.0;        ///< see PlaceOptions
   double effort = 1.0;            ///< see PlaceOptions
   PointSetOptions points = {};
   std::uint64_t seed = 0;
   Execution execution = {};
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
-/// A map made ready for any number of link_pair() with these options.
+/// A map prepared for any number of link_pair() with these options.
 PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {});
 
-/// Aligns one map with another; the link's indices are left 0.
+/// Aligns one map with another; leaves the link's indices 0.
 /// @throws Error as link_maps()
 MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
                   const LinkOptions& options = {});
 
-/// Aligns every map with every map before it, which is the target. Where one of the two is of free scale,
-/// the scale is searched for. Same input and seed, same links, whatever the number of threads.
-/// @return one link a pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...
+/// Aligns every map with every earlier one, which is the target. Estimates the scale if one of the two has
+/// a free scale. The same input and seed give the same links for any number of threads.
+/// @return one link per pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...
 /// @throws Error (cancelled) if the caller asked to stop
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                const LinkOptions& options = {});
 
-/// The same of some pairs only, (target, source).
-/// @return one link a pair, in their order
+/// The same for some pairs only, (target, source).
+/// @return one link per pair, in their order
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                std::span<const std::pair<std::size_t, std::size_t>> pairs,
                                const LinkOptions& options);

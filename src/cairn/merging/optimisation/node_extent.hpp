@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// Where a map's landmarks are, by medians, so that a few landmarks far off do not count.
+/// Centre and radius of a map's landmarks, by medians, robust to outliers.
 NodeExtent node_extent(const LandmarkMap& map);
 
 }  // namespace cairn

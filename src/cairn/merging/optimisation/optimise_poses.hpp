@@ -11,47 +11,47 @@
 
 namespace cairn {
 
-/// Where a node's landmarks are, in its own frame: what a pose is compared by.
+/// Extent of a node's landmarks in its own frame, by which poses are compared.
 struct NodeExtent {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double radius = 1.0;  ///< root mean square distance from the centre; positive
 };
 
-/// How poses of nodes are found from the links between them.
+/// Options of optimise_poses().
 struct PoseOptimisationOptions {
   /// Two poses of a node agree if they move its landmarks apart by less than this share of its radius (root
   /// mean square); in (0, 1].
   double agreement = 0.1;
   int max_iterations = 100;  ///< of the solver
-  Execution execution = {};  ///< one thread: so results do not depend on how many there are
+  Execution execution = {};  ///< one thread, so that results do not depend on their number
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
 struct OptimisedPoses {
-  /// One a node, in the frame of the first node of the largest group that links join, which is the identity;
-  /// of several groups that are as large, the one with the first node. std::nullopt for other nodes.
+  /// One per node, in the frame of the first node of the largest linked group, whose pose is the identity;
+  /// of equally large groups, the one with the first node. std::nullopt for other nodes.
   std::vector<std::optional<Similarity3>> world_from_node;
-  /// Left perturbation in the world, (δt, δφ, δ log s); zero of the first node. Beside the poses.
+  /// Left perturbation in the world, (δt, δφ, δ log s); zero for the first node. One per node.
   std::vector<Matrix7d> covariances;
-  /// By link: whether it is in the component and agrees with its poses; what disagrees was left out.
+  /// Per link: whether it is in the group and agrees with the poses. Links that disagree were not used.
   std::vector<bool> agrees;
-  /// Links by which each node can be reached from the first one, the most certain first; indices.
+  /// Indices of the links that reach each node from the first one, most certain first.
   std::vector<std::size_t> tree;
 };
 
-/// Poses in one frame.
+/// Computes poses in one frame.
 ///
-/// Start: groups of nodes grow together, those of one session first. Two groups become one if more links between
-/// them agree on how they lie than on anything else; what links say by way of a third group counts too. So a wrong
-/// link decides only where no other speaks, and groups stay apart where one link stands against another.
-/// Then a robust pose graph (Cauchy loss), whose errors are weighed by the links' covariances, of all links
-/// that can be true. Links that disagree with its poses are left out, and so are nodes that nothing else
-/// connects; then it is solved again.
+/// Initial poses: groups of nodes grow together, those of one session first. Two groups join if more links
+/// between them agree on their relative pose than on any other; links by way of a third group count too. A
+/// wrong link therefore decides only if it is alone, and groups stay apart if one link contradicts another.
+/// Then solves a robust pose graph (Cauchy loss, errors weighted by the links' covariances) of all
+/// consistent links. Links that disagree with the result are removed, and nodes that only they connect;
+/// then it is solved again.
 ///
-/// @param graph   its poses are not looked at; a link without covariance is not used
-/// @param extents one a node
+/// @param graph   its poses are ignored; links without covariance are not used
+/// @param extents one per node
 /// @throws Error (misuse) for invalid options or extents, (input) for an invalid graph
 OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
                               const PoseOptimisationOptions& options = {});

@@ -12,51 +12,52 @@
 namespace cairn {
 
 struct RecognitionOptions {
-  std::size_t landmarks = 600;  ///< most of a map that take part: the most observed
+  std::size_t landmarks = 600;  ///< largest number used per map, the most observed ones
   double max_difference =
-      0.1953;              ///< share of bits in which descriptors of one landmark may differ
-  std::size_t tables = 3;  ///< of the index
-  /// Of each table, 8 to 24; 0: as many as leave a few descriptors under a key, at least 14.
+      0.1953;              ///< largest share of differing bits of one landmark's descriptors
+  std::size_t tables = 3;  ///< number of hash tables
+  /// Key bits per table, 8 to 24; 0: chosen to leave few descriptors per key, at least 14.
   std::size_t key_bits = 0;
-  std::uint64_t seed = 0;  ///< of the choice of bits
+  std::uint64_t seed = 0;  ///< for the choice of bits
 
-  /// @throws Error (misuse) naming the field, its value and what it may be
+  /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
 /// A map that may show the same place.
 struct RecognitionCandidate {
-  std::size_t map = 0;  ///< number that add() gave it
-  double score = 0.0;   ///< higher is likelier; compares within one query only
+  std::size_t map = 0;  ///< number from add()
+  double score = 0.0;   ///< higher is likelier; comparable within one query only
 };
 
-/// Which of many maps may show the place that a map shows, without aligning any: an inverted index over
+/// Finds which of many maps may show the same place as a map, without aligning any: an inverted index over
 /// binary descriptors.
 ///
-/// A descriptor is filed in each table under a key of a few of its bits, drawn at random (Indyk and Motwani
-/// 1998) from those that are about as often 1 as 0 in these maps and go their own way: bits that mostly say the
-/// same would file everything under few keys. A query looks under its key and those that differ in one bit (Lv
-/// et al. 2007), passes over keys under which far more is filed than under others, and keeps what differs in few
-/// bits altogether. Each landmark of the query votes for the maps it is found in, with log(maps / maps it is found
-/// in): what is everywhere tells nothing. Same maps in the same order and seed, same result.
+/// Each table stores a descriptor under a key of a few of its bits (Indyk and Motwani 1998), drawn at
+/// random from bits that are balanced and uncorrelated in these maps, because others would collect
+/// everything under few keys. A query looks up its key and the keys that differ in one bit (Lv et al.
+/// 2007), skips overfull keys, and keeps descriptors with few differing bits. Each landmark of the query
+/// votes for the maps in which it is found, with log(maps / maps in which it is found), so that ubiquitous
+/// landmarks do not count. The same maps, order and seed give the same result.
 class MapIndex {
  public:
   explicit MapIndex(const RecognitionOptions& options = {});
 
-  /// Takes a map in. @return its number, from 0
+  /// Adds a map. @return its number, from 0
   std::size_t add(const LandmarkMap& map);
   std::size_t size() const { return entries_of_.size(); }
-  /// Whether a map has landmarks here; one without binary descriptors of the kind of the first that has some
-  /// is never found.
+  /// Whether a map has landmarks here. Maps without binary descriptors of the first map's kind are never
+  /// found.
   bool holds(std::size_t map) const { return entries_of_[map] > 0; }
 
-  /// The first call after an add() prepares the index; until it returns, no other thread may ask.
-  /// Of a map that add() took: the others, likeliest first, at most `most`; of equal scores the lower number.
+  /// The maps most similar to map number `map`, likeliest first, at most `most`; of equal scores the lower
+  /// number. The first call after an add() prepares the index; until it returns, no other thread may call
+  /// this.
   std::vector<RecognitionCandidate> find(std::size_t map, std::size_t most) const;
-  /// Of any map.
+  /// The same for any map.
   std::vector<RecognitionCandidate> find(const LandmarkMap& map, std::size_t most) const;
 
-  /// Bytes that the index takes.
+  /// Memory of the index in bytes.
   std::size_t memory() const;
 
  private:
@@ -70,14 +71,14 @@ class MapIndex {
                                          std::size_t except) const;
 
   RecognitionOptions options_;
-  std::string kind_;            // of the descriptors; empty until there are some
-  std::size_t bytes_each_ = 0;  // of a descriptor
+  std::string kind_;            // of the descriptors; empty until there is one
+  std::size_t bytes_each_ = 0;  // per descriptor
   std::size_t words_each_ = 0;
   // Of all descriptors; without room to spare once the tables are made.
   mutable std::vector<std::uint64_t> words_;
   std::vector<std::size_t> entries_of_;  // of each map
   std::vector<std::uint32_t> first_of_;  // descriptor of each map, ascending
-  // Tables as lists by key, made when first asked after an add().
+  // Tables as lists by key, made on the first query after an add().
   mutable std::size_t key_bits_ = 0;
   mutable std::vector<std::uint16_t> bits_;  // key_bits_ of each table
   mutable std::vector<std::vector<std::uint32_t>> starts_;

@@ -11,24 +11,23 @@ namespace cairn {
 
 struct AdjustmentOptions {
   int max_iterations = 5;
-  /// Landmarks with fewer observations move with their first keyframe only. At least 1.
+  /// Landmarks with fewer observations only move with their first keyframe. At least 1.
   std::size_t min_observations = 2;
 };
 
-/// Moves keyframes and the landmarks they observe so that the squared measurement residuals (pixel
-/// and depth, each over its standard deviation, Huber's kernel) become least. Keyframes that observe
-/// the same landmarks but are not in `moving` stay where they are. Then drops observations that the
-/// noise does not explain, and landmarks left with none.
+/// Moves keyframes and the landmarks that they observe to minimise the squared residuals (pixel and depth,
+/// each divided by its standard deviation, with Huber's kernel). Other keyframes that observe these
+/// landmarks are fixed. Then removes observations that the noise does not explain, and landmarks without
+/// observations.
 /// @param moving positions of keyframes, each once
 void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
             const AdjustmentOptions& options = {});
 
-/// The same for some landmarks while all keyframes stay where they are: each on its own, by
-/// Gauss-Newton. Drops nothing.
+/// The same for single landmarks with all keyframes fixed, by Gauss-Newton. Removes no observations.
 void adjust_landmarks(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks);
 
-/// Drops observations that the noise does not explain, sets depths aside that it does not, and removes
-/// landmarks that are left with nothing.
+/// Removes observations and disables depths that the noise does not explain, and removes landmarks without
+/// observations.
 void drop_outliers(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks);
 
 }  // namespace cairn

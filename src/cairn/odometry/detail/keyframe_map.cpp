@@ -96,6 +96,7 @@ std::vector<LandmarkMatch> KeyframeMap::align(TrackedFrame& frame,
     const auto found = find_patch(frame.features, match.landmark, camera_from_world, keypoint.raw);
     if (!found) continue;
     frame.features.move_keypoint(match.keypoint, found->raw, extractor_.undistorted(found->raw));
+    if (!frame.features.row_motion().none()) extractor_.correct(frame.features, match.keypoint);
     aligned.push_back(match);
   }
   return aligned;
@@ -161,6 +162,27 @@ std::vector<LandmarkIndex> KeyframeMap::worth_seeking(
   return sought;
 }
 
+// The row that sees a point is known once it is known where that row sees it.
+std::optional<Pixel> KeyframeMap::seen_at(const RowMotion& motion,
+                                          const Eigen::Vector3d& x_in_camera) const {
+  auto pixel = project(camera_, x_in_camera);
+  if (motion.none()) return pixel;
+  constexpr int kSteps = 3;  // each shrinks the error by the share of the image that it is
+  for (int step = 0; step < kSteps && pixel; ++step) {
+    const double row = std::clamp(pixel->v, 0.0, image_.height - 1.0);
+    pixel = project(camera_, motion.at_row(x_in_camera, row));
+  }
+  return pixel;
+}
+
+// As an image all of whose rows were taken at once would show it: what a map's poses and cameras say.
+Pixel KeyframeMap::pixel_in_map(const Keyframe& keyframe, const Keypoint& keypoint) const {
+  if (keyframe.features.row_motion().none()) return keypoint.raw;
+  const auto pixel =
+      project(camera_, sensor_.pinhole().back_project(keypoint.pixel.cast<double>(), 1.0));
+  return pixel ? *pixel : keypoint.raw;
+}
+
 std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
     TrackedFrame& frame, const ExpectedLandmarks& expected,
     std::span<const LandmarkMatch> matches) const {
@@ -171,16 +193,16 @@ std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
   for (const LandmarkIndex index : worth_seeking(expected, matches)) {
     const TrackedLandmark& landmark = graph_.landmark(index);
     const Eigen::Vector3d x_in_camera = camera_from_world * landmark.position;
-    const auto start = project(camera_, x_in_camera);
+    const auto start = seen_at(frame.features.row_motion(), x_in_camera);
     if (!start) continue;
     const auto found = find_patch(frame.features, index, camera_from_world, *start);
     if (!found) continue;
     Keypoint keypoint;
     keypoint.raw = found->raw;
-    keypoint.pixel = extractor_.undistorted(found->raw);
     keypoint.octave = static_cast<std::uint8_t>(found->octave);
     keypoint.source = PixelSource::kPatch;
-    keypoint.depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
+    keypoint.read_depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
+    keypoint = extractor_.corrected(frame.features, keypoint);
     // Something else in front of it, or behind.
     if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
                                        5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
@@ -327,7 +349,7 @@ LandmarkMap KeyframeMap::to_map(const MapOptions& options,
       const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
       const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
       observations.frames.push_back({reference.keyframe});
-      observations.pixels.push_back(keypoint.raw);
+      observations.pixels.push_back(pixel_in_map(keyframe, keypoint));
       observations.keypoints.emplace_back(reference.keypoint);
       observations.octaves.emplace_back(keypoint.octave);
       observations.sources.emplace_back(keypoint.source);

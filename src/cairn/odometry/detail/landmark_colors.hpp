@@ -9,10 +9,10 @@
 
 namespace cairn {
 
-/// The map with a colour for each landmark: of each channel the median over the images that observed it,
-/// so that a highlight or something passing by in one of them does not count. Where no image of a keyframe
-/// can be read, the landmarks that only it saw have none. The UUID is that of the new content.
-/// @param sequence which the map was made of: images are found by the keyframes' times
+/// The map with landmark colours: per channel, the median over the observing images, which is robust to
+/// highlights and passing objects. Landmarks have no colour if no image of their keyframes can be read. The
+/// UUID is that of the new content.
+/// @param sequence of the map; images are found by the keyframes' times
 /// @throws Error (cancelled)
 LandmarkMap with_colors(LandmarkMap map, const RgbdSequence& sequence, const Executor& executor,
                         const std::stop_token& stop);

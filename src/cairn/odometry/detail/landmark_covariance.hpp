@@ -9,14 +9,14 @@
 
 namespace cairn {
 
-/// Covariance of each landmark's position relative to the keyframe that observed it first, in world
-/// axes; one entry a landmark, zero for those that are gone.
+/// Covariance of each landmark's position relative to the keyframe that observed it first, in world axes;
+/// one entry per landmark, zero for removed ones.
 ///
-/// Recursive: it starts with the covariance of the first observation's back-projection (pixel and
-/// depth noise) and is updated by each further observation as an extended Kalman filter does,
-/// P ← (P⁻¹ + s·JᵀR⁻¹J)⁻¹. R holds the measurement's own noise and what the uncertain motion between
-/// the two keyframes (`pose_covariances`, one a keyframe) adds to it; s is information_share(), for
-/// the errors of several views are not independent.
+/// Recursive: starts with the covariance of the first observation's back-projection (pixel and depth noise)
+/// and updates it with each further observation like an extended Kalman filter, P ← (P⁻¹ + s·JᵀR⁻¹J)⁻¹. R
+/// is the measurement's noise plus the uncertainty of the motion between the two keyframes
+/// (`pose_covariances`, one per keyframe); s is information_share(), because the errors of several views
+/// are correlated.
 std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
                                                    const std::vector<Matrix6d>& pose_covariances);
 

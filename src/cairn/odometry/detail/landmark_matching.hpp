@@ -10,21 +10,22 @@
 
 namespace cairn {
 
-/// A keypoint of a frame and the landmark taken to be seen there.
+/// A keypoint of a frame matched with a landmark.
 struct LandmarkMatch {
   std::uint32_t keypoint = 0;
   LandmarkIndex landmark;
   int distance = 0;  ///< of the descriptors, bits
 };
 
-/// Where a landmark should appear in a frame.
+/// Expected place and appearance of a landmark in a frame.
 struct ExpectedAppearance {
   Eigen::Vector2d pixel;
   double octave = 0.0;    ///< not rounded
-  double cos_view = 1.0;  ///< of the angle to the direction it is usually seen from
+  double cos_view = 1.0;  ///< of the angle to its mean viewing direction
 };
 
-/// Nothing if the landmark is outside the image, behind, seen from aside, or much too near or far.
+/// std::nullopt if the landmark is outside the image, behind the camera, seen from the side, or much too
+/// near or far.
 std::optional<ExpectedAppearance> expected_appearance(const SensorModel& sensor, cv::Size image,
                                                       const TrackedLandmark& landmark,
                                                       const Rigid3& camera_from_world,
@@ -36,23 +37,23 @@ struct MatchingOptions {
   double max_ratio = 0.85;     ///< best to second best distance
 };
 
-/// Matches landmarks to the keypoints near where they should appear. A keypoint goes to one landmark
-/// only, the most similar; keypoints in `taken` to none. Ordered by keypoint.
-/// @param appearances one for each of `landmarks`
+/// Matches landmarks with the keypoints near their expected places. Each keypoint gets at most one
+/// landmark, the most similar; keypoints in `taken` get none. Ordered by keypoint.
+/// @param appearances one per entry of `landmarks`
 std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features& features,
                                       std::span<const LandmarkIndex> landmarks,
                                       std::span<const ExpectedAppearance> appearances,
                                       const std::vector<bool>& taken,
                                       const MatchingOptions& options);
 
-/// Matches a frame's keypoints with the landmarks of a keyframe by descriptor alone: each the other's
-/// best, and clearly better than the second best. Ordered by keypoint.
+/// Matches a frame's keypoints with the landmarks of a keyframe by descriptor alone: mutual nearest
+/// neighbours that are clearly better than the second best. Ordered by keypoint.
 std::vector<LandmarkMatch> match_by_descriptor(const LandmarkGraph& graph, std::uint32_t keyframe,
                                                const Features& features);
 
-/// Keeps the matches whose turn between landmark and keypoint agrees with most others': a true
-/// change of view turns all patches alike.
-/// @param turns one a match, radians
+/// Keeps the matches whose rotation between landmark and keypoint agrees with most others', because a true
+/// change of view rotates all patches alike.
+/// @param turns one per match, radians
 std::vector<LandmarkMatch> keep_common_turn(std::vector<LandmarkMatch> matches,
                                             std::span<const float> turns);
 

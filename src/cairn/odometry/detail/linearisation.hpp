@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// Derivatives of an observation's residuals, which are in standard deviations: their covariance is
-/// the identity.
+/// Derivatives of an observation's residuals in standard deviations, so that their covariance is the
+/// identity.
 struct LinearisedObservation {
   Eigen::Matrix3d by_point;             ///< in the world
   Eigen::Matrix<double, 3, 6> by_pose;  ///< left perturbation (δt, δφ)
@@ -17,19 +17,18 @@ struct LinearisedObservation {
 LinearisedObservation linearise(const LandmarkGraph& graph, const KeypointReference& reference,
                                 const Eigen::Vector3d& x_in_world);
 
-/// How much the n-th observation of a landmark (n = 1 is the first) adds, 1 if it were independent of
-/// those before. Views from nearby have the same errors in part: of how a patch is seen, of the
-/// depth that its surface is given. With a correlation c between any two, n of them are worth
-/// n / (1 + (n - 1)·c) independent ones; this is what the n-th adds to that.
+/// Information of the n-th observation of a landmark (n = 1 is the first), relative to an independent one.
+/// Nearby views share errors of the patch's appearance and of the surface's depth. With a correlation c
+/// between any two, n observations equal n / (1 + (n - 1)·c) independent ones; returns the increment of the
+/// n-th.
 double information_share(std::size_t n);
 
-/// By how much a landmark's own residuals exceed what the noise explains: the mean squared residual a
-/// degree of freedom, at least 1. Its covariance is multiplied by that (Birge ratio), for a landmark
-/// that does not fit, e.g. at an edge that is elsewhere from each side, is known less well than others.
+/// Mean squared residual of a landmark per degree of freedom, at least 1 (Birge ratio), by which its
+/// covariance is multiplied: a landmark that does not fit, e.g. at an occluding edge, is less certain.
 double excess_of_residuals(const LandmarkGraph& graph, const TrackedLandmark& landmark);
 
-/// What is known of the depth of a landmark whose first observation has no (credible) depth: the
-/// order of magnitude. Information along the first view's axis; zero where there is a depth.
+/// Prior information on the depth of a landmark whose first observation has no credible depth: its order of
+/// magnitude, along the first view's axis; zero if it has a depth.
 Eigen::Matrix3d unknown_depth_information(const LandmarkGraph& graph,
                                           const TrackedLandmark& landmark);
 

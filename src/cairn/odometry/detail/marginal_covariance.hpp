@@ -9,20 +9,20 @@
 
 namespace cairn {
 
-/// Covariances from the whole least-squares problem: all keyframes and landmarks with two or more
-/// observations at once, with the first keyframe fixed.
+/// Covariances from the whole least-squares problem: all keyframes, and all landmarks with at least two
+/// observations, with the first keyframe fixed.
 struct MarginalCovariances {
-  /// Of each keyframe's pose relative to the first, as Cairn's pose covariances in the world.
+  /// Per keyframe: of its pose relative to the first, (δt, δφ) in the world.
   std::vector<Matrix6d> keyframes;
-  /// Of each landmark's position relative to the keyframe that observed it first, in world axes;
-  /// zero for those that are gone.
+  /// Per landmark: of its position relative to the keyframe that observed it first, in world axes; zero for
+  /// removed ones.
   std::vector<Eigen::Matrix3d> landmarks;
 };
 
-/// More keyframes than this cost too much: the problem is solved densely.
+/// Largest number of keyframes, because the problem is solved densely.
 inline constexpr std::size_t kMostMarginalKeyframes = kMostDenseFrames;
 
-/// @throws Error (misuse) with more keyframes than kMostMarginalKeyframes
+/// @throws Error (misuse) for more keyframes than kMostMarginalKeyframes
 MarginalCovariances marginal_covariances(const LandmarkGraph& graph);
 
 }  // namespace cairn

@@ -5,10 +5,10 @@
 
 namespace cairn {
 
-/// How noisy the measurements of an adjusted map really are, from their residuals (a posteriori
-/// variance components): the medians of the squared residuals against those of chi² distributions,
-/// which wrong matches do not move. Each component stays within a factor of four of the sensor's own,
-/// and stays as it is where fewer than 200 residuals tell of it. Knows no ground truth.
+/// Measurement noise of an adjusted map, estimated from its residuals (a posteriori variance components):
+/// medians of the squared residuals relative to those of chi² distributions, robust to wrong matches. Each
+/// component stays within a factor of four of the sensor's, and unchanged with fewer than 200 residuals.
+/// Uses no ground truth.
 SensorNoise estimated_noise(const LandmarkGraph& graph);
 
 }  // namespace cairn

@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-// Quantiles of chi² for squared residuals in standard deviations: two degrees of freedom for a pixel,
-// one for a depth. Up to 95 % Huber's kernel is quadratic; above 99 % noise does not explain them.
+// Quantiles of chi² for squared residuals in standard deviations: two degrees of freedom for a pixel, one
+// for a depth. Huber's kernel is quadratic up to 95 %; above 99 %, the noise does not explain a residual.
 inline constexpr double kPixel95 = 5.991;
 inline constexpr double kPixel99 = 9.210;
 inline constexpr double kDepth95 = 3.841;

@@ -56,6 +56,9 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
     return report;
   }
 
+  if (options_.readout_s > 0.0 && velocity_) {
+    map_.extractor().correct(frame.features, *velocity_);
+  }
   std::optional<PoseEstimate> located;
   double radius = 4.0;
   if (!lost_) {
@@ -73,6 +76,8 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   if (!located || located->inlier_count < options_.min_tracked) {
     lost_ = true;
     motion_.reset();
+    between_.reset();
+    velocity_.reset();
     report.status = FrameStatus::kLost;
     return report;
   }
@@ -91,12 +96,39 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
       {frame.timestamp_s, reference_, reference_pose.inverse() * frame.world_from_camera});
   const bool consecutive = previous_ && !was_lost && previous_->number + 1 == frame.number;
   if (consecutive) {
-    motion_ = previous_->world_from_camera.inverse() * frame.world_from_camera;
+    note_motion(frame);
   } else {
     motion_.reset();
+    between_.reset();
+    velocity_.reset();
   }
   previous_ = std::move(frame);
   return report;
+}
+
+// The mean velocity since the last frame is that of half-way; it goes on changing as it did.
+RowMotion Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
+  const double duration_s = previous_ ? frame.timestamp_s - previous_->timestamp_s : 0.0;
+  if (lost_ || !(duration_s > 0.0) || previous_->number + 1 != frame.number) {
+    return frame.features.row_motion();
+  }
+  RowMotion motion = motion_between(
+      previous_->world_from_camera.inverse() * frame.world_from_camera, duration_s);
+  motion.readout_s = options_.readout_s;
+  motion.rows = map_.image().height;
+  if (between_) {
+    motion.velocity_m_s += 0.5 * (motion.velocity_m_s - between_->velocity_m_s);
+    motion.turn_rad_s += 0.5 * (motion.turn_rad_s - between_->turn_rad_s);
+  }
+  return motion;
+}
+
+void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
+  motion_ = previous_->world_from_camera.inverse() * frame.world_from_camera;
+  const double duration_s = frame.timestamp_s - previous_->timestamp_s;
+  if (!(options_.readout_s > 0.0 && duration_s > 0.0)) return;
+  velocity_ = row_motion(frame);
+  between_ = motion_between(*motion_, duration_s);
 }
 
 bool Odometry::Tracker::start(TrackedFrame& frame) {
@@ -217,6 +249,13 @@ PoseEstimate Odometry::Tracker::locate_in_map(TrackedFrame& frame, double radius
   if (aligned.size() >= 6 * options_.min_tracked) matches = std::move(aligned);
   PoseEstimate estimate = solve(frame, matches);
   if (estimate.inlier_count < options_.min_tracked) return estimate;
+  // Pose and velocity depend on each other.
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds && options_.readout_s > 0.0; ++round) {
+    map_.extractor().correct(frame.features, row_motion(frame));
+    estimate = solve(frame, matches);
+    if (estimate.inlier_count < options_.min_tracked) return estimate;
+  }
 
   const auto found = map_.find_without_corners(frame, expected, matches);
   if (!found.empty()) {

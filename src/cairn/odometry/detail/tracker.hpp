@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// What Odometry does, frame by frame.
+/// Frame-by-frame implementation of Odometry.
 class Odometry::Tracker {
  public:
   Tracker(const Camera& camera, const OdometryOptions& options);
@@ -28,7 +28,7 @@ class Odometry::Tracker {
   FinishedMap begin_new_map(const MapOptions& options);
 
  private:
-  // Where a frame was, relative to a keyframe, so that it follows when that moves.
+  // Pose of a frame relative to a keyframe, so that it moves with it.
   struct RecordedPose {
     double timestamp_s = 0.0;
     std::uint32_t keyframe = 0;
@@ -46,6 +46,10 @@ class Odometry::Tracker {
   PoseEstimate solve(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
   static void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
                    const PoseEstimate& estimate);
+  // How the camera moves while a frame is read out, from where it was found; as predicted where that
+  // is not known.
+  RowMotion row_motion(const TrackedFrame& frame) const;
+  void note_motion(const TrackedFrame& frame);
   bool wants_keyframe(const TrackedFrame& frame, std::size_t found) const;
   void make_keyframe(TrackedFrame& frame);
   void end_at_last_frame();
@@ -58,8 +62,10 @@ class Odometry::Tracker {
   std::size_t frames_ = 0;
   bool lost_ = false;
   std::optional<TrackedFrame> previous_;  // the last tracked one
-  std::optional<Rigid3> motion_;          // previous_from_next, taken to go on
-  std::uint32_t reference_ = 0;           // keyframe that shares most with the last tracked frame
+  std::optional<Rigid3> motion_;          // previous_from_next, assumed constant
+  std::optional<RowMotion> between_;      // mean velocity from the last frame but one to the last
+  std::optional<RowMotion> velocity_;     // at the last frame
+  std::uint32_t reference_ = 0;  // keyframe that shares most landmarks with the last tracked frame
   std::size_t reference_found_ = 0;
   std::vector<RecordedPose> recorded_;
 };

@@ -14,27 +14,26 @@
 namespace cairn {
 
 struct ConstellationOptions {
-  /// Unit of all lengths here: the fine scale of the kernel, so that landmarks are about a third of it
-  /// apart. Positive.
+  /// Unit of all lengths here: the fine kernel scale, about three times the landmark spacing. Positive.
   double fine = 0.0;
-  std::size_t draws = 192;   ///< constellations of the source that are looked for in the target
-  std::size_t poses = 24;    ///< at most so many are proposed
-  Execution execution = {};  ///< when stopped, what was found until then is the result
+  std::size_t draws = 192;   ///< number of source constellations to search for in the target
+  std::size_t poses = 24;    ///< largest number of proposals
+  Execution execution = {};  ///< when stopped, returns what was found so far
 };
 
-/// A pose that brings landmarks about a constellation close to others.
+/// A pose that aligns a constellation and its surroundings.
 struct ConstellationPose {
   Rigid3 target_from_source;
-  double evidence = 0.0;  ///< of the landmarks about it; natural logarithm of a likelihood ratio
+  double evidence = 0.0;  ///< log-likelihood ratio of the landmarks around the constellation
 };
 
-/// Poses that bring a constellation of three source points to three target points as far from each
-/// other, and the points about it close to others: what maps that share a small part have in common,
-/// where no coarse pose stands out. Each constellation is compared with all of the target (as in
-/// 4-points congruent sets, Aiger et al. 2008, but of three points and local), and each pose is checked
-/// against the voxels that target points are in.
+/// Poses that map a constellation of three source points to three target points with the same distances,
+/// and the points around it close to others. Finds maps that share only a small part, for which no coarse
+/// pose stands out. Compares each constellation with the whole target (as in 4-points congruent sets, Aiger
+/// et al. 2008, but with three local points), and checks each pose against the voxels occupied by target
+/// points.
 ///
-/// Same input, same poses, whatever the number of threads.
+/// The same input gives the same poses for any number of threads.
 /// @return distinct poses, most evidence first
 std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector3d> source,
                                                    std::span<const Eigen::Vector3d> target,

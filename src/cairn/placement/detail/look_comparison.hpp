@@ -13,26 +13,26 @@
 
 namespace cairn {
 
-/// Tells by their descriptors which landmarks that a pose brings together look alike.
+/// Decides by descriptors which landmarks that a pose brings together are similar.
 ///
-/// One of the source and its partners, those of the target that it may be, do if its descriptor is closer
-/// to one of theirs than to Likeness::kOthers times as many others of the target: a run of one random order
-/// of these, from a random place for each of the source. Where a pose is wrong, and what it brings together
-/// is no more of one kind than any two landmarks are, that is so at most once in kOthers + 1 (ties are
-/// unlike), whatever the descriptor: no threshold is asked for.
+/// A landmark of the source resembles its partners, the candidates in the target, if its smallest
+/// descriptor distance to them beats that to Likeness::kOthers times as many other landmarks of the target.
+/// These are a run of one random order, from a random start for each source landmark. For unrelated
+/// landmarks the probability is at most 1 / (kOthers + 1) (ties count as dissimilar), for any descriptor
+/// and without a threshold.
 class LookComparison {
  public:
-  /// @param sample the first of the source that are asked for
+  /// @param sample number of first source landmarks to compare
   LookComparison(const CentredPair& pair, std::size_t sample, Random random);
 
-  /// Most landmarks of both have descriptors, of one kind, and the target enough of them: alike() has
-  /// something to say.
+  /// Whether most landmarks of both have descriptors of one kind, and the target has enough of them for a
+  /// comparison.
   bool possible() const { return descriptors_.has_value(); }
 
-  /// Most partners that are looked at.
+  /// Largest number of partners.
   static constexpr std::size_t kPartners = 8;
 
-  /// Nothing where the source's descriptor is unknown, or those of all partners.
+  /// std::nullopt if the descriptor of the source, or those of all partners, are unknown.
   /// @param targets the partners, nearest first
   std::optional<bool> alike(std::uint32_t source, std::span<const std::uint32_t> targets) const;
 
@@ -42,9 +42,9 @@ class LookComparison {
     Descriptors source;
     Descriptors target;
     std::vector<std::uint32_t> order = {};  // of the target's, at random
-    std::vector<std::uint32_t> place = {};  // in that order, of each of the target's
-    std::vector<std::uint32_t> first = {};  // place of the first other, of each of the source's
-    std::size_t partners = 0;               // for how many there are others enough
+    std::vector<std::uint32_t> place = {};  // in that order, for each of the target's
+    std::vector<std::uint32_t> first = {};  // place of the first other, for each of the source's
+    std::size_t partners = 0;               // number of partners for which there are enough others
     // Least difference to the others of one partner, of two and so on; of each of the source's.
     std::vector<std::uint32_t> least = {};
 

@@ -10,16 +10,16 @@
 
 namespace cairn {
 
-/// A landmark of each cloud, each the other's nearest at a pose.
+/// Two landmarks that are mutual nearest neighbours at a pose.
 struct MutualMatch {
   std::uint32_t source = 0;
   std::uint32_t target = 0;
   double squared_distance = 0.0;  ///< in the target's unit
 };
 
-/// The mutual matches of the first landmarks of the source with all of the target, at a centred pose, by
-/// source landmark.
-/// @param sample how many landmarks of the source are looked at; at most its size
+/// Mutual matches of the first source landmarks with the whole target at a centred pose, by source
+/// landmark.
+/// @param sample number of source landmarks; at most its size
 std::vector<MutualMatch> mutual_matches(const PreparedCloud& source, const PreparedCloud& target,
                                         const Similarity3& pose, std::size_t sample);
 

@@ -12,23 +12,23 @@
 
 namespace cairn {
 
-/// A box with edges along the axes.
+/// An axis-aligned box.
 struct Box {
   Eigen::Vector3f low;
   Eigen::Vector3f high;
 };
 
-/// Tells in constant time which of some points is about the nearest: a grid whose every voxel knows
-/// it. A point beside the nearest may be named that is at most a voxel's diagonal farther away.
+/// Finds an approximate nearest point in constant time, with a grid that stores it for every voxel. The
+/// result may be farther than the nearest point by at most a voxel's diagonal.
 ///
-/// O(voxels) to make, by the separable distance transform of Felzenszwalb and Huttenlocher (2012),
-/// which carries along whose distance it is.
+/// O(voxels) to build, with the separable distance transform of Felzenszwalb and Huttenlocher (2012),
+/// extended by the index of the nearest point.
 class NearestField {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-  /// @param points outside the box are left out
-  /// @param voxel  edge length; made longer where the box would take more than `most_voxels`
+  /// @param points those outside the box are ignored
+  /// @param voxel  edge length; enlarged if the box would take more than `most_voxels`
   NearestField(std::span<const Eigen::Vector3f> points, const Box& box, float voxel,
                std::size_t most_voxels);
 
@@ -43,7 +43,7 @@ class NearestField {
 
   std::size_t voxel_of(const Eigen::Vector3f& x) const {
     const Eigen::Array3f cell = (x - low_).array() * per_length_;
-    // Negated, so that what is not a number is outside as well.
+    // Negated, so that NaN counts as outside.
     if (!((cell >= 0.0F).all() && (cell < limit_).all())) return kOutside;
     const auto along = [&cell](int axis) { return static_cast<std::size_t>(cell[axis]); };
     return (along(2) * size_[1] + along(1)) * size_[0] + along(0);

@@ -8,12 +8,12 @@
 
 namespace cairn {
 
-/// Normal equations of a small motion (δt, δφ) of matched points: x moves by δt + δφ × x. Sums in a
-/// form in which a match costs a few multiplications; for matches of one weight in all directions.
+/// Normal equations of a small motion (δt, δφ) of matched points: x moves by δt + δφ × x. The sums need
+/// only a few multiplications per match; for isotropic weights.
 class PoseStep {
  public:
-  /// @param x        where the point is, from the pivot of the motion
-  /// @param residual from there to where it should be
+  /// @param x position of the point, relative to the motion's pivot
+  /// @param residual from there to the target position
   void add(const Eigen::Vector3d& x, const Eigen::Vector3d& residual, double weight) {
     const Eigen::Vector3d weighted = weight * x;
     weight_ += weight;
@@ -25,7 +25,7 @@ class PoseStep {
 
   double weight() const { return weight_; }
 
-  /// The motion of least squares; slightly damped, so that what the matches leave open does not move.
+  /// Least-squares motion, slightly damped, so that undetermined directions do not move.
   Vector6d solve() const {
     Eigen::Matrix<double, 6, 6> information;
     information.topLeftCorner<3, 3>() = weight_ * Eigen::Matrix3d::Identity();

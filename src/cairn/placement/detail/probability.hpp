@@ -8,17 +8,16 @@
 
 namespace cairn {
 
-/// How likely each of some candidates is to be the right pose; what is missing to 1 is the probability
-/// that none of them is.
+/// Probability of each candidate to be the right pose; 1 minus the sum is the probability that none is.
 ///
-/// A conditional logit model (McFadden 1974): the odds of a candidate against none grow with its evidence
-/// a match (of distances, of looks, of descriptor matches), with its evidence of distances against those at
-/// the other candidates and, where there are no descriptors, with how many times the matches within a
-/// quarter of the radius of the best other candidate it has; they fall with the share of lines of sight
-/// that contradict it. What the maps do not know has no say, and the rest weighs more then. Fitted to simulated
-/// sessions of which half the pairs are of different places (docs/method.md).
+/// A conditional logit model (McFadden 1974). The odds of a candidate against none increase with its
+/// evidence per match (of distances, descriptor similarity, descriptor matches), with its evidence of
+/// distances against the other candidates and, without descriptors, with the ratio of its matches within a
+/// quarter of the radius to those of the best other candidate. They decrease with the share of contradicted
+/// lines of sight. If maps lack an input, that term is left out and the others have larger weights. Fitted
+/// to simulated sessions, of which half the pairs show different places (docs/method.md).
 ///
-/// @param prior_odds of two maps showing one place, against their showing two; positive
+/// @param prior_odds that two maps show one place, versus two; positive
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
                                   double prior_odds = 1.0);
 

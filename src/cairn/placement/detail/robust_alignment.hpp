@@ -17,18 +17,18 @@
 
 namespace cairn {
 
-/// The robust objective of two centred clouds, and its minimisation: what refine() documents.
+/// The robust objective of two centred clouds and its minimisation, as documented at refine().
 class RobustAlignment {
  public:
   struct Schedule {
     double coarse = 0.0;
     double fine = 0.0;
-    /// Below `fine` a landmark of the target is matched once, with the nearest of the source, down to this
-    /// scale. 0: the run ends at `fine`.
+    /// Between `fine` and this scale, each target landmark is matched once, with the nearest source
+    /// landmark. 0: the run ends at `fine`.
     double finest = 0.0;
     int max_iterations = 100;
-    std::size_t points = static_cast<std::size_t>(-1);  ///< the first of the source that take part
-    bool free_scale = false;  ///< the scale is estimated; else it stays as it is
+    std::size_t points = static_cast<std::size_t>(-1);  ///< number of first source landmarks to use
+    bool free_scale = false;                            ///< estimate the scale; if false, it stays
   };
 
   struct Iteration {
@@ -39,7 +39,7 @@ class RobustAlignment {
 
   struct Run {
     Similarity3 target_from_source;
-    int iterations = 0;  ///< steps made
+    int iterations = 0;  ///< number of steps
     StopReason stop_reason = StopReason::kIterationLimit;
   };
 
@@ -47,41 +47,41 @@ class RobustAlignment {
   RobustAlignment(const CentredPair& pair, const BatchTree& target_tree, bool use_covariances,
                   bool one_to_one, const Executor& executor);
 
-  /// From a centred pose to the nearest optimum.
+  /// Moves from a centred pose to the nearest optimum.
   /// @param observe called after each iteration; may be empty
   Run run(const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop = {},
           const std::function<void(Iteration)>& observe = {}) const;
 
   std::vector<Match> matches(const Similarity3& pose) const;
 
-  /// The objective, which is large where many landmarks meet.
+  /// The objective, which increases with the number of matching landmarks.
   /// @param matches of the pose, from matches()
   double value(const Similarity3& pose, double scale, std::span<const Match> matches) const;
 
-  /// Of a centred pose that is an optimum at this scale; nothing is known of one with few matches. A
-  /// direction is open if, a little way along it, landmarks fit about as well as at the pose.
+  /// Uncertainty of a centred pose at an optimum for this scale; unknown with few matches. A direction is
+  /// open if the objective hardly changes a little way along it.
   /// @param matches of the pose, from matches()
   /// @param free_scale as in Schedule
   PoseUncertainty uncertainty(const Similarity3& pose, double scale, std::vector<Match> matches,
                               bool free_scale = false) const;
 
  private:
-  // Of as many freedoms as a motion has: 6 of a rigid one, 7 with a scale.
+  // For the degrees of freedom of the motion: 6 for a rigid one, 7 with a scale.
   template <int kFreedoms>
   class Trial;
 
-  // What a turn is about, and the length that makes its angle comparable to a translation.
+  // Pivot of a rotation, and the length that makes its angle comparable to a translation.
   struct Arm {
     Eigen::Vector3d pivot;  // in the target frame
     double length = 1.0;
   };
 
-  // What a match adds to the objective's derivatives.
+  // Contribution of a match to the objective's derivatives.
   struct Term {
     Eigen::Matrix3d information;  // of its residual, under the kernel's scale
     Eigen::Vector3d force;        // information times residual
     double weight = 0.0;
-    double value = 0.0;  // of the objective, which is to be large
+    double value = 0.0;  // of the objective, which is maximised
   };
 
   // Normal equations of a step.
@@ -100,7 +100,7 @@ class RobustAlignment {
 
   std::vector<Match> find_matches(std::span<const Eigen::Vector3d> moved, BatchTree::Batch& queries,
                                   bool one_to_one) const;
-  // Nothing for a match that hardly counts.
+  // std::nullopt for a match of negligible weight.
   std::optional<Term> term(const Eigen::Vector3d& moved, const Match& match,
                            const Eigen::Matrix3d& linear, double scale) const;
   template <int kFreedoms>

@@ -15,27 +15,27 @@
 
 namespace cairn {
 
-/// A pose that the search came to.
+/// A pose found by the search.
 struct SearchCandidate {
   Rigid3 target_from_source;
   double score = 0.0;  ///< mean of the kernel over the sampled source points, in [0, 1]
 };
 
 struct SearchOptions {
-  double coarse = 0.0;  ///< scale of the kernel in the beginning
-  double fine = 0.0;    ///< and in the end
+  double coarse = 0.0;  ///< initial kernel scale
+  double fine = 0.0;    ///< final kernel scale
   std::size_t candidates = 128;
-  Execution execution = {};  ///< when stopped, what was found until then is the result
+  Execution execution = {};  ///< when stopped, returns what was found so far
 };
 
-/// Poses that bring the source points close to target points: from each rotation with many
-/// translations, by iteratively reweighted least squares with the Geman-McClure kernel
-/// 1 / (1 + d²/σ²)², σ falling from coarse to fine while fewer and fewer poses stay in the running.
+/// Poses that bring source points close to target points: from each rotation with many translations, by
+/// iteratively reweighted least squares with the Geman-McClure kernel 1 / (1 + d²/σ²)², with σ decreasing
+/// from coarse to fine while ever fewer poses are kept.
 ///
-/// Every step depends on the input only, so that any number of threads gives the same poses.
+/// Each step depends only on the input, so any number of threads gives the same poses.
 ///
-/// @param source, target points about a centre near both, so that single precision suffices; the
-///        source in random order, for the first of them are a sample of all
+/// @param source, target points centred near both centroids, so that single precision suffices; the source
+///        in random order, because its first points are the sample
 /// @param accept  whether a pose may be a candidate
 /// @return distinct poses, best score first
 std::vector<SearchCandidate> search_poses(std::span<const Eigen::Vector3d> source,

@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// Parts some points into groups of about equal size, close together: halves of halves, each cut at the
-/// median of the longest edge of its bounding box.
+/// Divides points into compact groups of about equal size, by repeated halving at the median of the longest
+/// edge of the bounding box.
 /// @param count a power of two
 /// @return the group of each point, below count
 std::vector<std::size_t> spatial_groups(std::span<const Eigen::Vector3d> points, std::size_t count);

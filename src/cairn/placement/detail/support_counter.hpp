@@ -17,30 +17,30 @@ namespace cairn {
 
 /// Counts what two clouds have in common at centred poses.
 ///
-/// Where landmarks of both lie on a surface independently of each other, two that are each other's nearest
-/// are within a distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the
-/// eighth neighbour (the geometric mean of both maps'): u is spread evenly over 0 to 1. Landmarks that
-/// are one are far closer than that; their u is taken to have the density 1 / (2·√u). The evidence is
-/// that of the mixture with the likeliest share of such pairs. It asks for no radius, and a match counts
-/// by how little it is to be expected where it is. What landmarks look like is asked apart from that.
+/// If landmarks of both lie independently on one surface, two mutual nearest neighbours are within a
+/// distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the eighth neighbour
+/// (the geometric mean of both maps'), so u is uniform on [0, 1]. The same landmarks are much closer; their
+/// u is assumed to have the density 1 / (2·√u). The evidence is the log-likelihood ratio of the mixture
+/// with the likeliest share of such pairs. It needs no radius, and weights a match by how unlikely it is at
+/// its place. Descriptors are evaluated separately.
 class SupportCounter {
  public:
-  /// Parts of the source, none of which is to decide alone.
+  /// Parts of the source; no single one should decide.
   static constexpr std::size_t kGroups = PreparedCloud::kGroups;
 
-  /// @param sample the first of the source that are looked at, at most PreparedCloud::kSample
-  /// @param random draws what looks are compared with
+  /// @param sample number of first source landmarks to use, at most PreparedCloud::kSample
+  /// @param random draws the landmarks for descriptor comparisons
   SupportCounter(const PreparedCloud& source, const PreparedCloud& target, std::size_t sample,
                  const Random& random);
 
-  /// @param proximity takes the distances of mutual nearest neighbours; may be null
+  /// @param proximity receives the distances of mutual nearest neighbours; may be null
   Support operator()(const Similarity3& pose, double radius, Proximity* proximity = nullptr) const;
 
  private:
   using Likenesses = std::array<Likeness, kGroups>;
 
-  // A corner has several landmarks in either map: which of them are each other's nearest is by chance. So
-  // of the partners within the radius the one that looks most like it counts.
+  // A corner has several landmarks in each map, and chance decides which are mutual nearest neighbours.
+  // Therefore the partner within the radius with the most similar descriptor counts.
   // @param matched of the sample
   Likenesses likeness_by_group(std::span<const std::uint32_t> matched, const Similarity3& pose,
                                double radius) const;

@@ -7,15 +7,14 @@
 
 namespace cairn {
 
-/// What the views of either cloud say of those landmarks of the other that lie outside the region where
-/// landmarks match, at a centred pose.
+/// Free-space check of the landmarks outside the region where landmarks match, at a centred pose.
 ///
-/// One thing that stands in two places matches as well as a place does. What tells them apart is what
-/// stands around it. The region is a ball about the mutual matches within the radius, without those that have
-/// less than half as many matches around them as the median.
+/// An object that stands in two places matches as well as a place does; its surroundings reveal the
+/// difference. The region is a ball around the mutual matches within the radius, without those that
+/// have less than half as many matches around them as the median.
 ///
-/// @param radius within which a match tells same landmarks from what surfaces have in common
-/// @return all zeros where nothing matches, or where no cloud has views
+/// @param radius largest distance of matches that are the same landmark rather than a common surface
+/// @return all zeros if there are no matches, or no cloud has views
 SightCounts surrounding_sights(const PreparedCloud& source, const PreparedCloud& target,
                                const Similarity3& pose, double radius);
 

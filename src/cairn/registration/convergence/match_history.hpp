@@ -10,21 +10,21 @@
 
 namespace cairn {
 
-/// Iterations that come again and again.
+/// A cycle of iterations.
 struct MatchCycle {
-  int first = 0;   ///< iteration, from 1, whose matches came back
-  int length = 0;  ///< after so many iterations; 1: a fixed point
+  int first = 0;   ///< iteration, from 1, whose matches repeated
+  int length = 0;  ///< number of iterations until then; 1: a fixed point
 };
 
-/// Tells when the matches of an iteration are those of an earlier one.
+/// Detects that the matches of an iteration equal those of an earlier one.
 ///
-/// The pose that a closed-form estimate ends an iteration with depends on its matches alone. So once
-/// matches come back, all that follows is known: a fixed point if they are those of the iteration
-/// before, else a limit cycle, which an ICP without a decreasing objective can fall into. Matches are
-/// told apart by 128-bit hashes of which points they join.
+/// The closed-form pose after an iteration depends on its matches alone. Once matches repeat, all further
+/// iterations are known: a fixed point if the matches equal those of the previous iteration, else a limit
+/// cycle, which is possible because this ICP need not decrease an objective. Matches are compared by
+/// 128-bit hashes of their index pairs.
 class MatchHistory {
  public:
-  /// Takes the matches of the next iteration.
+  /// Adds the matches of the next iteration.
   /// @return the cycle that they close, if an earlier iteration had the same
   std::optional<MatchCycle> add(std::span<const Match> matches);
 

@@ -8,8 +8,8 @@
 namespace cairn {
 
 /// The stopping rules of PCL's IterativeClosestPoint with its default thresholds, in its order: the
-/// iteration limit; a step with exactly no motion; the mean squared match distance changing by less
-/// than a threshold. PCL's relative change is off by default and left out. A ConvergenceTest.
+/// iteration limit; a step with exactly no motion; a change of the mean squared match distance below a
+/// threshold. Omits PCL's relative change, which is off by default. A ConvergenceTest.
 struct PclCriteria {
   int max_iterations = 150;
   double mse_change_threshold = 1e-12;  ///< square of the map's unit of length

@@ -18,9 +18,9 @@ namespace cairn {
 /// The paper's choice among the k nearest points: the one of highest confidence (Eq. 6).
 ///
 /// @param nearest     candidates, nearest first
-/// @param confidences of the set the candidates are from; empty: the nearest is chosen
-/// @return of equal confidences the nearer; nothing if no candidate within `max_squared_distance` has
-///         a positive confidence
+/// @param confidences of the candidates' set; empty: the nearest is chosen
+/// @return the nearer of equal confidences; std::nullopt if no candidate within `max_squared_distance` has
+///        a positive confidence
 template <NearestList List>
 std::optional<Neighbor> most_confident(const List& nearest, std::span<const double> confidences,
                                        double max_squared_distance) {
@@ -43,36 +43,36 @@ std::optional<Neighbor> most_confident(const List& nearest, std::span<const doub
   return Neighbor{nearest.index(best), nearest.squared_distance(best)};
 }
 
-/// Leaves out the share `trimmed_fraction` of the matches that is farthest apart (of equal distances
-/// the later), keeping the order of the others.
+/// Leaves out the share `trimmed_fraction` of the matches with the largest distances (of equal ones, the
+/// later). Keeps the order of the others.
 std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction);
 
 struct ConfidentNeighborOptions {
-  std::size_t k = 5;  ///< candidates a point
+  std::size_t k = 5;  ///< candidates per point
   double max_distance =
-      std::numeric_limits<double>::infinity();  ///< candidates beyond do not count
-  double trimmed_fraction = 0.0;  ///< share of the matches, the farthest, left out; in [0, 1)
+      std::numeric_limits<double>::infinity();  ///< largest distance of a candidate
+  /// share of the matches to leave out, those with the largest distances; in [0, 1)
+  double trimmed_fraction = 0.0;
 };
 
-/// One side of the data association: a searchable set and the confidences of its points.
+/// One side of the data association: a searchable set and its points' confidences.
 template <NeighborSearch Search>
 struct ConfidentSet {
   const Search& search;
   std::span<const Eigen::Vector3d> positions;
-  std::span<const double> confidences;  ///< one a point, or empty
+  std::span<const double> confidences;  ///< one per point, or empty
 };
 
-/// The paper's data association: the match of a source point is the most confident of its k nearest
-/// target points; with k = 1, or without confidences, the nearest, as in the base ICP. With a source
-/// set, a match is kept only if the source point is also the target point's choice, by the same rule
-/// the other way round (reciprocal matches). A CorrespondenceSearch; the sets must outlive it.
+/// The paper's data association: matches a source point with the most confident of its k nearest target
+/// points; with k = 1 or without confidences, with the nearest, as in base ICP. If a source set is given,
+/// keeps only reciprocal matches: the same rule, applied to the target point, must choose the source point.
+/// A CorrespondenceSearch; the sets must outlive it.
 ///
-/// A search with batches remembers the source points from one call to the next, so that small motions
-/// cost little; hence not for several threads at once.
+/// A search with batches reuses the previous call's results, so small motions cost little. Not thread-safe.
 template <NeighborSearch Search>
 class ConfidentNeighborCorrespondence {
  public:
-  /// @param source in the source frame; nothing: matches need not be reciprocal
+  /// @param source in the source frame; std::nullopt: matches need not be reciprocal
   ConfidentNeighborCorrespondence(ConfidentSet<Search> target,
                                   std::optional<ConfidentSet<Search>> source,
                                   const ConfidentNeighborOptions& options, Executor executor)
@@ -97,8 +97,8 @@ class ConfidentNeighborCorrespondence {
     return trimmed(std::move(matches), options_.trimmed_fraction);
   }
 
-  /// What is asked of the target for each moved source point; to be shared with whoever asks it for
-  /// the points nearest to the same.
+  /// The target's queries for the moved source points, to share with other users of the same nearest
+  /// points.
   QueryBatch<Search>& source_queries() const { return source_queries_; }
 
  private:

@@ -7,14 +7,14 @@
 
 namespace cairn {
 
-/// The rigid motion that takes `from` to `to` with the least weighted sum of squared distances, in
-/// closed form (Umeyama 1991, without scale).
+/// The rigid motion from `from` to `to` with the least weighted sum of squared distances, in closed form
+/// (Umeyama 1991, without scale).
 ///
-/// Where the points leave the rotation open, the smallest one is returned: for collinear points none
-/// about their line, for coinciding points none at all.
+/// If the points do not determine the rotation, returns the smallest one: none about the line of collinear
+/// points, none at all for coincident points.
 ///
-/// @param from, to  pairs of points; as many as each other and at least one
-/// @param weights   one a pair, not negative and not all zero; empty: all equal
+/// @param from, to  pairs of points; equally many, at least one
+/// @param weights   one per pair, not negative and not all zero; empty: all equal
 Rigid3 closest_motion(std::span<const Eigen::Vector3d> from, std::span<const Eigen::Vector3d> to,
                       std::span<const double> weights = {});
 
@@ -22,8 +22,8 @@ Rigid3 closest_motion(std::span<const Eigen::Vector3d> from, std::span<const Eig
 class PointToPointEstimation {
  public:
   /// @param target         must outlive this
-  /// @param source_weights one a source point, used as the weight of its match; empty: equal weights,
-  ///                       as in the paper; must outlive this
+  /// @param source_weights one per source point, the weight of its match; empty: equal weights, as in the
+  ///        paper; must outlive this
   explicit PointToPointEstimation(std::span<const Eigen::Vector3d> target,
                                   std::span<const double> source_weights = {})
       : target_(target), source_weights_(source_weights) {}

@@ -16,10 +16,10 @@ namespace cairn {
 
 /// Exact nearest neighbours of many queries at once; a BatchSearch. Keeps a copy of the points.
 ///
-/// Queries that are close together descend the tree together, one in each lane of a vector register.
-/// The lanes compute in single precision and only rule points out, by a proven bound of their error;
-/// what is left is measured and ordered in double precision. So the answers are those of looking at
-/// every point, bit by bit, on every instruction set; which one is used is decided at run time.
+/// Nearby queries descend the tree together, one per lane of a vector register. The lanes compute in single
+/// precision and only exclude points, with a proven error bound; the remaining points are measured and
+/// ordered in double precision. The answers equal those of a brute-force search, bit by bit, on every
+/// instruction set. The instruction set is chosen at run time.
 class BatchTree {
  public:
   class Batch;
@@ -32,7 +32,7 @@ class BatchTree {
   std::size_t size() const;
   std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const;
 
-  /// For asking for the k nearest points of many queries, again and again; the tree must outlive it.
+  /// A batch for repeated queries of the k nearest points; the tree must outlive it.
   Batch batch(std::size_t k) const;
 
  private:
@@ -40,23 +40,22 @@ class BatchTree {
   std::unique_ptr<const Nodes> nodes_;
 };
 
-/// The k nearest points of many queries that move little from one call to the next. Not thread-safe.
+/// The k nearest points of many queries that move little between calls. Not thread-safe.
 ///
-/// For each query it keeps a few more candidates than k, and how far from where the query then was
-/// all other points are. While the query's motion since is less than the proven bound, only its
-/// candidates are ranked again; else the farthest of them bounds a new search. Queries that jump cost
-/// time, never exactness.
+/// For each query, stores a few more candidates than k and a lower bound of the distance to all other
+/// points. While the query's motion stays within the proven bound, only its candidates are ranked again;
+/// else the farthest of them bounds a new search. Jumping queries cost time, never exactness.
 class BatchTree::Batch {
  public:
-  /// How many neighbours each query has: k, or all points if there are fewer.
+  /// Neighbours per query: k, or all points if there are fewer.
   std::size_t count() const { return count_; }
 
-  /// The points nearest to a query, as NeighborSearch defines them; distances are computed when they
-  /// are asked for. Valid only while it is visited.
+  /// The nearest points of a query, as NeighborSearch defines them; computes distances on demand. Valid
+  /// only during the visit.
   class Nearest;
 
-  /// Calls `visit(i, nearest)` once for each query, from several threads and in no particular order,
-  /// with the count() points nearest to queries[i].
+  /// Calls `visit(i, nearest)` once for each query, with the count() points nearest to queries[i]; from
+  /// several threads, in any order.
   template <class Visit>
   void for_each(std::span<const Eigen::Vector3d> queries, const Executor& executor,
                 const Visit& visit);
@@ -65,20 +64,20 @@ class BatchTree::Batch {
   friend class BatchTree;
 
   static constexpr std::size_t kBlock = 256;
-  static constexpr std::size_t kParallelFrom = 2000;  // fewer are hardly worth the threads
+  static constexpr std::size_t kParallelFrom = 2000;  // below this, threads do not pay
 
   struct Answers {
     std::array<std::uint8_t, kBlock> certain;  // not 0: the first candidates are the neighbours
-    std::vector<Neighbor> settled;             // of each query of which that is not certain
+    std::vector<Neighbor> settled;             // of each query for which they are not
   };
 
   Batch(const Nodes& nodes, std::size_t k);
 
-  // Puts new queries into spatial order and forgets what was known of others.
+  // Puts new queries into spatial order and drops the state of the old ones.
   void prepare(std::span<const Eigen::Vector3d> queries);
-  // Finds the neighbours of the queries in places [begin, end) of that order, which are a block.
+  // Finds the neighbours of the queries at [begin, end) of that order, one block.
   Answers answer(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end);
-  // Those of one query of which the vector code is not sure.
+  // Finds those of one query that the vector code could not settle.
   void settle(const Eigen::Vector3d& query, std::size_t slot, std::span<Neighbor> found) const;
   // The first candidate of a query; the others follow kBlock apart.
   const std::uint32_t* candidates_of(std::size_t slot) const {
@@ -87,11 +86,11 @@ class BatchTree::Batch {
 
   const Nodes* nodes_;
   const Eigen::Vector3d* points_;  // in the order of the tree
-  const std::uint32_t* index_;     // of these in the set
+  const std::uint32_t* index_;     // their indices in the set
   std::size_t count_;
-  std::size_t capacity_ = 0;  // candidates a query; 0: more than batches are made for
+  std::size_t capacity_ = 0;  // candidates per query; 0: k is too large for batches
   std::vector<std::uint32_t> order_;
-  // What is known of the queries, by place in the order: see batch_kernel::Known.
+  // State of the queries, by place in the order: see batch_kernel::Known.
   std::array<std::vector<float>, 3> place_;
   std::vector<float> outside_;
   std::vector<std::uint32_t> candidates_;
@@ -114,7 +113,7 @@ class BatchTree::Batch::Nearest {
  private:
   friend class Batch;
 
-  // @param settled the answer, or null: the candidates are
+  // @param settled the answer; null: the candidates are
   Nearest(const Batch& batch, const Eigen::Vector3d& query, const std::uint32_t* candidates,
           const Neighbor* settled)
       : batch_(batch), query_(query), candidates_(candidates), settled_(settled) {}

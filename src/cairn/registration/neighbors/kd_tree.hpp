@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// Exact nearest neighbours by a k-d tree; a NeighborSearch. Keeps a copy of the points. O(n log n)
-/// to build, about O(log n) a query.
+/// Exact nearest neighbours with a k-d tree; a NeighborSearch. Keeps a copy of the points. Builds in O(n
+/// log n), answers a query in about O(log n).
 class KdTree {
  public:
   explicit KdTree(std::span<const Eigen::Vector3d> points);

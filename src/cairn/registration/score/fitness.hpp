@@ -14,10 +14,9 @@
 
 namespace cairn {
 
-/// Squared distance of each point, moved by `search_from_points`, to the nearest point of a set that
-/// is not empty.
-/// @param queries a batch of a search in that set, for at least one neighbour; it is asked for the
-///        moved points
+/// Squared distance of each point, moved by `search_from_points`, to the nearest point of a non-empty set.
+/// @param queries a batch of a search in that set, for at least one neighbour; it is asked for the moved
+///        points
 template <class Batch>
   requires(!NeighborSearch<std::remove_cvref_t<Batch>>)
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
@@ -31,7 +30,7 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
   return distances;
 }
 
-/// The same, of a search.
+/// The same with a search.
 template <NeighborSearch Search>
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
                                               const Similarity3& search_from_points,
@@ -39,12 +38,11 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
   return nearest_squared_distances(points, search_from_points, query_batch(search, 1), executor);
 }
 
-/// The paper's score (Eq. 5, as PCL's getFitnessScore computes it): mean of the squared distances to
-/// the nearest points. Nothing of no points. In the square of the unit of length; lower is closer,
-/// which is not the same as a better pose.
+/// The paper's score (Eq. 5, like PCL's getFitnessScore): mean squared distance to the nearest points, in
+/// the squared unit of length; std::nullopt for no points. Lower is a closer fit, not always a better pose.
 std::optional<double> fitness_score(std::span<const double> squared_distances);
 
-/// Share of the points whose nearest point lies within `radius`; nothing of no points.
+/// Share of the points whose nearest point is within `radius`; std::nullopt for no points.
 std::optional<double> share_within(std::span<const double> squared_distances, double radius);
 
 }  // namespace cairn

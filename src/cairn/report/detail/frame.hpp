@@ -9,7 +9,7 @@
 #include "cairn/report/detail/svg.hpp"
 #include "cairn/report/figures/figures.hpp"
 
-/// What the figures share: colours, legends, and the frame that a plot is drawn in.
+/// Shared by the figures: colours, legends, and the frame of a plot.
 namespace cairn::report {
 
 inline constexpr std::string_view kInk = "#1d2125";
@@ -20,7 +20,7 @@ inline constexpr double kLabelSize = 13.0;
 inline constexpr double kTickSize = 11.5;
 inline constexpr double kTitleSize = 15.0;
 
-/// How a series looks: the paper's strategies always the same, other names by their place.
+/// Look of a series: fixed for the paper's strategies, by position for other names.
 struct SeriesLook {
   std::string_view color;
   std::string_view dashes;
@@ -46,16 +46,16 @@ Box draw_title(Svg& svg, const FigureOptions& options);
 
 enum class LegendMark { kLine, kDot };
 
-/// Names and looks in rows at the top of `space`; of a single series nothing.
+/// Draws a legend in rows at the top of `space`; none for a single series.
 /// @returns the space that is left below it
 Box draw_legend(Svg& svg, const Box& space, const std::vector<std::string>& names,
                 const std::vector<SeriesLook>& looks, LegendMark mark);
 
-/// A remark below all; nothing if empty.
+/// Draws a remark at the bottom; none if empty.
 /// @returns the space that is left above it
 Box draw_remark(Svg& svg, const Box& space, std::string_view remark);
 
-/// "3 values ... left out" or nothing.
+/// "3 values ... left out"; empty for 0.
 std::string left_out_remark(std::size_t count);
 
 /// A plot with numbers on both axes.
@@ -77,15 +77,15 @@ class Frame {
   Box plot_;
 };
 
-/// The room that the labels of a y axis take, ticks and title together.
+/// Width of a y axis with its labels and title.
 double y_axis_width(const Axis& axis, std::string_view label);
 /// Grid lines across `plot` and numbers left of it.
 void draw_y_axis(Svg& svg, const Box& plot, const Axis& axis, std::string_view label);
 /// Ticks and numbers below `plot`.
 void draw_x_axis(Svg& svg, const Box& plot, const Axis& axis, std::string_view label, bool grid);
-/// The room that the x axis takes.
+/// Height of an x axis.
 double x_axis_height(std::string_view label);
-/// A dashed line across `plot` at this height, and its label.
+/// A dashed horizontal line across `plot` with a label.
 void draw_level(Svg& svg, const Box& plot, double y, std::string_view label);
 
 }  // namespace cairn::report

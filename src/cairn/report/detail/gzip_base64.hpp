@@ -8,8 +8,8 @@
 
 namespace cairn::report {
 
-/// Compresses what it is given (gzip without a time, so that same bytes give same bytes) and hands it
-/// on as base64, in one line, piece by piece.
+/// Compresses its input (gzip without a time, so that equal input gives equal bytes) and passes it on as
+/// base64, in one line, in pieces.
 class GzipBase64 {
  public:
   /// @param sink must outlive this
@@ -19,7 +19,7 @@ class GzipBase64 {
   GzipBase64& operator=(const GzipBase64&) = delete;
 
   void write(std::string_view bytes);
-  /// Hands out all that is left. To be called once, at the end.
+  /// Passes on the rest. Call once, at the end.
   void finish();
 
  private:

@@ -6,9 +6,8 @@
 
 namespace cairn::report {
 
-/// `text` as text of an HTML or SVG document, within elements or quoted attributes: what would be
-/// markup is escaped; bytes that are not UTF-8 and characters that XML has no place for become U+FFFD;
-/// tabs and line ends become blanks.
+/// `text` for an HTML or SVG document, in elements or quoted attributes: escapes markup; replaces invalid
+/// UTF-8 and characters that XML forbids by U+FFFD; replaces tabs and line ends by blanks.
 std::string markup_text(std::string_view text);
 
 }  // namespace cairn::report

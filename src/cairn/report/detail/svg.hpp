@@ -15,7 +15,7 @@ struct SvgPoint {
 
 enum class SvgAnchor { kStart, kMiddle, kEnd };
 
-/// How a shape is drawn; an empty colour draws nothing.
+/// Style of a shape; a part with an empty colour is not drawn.
 struct SvgStyle {
   std::string_view fill = {};
   double fill_opacity = 1.0;
@@ -31,11 +31,11 @@ struct SvgText {
   std::string_view color = "#222222";
   bool bold = false;
   bool italic = false;
-  double turn_deg = 0.0;  ///< clockwise about the text's own point
+  double turn_deg = 0.0;  ///< clockwise about the text's anchor
 };
 
-/// An SVG drawing on white, put together shape by shape. Same calls, same bytes. Numbers keep a tenth
-/// of a pixel; text is escaped.
+/// An SVG drawing on white, built shape by shape. The same calls give the same bytes. Numbers are rounded
+/// to a tenth of a pixel; text is escaped.
 class Svg {
  public:
   Svg(double width, double height);
@@ -50,7 +50,7 @@ class Svg {
             double opacity);
   void text(SvgPoint at, std::string_view text, const SvgText& style);
 
-  /// Until end_clip(), what is outside the rectangle is not drawn.
+  /// Clips the following shapes to the rectangle, until end_clip().
   void begin_clip(SvgPoint corner, double width, double height);
   void end_clip();
 
@@ -64,7 +64,7 @@ class Svg {
   std::string body_;
 };
 
-/// About how wide a text comes out, in pixels.
+/// Approximate width of a text, in pixels.
 double svg_text_width(std::string_view text, double size);
 
 }  // namespace cairn::report

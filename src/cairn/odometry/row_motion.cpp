@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/odometry/row_motion.hpp"
+
+#include <Eigen/Geometry>
+
+namespace cairn {
+namespace {
+
+double time_of_row(const RowMotion& motion, double v) {
+  return motion.readout_s * ((v + 0.5) / motion.rows - 0.5);
+}
+
+}  // namespace
+
+Eigen::Vector3d RowMotion::at_middle(const Eigen::Vector3d& x_in_camera, double v) const {
+  const double time = time_of_row(*this, v);
+  return rotation_exp(time * turn_rad_s) * x_in_camera + time * velocity_m_s;
+}
+
+Eigen::Vector3d RowMotion::at_row(const Eigen::Vector3d& x_in_camera, double v) const {
+  const double time = time_of_row(*this, v);
+  return rotation_exp(-time * turn_rad_s) * (x_in_camera - time * velocity_m_s);
+}
+
+RowMotion motion_between(const Rigid3& previous_from_next, double duration_s) {
+  RowMotion motion;
+  motion.velocity_m_s =
+      previous_from_next.quaternion().conjugate() * previous_from_next.translation() / duration_s;
+  motion.turn_rad_s = rotation_log(previous_from_next.quaternion()) / duration_s;
+  return motion;
+}
+
+}  // namespace cairn

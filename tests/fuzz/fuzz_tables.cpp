@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <string>
+
+#include "cairn/core/csv.hpp"
+#include "cairn/experiments/runs_file.hpp"
+
+#include "fuzz/imported.hpp"
+
+// Tables as CSV: any, and the runs of a study.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text = cairn::testing::text_of(data, size);
+  cairn::testing::expect_read_or_refused([&] {
+    std::string once;
+    for (const cairn::CsvRow& row : cairn::parse_csv(text, "input")) {
+      cairn::Csv csv;
+      for (const std::string& cell : row.cells) csv << cell;
+      csv.end_row();
+      const std::vector<cairn::CsvRow> again = cairn::parse_csv(csv.text(), "written");
+      if (again.size() != 1 || again[0].cells != row.cells) {
+        cairn::testing::abort_because("a row written and read back differs");
+      }
+    }
+  });
+  cairn::testing::expect_read_or_refused([&] {
+    std::string once = cairn::runs_header();
+    for (const cairn::TrialResult& run : cairn::parse_runs(text, "input")) {
+      once += cairn::runs_row(run);
+    }
+    std::string twice = cairn::runs_header();
+    for (const cairn::TrialResult& run : cairn::parse_runs(once, "written")) {
+      twice += cairn::runs_row(run);
+    }
+    if (once != twice) cairn::testing::abort_because("runs written twice differ");
+  });
+  return 0;
+}
