@@ -180,7 +180,7 @@ TEST_F(AtlasCliTest, DiffOfTheWorldNamesTheThingThatMoved) {
   answer(atlas({"init"}));
   answer(atlas({"add", "monday.cairn", "tuesday.cairn"}));
   const Words diff = atlas({"diff", "--world", "monday", "tuesday"});
-  expect_refusal(diff, kWrongUsage, {"monday has no pose", "cairn atlas optimize"});
+  expect_refusal(diff, kWrongUsage, {"monday has no pose", "'optimize' placed"});
   answer(atlas({"link", "--manual", "monday", "tuesday", "--pose", "pose.txt"}));
   answer(atlas({"optimize"}));
 
