@@ -280,12 +280,12 @@ TEST_F(WrittenReportTest, MergeShowsWhatWasPlacedAndWhatWasLeftOut) {
   const CommandResult result = cairn({"merge", "target.map", "stranger.map", "source.map", "-o",
                                       "both.map", "--report", "r.html"});
   EXPECT_EQ(result.exit_code, kNoAlignment) << result.errors;
-  EXPECT_THAT(result.output, HasSubstr("r.html\n"));
+  EXPECT_THAT(result.output, HasSubstr("wrote r.html\n"));
   const ReportPage report = page("r.html");
   EXPECT_EQ(report.document.at("title"), "both.map");
   EXPECT_THAT(report.document.at("subtitle").get<std::string>(),
               AllOf(StartsWith("Placed 2 of 3 maps in the frame of target: 1,800 landmarks"),
-                    HasSubstr("Left out: stranger (")));
+                    HasSubstr(" Left out: stranger.")));
   const Json& inputs = report.document.at("provenance").at("inputs");
   ASSERT_EQ(inputs.size(), 3U);
   for (const Json& input : inputs) {
