@@ -164,9 +164,10 @@ LandmarkMap StellaBuilder::finish() && {
         project(camera, {(entry.pixel.u - k.cx) / k.fx, (entry.pixel.v - k.cy) / k.fy, 1.0});
     if (pixel) entry.pixel = *pixel;
   }
-  const std::size_t lost = std::move(observations_).fill(tables, "ORB", DescriptorNorm::kHamming);
-  if (lost > 0) {
-    lost(fmt::format("{} observations of landmarks that are not there; left out", lost));
+  const std::size_t dropped =
+      std::move(observations_).fill(tables, "ORB", DescriptorNorm::kHamming);
+  if (dropped > 0) {
+    lost(fmt::format("{} observations of landmarks that are not there; left out", dropped));
   }
   return LandmarkMap(std::move(tables), [&](MapColumn, std::size_t) { return name_; });
 }
