@@ -2,6 +2,7 @@
 #include "bindings/maps.hpp"
 
 #include <filesystem>
+#include <limits>
 #include <numeric>
 
 #include <fmt/format.h>
