@@ -199,6 +199,7 @@ std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
     if (!found) continue;
     Keypoint keypoint;
     keypoint.raw = found->raw;
+    keypoint.pixel.setZero();  // corrected() sets it, which GCC does not see
     keypoint.octave = static_cast<std::uint8_t>(found->octave);
     keypoint.source = PixelSource::kPatch;
     keypoint.read_depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
