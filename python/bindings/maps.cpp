@@ -765,7 +765,7 @@ void bind_maps(py::module_& module) {
               row(i, 2) = fix ? fix->position.altitude_m : kNan;
               row(i, 3) = fix ? fix->accuracy_m.value_or(kNan) : kNan;
             }
-            return std::move(rows);
+            return rows;
           },
           "(f, 4) latitude and longitude in degrees, altitude and accuracy in metres, NaN where "
           "unknown; or None.")
