@@ -240,7 +240,7 @@ class Operations(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             path = pathlib.Path(folder) / "placed.map"
             path.write_text(text)
-            m = cairn.LandmarkMap.read(path)
+            m = cairn.read_map(path)
         self.assertEqual((m.georeference.latitude_deg, m.georeference.altitude_m), (47.37, 408.0))
         np.testing.assert_array_equal(m.gnss_positions, [[47.37, 8.54, 410.0, 3.0]])
         before = m.georeference.geodetic(m.positions)

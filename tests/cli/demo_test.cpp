@@ -80,7 +80,7 @@ TEST_F(DemoTest, PrintsATableAndWhatItMeans) {
   const std::string text = answer({"demo", "--synthetic"});
   EXPECT_THAT(text, HasSubstr("3000 landmarks"));
   EXPECT_THAT(text, HasSubstr("pose error"));
-  EXPECT_THAT(text, HasSubstr("lower score need not mean a smaller error"));
+  EXPECT_THAT(text, HasSubstr("a lower score does not always mean a smaller error"));
   EXPECT_TRUE(files().empty());
 }
 

@@ -302,7 +302,7 @@ TEST_F(EvaluateTrajectoryTest, HandEyeOffsetIsEstimatedAndTakenOffTheErrors) {
   const std::string text =
       answer({"evaluate", "trajectory", "camera.txt", "body.txt", "--hand-eye"});
   EXPECT_THAT(text, ContainsRegex("rotation 2.[0-9]+ \\+- [0-9.]+ deg"));
-  EXPECT_THAT(text, HasSubstr("Errors against the truth so corrected:"));
+  EXPECT_THAT(text, HasSubstr("after this correction:"));
 }
 
 TEST_F(EvaluateTrajectoryTest, HandEyeOffsetThatTheMotionDoesNotTellIsRefused) {

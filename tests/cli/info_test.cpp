@@ -149,7 +149,7 @@ TEST_F(InfoTest, ConventionsAreThoseThatTheDataObey) {
   EXPECT_TRUE(format.at("reprojection_px").is_null() ||
               format.at("reprojection_px").at("median") > 20.0);
   const CommandResult converted = cairn({"convert", "gl.map", "cv.map"});
-  EXPECT_THAT(converted.errors, HasSubstr("it is read so"));
+  EXPECT_THAT(converted.errors, HasSubstr("read with these conventions"));
   EXPECT_EQ(document({"info", "cv.map"}).at("conventions").at("verdict"), "as_format");
   answer({"convert", "gl.map", "same.map", "--convention", "format"});
   EXPECT_EQ(content("same.map"), content("gl.map"));

@@ -410,7 +410,7 @@ TEST_F(WrittenReportTest, WhatIsNoResultIsRefusedWithFileFieldAndValue) {
     json[Json::json_pointer(pointer)] = value;
     return json.dump();
   };
-  expect("{", {"bad.json", "none", "cairn align"});
+  expect("{", {"bad.json", "is not valid JSON", "cairn align"});
   expect("{}", {"bad.json", "schema.name"});
   expect(changed("/schema/name", "cairn.info"), {"bad.json", "'cairn.info'", "'cairn align'"});
   expect(changed("/schema/version", 3), {"bad.json: schema.version is 3", "at most 2"});

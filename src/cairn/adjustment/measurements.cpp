@@ -79,7 +79,7 @@ double MeasurementNoise::sigma_px(std::int32_t octave) const {
 }
 
 std::string measurement_defect(const LandmarkMap& map) {
-  if (!map.has_observations()) return "does not know its observations";
+  if (!map.has_observations()) return "has no observations";
   const FrameTable& frames = map.frames();
   for (const FrameIndex frame : map.observations().frames) {
     if (frames.cameras.empty() || !frames.cameras[frame.value]) {

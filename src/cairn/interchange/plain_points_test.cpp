@@ -152,7 +152,8 @@ TEST_F(PlainPointsTest, TablesKeepWhatTheyHavePlaceFor) {
 
 TEST_F(PlainPointsTest, WritingSaysWhatHasNoPlace) {
   write(testing::full_map(), "out.csv");
-  EXPECT_THAT(remarks_, Contains(HasSubstr("provenance, descriptors 'ORB'; left out")));
+  EXPECT_THAT(remarks_,
+              Contains(HasSubstr("provenance, GNSS positions, descriptors 'ORB'; left out")));
   write(testing::full_map(), "out.npy");
   EXPECT_THAT(remarks_, Contains(HasSubstr("covariances, colours, descriptors 'ORB'")));
 }
