@@ -112,8 +112,8 @@ RowMotion Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
   if (lost_ || !(duration_s > 0.0) || previous_->number + 1 != frame.number) {
     return frame.features.row_motion();
   }
-  RowMotion motion = motion_between(
-      previous_->world_from_camera.inverse() * frame.world_from_camera, duration_s);
+  RowMotion motion =
+      motion_between(previous_->world_from_camera.inverse() * frame.world_from_camera, duration_s);
   motion.readout_s = options_.readout_s;
   motion.rows = map_.image().height;
   if (between_) {
