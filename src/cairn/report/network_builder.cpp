@@ -11,6 +11,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/placement/probability_text.hpp"
 #include "cairn/report/map_builder.hpp"
 
 namespace cairn::report {
@@ -160,11 +161,10 @@ Table maps_table(const Network& network) {
   return table;
 }
 
-// Rounded down as probability_text() does: 99.998 % is not 100 %.
+// As probability_text(): 99.998 % is not 100 %.
 Scalar percent_of(const std::optional<double>& probability) {
   if (!probability) return {};
-  constexpr double kRounding = 1e-6;
-  return std::min(99.99, std::floor(1e4 * *probability + kRounding) / 100.0);
+  return std::min(99.99, percent_rounded_down(*probability, 2));
 }
 
 Table links_table(const Network& network) {

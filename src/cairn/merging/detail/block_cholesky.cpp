@@ -24,18 +24,18 @@ double most_zeros(std::size_t width) {
 
 BlockCholesky::BlockCholesky(std::size_t blocks, Index block_size, std::span<const Place> places)
     : blocks_(blocks), size_(block_size), places_(places.begin(), places.end()) {
-  order(places);
-  analyse(places);
+  order();
+  analyse();
   factors_.resize(fronts_.size());
 }
 
 // Minimum degree.
-void BlockCholesky::order(std::span<const Place> places) {
+void BlockCholesky::order() {
   std::vector<Eigen::Triplet<double, int>> entries;
   for (std::size_t i = 0; i < blocks_; ++i) {
     entries.emplace_back(static_cast<int>(i), static_cast<int>(i), 1.0);
   }
-  for (const auto& [row, column] : places) {
+  for (const auto& [row, column] : places_) {
     entries.emplace_back(static_cast<int>(row), static_cast<int>(column), 1.0);
     entries.emplace_back(static_cast<int>(column), static_cast<int>(row), 1.0);
   }
@@ -50,11 +50,11 @@ void BlockCholesky::order(std::span<const Place> places) {
   }
 }
 
-void BlockCholesky::analyse(std::span<const Place> places) {
+void BlockCholesky::analyse() {
   // Of each position, the earlier ones that it has a block with.
   const auto earlier_of = [&] {
     std::vector<std::vector<std::size_t>> earlier(blocks_);
-    for (const auto& [row, column] : places) {
+    for (const auto& [row, column] : places_) {
       const auto [low, high] = std::minmax(position_[row], position_[column]);
       earlier[high].push_back(low);
     }
@@ -91,7 +91,11 @@ void BlockCholesky::analyse(std::span<const Place> places) {
     walked[i] = --next;
     stack.insert(stack.end(), children[i].begin(), children[i].end());
   }
-  for (std::size_t& position : position_) position = walked[position];
+  row_at_.resize(blocks_);
+  for (std::size_t row = 0; row < blocks_; ++row) {
+    position_[row] = walked[position_[row]];
+    row_at_[position_[row]] = row;
+  }
 
   const std::vector<std::vector<std::size_t>> earlier = earlier_of();
   const std::vector<std::size_t> parent = tree_of(earlier);
@@ -168,8 +172,6 @@ void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& b
 }
 
 bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixXd& others) {
-  std::vector<std::size_t> row_of(blocks_);  // inverse of position_
-  for (std::size_t i = 0; i < blocks_; ++i) row_of[position_[i]] = i;
   // By front: what its elimination changes in its rows, until its parent takes it. Their memory goes from one to
   // the next, for to get it from the system takes as long as to calculate in it.
   std::vector<std::vector<double>> updates(fronts_.size());
@@ -189,7 +191,7 @@ bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixX
     for (std::size_t k = 0; k < front.width; ++k) {
       const Index at = static_cast<Index>(k) * size_;
       own.block(at, at, size_, size_) =
-          diagonal.middleCols(static_cast<Index>(row_of[front.first + k]) * size_, size_);
+          diagonal.middleCols(static_cast<Index>(row_at_[front.first + k]) * size_, size_);
     }
     for (const std::size_t entry : front.entries) {
       const auto [row, column] = places_[entry];
@@ -290,8 +292,6 @@ Eigen::VectorXd BlockCholesky::solve(const Eigen::VectorXd& right) const {
 
 Eigen::MatrixXd BlockCholesky::inverse_diagonal() const {
   Eigen::MatrixXd result(size_, static_cast<Index>(blocks_) * size_);
-  std::vector<std::size_t> row_of(blocks_);
-  for (std::size_t i = 0; i < blocks_; ++i) row_of[position_[i]] = i;
   // By front: the inverse in its columns and rows, until its children have it.
   std::vector<Eigen::MatrixXd> inverses(fronts_.size());
   std::vector<std::size_t> waiting(fronts_.size());
@@ -335,7 +335,7 @@ Eigen::MatrixXd BlockCholesky::inverse_diagonal() const {
     }
     for (std::size_t k = 0; k < front.width; ++k) {
       const Index at = static_cast<Index>(k) * size_;
-      result.middleCols(static_cast<Index>(row_of[front.first + k]) * size_, size_) =
+      result.middleCols(static_cast<Index>(row_at_[front.first + k]) * size_, size_) =
           inverse.block(at, at, size_, size_);
     }
     if (front.children.empty()) inverse.resize(0, 0);

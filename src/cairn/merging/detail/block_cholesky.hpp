@@ -51,8 +51,8 @@ class BlockCholesky {
     std::vector<std::size_t> entries;     // places whose block lies in the columns
   };
 
-  void order(std::span<const Place> places);
-  void analyse(std::span<const Place> places);
+  void order();
+  void analyse();
   void merge_columns(const std::vector<std::vector<std::size_t>>& below,
                      const std::vector<std::size_t>& parent);
 
@@ -60,6 +60,7 @@ class BlockCholesky {
   Eigen::Index size_ = 0;  // of a block
   std::vector<Place> places_;
   std::vector<std::size_t> position_;  // by block row
+  std::vector<std::size_t> row_at_;    // by position: its block row
   std::vector<std::size_t> front_of_;  // by position
   std::vector<Front> fronts_;          // children before parents
   // By front: its columns of the factor, (columns + rows) x columns.
