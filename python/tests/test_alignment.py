@@ -130,7 +130,7 @@ class Icp(unittest.TestCase):
         self.assertEqual(cairn.icp(np.zeros((0, 3)), np.zeros((5, 3))).status, "failed")
 
 
-@unittest.skipUnless(hasattr(cairn, "merge"), "built without Ceres")
+@unittest.skipUnless(hasattr(cairn, "merge"), "SKIPPED: built without Ceres: merging was not tested")
 class Merge(unittest.TestCase):
     def test_makes_one_map_of_two_and_says_what_it_left_out(self):
         other = cairn.synthetic_map(landmarks=1500, seed=5)
@@ -228,7 +228,7 @@ class LongCalls(unittest.TestCase):
             np.testing.assert_array_equal(estimate, results[0])
 
 
-@unittest.skipUnless(cairn.has_viewer(), "built without the viewer")
+@unittest.skipUnless(cairn.has_viewer(), "SKIPPED: built without the viewer: reports were not tested")
 class Reports(unittest.TestCase):
     def test_are_one_page_that_is_written_and_shown(self):
         result = cairn.align(PAIR.source, PAIR.target, trace=True)
