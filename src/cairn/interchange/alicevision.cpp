@@ -15,6 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 
 namespace cairn {
@@ -72,9 +73,7 @@ class Reader {
 
  private:
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
 
   // Why a camera is unknown to the map; empty if it was taken.

@@ -134,12 +134,10 @@ class Builder {
   }
 
   void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", source_.name(), text));
+    detail::log_remark(options_.log, source_.name(), text);
   }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", source_.name(), text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, source_.name(), text, RemarkKind::kLoss);
   }
 
   LandmarkMap finish() && {

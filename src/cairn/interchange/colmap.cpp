@@ -21,6 +21,7 @@
 #include "cairn/interchange/detail/database_formats.hpp"
 #include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/output_folder.hpp"
+#include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 
 namespace cairn {
@@ -28,10 +29,10 @@ namespace {
 
 namespace fs = std::filesystem;
 using detail::BinaryRecords;
+using detail::kPixelCentre;
 using detail::ReadingProgress;
 using detail::TextRecords;
 
-constexpr double kPixelCentre = 0.5;  // of the top-left pixel, where Cairn has 0
 constexpr std::uint64_t kNoPoint = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t kMostRecords = std::numeric_limits<std::uint32_t>::max();
 constexpr std::string_view kErrorColumn = "reprojection_error";  // of a 3D point, in pixels
@@ -60,23 +61,6 @@ constexpr std::array<ColmapModel, 18> kModels = {{{"SIMPLE_PINHOLE", 3},
                                                   {"FISHEYE", 4},
                                                   {"EUCM", 6},
                                                   {"EQUIRECTANGULAR", 2}}};
-
-// How many parameters of a model stand before the centre cx cy: the focal lengths.
-std::size_t centre_place(const Camera& camera) {
-  for (const CameraModel& model : camera_models()) {
-    if (model.name != camera.model) continue;
-    const auto cx = std::find(model.parameters.begin(), model.parameters.end(), "cx");
-    return static_cast<std::size_t>(cx - model.parameters.begin());
-  }
-  return 0;
-}
-
-// Moves the centre between COLMAP's pixels and Cairn's.
-void shift_centre(Camera& camera, double by) {
-  const std::size_t place = centre_place(camera);
-  camera.parameters.at(place) += by;
-  camera.parameters.at(place + 1) += by;
-}
 
 // --- Reading --------------------------------------------------------------------------------------
 
@@ -108,7 +92,7 @@ class Builder {
       unusable_.emplace(id, defect);
       return;
     }
-    shift_centre(camera, -kPixelCentre);
+    detail::shift_centre(camera, -kPixelCentre);
     camera_indices_.emplace(id, CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())});
     tables_.cameras.push_back(std::move(camera));
   }
@@ -263,12 +247,10 @@ class Builder {
 
  private:
   void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", sources_.points->name(), text));
+    detail::log_remark(options_.log, sources_.points->name(), text);
   }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", sources_.points->name(), text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, sources_.points->name(), text, RemarkKind::kLoss);
   }
 
   // The order in files depends on the hash table of the program that wrote them.
@@ -661,7 +643,7 @@ class ModelWriter {
            "# Cameras, one a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS\n");
     for (std::size_t i = 0; i < map_.cameras().size(); ++i) {
       Camera camera = map_.cameras()[i];
-      shift_centre(camera, kPixelCentre);
+      detail::shift_centre(camera, kPixelCentre);
       out.both(static_cast<std::uint32_t>(camera_ids_[i]));
       if (out.is_text()) {
         out.word(camera.model);

@@ -24,6 +24,9 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/described_observations.hpp"
+#include "cairn/interchange/detail/descriptor_bytes.hpp"
+#include "cairn/interchange/detail/losses.hpp"
+#include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/map/io/memory_budget.hpp"
 
@@ -32,7 +35,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kPixelCentre = 0.5;  // of the top-left pixel, where Cairn has 0
+using detail::kPixelCentre;
+
 constexpr std::string_view kHeader = "# kapture format:";
 constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
 
@@ -82,7 +86,7 @@ class CsvRecords {
 
   double number(std::string_view name) { return number_of(name, field(name)); }
 
-  // Nothing where the field is empty: kapture leaves out what is unknown.
+  // std::nullopt if the field is empty: kapture leaves unknown numbers out.
   std::optional<double> optional_number(std::string_view name) {
     const std::string_view text = field(name);
     return text.empty() ? std::nullopt : std::optional(number_of(name, text));
@@ -234,10 +238,10 @@ class Reader {
   };
 
   void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", files_.name, text));
+    detail::log_remark(options_.log, files_.name, text);
   }
   void lost(const std::string& text) const {
-    if (options_.log) options_.log({fmt::format("{}: {}", files_.name, text), RemarkKind::kLoss});
+    detail::log_remark(options_.log, files_.name, text, RemarkKind::kLoss);
   }
 
   // Calls `take` at each record of a file. @return false if there is no such file
@@ -294,7 +298,7 @@ class Reader {
     const std::string defect =
         camera.model == "UNKNOWN_CAMERA" ? "its model is UNKNOWN_CAMERA" : camera_defect(camera);
     if (defect.empty()) {
-      shift_centre(camera);
+      detail::shift_centre(camera, -kPixelCentre);
       index = CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())};
       tables_.cameras.push_back(std::move(camera));
     } else if (camera.model == "UNKNOWN_CAMERA") {
@@ -314,19 +318,9 @@ class Reader {
     return static_cast<std::uint64_t>(value);
   }
 
-  static void shift_centre(Camera& camera) {
-    for (const CameraModel& model : camera_models()) {
-      if (model.name != camera.model) continue;
-      for (std::size_t i = 0; i < model.parameters.size(); ++i) {
-        const bool is_centre = model.parameters[i] == "cx" || model.parameters[i] == "cy";
-        if (is_centre) camera.parameters[i] -= kPixelCentre;
-      }
-    }
-  }
-
   // ---- frames
 
-  // device_from_reference; nothing where a part of it is left out.
+  // device_from_reference; std::nullopt if one of its numbers is missing.
   static std::optional<Rigid3> read_pose(CsvRecords& in) {
     std::array<double, 7> numbers{};
     constexpr std::array<const char*, 7> kNames = {"qw", "qx", "qy", "qz", "tx", "ty", "tz"};
@@ -609,7 +603,7 @@ class Reader {
     return result;
   }
 
-  // All of an image's features; nothing if there is no such file.
+  // All features of an image; std::nullopt if it has no file of them.
   std::optional<Features> features(const FeatureType& type, const std::string& image,
                                    const char* ending) {
     const std::string path = fmt::format("{}/{}.{}", type.folder, image, ending);
@@ -722,7 +716,7 @@ class Reader {
 
   // ---- descriptors
 
-  // Those that describe the keypoints, the first of several by name; nothing if there are none that a map holds.
+  // The descriptors of the keypoints. Of several, takes the first by name. std::nullopt if a map can hold none of them.
   std::optional<FeatureType> descriptor_type(const std::string& keypoints) {
     std::vector<std::string> folders;
     if (has_types()) {
@@ -766,8 +760,6 @@ class Reader {
     return kind;
   }
 
-  // Floats become a byte a number: whole numbers up to 255 as they are, others 128 + 127 x, as those of
-  // learned features between -1 and 1.
   std::vector<std::uint8_t> bytes_of(const FeatureType& type, const char* row) const {
     std::vector<std::uint8_t> bytes(type.numbers);
     if (type.type.size == 1) {
@@ -775,16 +767,10 @@ class Reader {
       return bytes;
     }
     std::vector<double> values(type.numbers);
-    for (std::size_t i = 0; i < values.size(); ++i)
-      values[i] = type.type.at(row + i * type.type.size);
-    const bool are_bytes = std::all_of(values.begin(), values.end(), [](double x) {
-      return x >= 0.0 && x <= 255.0 && x == std::floor(x);
-    });
     for (std::size_t i = 0; i < values.size(); ++i) {
-      const double value = std::isfinite(values[i]) ? values[i] : 0.0;
-      const double scaled = are_bytes ? value : 128.0 + 127.0 * value;
-      bytes[i] = static_cast<std::uint8_t>(std::lround(std::clamp(scaled, 0.0, 255.0)));
+      values[i] = type.type.at(row + i * type.type.size);
     }
+    detail::to_bytes<double>(values, bytes);
     return bytes;
   }
 

@@ -17,6 +17,7 @@
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
 #include "cairn/interchange/detail/losses.hpp"
+#include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/written_frames.hpp"
 #include "cairn/map/io/ply.hpp"
 
@@ -25,8 +26,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using detail::JsonValue;
+using detail::kPixelCentre;
 
-constexpr double kPixelCentre = 0.5;  // of the top-left pixel, where Cairn has 0
 constexpr std::string_view kPointsName = "sparse_pc.ply";
 
 class Reader {
@@ -55,13 +56,9 @@ class Reader {
   }
 
  private:
-  void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", name_, text));
-  }
+  void remark(const std::string& text) const { detail::log_remark(options_.log, name_, text); }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
 
   // world_from_camera, where the camera looks along -z with y up.

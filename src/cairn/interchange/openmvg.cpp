@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 
 namespace cairn {
@@ -100,9 +101,7 @@ class Reader {
 
  private:
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
 
   void read_cameras(const JsonValue& intrinsics) {

@@ -129,13 +129,10 @@ class Reader {
   }
 
   void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", sources_.reconstruction->name(), text));
+    detail::log_remark(options_.log, sources_.reconstruction->name(), text);
   }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log(
-          {fmt::format("{}: {}", sources_.reconstruction->name(), text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, sources_.reconstruction->name(), text, RemarkKind::kLoss);
   }
 
  private:

@@ -111,9 +111,7 @@ class Points {
     tables_.landmarks.positions.push_back(position);
   }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
   LandmarkMap finish() && {
     if (left_out_ > 0) {
@@ -396,9 +394,7 @@ class NpzReader {
     return std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 127; });
   }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
 
   const detail::NpyArray& find_positions() const {

@@ -24,7 +24,9 @@
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/database_file.hpp"
 #include "cairn/interchange/detail/described_observations.hpp"
+#include "cairn/interchange/detail/descriptor_bytes.hpp"
 #include "cairn/interchange/detail/float_pose.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/zlib_stream.hpp"
 #include "cairn/sqlite/database.hpp"
 
@@ -128,12 +130,10 @@ class Graph {
   }
 
   void remark(const std::string& text) const {
-    if (options_.log) options_.log(fmt::format("{}: {}", database_.name(), text));
+    detail::log_remark(options_.log, database_.name(), text);
   }
   void lost(const std::string& text) const {
-    if (options_.log) {
-      options_.log({fmt::format("{}: {}", database_.name(), text), RemarkKind::kLoss});
-    }
+    detail::log_remark(options_.log, database_.name(), text, RemarkKind::kLoss);
   }
 
  private:
@@ -554,21 +554,13 @@ class MapReader {
 
   bool are_floats() const { return stored_bytes_ > descriptor_bytes_; }
 
-  // Descriptors of float32 become a byte a number, so that distances keep their proportions.
+  // Descriptors of float32 become one byte per number.
   void finish_floats() {
     if (!are_floats()) return;
     std::vector<float> values(bytes_.size() / sizeof(float));
     std::memcpy(values.data(), bytes_.data(), values.size() * sizeof(float));
-    // SIFT's are whole numbers up to 255, the others' between -1 and 1.
-    const bool are_bytes = std::all_of(values.begin(), values.end(), [](float x) {
-      return x >= 0.0F && x <= 255.0F && x == std::floor(x);
-    });
     bytes_.resize(values.size());
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      const double value = std::isfinite(values[i]) ? double{values[i]} : 0.0;
-      const double scaled = are_bytes ? value : 128.0 + 127.0 * value;
-      bytes_[i] = static_cast<std::uint8_t>(std::lround(std::clamp(scaled, 0.0, 255.0)));
-    }
+    detail::to_bytes<float>(values, bytes_);
   }
 
   std::uint32_t root(std::uint32_t feature) {

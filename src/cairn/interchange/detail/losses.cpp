@@ -10,6 +10,10 @@
 
 namespace cairn::detail {
 
+void log_remark(const LogSink& log, std::string_view name, std::string_view text, RemarkKind kind) {
+  if (log) log({fmt::format("{}: {}", name, text), kind});
+}
+
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings) {
   std::vector<std::string> lost;
   const auto add = [&](bool is_lost, std::string what) {

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/core/log.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn::detail {
@@ -29,6 +30,11 @@ struct Holdings {
   std::string_view descriptors = {};               ///< the kind that has a place, or "*": any
   std::span<const std::string_view> columns = {};  ///< names of columns that have a place
 };
+
+/// Tells the sink, if there is one, "name: text".
+/// @param name of the file
+void log_remark(const LogSink& log, std::string_view name, std::string_view text,
+                RemarkKind kind = RemarkKind::kInformation);
 
 /// What `map` has and the format does not hold, in words.
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);

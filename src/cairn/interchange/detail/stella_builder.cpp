@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/interchange/detail/losses.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -39,7 +40,7 @@ StellaBuilder::StellaBuilder(std::string name, const MapReadOptions& options)
     : name_(std::move(name)), options_(options) {}
 
 void StellaBuilder::lost(const std::string& text) const {
-  if (options_.log) options_.log({fmt::format("{}: {}", name_, text), RemarkKind::kLoss});
+  log_remark(options_.log, name_, text, RemarkKind::kLoss);
 }
 
 void StellaBuilder::add_camera(const std::string& name, const StellaCamera& camera) {
