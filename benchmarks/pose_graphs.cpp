@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Poses of many maps from links of which some are wrong: time, and which links are kept. Robots drive about one
 // floor; maps less than a metre apart are linked, with errors as stated.
-//   cairn_pose_graphs_benchmark random|consistent SHARE MAPS...
+//   cairn_pose_graphs_benchmark random|consistent|update SHARE MAPS...
 // Wrong links are SHARE of all (random), or of those between robots (consistent: all wrong links between two
-// robots agree on one false offset).
+// robots agree on one false offset). With `update`, wrong links are random, the last map is new, and the poses of the
+// others are known.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cairn/core/random.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/merging/optimisation/update_poses.hpp"
 
 namespace {
 
@@ -139,9 +143,30 @@ World consistent_links(std::size_t maps, double share, std::uint64_t seed) {
   return world;
 }
 
-void run(const World& world) {
+// Of all maps but the last, with an entry for each.
+OptimisedPoses without_last(const World& world) {
+  PoseGraph less = world.graph;
+  const NodeId last = less.nodes.back().id;
+  std::erase_if(less.links,
+                [&](const PoseLink& link) { return link.target == last || link.source == last; });
+  less.nodes.pop_back();
+  OptimisedPoses poses = optimise_poses(less, std::span(world.extents).first(less.nodes.size()));
+  poses.world_from_node.emplace_back();
+  poses.covariances.emplace_back(Matrix7d::Zero());
+  std::vector<bool> agrees;
+  std::size_t next = 0;
+  for (const PoseLink& link : world.graph.links)
+    agrees.push_back(link.target != last && link.source != last && poses.agrees[next++]);
+  poses.agrees = std::move(agrees);
+  return poses;
+}
+
+void run(const World& world, bool update) {
+  OptimisedPoses before;
+  if (update) before = without_last(world);
   const auto begin = std::chrono::steady_clock::now();
-  const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+  const OptimisedPoses poses = update ? update_poses(world.graph, world.extents, before)
+                                      : optimise_poses(world.graph, world.extents);
   const std::chrono::duration<double> time = std::chrono::steady_clock::now() - begin;
   std::size_t right = 0;
   std::size_t right_kept = 0;
@@ -172,17 +197,18 @@ void run(const World& world) {
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr, "Usage: %s random|consistent SHARE MAPS...\n", argv[0]);
+    std::fprintf(stderr, "Usage: %s random|consistent|update SHARE MAPS...\n", argv[0]);
     return 2;
   }
-  const bool random = std::string(argv[1]) == "random";
+  const std::string kind = argv[1];
   const double share = std::atof(argv[2]);
   std::printf(
       "   maps   links  wrong  placed    right  wrong  rmse (m) time (s)\n"
       "                              kept      kept\n");
   for (int i = 3; i < argc; ++i) {
     const auto maps = static_cast<std::size_t>(std::atol(argv[i]));
-    run(random ? random_links(maps, share, 1) : consistent_links(maps, share, 1));
+    run(kind == "consistent" ? consistent_links(maps, share, 1) : random_links(maps, share, 1),
+        kind == "update");
   }
   return 0;
 }

@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
       cairn::AtlasLinkOptions with_the_new_one;
       with_the_new_one.only = {node};
       atlas.link(with_the_new_one);
-      atlas.optimize();
+      atlas.update_poses();
       const cairn::AtlasState state = atlas.state();
       const auto pose = state.poses.find(node);
       if (pose == state.poses.end()) continue;  // nothing connects it yet

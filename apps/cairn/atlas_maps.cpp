@@ -280,9 +280,17 @@ struct LinkArguments : AtlasArguments {
 };
 
 struct OptimizeArguments : AtlasArguments {
+  bool update = false;
+
+  void add_to(CLI::App& command) {
+    command.add_flag("--update", update,
+                     "Compute only poses near the maps and links that were added since the last "
+                     "'optimize'; all if anything else was changed");
+  }
+
   int run() {
     Atlas atlas = open();
-    const AtlasOptimised result = atlas.optimize();
+    const AtlasOptimised result = update ? atlas.update_poses() : atlas.optimize();
     const AtlasState state = atlas.state();
     Json json = head("optimize");
     json["commit"] = result.commit.value;
@@ -413,7 +421,9 @@ Run add_atlas_optimize(CLI::App& atlas) {
                                            "The frame of each group of linked maps is that of its "
                                            "first map. Links that other links contradict\n"
                                            "are named and not used.\n"
-                                           "Example: cairn atlas optimize --atlas town.atlas");
+                                           "Examples:\n"
+                                           "  cairn atlas optimize --atlas town.atlas\n"
+                                           "  cairn atlas optimize --atlas town.atlas --update");
 }
 
 Run add_atlas_merge(CLI::App& atlas) {

@@ -366,26 +366,43 @@ void unlink(SharedAtlas& self, const py::object& a, const py::object& b, const p
   });
 }
 
+Keywords<PoseOptimisationOptions> pose_keywords(const char* function) {
+  Keywords<PoseOptimisationOptions> keywords(function);
+  keywords.add("agreement", [](auto& o) -> auto& { return o.agreement; })
+      .add("max_iterations", [](auto& o) -> auto& { return o.max_iterations; });
+  return keywords;
+}
+
 const Keywords<PoseOptimisationOptions>& optimize_keywords() {
-  static const auto table = [] {
-    Keywords<PoseOptimisationOptions> keywords("optimize");
-    keywords.add("agreement", [](auto& o) -> auto& { return o.agreement; })
-        .add("max_iterations", [](auto& o) -> auto& { return o.max_iterations; });
-    return keywords;
-  }();
+  static const auto table = pose_keywords("optimize");
   return table;
 }
 
-AtlasOptimised optimize(SharedAtlas& self, const py::kwargs& given) {
+const Keywords<PoseOptimisationOptions>& update_keywords() {
+  static const auto table = pose_keywords("update_poses");
+  return table;
+}
+
+AtlasOptimised compute_poses(SharedAtlas& self, const py::kwargs& given,
+                             const Keywords<PoseOptimisationOptions>& keywords,
+                             AtlasOptimised (Atlas::*compute)(const PoseOptimisationOptions&)) {
   CallOptions call;
-  PoseOptimisationOptions options = optimize_keywords().read(given, &call);
+  PoseOptimisationOptions options = keywords.read(given, &call);
   AtlasOptimised result;
   const auto work = [&](Atlas& atlas, const Execution& execution) {
     options.execution = execution;
-    result = atlas.optimize(options);
+    result = (atlas.*compute)(options);
   };
   self.alone("optimizing", work, call);
   return result;
+}
+
+AtlasOptimised optimize(SharedAtlas& self, const py::kwargs& given) {
+  return compute_poses(self, given, optimize_keywords(), &Atlas::optimize);
+}
+
+AtlasOptimised update_poses(SharedAtlas& self, const py::kwargs& given) {
+  return compute_poses(self, given, update_keywords(), &Atlas::update_poses);
 }
 
 void remove_map(SharedAtlas& self, const py::object& name) {
@@ -929,6 +946,13 @@ void bind_changes(AtlasClass& atlas) {
                 "frame of its first\n"
                 "map. Links that disagree with the others are not used.\n\n"
                 "agreement      share of a map's radius by which two poses that agree may move it"))
+      .def(
+          "update_poses", &update_poses,
+          kept(update_keywords().signature("$self") +
+               "Like optimize(), but of the largest group it computes only poses near the maps and "
+               "links that were added\n"
+               "since: for a SLAM system that adds maps while it drives. Computes all poses if "
+               "anything else was changed."))
       .def("remove", &remove_map, py::arg("name"),
            "remove($self, name)\n--\n\n"
            "Removes a map, its links and its pose; poses in its frame too.")

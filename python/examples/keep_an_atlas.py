@@ -42,7 +42,7 @@ def keep(location: pathlib.Path) -> None:
             if number > 0:
                 atlas.link_by_odometry(f"today/{number - 1}", added.name, step, STEP_COVARIANCE)
             atlas.link(only=[added.name])
-            atlas.optimize()
+            atlas.update_poses()
             placed = atlas.maps[added.name]
             if placed.frame_from_map is None:
                 print(f"{placed.name}: no link places it yet")

@@ -55,6 +55,7 @@ class Story(Folder):
             optimised = atlas.optimize()
             self.assertEqual((optimised.placed, optimised.contradicted, optimised.changed), (3, 0, True))
             self.assertFalse(atlas.optimize().changed)
+            self.assertFalse(atlas.update_poses().changed)
 
             pose = atlas.maps["friday"]
             self.assertEqual((pose.frame, pose.covariance.shape), ("monday", (7, 7)))

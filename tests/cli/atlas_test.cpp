@@ -264,6 +264,7 @@ TEST_F(AtlasCliTest, KeepsTheLinksOfARunsOdometry) {
   EXPECT_THAT(answer(atlas({"add", "run"})), Not(HasSubstr("by odometry")));
   EXPECT_THAT(answer(atlas({"link"})), HasSubstr("1 pair tried, 0 aligned\n"));
   EXPECT_EQ(answer(atlas({"optimize"})), "2 maps in the frame of run/1\n");
+  EXPECT_EQ(answer(atlas({"optimize", "--update"})), "2 maps in the frame of run/1\n");
   const Json show = document(atlas({"show", "--all"}));
   EXPECT_EQ(show.at("links").at(0).at("kind"), "odometry");
   EXPECT_TRUE(pose_of(show.at("maps").at(1).at("frame_from_map"))

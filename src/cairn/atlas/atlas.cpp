@@ -21,6 +21,7 @@
 #include "cairn/map/io/binary.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
+#include "cairn/merging/optimisation/update_poses.hpp"
 #include "cairn/merging/recognition/map_index.hpp"
 
 namespace cairn {
@@ -489,16 +490,37 @@ PoseGraph pose_graph(const AtlasState& state) {
 }
 
 AtlasOptimised Atlas::optimize(const PoseOptimisationOptions& options) {
+  return optimize(options, Scope::kAll);
+}
+
+AtlasOptimised Atlas::update_poses(const PoseOptimisationOptions& options) {
+  return optimize(options, Scope::kAdded);
+}
+
+AtlasOptimised Atlas::optimize(const PoseOptimisationOptions& options, Scope scope) {
   options.validate();
   // Another process may add links meanwhile.
   for (int attempt = 0; attempt < 10; ++attempt) {
-    if (const auto result = optimize_once(options)) return *result;
+    if (const auto result = optimize_once(options, scope)) return *result;
   }
   throw Error(ErrorKind::kStorage, store_->name(), "is being changed by another process",
               "to be tried again later");
 }
 
-std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions& options) {
+bool Atlas::has_only_grown(const AtlasState& state) {
+  const std::vector<AtlasCommit> log = store_->log();
+  const auto last = std::find_if(log.rbegin(), log.rend(), [](const AtlasCommit& commit) {
+    return commit.verb == "optimize";
+  });
+  if (last == log.rend()) return false;
+  const AtlasState before = store_->state(last->id);
+  return before.poses == state.poses &&
+         std::all_of(before.agrees.begin(), before.agrees.end(),
+                     [&](const auto& link) { return state.links.contains(link.first); });
+}
+
+std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions& options,
+                                                   Scope scope) {
   const AtlasState state = store_->state();
   // Beside the links of the graph, their ids.
   std::vector<AtlasLinkId> ids;
@@ -516,6 +538,12 @@ std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions
   std::map<AtlasLinkId, bool> agrees;
   std::set<NodeId> left;
   for (const auto& [id, node] : state.nodes) left.insert(id);
+  std::set<NodeId> placed;  // before; their poses are updated
+  if (scope == Scope::kAdded && has_only_grown(state)) {
+    const std::vector<AtlasComponent> components = components_of(state);
+    if (!components.empty())
+      placed.insert(components.front().nodes.begin(), components.front().nodes.end());
+  }
   // The largest component, then the largest of what is left, and so on.
   while (left.size() >= 2) {
     PoseGraph graph;
@@ -531,7 +559,26 @@ std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions
       graph.links.push_back(all.links[i]);
       link_of.push_back(i);
     }
-    const OptimisedPoses found = optimise_poses(graph, extents, options);
+    const auto before = [&] {
+      OptimisedPoses known;
+      for (const PoseNode& node : graph.nodes) {
+        const bool is_placed = placed.contains(node.id);
+        known.world_from_node.push_back(
+            is_placed ? std::optional(state.poses.at(node.id).frame_from_node) : std::nullopt);
+        known.covariances.push_back(is_placed ? state.poses.at(node.id).covariance
+                                              : Matrix7d::Zero());
+      }
+      for (const std::size_t i : link_of) {
+        const auto agree = state.agrees.find(ids[i]);
+        known.agrees.push_back(agree != state.agrees.end() && agree->second &&
+                               placed.contains(all.links[i].target));
+      }
+      return known;
+    };
+    const OptimisedPoses found = placed.empty()
+                                     ? optimise_poses(graph, extents, options)
+                                     : cairn::update_poses(graph, extents, before(), options);
+    placed.clear();
     if (found.tree.empty()) break;
     std::optional<NodeId> frame;
     for (std::size_t i = 0; i < graph.nodes.size(); ++i) {

@@ -125,6 +125,10 @@ class Atlas {
   /// Computes the poses of all maps with aligned links, each component in the frame of its first map.
   AtlasOptimised optimize(const PoseOptimisationOptions& options = {});
 
+  /// Like optimize(), but of the largest component it computes only poses near the maps and links that were added
+  /// since the last optimisation; see cairn::update_poses(). Computes all poses if anything else was changed.
+  AtlasOptimised update_poses(const PoseOptimisationOptions& options = {});
+
   /// Merges the maps of one component.
   /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `options`
   AtlasMerged merge(const AtlasMergeOptions& options = {},
@@ -149,8 +153,12 @@ class Atlas {
   AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make,
                         std::optional<CommitId> undoes = std::nullopt);
 
+  enum class Scope { kAll, kAdded };
+  AtlasOptimised optimize(const PoseOptimisationOptions& options, Scope scope);
   // std::nullopt if another process changed the atlas meanwhile.
-  std::optional<AtlasOptimised> optimize_once(const PoseOptimisationOptions& options);
+  std::optional<AtlasOptimised> optimize_once(const PoseOptimisationOptions& options, Scope scope);
+  // Whether maps and links were only added since the last optimisation.
+  bool has_only_grown(const AtlasState& state);
 
   std::unique_ptr<AtlasStore> store_;
   CommitId run_;

@@ -95,6 +95,47 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
 }
 
+TEST_F(AtlasTest, UpdatesPosesAsMapsAreAdded) {
+  std::vector<NodeId> nodes;
+  for (std::uint64_t i = 0; i < 12; ++i) {
+    nodes.push_back(add("map " + std::to_string(i), i + 1));
+    if (i == 0) continue;
+    again().link_manually(nodes[i - 1], nodes[i], step(), covariance());
+    if (i > 1) again().link_manually(nodes[i - 2], nodes[i], step() * step(), covariance());
+    const AtlasOptimised updated = again().update_poses();
+    EXPECT_EQ(updated.placed, i + 1);
+    EXPECT_TRUE(updated.changed);
+  }
+  EXPECT_FALSE(again().update_poses().changed);
+  const AtlasState grown = atlas().state();
+  again().optimize();
+  const AtlasState anew = atlas().state();
+  EXPECT_EQ(grown.agrees, anew.agrees);
+  for (const NodeId node : nodes) {
+    const Vector6d difference = grown.poses.at(node).frame_from_node.rigid().difference_to(
+        anew.poses.at(node).frame_from_node.rigid());
+    EXPECT_LT(difference.norm(), 1e-6);
+    EXPECT_EQ(grown.poses.at(node).frame, nodes[0]);
+  }
+}
+
+TEST_F(AtlasTest, UpdatingComputesAllPosesIfALinkWasReplaced) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  const NodeId c = add("c", 3);
+  again().link_manually(a, b, step(), covariance());
+  again().link_manually(b, c, step(), covariance());
+  again().optimize();
+  again().unlink(b, c);
+  const AtlasOptimised updated = again().update_poses();
+  EXPECT_EQ(updated.placed, 2U);
+  EXPECT_FALSE(atlas().state().poses.contains(c));
+  again().link_manually(a, b, step() * step(), covariance());
+  again().update_poses();
+  const Similarity3 pose = atlas().state().poses.at(b).frame_from_node;
+  EXPECT_LT(pose.rigid().difference_to((step() * step()).rigid()).norm(), 1e-9);
+}
+
 TEST_F(AtlasTest, ExportsTheComponentOfAMapOrTheLargest) {
   const NodeId a = add("a", 1);
   const NodeId b = add("b", 2);

@@ -6,6 +6,7 @@
 #include <map>
 #include <numeric>
 #include <queue>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -77,7 +78,8 @@ class Growth {
  public:
   Growth(std::span<const PoseEdge> edges, std::span<const NodeExtent> extents,
          std::span<const std::size_t> runs, double agreement,
-         const std::function<void(PoseGroup& group)>& refine)
+         const std::function<void(PoseGroup& group)>& refine,
+         std::span<const std::optional<Similarity3>> placed)
       : edges_(edges),
         extents_(extents),
         runs_(runs),
@@ -91,10 +93,11 @@ class Growth {
         beside_(extents.size()) {
     std::iota(group_of_.begin(), group_of_.end(), std::size_t{0});
     for (std::size_t i = 0; i < members_.size(); ++i) members_[i] = {i};
+    begin_with(placed);
     for (std::size_t i = 0; i < edges_.size(); ++i) {
       deviations_.push_back(deviations_of(edges_[i]));
-      const auto [a, b] = std::minmax(edges_[i].target, edges_[i].source);
-      neighbours_[a][b].edges.push_back(i);
+      const auto [a, b] = std::minmax(group_of_[edges_[i].target], group_of_[edges_[i].source]);
+      if (a != b) neighbours_[a][b].edges.push_back(i);
     }
     for (std::size_t a = 0; a < neighbours_.size(); ++a) {
       for (auto& [b, between] : neighbours_[a]) {
@@ -121,6 +124,29 @@ class Growth {
   }
 
  private:
+  // Nodes that were placed before are one group.
+  void begin_with(std::span<const std::optional<Similarity3>> placed) {
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      if (!placed[i]) continue;
+      if (placed_group_ == kNoIndex) placed_group_ = i;
+      pose_[i] = *placed[i];
+      placed_runs_.insert(runs_[i]);
+      if (i == placed_group_) continue;
+      group_of_[i] = placed_group_;
+      members_[placed_group_].push_back(i);
+      members_[i].clear();
+    }
+    if (placed_group_ != kNoIndex) refined_[placed_group_] = members_[placed_group_].size();
+  }
+
+  // Whether two groups are of one run. A group is named after one of its nodes; until runs are joined, it has
+  // nodes of one run, apart from the group that was placed before.
+  bool share_a_run(std::size_t first, std::size_t second) const {
+    if (first == placed_group_) return placed_runs_.contains(runs_[second]);
+    if (second == placed_group_) return placed_runs_.contains(runs_[first]);
+    return runs_[first] == runs_[second];
+  }
+
   void grow() {
     // What third groups have to say changes as they grow: pairs that were undecided are looked at again.
     for (bool grew = true; grew;) {
@@ -287,8 +313,7 @@ class Growth {
 
   void enqueue(std::size_t first, std::size_t second, Between& between) {
     between.stamp = ++stamps_;
-    // A group is called by one of its nodes; until runs are done with, it has nodes of one run.
-    if (within_runs_ && runs_[first] != runs_[second]) return;
+    if (within_runs_ && !share_a_run(first, second)) return;
     const std::vector<std::size_t> support = supports(first, second, between);
     std::size_t best = 0;
     const auto score = [&](std::size_t i) { return between.proposals[i].votes + support[i]; };
@@ -369,6 +394,8 @@ class Growth {
   std::span<const NodeExtent> extents_;
   std::span<const std::size_t> runs_;
   bool within_runs_ = true;  // only groups of one run become one
+  std::size_t placed_group_ = kNoIndex;
+  std::set<std::size_t> placed_runs_;  // of its nodes
   double agreement_;
   // Of half a turn that agrees whatever the edges' errors.
   double least_cosine_ = std::cos(0.5 * agreement_);
@@ -386,19 +413,12 @@ class Growth {
 
 }  // namespace
 
-double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent) {
-  const double radius = a.scale() * extent.radius;
-  const double shift = (a * extent.centre - b * extent.centre).norm() / radius;
-  const double turn = (a.rigid().inverse() * b.rigid()).angle();
-  const double growth = std::log(b.scale() / a.scale());
-  return std::sqrt(shift * shift + turn * turn + growth * growth);
-}
-
 std::vector<PoseGroup> grow_groups(std::span<const PoseEdge> edges,
                                    std::span<const NodeExtent> extents,
                                    std::span<const std::size_t> runs, double agreement,
-                                   const std::function<void(PoseGroup& group)>& refine) {
-  return Growth(edges, extents, runs, agreement, refine).run();
+                                   const std::function<void(PoseGroup& group)>& refine,
+                                   std::span<const std::optional<Similarity3>> placed) {
+  return Growth(edges, extents, runs, agreement, refine, placed).run();
 }
 
 }  // namespace cairn

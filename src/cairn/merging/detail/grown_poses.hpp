@@ -3,24 +3,13 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
-#include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/merging/detail/pose_edges.hpp"
 
 namespace cairn {
-
-/// A link of a pose graph with node indices and a positive definite covariance.
-struct PoseEdge {
-  std::size_t link = 0;  ///< index in the graph
-  std::size_t target = 0;
-  std::size_t source = 0;
-  Similarity3 target_from_source;
-  Matrix7d covariance;
-};
-
-/// Root mean square distance by which two poses move the node's landmarks apart, in radii.
-double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent);
 
 /// Linked nodes in one frame.
 struct PoseGroup {
@@ -37,12 +26,14 @@ struct PoseGroup {
 ///
 /// @param runs one number per node, equal for nodes of one run
 /// @param agreement see PoseOptimisationOptions; the tolerance from the edges' covariances is added
+/// @param placed    per node, its pose if it was placed before; those nodes start as one group. Empty: none
 /// @param refine improves the poses of a group; called when its size has doubled, to limit accumulated
 ///        errors
 /// @return groups, the largest first; of equal ones, that with the lowest node
 std::vector<PoseGroup> grow_groups(std::span<const PoseEdge> edges,
                                    std::span<const NodeExtent> extents,
                                    std::span<const std::size_t> runs, double agreement,
-                                   const std::function<void(PoseGroup& group)>& refine);
+                                   const std::function<void(PoseGroup& group)>& refine,
+                                   std::span<const std::optional<Similarity3>> placed = {});
 
 }  // namespace cairn

@@ -44,19 +44,20 @@ Eigen::Matrix<double, 7, 1> error_of(const PoseEdge& edge, const Similarity3& ta
 
 }  // namespace
 
-PoseLeastSquares::PoseLeastSquares(std::vector<PoseEdge> edges, std::vector<Similarity3> poses)
-    : edges_(std::move(edges)), poses_(std::move(poses)) {
+PoseLeastSquares::PoseLeastSquares(std::vector<PoseEdge> edges, std::vector<Similarity3> poses,
+                                   std::size_t fixed)
+    : edges_(std::move(edges)), poses_(std::move(poses)), fixed_(fixed) {
   whitening_.reserve(edges_.size());
   for (const PoseEdge& edge : edges_) {
     // Maps of one unit stay so.
     if (edge.covariance(6, 6) > 4.0 * kSameScale * kSameScale) size_ = 7;
     const Matrix7 root = Eigen::LLT<Matrix7>(edge.covariance).matrixL();
     whitening_.push_back(root.triangularView<Eigen::Lower>().solve(Matrix7::Identity().eval()));
-    if (edge.target > 0 && edge.source > 0) {
-      places_.emplace_back(edge.target - 1, edge.source - 1);
+    if (edge.target >= fixed_ && edge.source >= fixed_) {
+      places_.emplace_back(edge.target - fixed_, edge.source - fixed_);
     }
   }
-  if (poses_.size() > 1) cholesky_.emplace(poses_.size() - 1, size_, places_);
+  if (poses_.size() > fixed_) cholesky_.emplace(poses_.size() - fixed_, size_, places_);
 }
 
 double PoseLeastSquares::cost_of(const std::vector<Similarity3>& poses) const {
@@ -70,7 +71,7 @@ double PoseLeastSquares::cost_of(const std::vector<Similarity3>& poses) const {
 }
 
 void PoseLeastSquares::linearise() {
-  const auto moving = static_cast<Index>(poses_.size() - 1);
+  const auto moving = static_cast<Index>(poses_.size() - fixed_);
   diagonal_.setZero(size_, moving * size_);
   others_.resize(size_, static_cast<Index>(places_.size()) * size_);
   gradient_.setZero(moving * size_);
@@ -98,15 +99,15 @@ void PoseLeastSquares::linearise() {
     by_target = (root * by_target).eval();
     const Vector7 weighted = std::sqrt(weight) * whitened;
     const auto add = [&](std::size_t pose, const Matrix7& by_pose) {
-      if (pose == 0) return;
-      const Index at = (static_cast<Index>(pose) - 1) * size_;
+      if (pose < fixed_) return;
+      const Index at = static_cast<Index>(pose - fixed_) * size_;
       const Matrix7 square = by_pose.transpose() * by_pose;
       diagonal_.middleCols(at, size_) += square.topLeftCorner(size_, size_);
       gradient_.segment(at, size_) += (by_pose.transpose() * weighted).head(size_);
     };
     add(edge.target, by_target);
     add(edge.source, by_source);
-    if (edge.target == 0 || edge.source == 0) continue;
+    if (edge.target < fixed_ || edge.source < fixed_) continue;
     const Matrix7 product = by_target.transpose() * by_source;
     others_.middleCols(place++ * size_, size_) = product.topLeftCorner(size_, size_);
   }
@@ -176,8 +177,8 @@ std::optional<Eigen::VectorXd> PoseLeastSquares::step(double damping) {
 
 std::vector<Similarity3> PoseLeastSquares::moved(const Eigen::VectorXd& step) const {
   std::vector<Similarity3> poses = poses_;
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    const Index at = (static_cast<Index>(i) - 1) * size_;
+  for (std::size_t i = fixed_; i < poses.size(); ++i) {
+    const Index at = static_cast<Index>(i - fixed_) * size_;
     const double scale = size_ == 7 ? poses[i].scale() * std::exp(step[at + 6]) : poses[i].scale();
     poses[i] = Similarity3(scale, poses[i].rigid().perturbed(Vector6d(step.segment<6>(at))));
   }
@@ -185,7 +186,7 @@ std::vector<Similarity3> PoseLeastSquares::moved(const Eigen::VectorXd& step) co
 }
 
 void PoseLeastSquares::solve(int max_iterations, double tolerance) {
-  if (poses_.size() < 2) return;
+  if (poses_.size() <= fixed_) return;
   constexpr double kLeastDamping = 1e-4;  // of the diagonal
   constexpr double kMostDamping = 1e8;
   // Half a squared Mahalanobis distance: nothing that anybody could see.
@@ -218,16 +219,16 @@ void PoseLeastSquares::solve(int max_iterations, double tolerance) {
 
 std::vector<Matrix7d> PoseLeastSquares::covariances() {
   std::vector<Matrix7d> result(poses_.size(), Matrix7d::Zero());
-  if (poses_.size() < 2) return result;
+  if (poses_.size() <= fixed_) return result;
   linearise();
   if (!factor(0.0)) {
     throw Error(ErrorKind::kInput, "pose graph", "its links do not determine the poses",
                 "links whose covariances can be inverted");
   }
   const Eigen::MatrixXd blocks = cholesky_->inverse_diagonal();
-  for (std::size_t i = 1; i < poses_.size(); ++i) {
+  for (std::size_t i = fixed_; i < poses_.size(); ++i) {
     result[i].topLeftCorner(size_, size_) =
-        blocks.middleCols((static_cast<Index>(i) - 1) * size_, size_);
+        blocks.middleCols(static_cast<Index>(i - fixed_) * size_, size_);
   }
   return result;
 }

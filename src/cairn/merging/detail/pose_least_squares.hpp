@@ -17,7 +17,7 @@ namespace cairn {
 /// Deviation of the scale's logarithm in a link that does not measure it: maps of one unit.
 inline constexpr double kSameScale = 1e-6;
 
-/// Poses of nodes, the first of which stays, that minimise the edges' robust squared errors:
+/// Poses of nodes, the first of which are fixed, that minimise the edges' robust squared errors:
 ///   sum over the edges of rho(d' C^-1 d) / 2,  rho(x) = b log(1 + x / b),
 /// with d the perturbation that the poses' target_from_source is of the edge's, C the edge's covariance, and b the
 /// 99.9 % quantile of chi-squared with 7 degrees of freedom (Cauchy). Reweighted Gauss-Newton steps, damped
@@ -28,7 +28,9 @@ inline constexpr double kSameScale = 1e-6;
 class PoseLeastSquares {
  public:
   /// @param edges whose ends are indices into `poses`
-  PoseLeastSquares(std::vector<PoseEdge> edges, std::vector<Similarity3> poses);
+  /// @param fixed number of fixed poses, at least one
+  PoseLeastSquares(std::vector<PoseEdge> edges, std::vector<Similarity3> poses,
+                   std::size_t fixed = 1);
 
   const std::vector<Similarity3>& poses() const { return poses_; }
 
@@ -38,7 +40,7 @@ class PoseLeastSquares {
   /// Moves the poses until a step lowers the cost by less than the tolerance, as a share of it.
   void solve(int max_iterations, double tolerance);
 
-  /// Of each pose, relative to the first: left perturbation in the world, (δt, δφ, δ log s).
+  /// Of each pose, relative to the fixed ones: left perturbation in the world, (δt, δφ, δ log s).
   /// @throws Error (input) if the edges do not determine the poses
   std::vector<Matrix7d> covariances();
 
@@ -56,9 +58,10 @@ class PoseLeastSquares {
 
   std::vector<PoseEdge> edges_;
   std::vector<Similarity3> poses_;
+  std::size_t fixed_;
   std::vector<Matrix7> whitening_;  // by edge: L^-1, with the covariance L L'
   Eigen::Index size_ = 6;           // of a pose's perturbation
-  // Normal equations about the poses, in blocks side by side. The first pose has none.
+  // Normal equations about the poses, in blocks side by side. Fixed poses have none.
   Eigen::MatrixXd diagonal_;
   Eigen::MatrixXd
       others_;  // by edge between poses that move: row of the target, column of the source

@@ -2,77 +2,23 @@
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
-#include <map>
 #include <numeric>
 #include <optional>
-#include <queue>
-#include <string>
-#include <tuple>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/merging/detail/grown_poses.hpp"
+#include "cairn/merging/detail/pose_edges.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
 
 namespace cairn {
 namespace {
 
-using Matrix7 = Eigen::Matrix<double, 7, 7>;
-
-constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-// No link is more exact than a millionth of what it moves, or the problem's numbers would be lost.
-constexpr double kExact = 1e-6;
-
-std::vector<PoseEdge> edges_of(const PoseGraph& graph, std::span<const NodeExtent> extents) {
-  std::vector<std::pair<NodeId, std::size_t>> by_id;
-  for (std::size_t i = 0; i < graph.nodes.size(); ++i) by_id.emplace_back(graph.nodes[i].id, i);
-  std::sort(by_id.begin(), by_id.end());
-  const auto index_of = [&](NodeId id) {
-    return std::lower_bound(by_id.begin(), by_id.end(), std::pair(id, std::size_t{0}))->second;
-  };
-  std::vector<PoseEdge> edges;
-  for (std::size_t i = 0; i < graph.links.size(); ++i) {
-    const PoseLink& link = graph.links[i];
-    PoseEdge edge{i, index_of(link.target), index_of(link.source), link.target_from_source, {}};
-    if (link.covariance_with_scale) {
-      edge.covariance = *link.covariance_with_scale;
-    } else if (link.covariance) {
-      edge.covariance.setZero();
-      edge.covariance.topLeftCorner<6, 6>() = *link.covariance;
-      edge.covariance(6, 6) = kSameScale * kSameScale;
-    } else {
-      continue;
-    }
-    const double length = kExact * extents[edge.source].radius * edge.target_from_source.scale();
-    for (int k = 0; k < 7; ++k) edge.covariance(k, k) += k < 3 ? length * length : kExact * kExact;
-    if (Eigen::LLT<Matrix7>(edge.covariance).info() == Eigen::Success) edges.push_back(edge);
-  }
-  return edges;
-}
-
-// Mean square of what a covariance lets a pose be off, in radii.
-double variance_of(const Matrix7d& c, double radius) {
-  return (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
-}
-
-// Numbers of the nodes' sessions; a node of none is one by itself.
-std::vector<std::size_t> runs_of(const PoseGraph& graph) {
-  std::map<std::string, std::size_t> numbers;
-  std::vector<std::size_t> runs;
-  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
-    const std::string& session = graph.nodes[i].session;
-    runs.push_back(session.empty() ? i : numbers.try_emplace(session, i).first->second);
-  }
-  return runs;
-}
-
 std::vector<std::size_t> indices_in(const PoseGroup& group, std::size_t nodes) {
-  std::vector<std::size_t> in_group(nodes, kNone);
+  std::vector<std::size_t> in_group(nodes, kNoIndex);
   for (std::size_t i = 0; i < group.nodes.size(); ++i) in_group[group.nodes[i]] = i;
   return in_group;
 }
@@ -97,7 +43,7 @@ PoseGroup largest_part(const PoseGroup& group, const std::vector<PoseEdge>& edge
     return node;
   };
   for (const PoseEdge& edge : edges) {
-    if (in_group[edge.target] == kNone || in_group[edge.source] == kNone) continue;
+    if (in_group[edge.target] == kNoIndex || in_group[edge.source] == kNoIndex) continue;
     const std::size_t a = find(in_group[edge.target]);
     const std::size_t b = find(in_group[edge.source]);
     root[std::max(a, b)] = std::min(a, b);
@@ -113,41 +59,6 @@ PoseGroup largest_part(const PoseGroup& group, const std::vector<PoseEdge>& edge
     part.group_from_node.push_back(group.group_from_node[i]);
   }
   return part;
-}
-
-// The edges that lead from the group's first node to all others, the most certain first.
-std::vector<std::size_t> tree_of(const PoseGroup& group, const std::vector<PoseEdge>& edges,
-                                 const std::vector<std::size_t>& in_group,
-                                 std::span<const NodeExtent> extents) {
-  using Entry = std::tuple<double, std::size_t, std::size_t>;  // variance, edge, node
-  std::vector<std::vector<std::size_t>> at(group.nodes.size());
-  for (std::size_t i = 0; i < edges.size(); ++i) {
-    if (in_group[edges[i].target] == kNone || in_group[edges[i].source] == kNone) continue;
-    at[in_group[edges[i].target]].push_back(i);
-    at[in_group[edges[i].source]].push_back(i);
-  }
-  std::vector<bool> placed(group.nodes.size(), false);
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
-  std::vector<std::size_t> tree;
-  const auto place = [&](std::size_t node) {
-    placed[node] = true;
-    for (const std::size_t i : at[node]) {
-      const std::size_t other = in_group[edges[i].target] + in_group[edges[i].source] - node;
-      if (!placed[other])
-        queue.emplace(variance_of(edges[i].covariance, edges[i].target_from_source.scale() *
-                                                           extents[edges[i].source].radius),
-                      i, other);
-    }
-  };
-  place(0);
-  while (!queue.empty()) {
-    const auto [variance, edge, node] = queue.top();
-    queue.pop();
-    if (placed[node]) continue;
-    tree.push_back(edges[edge].link);
-    place(node);
-  }
-  return tree;
 }
 
 }  // namespace
@@ -166,18 +77,7 @@ void PoseOptimisationOptions::validate() const {
 OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
                               const PoseOptimisationOptions& options) {
   options.validate();
-  graph.validate();
-  if (extents.size() != graph.nodes.size()) {
-    throw Error(ErrorKind::kMisuse, "extents", fmt::format("{} of them", extents.size()),
-                fmt::format("{}, one a node", graph.nodes.size()));
-  }
-  for (const NodeExtent& extent : extents) {
-    if (!(extent.radius > 0.0) || !std::isfinite(extent.radius)) {
-      throw Error(ErrorKind::kMisuse, "NodeExtent.radius", fmt::format("{}", extent.radius),
-                  "a positive finite number");
-    }
-  }
-  const std::vector<PoseEdge> all = edges_of(graph, extents);
+  const std::vector<PoseEdge> all = pose_edges(graph, extents);
   OptimisedPoses poses;
   if (graph.nodes.empty()) return poses;
   const std::size_t count = graph.nodes.size();
@@ -191,7 +91,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     std::vector<std::size_t> within;
     for (const std::size_t node : group.nodes) {
       for (const std::size_t i : edges_to[node]) {
-        if (in_group[all[i].source] != kNone) within.push_back(i);
+        if (in_group[all[i].source] != kNoIndex) within.push_back(i);
       }
     }
     std::sort(within.begin(), within.end());
@@ -200,19 +100,18 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
       const PoseEdge& edge = all[i];
       const std::size_t target = in_group[edge.target];
       const std::size_t source = in_group[edge.source];
-      double variance = variance_of(edge.covariance,
-                                    extents[edge.source].radius * edge.target_from_source.scale());
+      double variance = 0.0;
       if (!covariances.empty()) {
         for (const std::size_t node : {target, source}) {
-          const Similarity3& pose = group.group_from_node[node];
           variance +=
-              variance_of(covariances[node], extents[group.nodes[node]].radius * pose.scale());
+              mean_square_disagreement(covariances[node], extents[group.nodes[node]].radius *
+                                                              group.group_from_node[node].scale());
         }
       }
-      const double far = disagreement(group.group_from_node[target] * edge.target_from_source,
-                                      group.group_from_node[source], extents[edge.source]);
-      constexpr double kDeviations = 3.0;
-      if (far <= options.agreement + kDeviations * std::sqrt(variance)) edges.push_back(edge);
+      if (can_agree(edge, group.group_from_node[target], group.group_from_node[source], variance,
+                    extents, options.agreement)) {
+        edges.push_back(edge);
+      }
     }
     return edges;
   };
@@ -224,12 +123,13 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     problem.solve(kIterations, kTolerance);
     group.group_from_node = problem.poses();
   };
-  PoseGroup group = grow_groups(all, extents, runs_of(graph), options.agreement, refine).front();
+  PoseGroup group =
+      grow_groups(all, extents, session_numbers(graph), options.agreement, refine).front();
   std::vector<std::size_t> in_group = indices_in(group, count);
   const auto agrees = [&](const PoseEdge& edge) {
     const std::size_t target = in_group[edge.target];
     const std::size_t source = in_group[edge.source];
-    if (target == kNone || source == kNone) return false;
+    if (target == kNoIndex || source == kNoIndex) return false;
     return disagreement(group.group_from_node[target] * edge.target_from_source,
                         group.group_from_node[source], extents[edge.source]) <= options.agreement;
   };
@@ -296,7 +196,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     poses.covariances[group.nodes[i]] = covariances[i];
   }
   for (const PoseEdge& edge : edges) poses.agrees[edge.link] = agrees(edge);
-  poses.tree = tree_of(group, edges, in_group, extents);
+  poses.tree = most_certain_tree(group.nodes.front(), edges, extents);
   return poses;
 }
 

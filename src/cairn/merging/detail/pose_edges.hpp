@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "cairn/merging/optimisation/optimise_poses.hpp"
+
+namespace cairn {
+
+/// Stands for an index where there is none.
+inline constexpr std::size_t kNoIndex = static_cast<std::size_t>(-1);
+
+/// A link of a pose graph with node indices and a positive definite covariance.
+struct PoseEdge {
+  std::size_t link = 0;  ///< index in the graph
+  std::size_t target = 0;
+  std::size_t source = 0;
+  Similarity3 target_from_source;
+  Matrix7d covariance;
+};
+
+/// The graph's links that have a covariance, which is bounded from below so that it can be inverted.
+/// @throws Error (misuse) unless there is one valid extent per node, (input) for an invalid graph
+std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExtent> extents);
+
+/// Number of each node's session, equal for nodes of one; a node without a session has its own.
+std::vector<std::size_t> session_numbers(const PoseGraph& graph);
+
+/// Root mean square distance by which two poses move the node's landmarks apart, in radii.
+double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent);
+
+/// Mean square of disagreement() that a pose's covariance allows.
+/// @param radius of the node, in the unit of the covariance
+double mean_square_disagreement(const Matrix7d& covariance, double radius);
+
+/// Whether an edge agrees with the poses of its nodes, or may agree after their optimisation: as far as its
+/// covariance and those of the poses allow.
+/// @param variance mean square disagreement that the poses' covariances allow
+bool can_agree(const PoseEdge& edge, const Similarity3& target, const Similarity3& source,
+               double variance, std::span<const NodeExtent> extents, double agreement);
+
+/// Links of the tree that reaches each node from `root` over the edges, the most certain edge first.
+std::vector<std::size_t> most_certain_tree(std::size_t root, std::span<const PoseEdge> edges,
+                                           std::span<const NodeExtent> extents);
+
+}  // namespace cairn
