@@ -99,7 +99,7 @@ FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t 
 
 /// Images of a sequence on disk. Thread-safe.
 /// @param skip_unreadable return an image that cannot be read as a defect instead of an error
-/// @throws Error (input) naming an image that cannot be read or has not the camera's size
+/// @throws Error (input) naming an image that cannot be read or does not have the camera's size
 FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
                          bool skip_unreadable);
 
