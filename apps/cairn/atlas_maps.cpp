@@ -286,6 +286,7 @@ struct OptimizeArguments : AtlasArguments {
     command.add_flag("--update", update,
                      "Compute only poses near the maps and links that were added since the last "
                      "'optimize'; all if anything else was changed");
+    AtlasArguments::add_to(command);
   }
 
   int run() {

@@ -59,9 +59,9 @@ struct AtlasComponent {
 /// Components of at least two maps, largest first.
 std::vector<AtlasComponent> components_of(const AtlasState& state);
 
-/// The component that a map is in, or the largest.
+/// The component that contains `node`; std::nullopt: the largest component.
 /// @param name of the atlas, for messages
-/// @throws Error (misuse) if no two maps have poses in one frame, or the map has none
+/// @throws Error (misuse) if no two maps have poses in one frame, or `node` has no pose
 AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
                               const std::string& name);
 

@@ -28,15 +28,14 @@ inline constexpr double kLargestTimestamp = 1e20;
 /// Constraint on coordinates, for messages.
 inline constexpr std::string_view kExpectedCoordinates = "numbers from -1e9 to 1e9";
 
-/// The defect of the numbers as coordinates: "is not finite" or "is beyond the limit"; empty if they have
-/// none.
+/// Why the numbers are not valid coordinates: "is not finite" or "is beyond the limit"; empty if they are.
 std::string_view coordinate_defect(std::initializer_list<double> numbers);
 std::string_view coordinate_defect(const Eigen::Vector3d& point);
 /// The same for a pose: its translation, or a rotation that is not finite.
 std::string_view coordinate_defect(const Rigid3& pose);
 
-/// The defect of `covariance` as that of a landmark's position: as covariance_defect, or a variance beyond
-/// kLargestVariance; empty if it has none.
+/// Why `covariance` is not valid for a landmark's position: as covariance_defect(), or a variance is beyond
+/// kLargestVariance; empty if it is valid.
 std::string landmark_covariance_defect(const Eigen::Matrix3d& covariance);
 
 /// Whether all magnitudes are at most kLargestCoordinate.

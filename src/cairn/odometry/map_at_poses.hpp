@@ -50,7 +50,7 @@ struct MapAtPoses {
 /// @param timestamps_s of the frames, ascending
 /// @param read_frame   returns a frame; called from several threads
 /// @throws Error (input) if no frame has a pose, or no keyframe has corners with depth; (misuse) naming the
-///        field of the options or an image that has not the camera's size; (cancelled); what read_frame
+///        field of the options or an image that does not have the camera's size; (cancelled); what read_frame
 ///        throws
 MapAtPoses map_at_poses(std::span<const double> timestamps_s,
                         const std::function<FrameImages(std::size_t frame)>& read_frame,
@@ -58,7 +58,7 @@ MapAtPoses map_at_poses(std::span<const double> timestamps_s,
                         const MapAtPosesOptions& options = {});
 
 /// The same for a sequence on disk; frames without depth are not keyframes.
-/// @throws Error (input) naming an image that cannot be read or has not the camera's size
+/// @throws Error (input) naming an image that cannot be read or does not have the camera's size
 MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, const Camera& camera,
                         const MapAtPosesOptions& options = {});
 

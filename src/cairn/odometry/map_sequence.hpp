@@ -99,7 +99,7 @@ FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t 
 
 /// Images of a sequence on disk. Thread-safe.
 /// @param skip_unreadable return an image that cannot be read as a defect instead of an error
-/// @throws Error (input) naming an image that cannot be read or has not the camera's size
+/// @throws Error (input) naming an image that cannot be read or does not have the camera's size
 FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
                          bool skip_unreadable);
 
@@ -107,14 +107,14 @@ FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const 
 /// the tracking. The result is the same for any number of threads. If tracking never began, there are no
 /// maps.
 /// @param read_frame returns frame 0 to frames - 1, in the order of time; called from several threads
-/// @throws Error (misuse) naming the field of the options or an image that has not the camera's size;
+/// @throws Error (misuse) naming the field of the options or an image that does not have the camera's size;
 ///        (cancelled); what read_frame throws
 MappedSequence map_frames(std::size_t frames,
                           const std::function<FrameImages(std::size_t frame)>& read_frame,
                           const Camera& camera, const MapSequenceOptions& options = {});
 
 /// The same for a sequence on disk; its landmarks get the colours of the images.
-/// @throws Error (input) naming an image that cannot be read or has not the camera's size; (misuse);
+/// @throws Error (input) naming an image that cannot be read or does not have the camera's size; (misuse);
 ///        (cancelled)
 MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
                             const MapSequenceOptions& options = {});

@@ -24,7 +24,7 @@ bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b);
 class Descriptors {
  public:
   /// @param cloud  has descriptors
-  /// @param sample number of first landmarks to use
+  /// @param sample number of landmarks to use, from the first on
   Descriptors(const LandmarkCloud& cloud, std::size_t sample);
 
   std::size_t size() const { return landmarks_.size(); }

@@ -27,7 +27,8 @@ struct Support {
   double spread_evidence = 0.0;
   /// Log-likelihood ratio of the match distances, versus those at the other candidates.
   ProximityEvidence proximity = {};
-  /// Of mutual descriptor matches; std::nullopt if the clouds have no descriptors of one kind.
+  /// Agreement of mutual descriptor matches with the pose; std::nullopt if the clouds have no descriptors
+  /// of one kind.
   std::optional<DescriptorAgreement> agreement = {};
   /// Descriptor similarity of the matches; std::nullopt if the clouds have no descriptors of one kind.
   std::optional<Likeness> likeness = {};

@@ -43,7 +43,7 @@ Friedman friedman_test(std::span<const std::vector<double>> blocks);
 /// @throws Error (misuse) as friedman_test() does
 std::optional<double> friedman_exact_p_value(std::span<const std::vector<double>> blocks);
 
-/// Which treatments differ: the difference of the mean ranks of each two over its standard deviation
+/// Which treatments differ: the difference of the mean ranks of each pair over its standard deviation
 /// under the null hypothesis, taken as normal (Demšar 2006, section 3.2.2), with p-values adjusted by
 /// Holm's procedure. The variance is that of the ranks as they are: k(k+1)/6n without ties, the mean
 /// over the blocks of 2Σ(r - (k+1)/2)²/(k-1), over n, with them. `effect` is the difference of the mean

@@ -8,12 +8,11 @@
 #include "cairn/experiments/statistics/interval.hpp"
 #include "cairn/experiments/statistics/proportion.hpp"
 
-/// Two methods tried on the same cases, each succeeding or not. All of it takes the pairs to be
-/// independent; pairs that come in clusters (many poses of one pair of maps) are for
-/// clustered_success_difference().
+/// Two methods tried on the same cases, each succeeding or not. All functions assume independent pairs;
+/// for clusters of pairs (many poses of one pair of maps) use clustered_success_difference().
 namespace cairn {
 
-/// How often which of two paired trials succeeded.
+/// Number of pairs by which of the two trials succeeded.
 struct PairedCounts {
   std::size_t both = 0;
   std::size_t first_only = 0;
@@ -36,9 +35,9 @@ PairedCounts count_pairs(const std::vector<bool>& first, const std::vector<bool>
 /// @return 1 if no pair differs
 double mcnemar_exact(const PairedCounts& counts);
 
-/// The exact test with half the probability of what was observed: not conservative, and recommended
-/// over the others by Fagerland, Lydersen and Laake, "The McNemar test for binary matched-pairs
-/// data", BMC Medical Research Methodology 13:91 (2013).
+/// The exact test that counts the observed outcome with half its probability: not conservative.
+/// Fagerland, Lydersen and Laake, "The McNemar test for binary matched-pairs data", BMC Medical
+/// Research Methodology 13:91 (2013), recommend it over the others.
 /// @return 1 if no pair differs
 double mcnemar_mid_p(const PairedCounts& counts);
 
@@ -78,9 +77,9 @@ std::optional<ProportionDifference> paired_difference(const PairedCounts& counts
 /// @throws Error (misuse)
 std::optional<double> paired_score_statistic(const PairedCounts& counts, double hypothetical);
 
-/// The difference of the success rates with the interval of those that Tango's score test does not
-/// reject (see paired_score_statistic). It says the same as the tests, which Newcombe's interval does
-/// only nearly; the two differ little.
+/// The difference of the success rates. The interval holds the differences that Tango's score test does
+/// not reject (see paired_score_statistic), so it agrees with that test exactly; Newcombe's interval
+/// differs little.
 /// @return std::nullopt for no pairs
 /// @throws Error (misuse)
 std::optional<ProportionDifference> paired_score_difference(const PairedCounts& counts,

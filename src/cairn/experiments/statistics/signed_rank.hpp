@@ -28,7 +28,7 @@ struct SignedRank {
   double p_value = 1.0;
   bool exact = true;        ///< whether `p_value` is exact
   std::optional<double> z;  ///< standard normal; std::nullopt if exact
-  /// Share of the rank sum for a positive difference less that against it, in [-1, 1]: matched-pairs
+  /// Share of the rank sum of positive differences minus that of negative ones, in [-1, 1]: matched-pairs
   /// rank-biserial correlation (Kerby, "The simple difference formula", Comprehensive Psychology 3,
   /// 2014). std::nullopt if all are equal.
   std::optional<double> rank_biserial;
@@ -36,10 +36,9 @@ struct SignedRank {
 
 /// Wilcoxon's signed-rank test of differences that are symmetric about 0 under the null hypothesis;
 /// Hollander and Wolfe, "Nonparametric Statistical Methods", 2nd ed. 1999, section 3.1. Differences
-/// of 0 are left out and the ranks are of the others, as Wilcoxon does and R; Pratt, who would rank
-/// them first, is not followed. The exact p-value counts the assignments of signs to the ranks; the
-/// two-sided one is twice the smaller tail, at most 1. The approximation is normal with variance
-/// n(n+1)(2n+1)/24 - Σ(t³ - t)/48 over groups of t tied ranks.
+/// of 0 are left out before ranking, as by Wilcoxon and R (Pratt ranks them first). The exact p-value
+/// counts the assignments of signs to the ranks; the two-sided one is twice the smaller tail, at most 1.
+/// The approximation is normal with variance n(n+1)(2n+1)/24 - Σ(t³ - t)/48 over groups of t tied ranks.
 /// @param differences first - second, finite
 /// @return p-value 1 if all differences are 0
 /// @throws Error (misuse)
@@ -53,12 +52,15 @@ struct LocationShift {
   double confidence = 0.0;  ///< of the interval; see hodges_lehmann()
 };
 
-/// The median of the means of all two differences, each with itself among them: the estimate of Hodges
-/// and Lehmann that goes with the signed-rank test, and the interval of Tukey between two of those
-/// means. Hollander and Wolfe, sections 3.2 and 3.3. Differences of 0 count. With up to 50
-/// differences the confidence is exact without ties, and the least possible that is no lower than
-/// asked for; with so few that none is as high, the interval is the range, of the confidence stated.
-/// Above 50 it is approximate. Takes memory of the square of the number of differences.
+/// The Hodges-Lehmann estimate that goes with the signed-rank test, and Tukey's interval; Hollander and
+/// Wolfe, sections 3.2 and 3.3. The estimate is the median of the Walsh averages: the means of all
+/// pairs of differences, including each difference with itself. The interval lies between two of these
+/// averages. Differences of 0 count.
+///
+/// With up to 50 differences and no ties the confidence is exact: the smallest attainable one that is
+/// at least `confidence`. If none is, the interval is the range of the averages; the result states its
+/// confidence. With more than 50 it is approximate. Memory grows with the square of the number of
+/// differences.
 /// @param differences finite
 /// @return std::nullopt for no differences
 /// @throws Error (misuse), also for more than 10 000 differences

@@ -54,11 +54,11 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 
 /// Fuses maps in one frame into one map.
 ///
-/// Takes the maps in order. Fuses landmarks of the next map with the same landmarks so far (associate()),
-/// weighting position and covariance by information, which includes each map's pose covariance and half the
-/// deviation that the maps show. The association gives the probability of each pair; the covariance is that
-/// of the mixture of both cases, so it includes the doubt. Landmarks of one map are never fused. If a
-/// landmark has no covariance, its position counts as exact to the deviation, and the result has none.
+/// Takes the maps in order and fuses each landmark with the same landmark of the earlier maps (associate()).
+/// The position is the information-weighted mean. A landmark's information includes its map's pose
+/// covariance and half the square of MapFusion::deviation. The covariance is that of the mixture of "same
+/// landmark" and "two landmarks" with the pair's probability. Landmarks of one map are never fused. If a
+/// landmark has no covariance, the whole square stands for it, and the result has no covariance.
 ///
 /// Keeps all frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
 /// and named columns. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
