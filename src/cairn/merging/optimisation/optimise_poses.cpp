@@ -25,7 +25,7 @@ namespace {
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-// No link is more exact than a millionth of what it moves, or the problem's numbers would be lost.
+// Least standard deviation of a link, relative to the extent of the map it moves, for numerical stability.
 constexpr double kExact = 1e-6;
 
 std::vector<PoseEdge> edges_of(const PoseGraph& graph, std::span<const NodeExtent> extents) {
@@ -55,12 +55,12 @@ std::vector<PoseEdge> edges_of(const PoseGraph& graph, std::span<const NodeExten
   return edges;
 }
 
-// Mean square of what a covariance lets a pose be off, in radii.
+// Mean squared displacement of a pose's landmarks for this covariance, in radii.
 double variance_of(const Matrix7d& c, double radius) {
   return (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
 }
 
-// Numbers of the nodes' sessions; a node of none is one by itself.
+// Number of each node's session; a node without a session has its own.
 std::vector<std::size_t> runs_of(const PoseGraph& graph) {
   std::map<std::string, std::size_t> numbers;
   std::vector<std::size_t> runs;
@@ -87,7 +87,7 @@ PoseLeastSquares least_squares(std::vector<PoseEdge> edges, const PoseGroup& gro
   return {std::move(edges), group.group_from_node};
 }
 
-// Those of the group's nodes that its edges still connect with one another, as many as possible.
+// The largest part of the group that the edges still connect.
 PoseGroup largest_part(const PoseGroup& group, const std::vector<PoseEdge>& edges,
                        const std::vector<std::size_t>& in_group) {
   std::vector<std::size_t> root(group.nodes.size());
@@ -183,9 +183,8 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
   const std::size_t count = graph.nodes.size();
   std::vector<std::vector<std::size_t>> edges_to(count);
   for (std::size_t i = 0; i < all.size(); ++i) edges_to[all[i].target].push_back(i);
-  // Edges that agree with the poses of a group, or of which it can be true that they do: as far as the edges'
-  // covariances and those of the poses, if they are given, allow. The others would not move the poses, and
-  // make solving slow.
+  // Edges that may agree with the poses of a group, within the covariances of the edges and, if given, of the
+  // poses. The others would hardly change the poses, but slow down the solver.
   const auto possible = [&](const PoseGroup& group, const std::vector<std::size_t>& in_group,
                             const std::vector<Matrix7d>& covariances) {
     std::vector<std::size_t> within;
@@ -238,8 +237,8 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     for (Similarity3& pose : group.group_from_node) pose = first_from_group * pose;
     group.group_from_node.front() = Similarity3();
   };
-  // The last problem whose covariances were asked for is kept, with its factor: often what is added to its edges
-  // goes again.
+  // Keeps the last problem whose covariances were computed, with its factor, because edges added to it are
+  // often removed again.
   struct Kept {
     std::vector<std::size_t> links;
     PoseLeastSquares problem;
@@ -274,8 +273,9 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     if (group.nodes.front() != first) begin_at_first();
     std::erase_if(edges, [&](const PoseEdge& edge) { return !agrees(edge); });
   };
-  // First by what agrees; then all that can be true has its say. What disagrees with the poses that come of
-  // it goes, and with it what it alone connects, until the rest is of one mind.
+  // Optimises the poses by the edges that agree with them, then by all that may agree given the poses'
+  // covariances. Removes edges that disagree with the result, and nodes that only these connect, until all
+  // edges agree.
   begin_at_first();
   std::vector<PoseEdge> edges = possible(group, in_group, {});
   solve(edges, 1e-9);
