@@ -689,7 +689,7 @@ std::optional<SurfacePoint> draw_detected(const Scene& scene, std::span<Session*
 using SharedLandmarks = std::vector<std::pair<LandmarkIndex, LandmarkIndex>>;
 
 // Fills two sessions with points of both and points of one alone, in random order so that the
-// number of a landmark does not tell its counterpart.
+// number of a landmark does not reveal its counterpart.
 SharedLandmarks map_both(const SyntheticOptions& options, const Scene& scene, Session& source,
                          Session& target, Random random) {
   const std::array both = {&source, &target};

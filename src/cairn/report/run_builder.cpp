@@ -152,7 +152,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
       options.status.empty() ? std::string(to_string(result.status)) : options.status;
   const bool has_pose = result.status != RegistrationStatus::kFailed;
   const bool has_error = has_pose && !run.rotation_error_deg.empty();
-  const bool has_scale = has_pose && result.scale != 1.0;  // of maps of one scale there is none
+  const bool has_scale = has_pose && result.scale != 1.0;  // maps of one scale have none
   const auto& overlap = result.overlap;
   run.summary = {
       {"status", status},

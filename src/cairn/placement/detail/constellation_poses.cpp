@@ -38,8 +38,8 @@ constexpr std::size_t kLook = 64;
 constexpr std::size_t kPatchPoints = 512;
 constexpr std::size_t kLooked = 16;  // poses of a constellation that are tested with all points
 constexpr std::size_t kKept = 3;     // poses that it proposes
-// The search ends after a round of constellations if kEnough poses agree with the best to within kAgreeing fine
-// scales, before any other pose with kRival of its evidence.
+// The search ends after a round of constellations if kEnough poses agree with the best to within kAgreeing
+// fine scales, before any other pose with kRival of its evidence.
 constexpr std::size_t kRound = 48;
 constexpr std::size_t kEnough = 4;
 constexpr double kAgreeing = 1.0;
