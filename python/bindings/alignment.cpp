@@ -15,7 +15,7 @@
 namespace cairn::python {
 namespace {
 
-// What the keywords of align() and judge() say.
+// Keywords of align() and judge().
 struct AlignKeywords {
   AlignOptions options;
   std::optional<Similarity3> initial;
@@ -42,7 +42,7 @@ void set_confidence(std::optional<Metric>& metric, py::handle value) {
   metric = metric_named(name);
 }
 
-// What judge() takes too.
+// The keywords that judge() shares.
 void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
   keywords
       .add("confidence", py::none(),
@@ -308,7 +308,7 @@ py::object overlap_of(const std::optional<Overlap>& overlap) {
   return py::make_tuple(overlap->source, overlap->target);
 }
 
-// A row of numbers an iteration, for plots.
+// Arrays with one row per iteration.
 py::dict history_of(const RegistrationResult& result) {
   std::vector<double> poses;
   std::vector<double> distances;
@@ -413,7 +413,8 @@ void bind_registration(py::module_& module) {
   using Result = RegistrationResult;
   py::class_<Result>(
       module, "Registration",
-      "What an iteration came to. It never says how right its pose is; a verdict does.")
+      "Result of an iterative registration. It does not state whether the pose is right;\n"
+      "a verdict does.")
       .def_property_readonly(
           "status", [](const Result& self) { return std::string(to_string(self.status)); },
           "'converged', 'stopped', 'failed' or 'cancelled'.")
@@ -423,7 +424,7 @@ void bind_registration(py::module_& module) {
       .def_readonly("reason", &Result::reason, "One sentence for people.")
       .def_property_readonly(
           "target_from_source", [](const Result& self) { return pose_array(self.similarity()); },
-          "4x4, with the scale in it.")
+          "4x4, including the scale.")
       .def_readonly("scale", &Result::scale)
       .def_readonly("initial_score", &Result::initial_score,
                     "The paper's Eq. 5 at the initial pose.")
@@ -437,21 +438,21 @@ void bind_registration(py::module_& module) {
           "(m,), at the final pose.")
       .def_property_readonly(
           "history", &history_of,
-          "Arrays with an entry an iteration: target_from_source, mean_squared_distance,\n"
+          "Arrays with one entry per iteration: target_from_source, mean_squared_distance,\n"
           "score (NaN without trace=True), matches.")
       .def_property_readonly(
           "covariance", [](const Result& self) { return matrix_or_none(self.covariance); },
-          "(6, 6) of a left perturbation (dt, dphi) in the target frame; or None.")
+          "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
       .def_property_readonly(
           "covariance_with_scale",
           [](const Result& self) { return matrix_or_none(self.covariance_with_scale); },
-          "(7, 7), the logarithm of the scale last; or None.")
+          "(7, 7), of (dt, dphi, dlog s); None if the scale was not estimated.")
       .def_property_readonly(
           "unobservable", [](const Result& self) { return directions_of(self.unobservable); },
-          "(m, 7): motions that the matches leave open: translation, rotation, log scale.")
+          "(m, 7): motions that the matches do not determine: translation, rotation, log scale.")
       .def_property_readonly(
           "overlap", [](const Result& self) { return overlap_of(self.overlap); },
-          "Shares of source and target that overlap; or None.")
+          "Shares of the source's and the target's landmarks that overlap; None if unknown.")
       .def_readonly("duration_s", &Result::duration_s)
       .def("__repr__", [](const Result& self) {
         return fmt::format("<Registration: {} after {} iterations: {}>", to_string(self.status),
@@ -461,16 +462,16 @@ void bind_registration(py::module_& module) {
 
 void bind_candidate(py::module_& module) {
   using Candidate = PlacementCandidate;
-  py::class_<Candidate>(module, "Candidate", "A pose that explains the maps to some extent.")
+  py::class_<Candidate>(module, "Candidate", "A candidate pose from the search.")
       .def_property_readonly(
           "target_from_source", [](const Candidate& self) { return pose_array(self.similarity()); },
-          "4x4, with the scale in it.")
+          "4x4, including the scale.")
       .def_readonly("scale", &Candidate::scale)
-      .def_readonly("probability", &Candidate::probability, "That it is the right pose.")
+      .def_readonly("probability", &Candidate::probability, "Probability that this pose is right.")
       .def_property_readonly("matches",
                              [](const Candidate& self) { return self.support.matches(); })
       .def_readonly("contradicted", &Candidate::contradicted,
-                    "Share of the keyframes' lines of sight that contradict it; or None.")
+                    "Share of the keyframes' lines of sight that contradict it; None if unknown.")
       .def("__repr__", [](const Candidate& self) {
         return fmt::format("<Candidate: {}, {} matches>", probability_text(self.probability),
                            self.support.matches());
@@ -479,8 +480,7 @@ void bind_candidate(py::module_& module) {
 
 void bind_result(py::module_& module) {
   using Result = AlignmentResult;
-  py::class_<Result, SharedAlignment> result(module, "Alignment",
-                                             "What is known of the pose between two maps.");
+  py::class_<Result, SharedAlignment> result(module, "Alignment", "Result of aligning two maps.");
   result
       .def_property_readonly(
           "verdict",
@@ -492,56 +492,56 @@ void bind_result(py::module_& module) {
           "'aligned', 'ambiguous' or 'rejected'; None if it was not judged.")
       .def_property_readonly(
           "status", [](const Result& self) { return std::string(status_of(self.alignment())); },
-          "The verdict; or, unjudged, 'converged', 'stopped', 'failed' or 'cancelled'.")
+          "The verdict; if not judged, 'converged', 'stopped', 'failed' or 'cancelled'.")
       .def_property_readonly(
           "probability", [](const Result& self) { return self.alignment().probability; },
-          "That the estimate is right; None if it was not judged.")
+          "Probability that the estimate is right; None if it was not judged.")
       .def_property_readonly(
           "reason", [](const Result& self) { return self.alignment().reason; },
           "One sentence for people.")
       .def_property_readonly(
           "target_from_source",
           [](const Result& self) { return pose_array(self.alignment().target_from_source); },
-          "4x4 with the scale in it, x_in_target = target_from_source @ x_in_source;\n"
+          "4x4, including the scale: x_in_target = target_from_source @ x_in_source.\n"
           "None unless the verdict is 'aligned'.")
       .def_property_readonly(
           "estimate", [](const Result& self) { return pose_array(self.alignment().estimate); },
-          "The best pose found, trusted or not, 4x4; None if there is none.")
+          "4x4: the best pose found, whatever the verdict; None if none was found.")
       .def_property_readonly(
           "scale",
           [](const Result& self) -> std::optional<double> {
             const auto& pose = self.alignment().estimate;
             return pose ? std::optional(pose->scale()) : std::nullopt;
           },
-          "Of the estimate.")
+          "Scale of the estimate; None without one.")
       .def_property_readonly(
           "covariance",
           [](const Result& self) {
             return matrix_or_none(self.alignment().registration.covariance);
           },
-          "(6, 6) of a left perturbation (dt, dphi) in the target frame; or None.")
+          "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
       .def_property_readonly(
           "covariance_with_scale",
           [](const Result& self) {
             return matrix_or_none(self.alignment().registration.covariance_with_scale);
           },
-          "(7, 7), the logarithm of the scale last; or None.")
+          "(7, 7), of (dt, dphi, dlog s); None if the scale was not estimated.")
       .def_property_readonly(
           "candidates", [](const Result& self) { return self.alignment().candidates; },
-          "All poses that were held against each other, likeliest first.")
+          "All poses that were compared, likeliest first; empty if it was not judged.")
       .def_property_readonly(
           "registration", [](const Result& self) { return self.alignment().registration; },
-          "How the estimate was come to: score, iterations, matches.")
+          "Score, iterations and matches of the estimate.")
       .def_property_readonly(
           "overlap",
           [](const Result& self) { return overlap_of(self.alignment().registration.overlap); },
-          "Shares of source and target that overlap; or None.")
+          "Shares of the source's and the target's landmarks that overlap; None if unknown.")
       .def_property_readonly(
           "unobservable",
           [](const Result& self) {
             return directions_of(self.alignment().registration.unobservable);
           },
-          "(m, 7): motions that the matches leave open: translation, rotation, log scale.")
+          "(m, 7): motions that the matches do not determine: translation, rotation, log scale.")
       .def_property_readonly(
           "deterministic", [](const Result& self) { return self.alignment().deterministic; },
           "False with a time limit.")
@@ -554,8 +554,7 @@ void bind_result(py::module_& module) {
           },
           py::kw_only(), py::arg("history") = false,
           "to_json($self, *, history=False)\n--\n\n"
-          "The result as a document of schema cairn.align, which read_alignments() and the tool "
-          "read.")
+          "The result as a cairn.align document, which read_alignments() and the cairn tool read.")
       .def("__repr__", &repr)
       .def("_repr_html_", &html)
       .def("__copy__", [](const SharedAlignment& self) { return self; })
@@ -576,40 +575,41 @@ void bind_alignment(py::module_& module) {
   module.def(
       "align", &align_maps, py::arg("source"), py::arg("target"),
       kept(align_keywords().signature("source, target") +
-           "Aligns two maps and says whether the pose can be trusted.\n\n"
-           "Without `initial` every pose is possible and is searched for; from an initial pose "
-           "(4x4,\n"
-           "target_from_source) a robust refinement or, with method='icp', the paper's ICP leads "
-           "on.\n"
-           "Whatever found it, the pose is judged. Same input and seed, same result, whatever the\n"
-           "number of threads.\n\n"
+           "Aligns two maps and judges whether the pose can be trusted.\n\n"
+           "Without `initial`, searches all poses. With `initial` (4x4, target_from_source), "
+           "refines\n"
+           "it robustly, or with the paper's ICP if method='icp'. Judges the pose in each case. "
+           "The\n"
+           "same input and seed give the same result for any number of threads.\n\n"
            "method         'robust' or 'icp'\n"
-           "confidence     trust in landmarks: 'covariance', 'observations', 'distance', ...\n"
-           "scale          True or (least, most): the maps need not be of one scale\n"
-           "gravity        only turn about the vertical, and tilt a little\n"
-           "prior_odds     that the maps show one place, before anything is looked at\n"
-           "effort         of the search, 1/16 to 64\n"
-           "threads        at most; 0: one per core\n"
-           "progress       True for a bar (tqdm), or a callable that takes a share in [0, 1]\n"
-           "k, max_distance and what follows them are the options of ICP."));
+           "confidence     metric of the landmarks: 'covariance', 'observations', 'distance', ...\n"
+           "scale          True or (least, most): estimate the scale too\n"
+           "gravity        only rotate about the vertical, with a small tilt\n"
+           "prior_odds     odds that the maps show the same place, before any evidence\n"
+           "effort         work of the search, relative to the default; 1/16 to 64\n"
+           "threads        largest number; 0: one per core\n"
+           "progress       True for a progress bar (tqdm), or a callable that takes a share in "
+           "[0, 1]\n"
+           "k, max_distance and the following keywords are options of ICP."));
   module.def("judge", &judge_maps, py::arg("source"), py::arg("target"),
              py::arg("target_from_source"),
              kept(judge_keywords().signature("source, target, target_from_source") +
-                  "Judges a pose as it is, whatever found it, as align() judges its own."));
+                  "Judges a given pose without changing it, as align() judges its own."));
   module.def(
       "icp", &icp_of, py::arg("source"), py::arg("target"),
-      kept(icp_keywords().signature("source, target") +
-           "The paper's ICP between two maps, or two arrays of positions (n, 3). Without a "
-           "verdict.\n\n"
-           "Weighted if the target has confidences: of maps those of a metric, `confidence`; of\n"
-           "arrays `target_confidences`, one a point. Without them, base ICP."));
+      kept(
+          icp_keywords().signature("source, target") +
+          "Aligns two maps, or two arrays of positions (n, 3), with the paper's ICP. Does not "
+          "judge.\n\n"
+          "Runs weighted ICP if the target has confidences: for maps, of the metric `confidence`;\n"
+          "for arrays, `target_confidences`, one per point. Otherwise runs base ICP."));
   module.def("metrics", &metric_names, "metrics()\n--\n\nNames of the confidence metrics.");
   module.def(
       "read_alignments",
       [](const std::filesystem::path& path) { return parsed(read_file(path), path.string()); },
       py::arg("path"),
-      "read_alignments(path)\n--\n\nThe results in a document that `cairn align --json` or "
-      "to_json() wrote.");
+      "read_alignments(path)\n--\n\nReads the results from a document of `cairn align --json` or "
+      "to_json().");
 }
 
 }  // namespace cairn::python

@@ -10,12 +10,12 @@
 
 namespace cairn::python {
 
-/// An alignment and how it was asked for.
+/// An alignment and its options.
 struct AlignmentResult {
   AlignmentRecord record;
   std::uint64_t seed = 0;
-  std::string options_json = "{}";  ///< the keywords that were given
-  Rigid3 initial;                   ///< that the method started from
+  std::string options_json = "{}";  ///< the given keywords
+  Rigid3 initial;                   ///< initial pose of the method
   PointSetOptions points;
 
   const Alignment& alignment() const { return record.alignment; }

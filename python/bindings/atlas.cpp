@@ -25,11 +25,11 @@ namespace cairn::python {
 namespace {
 
 enum class OnInterrupt {
-  kStopStore,  ///< statements of the store end too
-  kKeep,       ///< the store stays in use, so that the work can keep what it has found
+  kStopStore,  ///< also stop the store's statements
+  kKeep,       ///< the store stays usable, so that the work can store its results
 };
 
-// Several Python threads may use one object; each call has the atlas to itself.
+// An atlas that several Python threads may use; calls run one at a time.
 class SharedAtlas {
  public:
   SharedAtlas(std::string location, AtlasStoreOptions options)
@@ -72,7 +72,7 @@ class SharedAtlas {
     return lock;
   }
 
-  // What was stopped once stays so: after an interrupt, it is opened anew.
+  // Also reopens it after an interrupt, because a stop token cannot be reset.
   void open() {
     atlas_.reset();
     stop_ = std::stop_source();
@@ -292,7 +292,7 @@ AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
   Lintable keywords = link_keywords().read(given, &call);
   keywords.options.validate();
   AtlasLinkResult result;
-  // To the library, an empty list means all pairs.
+  // For the library, an empty list means all pairs.
   if (keywords.only && keywords.only->empty()) return result;
   const auto work = [&](Atlas& atlas, const Execution& execution) {
     const AtlasState state = atlas.state();
@@ -306,7 +306,7 @@ AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
   return result;
 }
 
-// Of 6x6 numbers, without the scale's, or 7x7.
+// From 6x6 numbers (without the scale) or 7x7.
 Matrix7d covariance_of(py::handle value) {
   const auto given = py::array::ensure(value);
   PyErr_Clear();
@@ -526,7 +526,7 @@ py::list verify(SharedAtlas& self) {
   return decoded_all(found.problems);
 }
 
-// Keywords that say which part of an atlas is read, and as of when.
+// Keywords that select a component of an atlas and a commit.
 struct Selection {
   std::optional<std::string> frame;
   std::optional<std::uint64_t> at;
@@ -551,7 +551,7 @@ const Keywords<Selection>& export_keywords() {
 
 void export_to(SharedAtlas& self, const std::filesystem::path& path, const py::kwargs& given) {
   const Selection selection = export_keywords().read(given);
-  export_of(path);  // fails before the work
+  export_of(path);  // throws before the work if the ending is unknown
   std::vector<std::string> remarks;
   self.alone("exporting", [&](Atlas& atlas, const Execution&) {
     const AtlasState state = selection.state(atlas);
@@ -640,7 +640,7 @@ const Keywords<MergeKeywords>& merge_keywords() {
   return table;
 }
 
-// What became of all maps of the atlas, as merge() without an atlas tells it.
+// The results of all maps of the atlas, in the form of merge() without an atlas.
 Merged merged_of(const AtlasState& state, AtlasMerged found) {
   Merged merged;
   std::map<NodeId, std::size_t> index;
@@ -705,12 +705,12 @@ std::string held_map_text(const HeldMap& self) {
 
 void bind_contents(py::module_& module) {
   py::class_<HeldMap>(module, "AtlasMap",
-                      "A map in an atlas, as it was when it was asked for; without its landmarks, "
-                      "which Atlas.map() gives.")
+                      "Description of a map in an atlas at the time of the call. Atlas.map() gives "
+                      "the map itself.")
       .def_property_readonly("name", [](const HeldMap& self) { return decoded(self.node.name); })
       .def_property_readonly(
           "session", [](const HeldMap& self) { return text_or_none(self.node.session); },
-          "Maps of one run share it; None if unknown.")
+          "Name shared by the maps of one run; None if unknown.")
       .def_property_readonly(
           "length_unit",
           [](const HeldMap& self) { return std::string(to_string(self.node.length_unit)); },
@@ -722,22 +722,22 @@ void bind_contents(py::module_& module) {
       .def_property_readonly(
           "frame",
           [](const HeldMap& self) { return text_or_none(self.pose ? self.frame : std::string()); },
-          "Name of the map in whose frame the pose is; None if it has none. Maps with the same "
-          "are in one frame.")
+          "Name of the map whose frame frame_from_map refers to, the same for all maps of a "
+          "group;\nNone without a pose.")
       .def_property_readonly(
           "frame_from_map",
           [](const HeldMap& self) -> py::object {
             if (!self.pose) return py::none();
             return pose_array(self.pose->frame_from_node);
           },
-          "4x4, with the scale in it; None until optimize() has placed the map.")
+          "4x4, including the scale; None until optimize() has placed the map.")
       .def_property_readonly(
           "covariance",
           [](const HeldMap& self) -> py::object {
             if (!self.pose) return py::none();
             return copied_matrix(self.pose->covariance);
           },
-          "(7, 7): (dt, dphi, dlog s), a left perturbation in the frame; or None.")
+          "(7, 7), of the left perturbation (dt, dphi, dlog s) in `frame`; None without a pose.")
       .def("__repr__", [](const HeldMap& self) { return decoded(held_map_text(self)); });
   py::class_<AtlasCommit>(module, "AtlasCommit", "A change of an atlas.")
       .def_property_readonly("id", [](const AtlasCommit& self) { return self.id.value; })
@@ -753,7 +753,7 @@ void bind_contents(py::module_& module) {
           "'add', 'link' and so on.")
       .def_property_readonly(
           "text", [](const AtlasCommit& self) { return decoded(self.text); },
-          "What was done, for people.")
+          "Description of the change, for people.")
       .def_property_readonly(
           "run", [](const AtlasCommit& self) { return self.run.value; },
           "Id of the first commit of the same call.")
@@ -762,7 +762,7 @@ void bind_contents(py::module_& module) {
           [](const AtlasCommit& self) {
             return self.undoes ? std::optional(self.undoes->value) : std::nullopt;
           },
-          "Id of the last commit of the call that this one undid; or None.")
+          "Id of the last commit of the call that this commit undid; None if it undid none.")
       .def("__repr__", [](const AtlasCommit& self) {
         return decoded(
             fmt::format("<AtlasCommit {}: {}: {}>", self.id.value, self.verb, self.text));
@@ -770,19 +770,21 @@ void bind_contents(py::module_& module) {
   py::class_<Route>(module, "AtlasRoute", "A chain of links from one map of an atlas to another.")
       .def_property_readonly(
           "maps", [](const Route& self) { return decoded_all(self.maps); },
-          "Their names, from the target to the source.")
-      .def_readonly("links", &Route::links, "One fewer.")
+          "Names of the maps, from the target to the source.")
+      .def_readonly("links", &Route::links, "Links between consecutive maps.")
       .def_property_readonly(
           "target_from_source",
           [](const Route& self) { return pose_array(self.route.target_from_source); },
           "4x4, along the links.")
       .def_property_readonly(
           "covariance", [](const Route& self) { return matrix_or_none(self.route.covariance); },
-          "(7, 7): (dt, dphi, dlog s), a left perturbation in the target; None if a link has none.")
+          "(7, 7), of the left perturbation (dt, dphi, dlog s) in the target frame; None if a link "
+          "has none.")
       .def_property_readonly(
           "optimised", [](const Route& self) { return pose_array(self.route.optimised); },
-          "4x4: target_from_source by the poses of both maps, in which all links take part; None "
-          "if they are not in one frame.")
+          "4x4: target_from_source from the optimised poses, which use all links; None unless "
+          "both\n"
+          "maps are in one frame.")
       .def("__repr__", [](const Route& self) {
         return decoded(fmt::format("<AtlasRoute: {}>", fmt::join(self.maps, " <- ")));
       });
@@ -801,37 +803,37 @@ std::string world_text(const WorldDifference& self) {
 }
 
 void bind_world(py::module_& module) {
-  py::class_<ChangedPlace>(module, "ChangedPlace", "Where a thing that changed is or was.")
+  py::class_<ChangedPlace>(module, "ChangedPlace", "Position of a changed object in one map.")
       .def_property_readonly(
           "landmarks", [](const ChangedPlace& self) { return self.landmarks.size(); },
-          "How many of its landmarks are there.")
+          "Number of the object's landmarks there.")
       .def_property_readonly("position",
                              [](const ChangedPlace& self) { return copied_matrix(self.centre); })
       .def_property_readonly(
           "box", [](const ChangedPlace& self) { return box_of(self); },
-          "Its lowest and its highest corner, about nearly all landmarks.")
+          "Lowest and highest corner of a box around nearly all its landmarks.")
       .def("__repr__", [](const ChangedPlace& self) {
         return fmt::format("<ChangedPlace: {} landmarks at ({:.2f}, {:.2f}, {:.2f})>",
                            self.landmarks.size(), self.centre.x(), self.centre.y(),
                            self.centre.z());
       });
-  py::class_<Change>(module, "Change", "A thing that appeared, vanished or moved.")
+  py::class_<Change>(module, "Change", "An object that appeared, vanished or moved.")
       .def_property_readonly(
           "kind", [](const Change& self) { return std::string(to_string(self.kind)); },
           "'moved', 'vanished' or 'appeared'.")
-      .def_readonly("before", &Change::before, "None of what appeared.")
-      .def_readonly("after", &Change::after, "None of what vanished.")
+      .def_readonly("before", &Change::before, "None if the object appeared.")
+      .def_readonly("after", &Change::after, "None if the object vanished.")
       .def_property_readonly(
           "after_from_before",
           [](const Change& self) { return pose_array(self.after_from_before); },
-          "4x4: how it moved; None of other changes.")
-      .def_readonly("confidence", &Change::confidence, "That it is a change, 0 to 1.")
+          "4x4: motion of a moved object; None for other changes.")
+      .def_readonly("confidence", &Change::confidence, "Probability that it is a change, 0 to 1.")
       .def("__repr__", [](const Change& self) {
         return fmt::format("<Change: {}, confidence {:.3f}>", to_string(self.kind),
                            self.confidence);
       });
   py::class_<WorldDifference>(module, "WorldDifference",
-                              "What two sessions or maps of an atlas show differently.")
+                              "Differences between two sessions or maps of an atlas.")
       .def_property_readonly(
           "changes", [](const WorldDifference& self) { return self.result.changes; },
           "Moved, vanished, appeared; each by descending confidence.")
@@ -840,20 +842,20 @@ void bind_world(py::module_& module) {
           [](const WorldDifference& self) {
             return py::make_tuple(self.result.comparable_first, self.result.comparable_second);
           },
-          "How many landmarks of the first and of the second the other should have. (0, 0): no "
-          "keyframe of one saw what the other holds.")
+          "Number of landmarks of the first and of the second that the other should also have; (0, "
+          "0) if\nno keyframe of either observed the other's landmarks.")
       .def_property_readonly(
           "found_again", [](const WorldDifference& self) { return self.result.repeated; },
-          "Share of these that the other has.")
+          "Share of the comparable landmarks that the other has.")
       .def_property_readonly(
           "frame", [](const WorldDifference& self) { return decoded(self.frame); },
-          "Name of the map whose frame the places are in.")
+          "Name of the map whose frame the positions are in.")
       .def("__repr__", &world_text);
 }
 
 void bind_results(py::module_& module) {
-  py::class_<AtlasCompaction>(module, "AtlasCompaction", "What Atlas.compact() dropped.")
-      .def_readonly("commits", &AtlasCompaction::commits, "That became one.")
+  py::class_<AtlasCompaction>(module, "AtlasCompaction", "Numbers of what Atlas.compact() dropped.")
+      .def_readonly("commits", &AtlasCompaction::commits, "Number of commits joined into one.")
       .def_readonly("maps", &AtlasCompaction::maps)
       .def_readonly("map_bytes", &AtlasCompaction::map_bytes)
       .def_readonly("links", &AtlasCompaction::links)
@@ -862,33 +864,34 @@ void bind_results(py::module_& module) {
         return fmt::format("<AtlasCompaction: {} commits, {} maps, {} links, {} poses>",
                            self.commits, self.maps, self.links, self.poses);
       });
-  py::class_<AtlasSalvage>(module, "AtlasSalvage", "What Atlas.salvage() saved.")
+  py::class_<AtlasSalvage>(module, "AtlasSalvage", "Numbers of what Atlas.salvage() copied.")
       .def_readonly("maps", &AtlasSalvage::maps)
       .def_readonly("links", &AtlasSalvage::links)
       .def_readonly("poses", &AtlasSalvage::poses)
       .def_property_readonly(
           "lost", [](const AtlasSalvage& self) { return decoded_all(self.lost); },
-          "Sentences on what was not.")
+          "One sentence for each loss.")
       .def("__repr__", [](const AtlasSalvage& self) {
         return fmt::format("<AtlasSalvage: {} maps, {} links, {} poses; {} lost>", self.maps,
                            self.links, self.poses, self.lost.size());
       });
-  py::class_<AtlasLinkResult>(module, "AtlasLinkResult", "How many pairs Atlas.link() tried.")
-      .def_readonly("pairs", &AtlasLinkResult::pairs, "That there are.")
-      .def_readonly("tried", &AtlasLinkResult::tried, "In this call.")
-      .def_readonly("tried_before", &AtlasLinkResult::tried_before, "Or linked by a person.")
-      .def_readonly("not_likely", &AtlasLinkResult::not_likely, "Left out by recognition.")
-      .def_readonly("aligned", &AtlasLinkResult::aligned, "Of those tried in this call.")
+  py::class_<AtlasLinkResult>(module, "AtlasLinkResult", "Numbers of pairs of Atlas.link().")
+      .def_readonly("pairs", &AtlasLinkResult::pairs, "Pairs of maps in the atlas.")
+      .def_readonly("tried", &AtlasLinkResult::tried, "Pairs tried by this call.")
+      .def_readonly("tried_before", &AtlasLinkResult::tried_before,
+                    "Pairs tried before, or linked by a person.")
+      .def_readonly("not_likely", &AtlasLinkResult::not_likely, "Pairs excluded by recognition.")
+      .def_readonly("aligned", &AtlasLinkResult::aligned, "Pairs aligned by this call.")
       .def("__repr__", [](const AtlasLinkResult& self) {
         return fmt::format(
             "<AtlasLinkResult: {} of {} pairs tried, {} aligned; {} tried before, {} not likely>",
             self.tried, self.pairs, self.aligned, self.tried_before, self.not_likely);
       });
-  py::class_<AtlasOptimised>(module, "AtlasOptimised", "What Atlas.optimize() came to.")
-      .def_readonly("placed", &AtlasOptimised::placed, "How many maps have a pose.")
+  py::class_<AtlasOptimised>(module, "AtlasOptimised", "Result of Atlas.optimize().")
+      .def_readonly("placed", &AtlasOptimised::placed, "Number of maps with a pose.")
       .def_readonly("contradicted", &AtlasOptimised::contradicted,
-                    "Aligned links that disagree with the poses: not used.")
-      .def_readonly("changed", &AtlasOptimised::changed, "Whether any pose is another.")
+                    "Number of aligned links that disagree with the poses and are not used.")
+      .def_readonly("changed", &AtlasOptimised::changed, "Whether the call changed the atlas.")
       .def_property_readonly("commit", [](const AtlasOptimised& self) { return self.commit.value; })
       .def("__repr__", [](const AtlasOptimised& self) {
         return fmt::format("<AtlasOptimised: {} maps placed, {} links contradicted>", self.placed,
@@ -903,49 +906,48 @@ void bind_changes(AtlasClass& atlas) {
       .def("add", &add, py::arg("map"), py::arg("name"), py::kw_only(),
            py::arg("session") = py::none(),
            "add($self, map, name, *, session=None)\n--\n\n"
-           "Adds a map, and returns what the atlas says of it. If the same map is there already, "
-           "under whatever\n"
-           "name, nothing changes and that one is returned.\n\n"
-           "session        the run that it is of; maps of one run share it")
-      .def(
-          "link", &link,
-          kept(link_keywords().signature("$self") +
-               "Aligns pairs of maps that were not tried yet, and keeps what came of each, aligned "
-               "or not.\n"
-               "Results are kept as they come: after an interrupt, another call goes on from "
-               "there.\n\n"
-               "only           names: only pairs of which one is among these maps\n"
-               "retry          try again what was tried and not aligned\n"
-               "candidates     with how many of the others each map is tried, the likeliest; 0: "
-               "all.\n"
-               "               None: all in an atlas of up to 32 maps, else 10\n"
-               "shard, shards  of several processes that share a file's pairs: this does every\n"
-               "               shards-th, from shard"))
+           "Adds a map and returns its description. If the atlas already has the same map, under "
+           "any name,\n"
+           "changes nothing and returns that one.\n\n"
+           "session        name shared by the maps of one run")
+      .def("link", &link,
+           kept(link_keywords().signature("$self") +
+                "Aligns pairs of maps that were not tried yet and stores each result at once, "
+                "aligned or not.\n"
+                "After an interrupt, another call continues.\n\n"
+                "only           names: try only pairs with one of these maps\n"
+                "retry          also try pairs that were tried and not aligned\n"
+                "candidates     number of other maps to try each map with, the likeliest; 0: all.\n"
+                "               None: all in an atlas of up to 32 maps, otherwise 10\n"
+                "shard, shards  for several processes that share the pairs of a file: this one "
+                "tries\n"
+                "               every shards-th pair, from shard"))
       .def("link_by_odometry", &link_by_odometry, py::arg("target"), py::arg("source"),
            py::arg("target_from_source"), py::arg("covariance"),
            "link_by_odometry($self, target, source, target_from_source, covariance)\n--\n\n"
-           "Links two maps of one run as odometry has them; False if odometry has linked them "
-           "already.\n\n"
-           "covariance     (6, 6): (dt, dphi), a left perturbation in the target; (7, 7) with the\n"
-           "               scale's")
+           "Links two maps of one run by odometry. Returns False, without a change, if they have "
+           "an odometry link.\n\n"
+           "covariance     (6, 6), of the left perturbation (dt, dphi) in the target frame; or\n"
+           "               (7, 7), with dlog s")
       .def("link_manually", &link_manually, py::arg("target"), py::arg("source"),
            py::arg("target_from_source"), py::arg("covariance"), py::kw_only(),
            py::arg("reason") = "",
            "link_manually($self, target, source, target_from_source, covariance, *, "
            "reason='')\n--\n\n"
-           "Links two maps as a person states it, instead of what a person stated before.\n\n"
-           "covariance     as of link_by_odometry()\n"
+           "Links two maps by a person's statement; replaces an earlier one.\n\n"
+           "covariance     as for link_by_odometry()\n"
            "reason         one sentence for people")
       .def("unlink", &unlink, py::arg("a"), py::arg("b"), py::kw_only(), py::arg("reason") = "",
            "unlink($self, a, b, *, reason='')\n--\n\n"
-           "Replaces the links between two maps by one that says that there is none. The pair is "
-           "not tried again.")
+           "Replaces the links between two maps by the statement that they are not linked. link() "
+           "does not\ntry the pair again.")
       .def("optimize", &optimize,
            kept(optimize_keywords().signature("$self") +
-                "Computes the poses of all maps that aligned links connect. Each group has the "
-                "frame of its first\n"
-                "map. Links that disagree with the others are not used.\n\n"
-                "agreement      share of a map's radius by which two poses that agree may move it"))
+                "Computes the poses of all maps with aligned links, each group in the frame of its "
+                "first map.\n"
+                "Does not use links that disagree with the others.\n\n"
+                "agreement      largest displacement of a map between two poses that agree, as a\n"
+                "               share of its radius"))
       .def(
           "update_poses", &update_poses,
           kept(update_keywords().signature("$self") +
@@ -955,69 +957,72 @@ void bind_changes(AtlasClass& atlas) {
                "anything else was changed."))
       .def("remove", &remove_map, py::arg("name"),
            "remove($self, name)\n--\n\n"
-           "Removes a map, its links and its pose; poses in its frame too.")
+           "Removes a map, its links and its pose, and the poses in its frame.")
       .def("split", &split_map, py::arg("name"), py::arg("frames"),
            "split($self, name, frames)\n--\n\n"
-           "Makes maps of so many keyframes each of a map, linked as they lie in it; its own links "
-           "go.\n"
-           "Returns their names.")
+           "Splits a map into maps of `frames` keyframes each, linked by their poses in it. "
+           "Removes its own\nlinks. Returns the names of the new maps.")
       .def("compact", &compact,
            kept(compact_keywords().signature("$self", false) +
-                "Makes one commit of all before the last, and drops what none of these needs: it "
-                "cannot be undone.\n\n"
-                "keep           how many of the last commits stay\n"
-                "dry            only says what would be dropped"))
+                "Joins the oldest commits into one and drops data that no remaining commit needs. "
+                "Cannot be undone.\n\n"
+                "keep           number of commits that remain\n"
+                "dry            only report what would be dropped"))
       .def("undo", &undo, py::arg("commit") = py::none(),
            "undo($self, commit=None)\n--\n\n"
-           "Undoes all that the call did which this commit belongs to, or the last that is not "
-           "undone.\n"
-           "Returns the id of the commit that was undone.");
+           "Undoes all changes of the call that this commit belongs to; None: of the last call "
+           "that is not\n"
+           "undone. Returns the id of the commit that was undone.");
 }
 
 void bind_reading(AtlasClass& atlas) {
   atlas
       .def_property_readonly("maps", &maps_of,
-                             "A dict of AtlasMap by name, in the order in which they were added.")
-      .def_property_readonly("links", &links_of, "Of all pairs that were tried or stated.")
+                             "Dict of AtlasMap by name, in the order in which they were added.")
+      .def_property_readonly("links", &links_of, "Links of all pairs that were tried or stated.")
       .def_property_readonly("log", &log_of, "All commits, oldest first.")
       .def("map", &map_named, py::arg("name"), "map($self, name)\n--\n\nThe map, in its own frame.")
       .def("path", &path_between, py::arg("target"), py::arg("source"),
            "path($self, target, source)\n--\n\n"
-           "The chain of aligned links between two maps whose transform is the most certain; None "
-           "if none\nconnects them.")
+           "The chain of aligned links between two maps with the most certain transform; None if "
+           "no chain\nconnects them.")
+      .def("merge", &merge_atlas,
+           kept(merge_keywords().signature("$self") +
+                "Merges the maps of one group into one map, in the frame of the first. Does not "
+                "change the atlas.\n"
+                "The result also describes the maps that were left out.\n\n"
+                "frame          name of a map of the group; None: the largest group\n"
+                "at             id of a commit: use the atlas as it was after it\n"
+                "adjust         optimise all keyframes and landmarks (bundle adjustment); warns if "
+                "the maps\n"
+                "               lack the data"))
       .def(
-          "merge", &merge_atlas,
-          kept(merge_keywords().signature("$self") +
-               "The maps that are in one frame as one map, with what became of all others. The "
-               "atlas does not\n"
-               "change. The result is in the frame of their first.\n\n"
-               "frame          name of a map: those in one frame with it; None: the largest "
-               "group\n"
-               "at             id of a commit: as the atlas was after it\n"
-               "adjust         move all keyframes and landmarks so that all observations fit best; "
-               "a warning\n"
-               "               says why if the maps do not allow it"))
-      .def("export", &export_to, py::arg("path"),
-           kept(export_keywords().signature("$self, path", false) +
-                "Writes for other programs; the ending says what.\n\n"
-                ".g2o, .json    the graph of links and poses\n"
-                ".tum           the keyframes of the maps that are in one frame\n"
-                ".ply           their landmarks, side by side\n"
-                ".mcap          the maps and their links, for Foxglove, Lichtblick and rerun\n"
-                "none           a folder: every map as .cairn, and the graph\n\n"
-                "frame, at      as of merge(). A warning says what is left out"))
+          "export", &export_to, py::arg("path"),
+          kept(
+              export_keywords().signature("$self, path", false) +
+              "Exports the atlas to other programs, in the format of the path's ending. Warns of "
+              "what is\n"
+              "left out.\n\n"
+              ".g2o, .json    the graph of links and poses\n"
+              ".tum           the keyframes of one group of maps\n"
+              ".ply           the landmarks of one group, not fused\n"
+              ".mcap          the maps and links of one group, for Foxglove, Lichtblick and rerun\n"
+              "none           a folder: every map as .cairn, and the graph\n\n"
+              "frame, at      as for merge()"))
       .def("world_difference", &difference_of_worlds, py::arg("first"), py::arg("second"),
            kept(world_keywords().signature("$self, first, second") +
-                "What appeared, vanished or moved between two sessions or maps in one frame.\n\n"
-                "first, second  names of sessions, else of maps\n"
-                "at             id of a commit: as the atlas was after it\n"
-                "tolerance      how far two landmarks that are one lie apart, in the maps' unit\n"
-                "reach          how near to each other landmarks of one thing lie\n"
-                "min_size       longest side of a thing, at least\n"
-                "min_confidence from which a thing is reported"))
+                "Finds objects that appeared, vanished or moved between two sessions or maps in "
+                "one frame.\n"
+                "Lengths are in the maps' unit.\n\n"
+                "first, second  names of sessions; if there is no such session, of maps\n"
+                "at             id of a commit: use the atlas as it was after it\n"
+                "tolerance      largest distance of two landmarks that are the same\n"
+                "reach          largest distance of neighbouring landmarks of one object\n"
+                "min_size       least length of an object's longest side\n"
+                "min_confidence least confidence of a reported object"))
       .def("verify", &verify,
-           "verify($self)\n--\n\nReads and checks everything; a list of sentences on what is "
-           "damaged.");
+           "verify($self)\n--\n\nReads and checks all data. Returns one sentence for each damage "
+           "found.");
 }
 
 }  // namespace
@@ -1028,32 +1033,32 @@ void bind_atlas(py::module_& module) {
   bind_world(module);
   AtlasClass atlas(
       module, "Atlas",
-      "Maps, how they lie to each other, and how that came to be, in a file or a PostgreSQL "
-      "database.\n\n"
-      "Every change is a commit, and on disk when the call returns. Several threads may use one "
-      "object, which\n"
-      "takes one call at a time; other processes open the same location for themselves. Use it in "
-      "a `with`\n"
-      "statement, or close() it.");
+      "Maps, their relative poses and the history of both, in a file or a PostgreSQL database.\n\n"
+      "Every change is a commit, which is on disk when the call returns. Several threads may use "
+      "one object;\n"
+      "it executes one call at a time. Other processes open the same location separately. Use it "
+      "in a `with`\n"
+      "statement, or call close().");
   atlas
       .def_static("create", &create_atlas, py::arg("location"),
                   kept(create_keywords().signature("location", false) +
-                       "Makes an atlas without maps, and opens it.\n\n"
+                       "Creates an empty atlas and opens it.\n\n"
                        "location       path of a file, or URL of a database "
                        "('postgresql://user@host/name')\n"
-                       "insist         allow a network file system, or a server that does not wait "
-                       "for its disk\n"
-                       "wait_s         for another process that writes"))
+                       "insist         allow a network file system, or a server that confirms "
+                       "writes before\n"
+                       "               they are on its disk\n"
+                       "wait_s         longest wait for another process that writes"))
       .def_static("open", &open_atlas, py::arg("location"),
                   kept(open_keywords().signature("location", false) +
-                       "Opens an atlas that is there.\n\n"
-                       "read_only      works in a folder that cannot be written, too\n"
-                       "insist, wait_s as of create()"))
+                       "Opens an existing atlas.\n\n"
+                       "read_only      also works in a read-only folder\n"
+                       "insist, wait_s as for create()"))
       .def_static("salvage", &salvage, py::arg("damaged"), py::arg("location"),
                   kept(salvage_keywords().signature("damaged, location", false) +
-                       "Takes the maps, links and poses that are sound, as they were last, into a "
-                       "new atlas. The damaged\n"
-                       "one does not change; the history is not kept.\n\n"
+                       "Copies the undamaged maps, and the last links and poses between them, to a "
+                       "new atlas, without\n"
+                       "the history. Does not change the damaged atlas.\n\n"
                        "damaged        path of a file\n"
                        "location       path of the new one"))
       .def_property_readonly(
@@ -1061,8 +1066,8 @@ void bind_atlas(py::module_& module) {
           "Without the password, if it is a URL.")
       .def_property_readonly("read_only", &SharedAtlas::read_only)
       .def("close", &SharedAtlas::close,
-           "close($self)\n--\n\nEnds its use, after a call in another thread. Closing again does "
-           "nothing.")
+           "close($self)\n--\n\nCloses the atlas after waiting for a call in another thread. "
+           "Closing again has no effect.")
       .def("__enter__", [](const std::shared_ptr<SharedAtlas>& self) { return self; })
       .def("__exit__", [](SharedAtlas& self, const py::args&) { self.close(); })
       .def("__repr__", [](const SharedAtlas& self) {

@@ -18,7 +18,7 @@ const char* name_of(ErrorKind kind) {
   return "input";
 }
 
-// NOLINTNEXTLINE(performance-unnecessary-value-param): the signature that pybind11 asks for
+// NOLINTNEXTLINE(performance-unnecessary-value-param): the signature that pybind11 requires
 void translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);

@@ -59,7 +59,7 @@ void bind_trajectory(py::module_& module) {
   py::class_<Trajectory> trajectory(module, "Trajectory", "Timed poses of a camera. Immutable.");
   trajectory
       .def(py::init(&trajectory_of), py::arg("timestamps_s"), py::arg("poses"),
-           "__init__($self, timestamps_s, poses)\n--\n\nAscending times (n,), and "
+           "__init__($self, timestamps_s, poses)\n--\n\nFrom ascending times (n,) and poses "
            "world_from_camera (n, 4, 4).")
       .def("__len__", &Trajectory::size)
       .def_property_readonly("timestamps_s",
@@ -80,14 +80,14 @@ void bind_trajectory(py::module_& module) {
           "(n, 3), camera centres.")
       .def_property_readonly("duration_s", &Trajectory::duration_s)
       .def_property_readonly("length", &Trajectory::length,
-                             "Of the path, in the unit of the poses.")
+                             "Length of the path, in the unit of the poses.")
       .def(
           "transformed",
           [](const Trajectory& self, const py::object& new_from_old) {
             return transformed(self, similarity_of(new_from_old, "new_from_old"));
           },
           py::arg("new_from_old"),
-          "transformed($self, new_from_old)\n--\n\nThe trajectory in another world, by a 4x4 "
+          "transformed($self, new_from_old)\n--\n\nThe trajectory in another world frame, by a 4x4 "
           "matrix.")
       .def(
           "write",
@@ -105,7 +105,7 @@ void bind_trajectory(py::module_& module) {
   make_picklable(
       module, trajectory, "restored_trajectory",
       [](const py::object& object) {
-        // A matrix does not hold a rotation to the last bit.
+        // Pickles quaternions, because a rotation matrix loses the last bits.
         const auto& self = object.cast<const Trajectory&>();
         std::vector<double> numbers;
         for (const TimedPose& pose : self.poses()) {
@@ -132,13 +132,11 @@ void bind_trajectory(py::module_& module) {
       "read_trajectory", [](const std::filesystem::path& path) { return read_trajectory(path); },
       py::arg("path"),
       "read_trajectory(path)\n--\n\nReads a trajectory in the format of the TUM RGB-D benchmark, "
-      "EuRoC or "
-      "KITTI.");
+      "EuRoC or KITTI.");
 }
 
 void bind_statistics(py::module_& module) {
-  py::class_<ErrorStatistics>(module, "ErrorStatistics",
-                              "What several errors amount to, in their unit.")
+  py::class_<ErrorStatistics>(module, "ErrorStatistics", "Statistics of errors, in their unit.")
       .def_readonly("count", &ErrorStatistics::count)
       .def_readonly("rmse", &ErrorStatistics::rmse)
       .def_readonly("mean", &ErrorStatistics::mean)
@@ -239,7 +237,8 @@ void bind_trajectory_evaluation(py::module_& module) {
   };
   py::class_<Evaluated>(
       module, "TrajectoryEvaluation",
-      "An estimated trajectory against the true one; errors are None if they cannot be aligned.")
+      "Comparison of an estimated trajectory with the true one. Errors are None if the two cannot\n"
+      "be aligned.")
       .def_property_readonly(
           "translation", absolute([](const AbsoluteError& e) { return py::cast(e.translation); }),
           "Absolute trajectory error: ErrorStatistics of distances.")
@@ -248,7 +247,7 @@ void bind_trajectory_evaluation(py::module_& module) {
       .def_property_readonly("translations", absolute([](const AbsoluteError& e) -> py::object {
                                return copied(e.translations);
                              }),
-                             "(p,), one a pair of poses.")
+                             "(p,), one per pair of poses.")
       .def_property_readonly("rotations_rad", absolute([](const AbsoluteError& e) -> py::object {
                                return copied(e.rotations_rad);
                              }))
@@ -266,7 +265,7 @@ void bind_trajectory_evaluation(py::module_& module) {
             }
             return copied(pairs, {static_cast<py::ssize_t>(self.evaluation.pairs.size()), 2});
           },
-          "(p, 2): indices in estimate and truth.")
+          "(p, 2): indices into estimate and truth.")
       .def_property_readonly(
           "relative",
           [](const Evaluated& self) {
@@ -277,7 +276,7 @@ void bind_trajectory_evaluation(py::module_& module) {
             }
             return result;
           },
-          "Relative pose errors by interval; None where the trajectory is shorter.")
+          "Relative pose errors by interval; None if the trajectory is shorter than the interval.")
       .def_property_readonly(
           "reason", [](const Evaluated& self) { return self.evaluation.reason; },
           "Why the trajectories cannot be aligned; empty if they can.")
@@ -298,10 +297,12 @@ void bind_trajectory_evaluation(py::module_& module) {
         });
       },
       py::arg("estimate"), py::arg("truth"),
-      kept(evaluation_keywords().signature("estimate, truth", false) +
-           "Absolute and relative errors, as the TUM RGB-D benchmark and evo define them.\n\n"
-           "alignment   'none', 'origin', 'se3', 'sim3' or 'poses'\n"
-           "intervals   of relative errors: metres, seconds or frames"));
+      kept(
+          evaluation_keywords().signature("estimate, truth", false) +
+          "Computes absolute and relative errors as defined by the TUM RGB-D benchmark and evo.\n\n"
+          "alignment   'none', 'origin', 'se3', 'sim3' or 'poses'\n"
+          "intervals   of the relative errors, in metres ('1m'), seconds ('0.5s') or frames "
+          "('10f')"));
 }
 
 // --- Poses and maps ---------------------------------------------------------------------------------
@@ -312,11 +313,12 @@ std::vector<Eigen::Vector3d> landmarks_of(const py::object& source) {
 }
 
 void bind_pose_error(py::module_& module) {
-  py::class_<PoseError>(module, "PoseError", "How far an estimated pose is from the true one.")
+  py::class_<PoseError>(module, "PoseError", "Difference of an estimated pose from the true one.")
       .def_readonly("rotation_rad", &PoseError::rotation_rad)
       .def_property_readonly("rotation_deg",
                              [](const PoseError& self) { return self.rotation_rad * kDegrees; })
-      .def_readonly("translation", &PoseError::translation, "Of the source landmarks' centroid.")
+      .def_readonly("translation", &PoseError::translation,
+                    "Displacement of the source landmarks' centroid, in the target's unit.")
       .def_readonly("log_scale", &PoseError::log_scale)
       .def("__repr__", [](const PoseError& self) {
         return fmt::format("<PoseError: {:.6g}, {:.6g} deg>", self.translation,
@@ -331,7 +333,7 @@ void bind_pose_error(py::module_& module) {
       py::arg("estimate"), py::arg("truth"), py::arg("source"),
       "pose_error(estimate, truth, source)\n--\n\n"
       "The error of a pose (4x4, target_from_source) against the true one. `source` is the source\n"
-      "map or its landmarks (n, 3), at whose centroid translations are compared.");
+      "map or its landmarks (n, 3); the translation error is measured at their centroid.");
 }
 
 py::object with_nan(const std::vector<std::optional<double>>& values) {
@@ -342,29 +344,30 @@ py::object with_nan(const std::vector<std::optional<double>>& values) {
 
 void bind_map_evaluation(py::module_& module) {
   py::class_<MapConsistency>(module, "MapConsistency",
-                             "How well a map explains the observations that it was made from.")
+                             "Reprojection and depth errors of a map's own observations.")
       .def_property_readonly(
           "reprojection",
           [](const MapConsistency& self) -> py::object {
             if (!self.reprojection) return py::none();
             return py::cast(self.reprojection->px);
           },
-          "ErrorStatistics in pixels; or None.")
+          "ErrorStatistics in pixels; None if unknown.")
       .def_property_readonly("inlier_share",
                              [](const MapConsistency& self) -> std::optional<double> {
                                if (!self.reprojection) return std::nullopt;
                                return self.reprojection->inlier_share;
                              })
       .def_readonly("observations_behind", &MapConsistency::observations_behind)
-      .def_readonly("depth", &MapConsistency::depth, "ErrorStatistics in the map's unit; or None.")
+      .def_readonly("depth", &MapConsistency::depth,
+                    "ErrorStatistics in the map's unit; None if unknown.")
       .def_readonly("depth_bias", &MapConsistency::depth_bias)
       .def_readonly("missing_for_reprojection", &MapConsistency::missing_for_reprojection,
-                    "What the map lacks; empty if nothing.")
+                    "Name of the missing input; empty if none is missing.")
       .def_readonly("missing_for_depth", &MapConsistency::missing_for_depth)
       .def_property_readonly(
           "reprojection_px",
           [](const MapConsistency& self) { return with_nan(self.reprojection_px); },
-          "(o,), NaN where there is none; empty if the map lacks the input.")
+          "(o,), NaN where unknown; empty if the map lacks the input.")
       .def_property_readonly("depth_errors",
                              [](const MapConsistency& self) { return with_nan(self.depth_errors); })
       .def("__repr__", [](const MapConsistency& self) {
@@ -386,12 +389,12 @@ void bind_map_evaluation(py::module_& module) {
       },
       py::arg("map"),
       kept(kConsistency.signature("map", false) +
-           "Reprojection and depth errors of a map's own observations. Needs no truth."));
+           "Computes reprojection and depth errors of a map's own observations. Needs no truth."));
 
-  py::class_<CovarianceCalibration>(
-      module, "CovarianceCalibration",
-      "Whether covariances say how far off landmarks are: normalised squared\n"
-      "errors (NEES), of mean 3 and 95 % below 7.81 if they do.")
+  py::class_<CovarianceCalibration>(module, "CovarianceCalibration",
+                                    "Calibration of landmark covariances. If they match the actual "
+                                    "errors, the normalised squared\n"
+                                    "errors (NEES) have mean 3, and 95 % are below 7.81.")
       .def_property_readonly(
           "count", [](const CovarianceCalibration& self) { return self.all ? self.all->count : 0; })
       .def_property_readonly("mean",
@@ -410,7 +413,7 @@ void bind_map_evaluation(py::module_& module) {
           "Share of landmarks within the 95 % ellipsoid.")
       .def_property_readonly(
           "nees", [](const CovarianceCalibration& self) { return with_nan(self.nees); },
-          "(n,), NaN where a landmark could not be judged.")
+          "(n,), NaN for a landmark that could not be evaluated.")
       .def_readonly("without_truth", &CovarianceCalibration::without_truth)
       .def_readonly("without_covariance", &CovarianceCalibration::without_covariance)
       .def("__repr__", [](const CovarianceCalibration& self) {
@@ -434,9 +437,13 @@ void bind_map_evaluation(py::module_& module) {
       py::arg("map"), py::arg("truth"), py::kw_only(), py::arg("trajectory") = py::none(),
       py::arg("max_time_difference_s") = 0.02,
       "calibrate_covariances(map, truth, *, trajectory=None, max_time_difference_s=0.02)\n--\n\n"
-      "Holds a map's covariances against the true positions of landmarks with the same ids in\n"
-      "another map, each in the first keyframe that observed it. The true poses of the keyframes\n"
-      "are that map's, or by time those of a trajectory.");
+      "Compares a map's covariances with the errors of its landmarks, each in the frame of the "
+      "first\n"
+      "keyframe that observed it. The true positions are those of the landmarks with the same ids "
+      "in\n"
+      "`truth`; the true keyframe poses are those in `truth`, or those of a trajectory at the "
+      "same\n"
+      "times.");
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ py::list texts(const PaperRun& self, const Get& get) {
   return values;
 }
 
-// One entry a run: what pandas.DataFrame takes.
+// Columns with one entry per run, for pandas.DataFrame().
 py::dict runs_of(const PaperRun& self) {
   const double nan = std::nan("");
   py::dict runs;
@@ -72,14 +72,15 @@ py::dict runs_of(const PaperRun& self) {
 }  // namespace
 
 void bind_experiments(py::module_& module) {
-  py::class_<PaperRun>(module, "PaperResults",
-                       "The paper's 45 configurations by 4 strategies on a pair of maps.")
+  py::class_<PaperRun>(
+      module, "PaperResults",
+      "Results of the paper's 45 configurations with 4 strategies on a pair of maps.")
       .def_property_readonly(
           "runs", &runs_of,
-          "Columns with an entry a run, in the published order: what pandas.DataFrame takes.")
+          "Dict of columns with one entry per run, in the published order, for pandas.DataFrame().")
       .def_property_readonly(
           "success_score", [](const PaperRun& self) { return self.results.success_score; },
-          "Below this score, in square metres, a run counts as a success.")
+          "A run with a lower score, in square metres, counts as a success.")
       .def_property_readonly(
           "tables",
           [](const PaperRun& self) {
@@ -89,7 +90,7 @@ void bind_experiments(py::module_& module) {
             }
             return tables;
           },
-          "What the paper tabulates, the published numbers beside ours: Markdown by name.")
+          "The paper's tables with the published numbers beside these: Markdown by name.")
       .def("__repr__", [](const PaperRun& self) {
         std::size_t successes = 0;
         for (const TrialResult& run : self.results.runs)
@@ -115,9 +116,8 @@ void bind_experiments(py::module_& module) {
       },
       py::arg("source"), py::arg("target"), py::arg("truth") = py::none(),
       kept(paper_keywords().signature("source, target, truth=None") +
-           "Runs the paper's experiments on two maps. With `truth` (4x4, target_from_source) "
-           "results\n"
-           "have pose errors."));
+           "Runs the paper's experiments on two maps. With `truth` (4x4, target_from_source), the\n"
+           "results include pose errors."));
 }
 
 }  // namespace cairn::python

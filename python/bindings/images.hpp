@@ -9,13 +9,13 @@
 
 namespace cairn::python {
 
-/// Blue, green, red of each pixel of an image of the camera's size.
+/// Blue, green and red of each pixel of an image, which must have the camera's size.
 /// @param given    (h, w) or (h, w, 3) uint8
 /// @param channels "rgb" or "bgr"
 std::vector<std::uint8_t> image_of(py::handle given, const Camera& camera,
                                    const std::string& channels);
 
-/// Metres, 0 where unknown; empty for None.
+/// Depth in metres, 0 where unknown; empty for None.
 std::vector<float> depth_of(py::handle given, const Camera& camera);
 
 }  // namespace cairn::python

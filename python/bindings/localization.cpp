@@ -54,8 +54,7 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
 }  // namespace
 
 void bind_localization(py::module_& module) {
-  py::class_<ImageLocation>(module, "ImageLocation",
-                            "Where an image was taken, and whether to believe it.")
+  py::class_<ImageLocation>(module, "ImageLocation", "Pose of an image in a map, judged.")
       .def_readonly("located", &ImageLocation::located, "Whether the pose can be trusted.")
       .def_readonly("probability", &ImageLocation::probability)
       .def_readonly("reason", &ImageLocation::reason)
@@ -65,10 +64,11 @@ void bind_localization(py::module_& module) {
           "4x4; None unless located.")
       .def_property_readonly(
           "estimate", [](const ImageLocation& self) { return pose_array(self.estimate); },
-          "4x4, the best pose found, whatever its probability; or None.")
+          "4x4: the best pose found, whatever its probability; None if none was found.")
       .def_property_readonly(
           "covariance", [](const ImageLocation& self) { return matrix_or_none(self.covariance); },
-          "6x6 of the estimate: translation and rotation vector, in the world; or None.")
+          "(6, 6), of the left perturbation (dt, dphi) of the estimate in the world frame; None if "
+          "unknown.")
       .def_property_readonly(
           "matches",
           [](const ImageLocation& self) {
@@ -82,21 +82,21 @@ void bind_localization(py::module_& module) {
             }
             return matches;
           },
-          "(n, 3): index of the landmark, u and v of the corner.")
+          "(n, 3): landmark index, and u and v of the matched corner, in pixels.")
       .def("__repr__", [](const ImageLocation& self) {
         return fmt::format("<ImageLocation {}: {}>", self.located ? "located" : "rejected",
                            self.reason);
       });
-  py::class_<Locator>(module, "ImageLocator",
-                      "Finds where images were taken in a map with ORB descriptors.")
+  py::class_<Locator>(module, "ImageLocator", "Locates images in a map that has ORB descriptors.")
       .def(py::init(&make_locator), py::arg("map"), py::arg("camera"),
            kept(locate_keywords().signature("$self, map, camera", false) +
-                "Prepares a map for images of one camera. `min_probability` is what makes an image "
-                "located."))
+                "Prepares a map for images of one camera. An image is located if its pose has at "
+                "least\n`min_probability`."))
       .def("locate", &locate, py::arg("image"), py::arg("depth_m") = py::none(), py::kw_only(),
            py::arg("channels") = "rgb",
            "locate($self, image, depth_m=None, *, channels='rgb')\n--\n\n"
-           "The pose of one image, (h, w) or (h, w, 3) uint8, with depth in metres if known.");
+           "Estimates and judges the pose of one image, (h, w) or (h, w, 3) uint8. `depth_m` is "
+           "its depth,\n(h, w) in metres, if known.");
 }
 
 }  // namespace cairn::python

@@ -60,7 +60,7 @@ void write(const SharedMap& map, const std::filesystem::path& path, const py::kw
   MapWriteOptions options = table.read(keywords, &call);
   std::vector<std::string> remarks;
   options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  all_formats().format_to_write(path, options);  // fails before the work
+  all_formats().format_to_write(path, options);  // throws before the work if there is none
   run("writing", call, [&](const Execution& execution) {
     options.progress = execution.progress;
     all_formats().write(*map, path, options);
@@ -99,7 +99,7 @@ DescriptorColumn descriptors_of(py::handle given, const std::string& kind, std::
   return column;
 }
 
-// Of n matrices, row by row.
+// From an array of n matrices.
 std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count) {
   const auto array = real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3});
   std::vector<Eigen::Matrix3d> matrices(count);
@@ -260,26 +260,26 @@ constexpr const char* kFromArrays =
     R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, sigmas_px=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
 --
 
-Makes a map of NumPy arrays; what is left out is absent from the map.
+Makes a map from NumPy arrays. Columns that are not given are absent from the map.
 
 positions            (n, 3), in the world frame
 covariances          (n, 3, 3), of the positions; NaN where unknown
 ids                  (n,), distinct; 0, 1, ... if left out
 colors               (n, 3) uint8, red, green and blue; masked where unknown
 descriptors          (n, b) uint8; masked where unknown
-columns              {name: (n,)}, numbers a landmark under names of your own
+columns              {name: (n,)}, further numbers per landmark under any name
 cameras              list of Camera
 frame_poses          (f, 4, 4), world_from_camera of the keyframes
 frame_cameras        (f,), indices of cameras; masked where unknown
-observed_landmarks   (o,), index of a landmark: one entry a measurement, in any order
-observing_frames     (o,), index of the frame that took it
+observed_landmarks   (o,), landmark index of each observation, in any order
+observing_frames     (o,), frame index of each observation
 pixels               (o, 2)
 keypoints, depths, octaves  (o,)
 sigmas_px            (o,), standard deviations of the pixels; NaN where unknown
 length_unit          'metres' or 'free'
-gravity              (3,), downwards in the world frame
+gravity              (3,), downward direction in the world frame
 
-Raises MisuseError or InputError naming the argument or entry that is wrong.)";
+Raises MisuseError or InputError naming the invalid argument or entry.)";
 
 SharedMap from_arrays(
     const py::object& positions, const py::object& covariances, const py::object& ids,
@@ -346,7 +346,7 @@ py::array positions(const SharedMap& map) {
 py::object covariances(const SharedMap& map) {
   if (!map->has_covariances()) return py::none();
   const auto& column = map->landmarks().covariances;
-  // Column by column in memory.
+  // Eigen stores column by column.
   return view(reinterpret_cast<const double*>(column.data()),
               {static_cast<py::ssize_t>(column.size()), 3, 3}, py::cast(map), {72, 8, 24});
 }
@@ -485,17 +485,18 @@ std::vector<LandmarkIndex> landmark_indices(const LandmarkMap& map, py::handle g
 void bind_camera(py::module_& module) {
   py::class_<GeoReference>(
       module, "GeoReference",
-      "Where a map is on the Earth (WGS 84): the similarity from its frame to a topocentric one.")
+      "Position of a map on the Earth (WGS 84), as a similarity from its frame to a topocentric\n"
+      "frame.")
       .def_property_readonly(
           "latitude_deg", [](const GeoReference& self) { return self.origin.latitude_deg; },
-          "of the origin of the topocentric frame")
+          "Of the origin of the topocentric frame.")
       .def_property_readonly("longitude_deg",
                              [](const GeoReference& self) { return self.origin.longitude_deg; })
       .def_property_readonly("altitude_m",
                              [](const GeoReference& self) { return self.origin.altitude_m; })
       .def_property_readonly(
           "enu_from_map", [](const GeoReference& self) { return pose_array(self.enu_from_map()); },
-          "(4, 4): metres to the east, to the north and up")
+          "(4, 4); metres to the east, to the north and up.")
       .def(
           "geodetic",
           [](const GeoReference& self, const py::object& positions) {
@@ -511,8 +512,8 @@ void bind_camera(py::module_& module) {
             return rows;
           },
           py::arg("positions"),
-          "geodetic($self, positions)\n--\n\n(n, 3) latitude and longitude in degrees, altitude in "
-          "metres, of (n, 3) positions in the map.")
+          "geodetic($self, positions)\n--\n\nLatitude and longitude in degrees and altitude in "
+          "metres, (n, 3), of\n(n, 3) positions in the map.")
       .def("__eq__",
            [](const GeoReference& a, py::handle b) {
              return py::isinstance<GeoReference>(b) && a == b.cast<const GeoReference&>();
@@ -595,7 +596,7 @@ struct SharedPair {
 
 void bind_synthetic(py::module_& module) {
   py::class_<SharedPair>(module, "SyntheticPair",
-                         "Two sessions of one synthetic scene, and the truth.")
+                         "Two sessions of one synthetic scene, with the truth.")
       .def_readonly("source", &SharedPair::source)
       .def_readonly("target", &SharedPair::target)
       .def_property_readonly(
@@ -611,7 +612,7 @@ void bind_synthetic(py::module_& module) {
             }
             return copied(pairs, {static_cast<py::ssize_t>(self.shared.size()), 2});
           },
-          "(m, 2): indices of landmarks, in source and target, that are one.")
+          "(m, 2): indices, in source and target, of landmarks that are the same.")
       .def("__repr__", [](const SharedPair& self) {
         return fmt::format("SyntheticPair(source: {}; target: {})", described(self.source),
                            described(self.target));
@@ -628,8 +629,8 @@ void bind_synthetic(py::module_& module) {
             [&](const Execution&) { map = std::make_shared<LandmarkMap>(synthetic_map(options)); });
         return map;
       },
-      kept(map_keywords.signature("") +
-           "A synthetic session: landmarks on a desk and the boxes on it. Same seed, same map."));
+      kept(map_keywords.signature("") + "A synthetic session: landmarks on a desk with boxes. The "
+                                        "same seed gives the same map."));
   module.def(
       "synthetic_pair",
       [](const py::kwargs& keywords) {
@@ -645,8 +646,7 @@ void bind_synthetic(py::module_& module) {
         return shared;
       },
       kept(pair_keywords.signature("") +
-           "Two synthetic sessions of one scene, each in a world frame of "
-           "its own, with the truth."));
+           "Two synthetic sessions of one scene, each in its own world frame, with the truth."));
 }
 
 }  // namespace
@@ -665,10 +665,10 @@ void bind_maps(py::module_& module) {
   const auto none = py::none();
   py::class_<LandmarkMap, SharedMap> map(
       module, "LandmarkMap",
-      "A landmark map: keyframes, landmarks, and which of them saw which where. Immutable.\n\n"
-      "Columns are NumPy arrays: read-only views of the map's own memory, which they keep alive, "
-      "or,\n"
-      "where entries may be unknown, copies. What the map does not hold is None.");
+      "A landmark map: keyframes, landmarks and observations. Immutable.\n\n"
+      "Columns are NumPy arrays: read-only views of the map's memory, which they keep alive, or "
+      "copies\n"
+      "if entries may be unknown. An absent column is None.");
   map.def_static(
          "from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
          py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
@@ -680,17 +680,18 @@ void bind_maps(py::module_& module) {
          py::arg("depths") = none, py::arg("octaves") = none, py::arg("sigmas_px") = none,
          py::arg("length_unit") = "metres", py::arg("world_frame") = none,
          py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
-      .def(
-          "write", &write, py::arg("path"), kept([] {
-            std::string text = write_keywords().signature("$self, path");
-            return text +
-                   "Writes the map, whole or not at all, in the format of the path's ending or of\n"
-                   "`format`. Warns of what the format does not hold.";
-          }()))
+      .def("write", &write, py::arg("path"), kept([] {
+             std::string text = write_keywords().signature("$self, path");
+             return text +
+                    "Writes the map, completely or not at all, in the format of the path's ending "
+                    "or "
+                    "in `format`.\n"
+                    "Warns of data that the format cannot hold.";
+           }()))
       .def("__len__", &LandmarkMap::landmark_count)
       .def_property_readonly("positions", &positions, "(n, 3), in the world frame; a view.")
       .def_property_readonly("covariances", &covariances,
-                             "(n, 3, 3), NaN where unknown; a view, or None.")
+                             "(n, 3, 3), NaN where unknown; a view, or None if absent.")
       .def_property_readonly(
           "ids", [](const SharedMap& self) { return id_view(self->landmarks().ids, self); },
           "(n,) uint64; a view.")
@@ -704,7 +705,7 @@ void bind_maps(py::module_& module) {
             const auto& column = self->landmarks().descriptors;
             return column ? std::optional(column->kind) : std::nullopt;
           },
-          "Such as 'ORB'; or None.")
+          "E.g. 'ORB'; None if absent.")
       .def_property_readonly("columns", &named_columns, "Named columns, (n,) each; views.")
       .def_property_readonly("cameras",
                              [](const SharedMap& self) {
@@ -749,7 +750,7 @@ void bind_maps(py::module_& module) {
             if (self->frames().image_names.empty()) return py::none();
             return py::cast(self->frames().image_names);
           },
-          "One a frame, '' where unknown; or None.")
+          "One per frame, '' where unknown; or None.")
       .def_property_readonly(
           "gnss_positions",
           [](const SharedMap& self) -> py::object {
@@ -774,9 +775,9 @@ void bind_maps(py::module_& module) {
           "(n + 1,): landmark i's observations are [offsets[i], offsets[i + 1]); a view, or None.")
       .def_property_readonly("observation_counts", &observation_counts, "(n,); or None.")
       .def_property_readonly("observed_landmarks", &observed_landmarks,
-                             "(o,), index of a landmark; or None.")
+                             "(o,), landmark index of each observation; or None.")
       .def_property_readonly("observing_frames", &observing_frames,
-                             "(o,), index of a frame; a view, or None.")
+                             "(o,), frame index of each observation; a view, or None.")
       .def_property_readonly("pixels", &pixels, "(o, 2); a view, or None.")
       .def_property_readonly(
           "keypoints",
@@ -789,7 +790,7 @@ void bind_maps(py::module_& module) {
           [](const SharedMap& self) {
             return with_nan(self->observations().depths, py::cast(self));
           },
-          "(o,), along the optical axis, NaN where unknown; or None.")
+          "(o,), measured along the optical axis, NaN where unknown; or None.")
       .def_property_readonly(
           "octaves",
           [](const SharedMap& self) {
@@ -810,14 +811,14 @@ void bind_maps(py::module_& module) {
                              [](const SharedMap& self) { return self->info().world_frame; })
       .def_property_readonly(
           "gravity", [](const SharedMap& self) { return matrix_or_none(self->info().gravity); },
-          "(3,), downwards in the world frame; or None.")
+          "(3,), downward direction in the world frame; or None.")
       .def_property_readonly(
           "georeference", [](const SharedMap& self) { return self->info().georeference; },
-          "Where the map is on the Earth: a GeoReference; or None.")
+          "GeoReference of the map; or None.")
       .def_property_readonly("uuid", [](const SharedMap& self) { return self->info().uuid; })
       .def_property_readonly(
           "provenance", [](const SharedMap& self) { return self->info().provenance; },
-          "How the map came to be, oldest first.")
+          "History of the map, oldest entry first.")
       .def(
           "transformed",
           [](const SharedMap& self, const py::object& new_from_old) {
@@ -834,8 +835,7 @@ void bind_maps(py::module_& module) {
             return unlocked([&] { return std::make_shared<LandmarkMap>(in_enu_frame(*self)); });
           },
           "in_enu_frame($self)\n--\n\nThe map in the frame of its georeference: metres to the "
-          "east, "
-          "to the north and up.")
+          "east, to the\nnorth and up.")
       .def(
           "select",
           [](const SharedMap& self, const py::object& landmarks) {
@@ -844,7 +844,8 @@ void bind_maps(py::module_& module) {
                 [&] { return std::make_shared<LandmarkMap>(with_landmarks(*self, indices)); });
           },
           py::arg("landmarks"),
-          "select($self, landmarks)\n--\n\nOnly these landmarks: indices, or a mask; all frames.")
+          "select($self, landmarks)\n--\n\nThe map with only these landmarks (indices or a mask) "
+          "and all frames.")
       .def(
           "with_column",
           [](const SharedMap& self, const std::string& name, const py::object& values) {
@@ -861,7 +862,7 @@ void bind_maps(py::module_& module) {
             return std::make_shared<LandmarkMap>(with_camera(*self, camera));
           },
           py::arg("camera"),
-          "with_camera($self, camera)\n--\n\nThe map with one camera that took all frames.")
+          "with_camera($self, camera)\n--\n\nThe map with one camera, for all frames.")
       .def(
           "with_length_unit",
           [](const SharedMap& self, const std::string& length_unit) {
@@ -869,8 +870,8 @@ void bind_maps(py::module_& module) {
                 with_length_unit(*self, length_unit_of(length_unit)));
           },
           py::arg("length_unit"),
-          "with_length_unit($self, length_unit)\n--\n\nThe map with its lengths said to be "
-          "'metres' or 'free'.")
+          "with_length_unit($self, length_unit)\n--\n\nThe map with the same numbers and length "
+          "unit 'metres' or 'free'.")
       .def(
           "cut_frames",
           [](const SharedMap& self, std::uint64_t begin, std::uint64_t end) {
@@ -878,7 +879,7 @@ void bind_maps(py::module_& module) {
           },
           py::arg("begin"), py::arg("end"),
           "cut_frames($self, begin, end)\n--\n\n"
-          "The frames whose id is in [begin, end), and the landmarks that only they observed.")
+          "The frames with ids in [begin, end), and the landmarks that only these observed.")
       .def("__repr__",
            [](const SharedMap& self) { return "<LandmarkMap: " + described(self) + ">"; })
       .def("__copy__", [](const SharedMap& self) { return self; })
@@ -892,9 +893,9 @@ void bind_maps(py::module_& module) {
   module.def(
       "read_map", &read, py::arg("path"),
       "read_map(path, *, threads=0, progress=None)\n--\n\n"
-      "Reads a map in any format that Cairn knows, recognised by content: a file, a folder, or\n"
-      "'path#N' for one of several maps in a file. Warns of what was left out.\n\n"
-      "Raises InputError with .file, .line and .expected for what cannot be read.");
+      "Reads a map in any supported format, recognised by content, from a file, a folder, or\n"
+      "'path#N' for one of several maps in a file. Warns of data that is left out.\n\n"
+      "Raises InputError with .file, .line and .expected if the map cannot be read.");
   module.def(
       "formats",
       [] {
@@ -904,7 +905,7 @@ void bind_maps(py::module_& module) {
         }
         return result;
       },
-      "formats()\n--\n\nNames of the map formats, with a title each.");
+      "formats()\n--\n\nDict of the map formats' titles by name.");
   bind_synthetic(module);
 }
 

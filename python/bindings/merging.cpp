@@ -60,19 +60,19 @@ Merged merge_maps(const std::vector<SharedMap>& maps,
 }  // namespace
 
 void bind_merging(py::module_& module) {
-  py::class_<MergedPart>(module, "MergedMap", "What became of one of the merged maps.")
+  py::class_<MergedPart>(module, "MergedMap", "Result of a merge for one map.")
       .def_property_readonly("name", [](const MergedPart& self) { return decoded(self.name); })
       .def_property_readonly("placed", [](const MergedPart& self) { return self.part.placed; })
       .def_property_readonly(
           "reason", [](const MergedPart& self) { return self.part.reason; },
-          "Of a map that is not placed: one sentence for people.")
+          "Why the map is not placed, in one sentence; empty if it is placed.")
       .def_property_readonly(
           "world_from_map",
           [](const MergedPart& self) { return pose_array(self.part.world_from_map); },
-          "4x4, with the scale in it; None if it is not placed.")
+          "4x4, including the scale; None if the map is not placed.")
       .def_property_readonly(
           "covariance", [](const MergedPart& self) { return copied_matrix(self.part.covariance); },
-          "(7, 7): (dt, dphi, dlog s), a left perturbation in the world.")
+          "(7, 7), of the left perturbation (dt, dphi, dlog s) in the world frame.")
       .def_property_readonly("landmarks",
                              [](const MergedPart& self) {
                                return self.part.fusion ? self.part.fusion->landmarks
@@ -83,12 +83,12 @@ void bind_merging(py::module_& module) {
           [](const MergedPart& self) {
             return self.part.fusion ? self.part.fusion->fused : std::size_t{0};
           },
-          "Landmarks that became one with a landmark of a map before it.")
+          "Number of landmarks that were fused with a landmark of an earlier map.")
       .def("__repr__", [](const MergedPart& self) {
         return decoded(fmt::format("<MergedMap {}: {}>", self.name,
                                    self.part.placed ? "placed" : self.part.reason));
       });
-  py::class_<Link>(module, "Link", "What is known of how two maps lie to each other.")
+  py::class_<Link>(module, "Link", "Link between two maps: from align(), odometry or a person.")
       .def_property_readonly("source", [](const Link& self) { return decoded(self.source); })
       .def_property_readonly("target", [](const Link& self) { return decoded(self.target); })
       .def_property_readonly(
@@ -98,7 +98,7 @@ void bind_merging(py::module_& module) {
           "verdict", [](const Link& self) { return std::string(to_string(self.link.verdict)); })
       .def_property_readonly(
           "probability", [](const Link& self) { return self.link.probability; },
-          "That the transform is right; None if nobody judged it.")
+          "Probability that the transform is right; None if it was not judged.")
       .def_property_readonly("reason", [](const Link& self) { return self.link.reason; })
       .def_property_readonly(
           "target_from_source",
@@ -106,19 +106,22 @@ void bind_merging(py::module_& module) {
           "4x4; None unless the verdict is 'aligned'.")
       .def_property_readonly(
           "covariance", [](const Link& self) { return matrix_or_none(self.link.covariance); },
-          "(6, 6): (dt, dphi), a left perturbation in the target; or None.")
+          "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
       .def_property_readonly(
           "covariance_with_scale",
           [](const Link& self) { return matrix_or_none(self.link.covariance_with_scale); },
-          "(7, 7): (dt, dphi, dlog s), of a link that measures the scale; else None.")
-      .def_readonly("used", &Link::used, "Aligned, and in agreement with the poses of the maps.")
+          "(7, 7), of (dt, dphi, dlog s); None unless the link measures the scale.")
+      .def_readonly("used", &Link::used,
+                    "Whether the link is aligned and agrees with the maps' poses.")
       .def("__repr__", [](const Link& self) {
         return decoded(fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
                                    to_string(self.link.verdict), self.used ? "" : ", not used"));
       });
-  py::class_<Merged>(module, "MergeResult", "One map out of many.")
-      .def_readonly("map", &Merged::map,
-                    "In the frame of the first map placed; None if no two maps were.")
+  py::class_<Merged>(module, "MergeResult", "Result of merging maps.")
+      .def_readonly(
+          "map", &Merged::map,
+          "The merged map, in the frame of the first placed map; None if no two maps were "
+          "placed.")
       .def_property_readonly(
           "maps",
           [](const Merged& self) {
@@ -128,7 +131,7 @@ void bind_merging(py::module_& module) {
             }
             return parts;
           },
-          "What became of each map.")
+          "Results of the maps: a list of MergedMap.")
       .def_property_readonly(
           "links",
           [](const Merged& self) {
@@ -140,13 +143,13 @@ void bind_merging(py::module_& module) {
             }
             return links;
           },
-          "Of all pairs that were tried or stated, aligned or not.")
+          "Links of all pairs that were tried or stated, aligned or not.")
       .def_property_readonly(
           "adjusted", [](const Merged& self) { return self.result.adjustment.has_value(); },
-          "Whether all keyframes and landmarks were adjusted; only if it was asked for.")
+          "Whether all keyframes and landmarks were adjusted, which `adjust` requests.")
       .def_property_readonly(
           "placed", [](const Merged& self) { return self.result.placed(); },
-          "How many maps were placed.")
+          "Number of placed maps.")
       .def("__repr__", [](const Merged& self) {
         return fmt::format("<MergeResult: {} of {} maps placed, {} landmarks>",
                            self.result.placed(), self.names.size(),
@@ -155,15 +158,16 @@ void bind_merging(py::module_& module) {
   module.def(
       "merge", &merge_maps, py::arg("maps"), py::arg("names") = py::none(),
       kept(merge_keywords().signature("maps, names=None") +
-           "Merges maps of one place: finds their poses, drops links that disagree, and "
+           "Merges maps of one place: computes their poses, rejects links that disagree, and "
            "fuses landmarks\n"
-           "that are one. A map that nothing connects to the largest group stays out, with "
-           "a reason.\n\n"
-           "adjust             move all keyframes and landmarks so that all observations fit "
-           "best; a\n"
-           "                   warning says why if the maps do not allow it\n"
-           "refine_intrinsics  the cameras too\n"
-           "matching_rounds    how often landmarks are matched again after an adjustment"));
+           "that are the same. A map without a link to the largest group is left out, with a "
+           "reason.\n\n"
+           "adjust             optimise all keyframes and landmarks (bundle adjustment); warns if "
+           "the\n"
+           "                   maps lack the data\n"
+           "refine_intrinsics  adjust the cameras too\n"
+           "matching_rounds    number of rounds in which landmarks are matched again after an\n"
+           "                   adjustment"));
 }
 
 }  // namespace cairn::python

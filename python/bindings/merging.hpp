@@ -10,15 +10,15 @@
 
 namespace cairn::python {
 
-/// A merged map and the names of its parts, which result.maps and the links' indices refer to.
+/// A merged map and the names of the maps, to which the indices in result.maps and the links refer.
 struct Merged {
   MergeResult result;  ///< its map is in `map`
   std::vector<std::string> names;
   SharedMap map;  ///< null if no two maps were placed
 };
 
-/// The keywords of whatever makes one map of placed maps.
-/// @param placed gives a reference to the MergePlacedOptions of the options
+/// Keywords of functions that merge placed maps.
+/// @param placed returns a reference to the options' MergePlacedOptions
 template <class Options, class Placed>
 void add_merge_placed_to(Keywords<Options>& keywords, const Placed& placed) {
   keywords

@@ -5,11 +5,11 @@
 
 PYBIND11_MODULE(_cairn, module) {
   namespace python = cairn::python;
-  // Signatures are in the documentation, in the form that inspect reads.
+  // The docstrings contain the signatures, in the form that inspect reads.
   pybind11::options options;
   options.disable_function_signatures();
   module.attr("__version__") = cairn::kVersion;
-  module.attr("__name__") = "cairn";  // what classes say they are of, so that they unpickle
+  module.attr("__name__") = "cairn";  // the classes' module, for unpickling
   python::bind_errors(module);
   python::bind_maps(module);
   python::bind_alignment(module);

@@ -14,7 +14,7 @@
 namespace cairn::python {
 namespace {
 
-// Several Python threads may use one object; each call has it to itself.
+// Odometry that several Python threads may use; calls run one at a time.
 class SharedOdometry {
  public:
   SharedOdometry(Camera camera, const OdometryOptions& options)
@@ -186,12 +186,12 @@ Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
 }  // namespace
 
 void bind_odometry(py::module_& module) {
-  py::class_<FrameReport>(module, "FrameReport", "What became of one frame.")
+  py::class_<FrameReport>(module, "FrameReport", "Result of tracking one frame.")
       .def_property_readonly(
           "status", [](const FrameReport& self) { return std::string(to_string(self.status)); },
           "'waiting', 'tracked' or 'lost'.")
       .def_readonly("keyframe", &FrameReport::keyframe)
-      .def_readonly("landmarks", &FrameReport::landmarks, "Found in it.")
+      .def_readonly("landmarks", &FrameReport::landmarks, "Number of landmarks found in it.")
       .def_property_readonly(
           "reprojection_errors",
           [](const FrameReport& self) { return copied(self.reprojection_errors); },
@@ -203,17 +203,17 @@ void bind_odometry(py::module_& module) {
   static const std::string kInit = odometry_keywords().signature("$self, camera", false);
   py::class_<SharedOdometry>(
       module, "Odometry",
-      "RGB-D odometry, frame by frame in the order of time: poses, and a landmark map.")
+      "RGB-D odometry: estimates poses and a landmark map from frames in time order.")
       .def(py::init(&make_odometry), py::arg("camera"),
-           kept(kInit + "`start` is the pose of the first frame (4x4, world_from_camera); else the "
-                        "identity."))
+           kept(kInit + "`start` is the pose of the first frame (4x4, world_from_camera), by "
+                        "default the identity."))
       .def(
           "track", &track, py::arg("timestamp_s"), py::arg("image"),
           py::arg("depth_m") = py::none(), py::kw_only(), py::arg("channels") = "rgb",
           py::arg("image_name") = "",
           "track($self, timestamp_s, image, depth_m=None, *, channels='rgb', image_name='')\n--\n\n"
-          "Takes the next frame: image (h, w) or (h, w, 3) uint8, depth (h, w) in metres, 0 or NaN "
-          "where\n"
+          "Tracks the next frame: image (h, w) or (h, w, 3) uint8, depth (h, w) in metres, 0 or "
+          "NaN where\n"
           "unknown. `channels` is 'rgb', or 'bgr' as in OpenCV.")
       .def(
           "complete",
@@ -227,9 +227,9 @@ void bind_odometry(py::module_& module) {
               return std::make_shared<LandmarkMap>(odometry.map(options));
             });
           },
-          kept(
-              map_keywords().signature("$self", false) +
-              "The map so far. `covariance` is 'recursive', or 'marginal' from the whole problem."))
+          kept(map_keywords().signature("$self", false) +
+               "The map so far. `covariance` is 'recursive', or 'marginal' (from the whole "
+               "least-squares\nproblem)."))
       .def(
           "trajectory",
           [](SharedOdometry& self) {
@@ -241,14 +241,14 @@ void bind_odometry(py::module_& module) {
           [](SharedOdometry& self) {
             return pose_array(self.alone([](Odometry& odometry) { return odometry.last_pose(); }));
           },
-          "Of the last frame, 4x4, world_from_camera; None if it was not tracked.")
+          "4x4, world_from_camera of the last frame; None if it was not tracked.")
       .def_property_readonly("camera", &SharedOdometry::camera)
       .def("__repr__", [](const SharedOdometry& self) {
         return fmt::format("<Odometry: {} {}x{}>", self.camera().model, self.camera().width,
                            self.camera().height);
       });
-  py::class_<Mapped>(module, "MappedSequence", "What mapping a sequence came to.")
-      .def_readonly("maps", &Mapped::maps, "One map, or the mini-maps in the order of time.")
+  py::class_<Mapped>(module, "MappedSequence", "Result of mapping a sequence.")
+      .def_readonly("maps", &Mapped::maps, "One map, or the mini-maps in time order.")
       .def_property_readonly("trajectory",
                              [](const Mapped& self) { return self.sequence.trajectory; })
       .def_property_readonly("frames", [](const Mapped& self) { return self.sequence.frames; })

@@ -15,15 +15,15 @@
 
 #include "bindings/support.hpp"
 
-/// Columns with an entry that may be unknown: the one place that knows how a map stores them.
+/// Conversion of columns with unknown entries. Only this header depends on how a map stores them.
 namespace cairn::python {
 
 inline bool all_known(std::span<const std::uint8_t> known) {
   return std::find(known.begin(), known.end(), 0) == known.end();
 }
 
-/// None if the column is absent; a view where all entries are known; else a copy in which NaN stands for
-/// unknown.
+/// None if the column is absent; a view if all entries are known; otherwise a copy with NaN for unknown
+/// entries.
 /// @param owner the map, which the view keeps alive
 inline py::object with_nan(const OptionalColumn<double>& column, py::handle owner) {
   if (column.empty()) return py::none();
@@ -40,8 +40,8 @@ inline py::object with_nan(const OptionalColumn<double>& column, py::handle owne
   return array;
 }
 
-/// None if the column is absent; else a masked array (numpy.ma) over the column's own values, in which
-/// unknown entries are masked.
+/// None if the column is absent; otherwise a masked array (numpy.ma) that views the column's values and masks
+/// unknown entries.
 /// @param owner the map, which the array keeps alive
 template <class Scalar, class Entry>
 py::object masked(const OptionalColumn<Entry>& column, py::handle owner) {
@@ -62,7 +62,7 @@ py::object masked(const OptionalColumn<Entry>& column, py::handle owner) {
           py::arg("mask") = mask);
 }
 
-/// The entries of an array that may be masked.
+/// Entries of an array, which may be masked.
 template <class Entry, class Scalar, class Get>
 OptionalColumn<Entry> from_masked(py::handle given, const py::array_t<Scalar>& values,
                                   const Get& get) {
@@ -80,7 +80,7 @@ OptionalColumn<Entry> from_masked(py::handle given, const py::array_t<Scalar>& v
   return column;
 }
 
-/// Numbers of which NaN is unknown.
+/// From numbers with NaN for unknown entries.
 inline OptionalColumn<double> from_nan(const py::array_t<double>& values) {
   OptionalColumn<double> column(static_cast<std::size_t>(values.size()));
   for (std::size_t i = 0; i < column.size(); ++i) {

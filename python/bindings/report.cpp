@@ -85,7 +85,7 @@ Page make_page(const SharedMap& source, const SharedMap& target,
   });
 }
 
-// A frame in which the page's scripts run apart from the notebook's.
+// An iframe, which isolates the page's scripts from the notebook's.
 py::str frame_of(const Page& page) {
   const py::object escaped = py::module_::import("html").attr("escape")(page.html);
   return py::str(
@@ -97,7 +97,8 @@ py::str frame_of(const Page& page) {
 
 void bind_report(py::module_& module) {
   py::class_<Page>(module, "Report",
-                   "One HTML page that works offline: maps in 3D, matches, charts.")
+                   "A self-contained HTML page that works offline, with maps in 3D, matches and "
+                   "charts.")
       .def_readonly("title", &Page::title)
       .def_readonly("html", &Page::html)
       .def(
@@ -105,12 +106,12 @@ void bind_report(py::module_& module) {
           [](const Page& self, const std::filesystem::path& path) {
             write_file(path, [&](const ByteSink& sink) { sink(self.html); });
           },
-          py::arg("path"), "write($self, path)\n--\n\nWrites the page, whole or not at all.")
+          py::arg("path"), "write($self, path)\n--\n\nWrites the page, completely or not at all.")
       .def(
           "show",
           [](const py::object& self) { py::module_::import("cairn._notebook").attr("show")(self); },
-          "show($self)\n--\n\nPuts the page into the notebook; outside of one, opens it in a "
-          "browser.")
+          "show($self)\n--\n\nShows the page in a notebook, or opens it in a browser if there is "
+          "none.")
       .def("_repr_html_", &frame_of)
       .def("__repr__", [](const Page& self) {
         return fmt::format("<Report: {}, {} kB>", self.title, self.html.size() / 1000);
@@ -120,8 +121,8 @@ void bind_report(py::module_& module) {
       py::arg("results") = py::tuple(), py::kw_only(), py::arg("truth") = py::none(),
       py::arg("title") = py::none(),
       "report(source, target=None, results=(), *, truth=None, title=None)\n--\n\n"
-      "A page that shows one map, or the alignments of two. With trace=True in align() it shows\n"
-      "each iteration; with `truth` (4x4, target_from_source) also the errors.");
+      "Makes a page that shows one map, or the alignments of two. Shows each iteration of results\n"
+      "from align(trace=True), and pose errors with `truth` (4x4, target_from_source).");
   module.def(
       "has_viewer", &report::has_viewer,
       "has_viewer()\n--\n\nWhether this build can make reports (CMake option CAIRN_WITH_VIEWER).");

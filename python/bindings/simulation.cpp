@@ -127,26 +127,26 @@ void bind_simulation(py::module_& module) {
           "(h, w, 3) uint8; a view.")
       .def_property_readonly(
           "depth_m", [](const SharedRgbdFrame& self) { return image(self->depth_m, self); },
-          "(h, w) float32 as measured, 0 where there is no reading; a view.")
+          "(h, w) float32, as measured; 0 where there is no reading; a view.")
       .def_property_readonly(
           "exact_depth_m",
           [](const SharedRgbdFrame& self) { return image(self->exact_depth_m, self); },
-          "(h, w) float32, 0 where nothing is; a view.")
+          "(h, w) float32; 0 where the line of sight meets no surface; a view.")
       .def("__repr__", [](const RgbdFrame& self) {
         return fmt::format("<SimulatedFrame: {:.3f} s, {}x{}>", self.timestamp_s, self.width,
                            self.height);
       });
   py::class_<Simulation, SharedSimulation>(
-      module, "Simulation", "An RGB-D camera on its way through a place; a sequence of frames.")
+      module, "Simulation", "A simulated RGB-D sequence; frames are rendered when accessed.")
       .def("__len__", [](const Simulation& self) { return self.simulator.frame_count(); })
       .def("__getitem__", &frame_of, py::arg("index"))
       .def("frame", &frame_of, py::arg("index"),
-           "frame($self, index)\n--\n\nRenders a frame, which depends on the options and its "
-           "number only.")
+           "frame($self, index)\n--\n\nRenders a frame, which depends only on the options and its "
+           "index.")
       .def_readonly("camera", &Simulation::camera)
       .def_property_readonly(
           "trajectory", [](const Simulation& self) { return self.simulator.trajectory(); },
-          "The true one.")
+          "The true trajectory.")
       .def("__repr__", [](const Simulation& self) {
         return fmt::format("<Simulation: {} frames, {}x{}>", self.simulator.frame_count(),
                            self.camera.width, self.camera.height);
@@ -155,7 +155,8 @@ void bind_simulation(py::module_& module) {
              kept(simulate_keywords().signature("environment='desk'") +
                   "Simulates an RGB-D sequence with exact ground truth.\n\n"
                   "environment   'desk', 'office', 'corridor', 'warehouse', 'room' or 'kitchen'\n"
-                  "seed, layout  of the place; session: path, noise and changes\n"
+                  "seed, layout  determine the place\n"
+                  "session       determines path, noise and changes\n"
                   "path          'sweep', 'orbit' or 'walk'"));
 }
 

@@ -29,7 +29,7 @@ std::string shape_text(const std::vector<py::ssize_t>& shape) {
   return text + (shape.size() == 1 ? ",)" : ")");
 }
 
-// An array of the kinds of numbers (NumPy's letters) and the shape, or an exception that says why not.
+// An array of these kinds of numbers (NumPy's letters) and this shape; throws if it is not.
 py::array checked_array(py::handle value, std::string_view name,
                         const std::vector<py::ssize_t>& shape, std::string_view kinds,
                         std::string_view what) {
@@ -41,7 +41,7 @@ py::array checked_array(py::handle value, std::string_view name,
   }
   std::vector<py::ssize_t> found(array.shape(), array.shape() + array.ndim());
   const bool empty = array.size() == 0;
-  // NumPy takes [] for floats.
+  // NumPy makes [] an array of floats.
   if (kinds.find(array.dtype().kind()) == std::string_view::npos && !empty) {
     throw py::type_error(fmt::format("{}: array of {}; expected {}", name,
                                      py::str(array.dtype()).cast<std::string>(), what));
@@ -262,7 +262,7 @@ void from_python(py::handle value, const std::string& name, bool& result) {
 }
 
 void from_python(py::handle value, const std::string& name, double& result) {
-  if (value.is_none() && std::isinf(result)) return;  // unlimited, as it is by default
+  if (value.is_none() && std::isinf(result)) return;  // None: stays unlimited, the default
   const bool is_text = py::isinstance<py::str>(value) || py::isinstance<py::bytes>(value);
   const double number = is_text ? -1.0 : PyFloat_AsDouble(value.ptr());
   if (is_text || (number == -1.0 && PyErr_Occurred() != nullptr)) {
@@ -291,7 +291,7 @@ void from_python(py::handle value, const std::string& name, std::optional<double
 
 namespace {
 
-// The integer that a value is; a float or text is none.
+// The integer value; throws for floats and text.
 py::int_ index_of(py::handle value, const std::string& name) {
   PyObject* const index = PyNumber_Index(value.ptr());
   if (index == nullptr || py::isinstance<py::bool_>(value)) {
@@ -341,8 +341,8 @@ void refuse_keyword(const std::string& function, const std::string& name,
 
 namespace {
 
-// As the base class makes objects. That it is another function makes CPython refuse explicit calls of the
-// base's __new__, so that objects come from calls of the class alone, which initialise them.
+// Makes objects like the base class. Because it is a different function, CPython refuses explicit calls of
+// the base's __new__, so only calls of the class create objects, and these initialise them.
 PyObject* make_object(PyTypeObject* type, PyObject* positional, PyObject* keywords) {
   PyTypeObject* base = type;
   while (base->tp_new == &make_object) base = base->tp_base;

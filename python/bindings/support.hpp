@@ -23,7 +23,7 @@
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-/// What all bindings share: arrays in and out, long calls, options by keyword.
+/// Shared by all bindings: arrays in and out, long calls, options by keyword.
 namespace cairn::python {
 
 namespace py = pybind11;
@@ -47,16 +47,16 @@ void bind_odometry(py::module_& module);
 
 // --- Long calls -------------------------------------------------------------------------------------
 
-/// How a call runs: the keywords `threads` and `progress` of every long function.
+/// The keywords `threads` and `progress` of every long function.
 struct CallOptions {
-  unsigned threads = 0;              ///< at most; 0: one per core
+  unsigned threads = 0;              ///< largest number; 0: one per core
   py::object progress = py::none();  ///< None, True (a tqdm bar) or a callable that takes a share
 };
 
-/// Runs `work` in a thread of its own, without the GIL, while the calling thread watches for signals and
-/// reports progress. A signal handler that raises (KeyboardInterrupt), or a progress callable that does,
-/// stops the work and is raised as soon as it has ended.
-/// @param name of the work, shown beside the bar
+/// Runs `work` in its own thread, without the GIL, while the calling thread handles signals and reports
+/// progress. If a signal handler (KeyboardInterrupt) or the progress callable raises, stops the work, and
+/// raises the exception when the work has ended.
+/// @param name of the work, shown beside the progress bar
 void run(const std::string& name, const CallOptions& call,
          const std::function<void(const Execution&)>& work);
 
@@ -69,8 +69,8 @@ auto unlocked(const Work& work) {
 
 // --- Arrays -----------------------------------------------------------------------------------------
 
-/// A read-only array of `data`, which `owner` keeps alive.
-/// @param strides in bytes; empty: row by row without gaps
+/// A read-only array that views `data`, which `owner` keeps alive.
+/// @param strides in bytes; empty: row-major without gaps
 template <class Scalar>
 py::array view(const Scalar* data, std::vector<py::ssize_t> shape, py::handle owner,
                std::vector<py::ssize_t> strides = {}) {
@@ -87,7 +87,7 @@ py::array view(const Scalar* data, std::vector<py::ssize_t> shape, py::handle ow
   return array;
 }
 
-/// A copy of numbers, which the array owns.
+/// An array that owns a copy of the numbers.
 template <class Scalar>
 py::array copied(const std::vector<Scalar>& values, std::vector<py::ssize_t> shape) {
   return py::array(py::dtype::of<Scalar>(), std::move(shape), values.data());
@@ -113,7 +113,7 @@ py::array copied_matrix(const Matrix& matrix) {
   }
 }
 
-/// 4x4, with the scale in it.
+/// 4x4, including the scale.
 py::object pose_array(const Similarity3& pose);
 py::object pose_array(const Rigid3& pose);
 py::object pose_array(const std::optional<Similarity3>& pose);
@@ -127,21 +127,21 @@ py::object matrix_or_none(const std::optional<Matrix>& matrix) {
   return copied_matrix(*matrix);
 }
 
-/// What a user gave as an array of numbers, row by row, checked against a shape.
+/// Numbers of a user's array, row-major, checked against a shape.
 struct Numbers {
   py::array array;
   std::vector<py::ssize_t> shape;
 };
 
 /// @param shape -1 for any length
-/// @param name  of the argument, for messages
-/// @throws TypeError for what is no array of real numbers, Error (misuse) for another shape
+/// @param name  of the argument, for error messages
+/// @throws TypeError unless it is an array of real numbers, Error (misuse) for another shape
 py::array_t<double> real_array(py::handle value, std::string_view name,
                                const std::vector<py::ssize_t>& shape);
 /// The same for integers: floats are refused.
 py::array_t<std::int64_t> integer_array(py::handle value, std::string_view name,
                                         const std::vector<py::ssize_t>& shape);
-/// Integers that are ids: not negative, but up to 2^64 - 1.
+/// The same for ids: integers from 0 to 2^64 - 1.
 py::array_t<std::uint64_t> id_array(py::handle value, std::string_view name,
                                     const std::vector<py::ssize_t>& shape);
 py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
@@ -154,7 +154,7 @@ Similarity3 similarity_of(py::handle value, std::string_view name);
 /// (4, 4) of scale 1.
 Rigid3 rigid_of(py::handle value, std::string_view name);
 
-/// One of a few words, for messages: "'a', 'b' or 'c'".
+/// A list of alternatives for error messages: "'a', 'b' or 'c'".
 template <class Value>
 Value word(const std::string& text, std::string_view name,
            const std::vector<std::pair<std::string_view, Value>>& words) {
@@ -169,7 +169,7 @@ Value word(const std::string& text, std::string_view name,
 
 // --- Options by keyword -----------------------------------------------------------------------------
 
-/// A Python value for a number of unlimited size is None.
+/// A Python float; None for infinity, which means unlimited.
 py::object to_python(double value);
 py::object to_python(const std::optional<double>& value);
 template <class Value>
@@ -215,12 +215,12 @@ void from_python(py::handle value, const std::string& name, std::optional<Value>
   }
 }
 
-/// `name` is none of `names`: TypeError with a name that is nearly the same, where there is one.
+/// @throws TypeError, always, for a `name` that is not in `names`; suggests a similar name if there is one
 [[noreturn]] void refuse_keyword(const std::string& function, const std::string& name,
                                  const std::vector<std::string>& names);
 
-/// The keywords of one function: each reads and sets a part of an options struct. Defaults come from the
-/// struct, so signatures and documentation never differ from C++.
+/// The keywords of a function, each of which reads and sets a part of an options struct. Defaults come from
+/// the struct, so signatures and documentation always agree with C++.
 template <class Options>
 class Keywords {
  public:
@@ -228,7 +228,7 @@ class Keywords {
 
   explicit Keywords(std::string function) : function_(std::move(function)) {}
 
-  /// @param field gives a reference to the part of the options, e.g. [](auto& o) -> auto& { return o.seed; }
+  /// @param field returns a reference to the option, e.g. [](auto& o) -> auto& { return o.seed; }
   template <class Field>
   Keywords& add(const std::string& name, const Field& field) {
     Options defaults;
@@ -236,7 +236,7 @@ class Keywords {
       from_python(value, name, field(options));
     });
   }
-  /// @param initial the default as Python shows it
+  /// @param initial the default value in Python
   Keywords& add(const std::string& name, const py::object& initial, Set set) {
     names_.push_back(name);
     defaults_.push_back(py::repr(initial).template cast<std::string>());
@@ -244,7 +244,7 @@ class Keywords {
     return *this;
   }
 
-  /// Reads the keywords that were given; takes `threads` and `progress` where the options can run.
+  /// Reads the given keywords; also `threads` and `progress` if `call` is not null.
   Options read(const py::kwargs& given, CallOptions* call = nullptr) const {
     Options options;
     for (const auto& [key, value] : given) {
@@ -282,9 +282,9 @@ class Keywords {
   std::vector<Set> sets_;
 };
 
-/// Has objects of a class pickled as what `pack` makes of them. An object that __new__ made is not one that
-/// could be filled in later: such objects do not exist (seal()).
-/// @param name of the function in cairn._pickles that makes the object again by `unpack`
+/// Pickles objects of a class as the result of `pack`. Does not use __setstate__, because objects without a
+/// value cannot exist (seal()).
+/// @param name of the function in cairn._pickles that restores the object by `unpack`
 template <class Class, class Pack, class Unpack>
 void make_picklable(py::module_& module, Class& cls, const std::string& name, const Pack& pack,
                     const Unpack& unpack) {
@@ -295,11 +295,11 @@ void make_picklable(py::module_& module, Class& cls, const std::string& name, co
   });
 }
 
-/// Refuses `Class.__new__(Class)` for all classes of the module: it gives an object without a value, of
-/// which pybind11 makes one of uninitialised memory.
+/// Makes `Class.__new__(Class)` fail for all classes of the module, because it would create an object without
+/// a value, in uninitialised memory.
 void seal(py::module_& module);
 
-/// Text for the lifetime of the process: documentation that is made at import.
+/// Keeps a text for the lifetime of the process, for docstrings made at import.
 const char* kept(std::string text);
 
 }  // namespace cairn::python

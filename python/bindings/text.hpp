@@ -6,16 +6,16 @@
 
 #include "bindings/support.hpp"
 
-/// Text between the library, where it may be any bytes, and Python.
+/// Conversion of text between the library, where it may contain any bytes, and Python.
 namespace cairn::python {
 
-/// What is no UTF-8 becomes surrogates, as in os.fsdecode(): paths, and names of maps.
+/// For paths and names of maps: bytes that are not UTF-8 become surrogates, as in os.fsdecode().
 py::str decoded(const std::string& text);
-/// The other way round.
-/// @throws TypeError naming the argument, for what is no text
+/// The reverse.
+/// @throws TypeError naming the argument, unless it is text
 std::string encoded(py::handle text, const std::string& name);
 
-/// Remarks of the library (LogSink) as Python warnings, at the line that called.
+/// Issues remarks of the library (LogSink) as Python warnings at the caller's line.
 void warn(const std::vector<std::string>& remarks);
 
 }  // namespace cairn::python

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Aligns the landmark maps of visual SLAM, and says whether to believe the pose.
+"""Aligns landmark maps of visual SLAM and judges whether the pose can be trusted.
 
     import cairn
     source, target = cairn.read_map("source.map"), cairn.read_map("target.map")
     result = cairn.align(source, target)
     print(result.verdict, result.probability, result.target_from_source)
 
-Poses are 4x4 NumPy arrays with the scale in them: x_in_target = target_from_source @ x_in_source.
-Lengths are metres, or the map's own unit where its scale is unknown; angles are radians.
+Poses are 4x4 NumPy arrays that include the scale: x_in_target = target_from_source @ x_in_source.
+Lengths are in metres, or in the map's own unit if its scale is unknown; angles are in radians.
 """
 
 from . import _cairn
@@ -18,7 +18,7 @@ from ._tables import to_pandas as _to_pandas
 
 LandmarkMap.to_pandas = _to_pandas  # noqa: F405
 
-# What a build may lack, and the libraries that it needs.
+# Optional names and the libraries that they need.
 _OPTIONAL = {
     "Atlas": "Ceres and SQLite",
     "merge": "Ceres",

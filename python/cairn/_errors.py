@@ -10,14 +10,14 @@ _EXPECTED = "; expected "
 
 
 def _path_before(message: str) -> Optional[str]:
-    """What a message about a whole file or folder begins with."""
+    """The path at the start of a message about a whole file or folder."""
     head, separator, _ = message.partition(": ")
     is_path = os.sep in head or os.path.splitext(head)[1] != "" and " " not in head
     return head if separator and is_path else None
 
 
 class Error(Exception):
-    """Misuse or unreadable input. The message says what, where and what was expected."""
+    """Base class of the library's errors. The message states the place, the problem and what was expected."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
@@ -32,15 +32,15 @@ class Error(Exception):
 
 
 class MisuseError(Error, ValueError):
-    """An argument or option outside what the function states."""
+    """An argument or option violates the function's constraints."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
-        self.file = self.line = None  # "IcpOptions.k" is no path
+        self.file = self.line = None  # "IcpOptions.k" is not a path
 
 
 class InputError(Error, ValueError):
-    """Data that cannot be read or does not say what it must."""
+    """Data that cannot be read, or lacks what the function needs."""
 
 
 class StorageError(Error, OSError):

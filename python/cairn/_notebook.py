@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Showing a report."""
+"""Shows a report in a notebook or browser."""
 
 
 def _in_notebook():

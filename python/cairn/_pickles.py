@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What pickles name, so that objects are made again: functions of the extension cannot be pickled."""
+"""Functions that pickles name to restore objects, because functions of the extension cannot be pickled."""
 
 from . import _cairn
 

@@ -16,7 +16,7 @@ class _Bar:
 
 
 def reporter(progress, name):
-    """What is called with a share in [0, 1]; None for no progress at all."""
+    """A callable that takes a share in [0, 1]; None if no progress is shown."""
     if progress is None or progress is False:
         return None
     if progress is True:

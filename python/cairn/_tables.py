@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as tables of pandas."""
+"""Maps as pandas tables."""
 
 
 def to_pandas(self):
-    """The landmarks as a pandas.DataFrame, indexed by id: position, deviations, observations, columns."""
+    """The landmarks as a pandas.DataFrame by id: position, standard deviations, observation count, colour, columns."""
     try:
         import pandas
     except ImportError as error:

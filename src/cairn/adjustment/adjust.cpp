@@ -21,7 +21,7 @@
 namespace cairn {
 namespace {
 
-// Below which 95 % of chi-squared numbers lie.
+// 95 % quantiles of chi-squared distributions.
 constexpr double kPixel95 = 5.991;  // two degrees of freedom
 constexpr double kDepth95 = 3.841;
 
@@ -69,8 +69,8 @@ class StopWhenAsked final : public ceres::IterationCallback {
   int max_iterations_;
 };
 
-// What a calibration is taken to be right to: without it, what the observations hardly tell (three
-// radial parameters of a narrow lens, say) would run away and take the others along.
+// Prior standard deviations of a calibration. Without a prior, parameters that the observations hardly
+// determine (e.g. three radial ones of a narrow lens) would diverge together with others.
 ceres::Vector calibration_deviations(const Camera& camera) {
   constexpr double kFocal = 0.02;       // of it
   constexpr double kCentre = 0.01;      // of the image's size
@@ -94,7 +94,7 @@ using Measurements = std::vector<std::vector<Measurement>>;
 // One solution of the least-squares problem.
 class Adjustment {
  public:
-  // Cameras start as the map has them; what is known of them is the calibration.
+  // Cameras start with the map's parameters; the calibration is the prior.
   Adjustment(const LandmarkMap& map, std::span<const Camera> calibration,
              const Measurements& measurements, const AdjustOptions& options)
       : map_(map),
@@ -128,7 +128,7 @@ class Adjustment {
   std::vector<FrameGroup> groups_;
   std::vector<Camera> cameras_;
   std::vector<CameraProjection> projections_;  // of the map's cameras
-  // Ceres orders blocks by address within a group: contiguous arrays keep that the same every time.
+  // Contiguous arrays, because Ceres orders the blocks of a group by address, which must be deterministic.
   std::vector<PoseBlock> poses_;
   std::vector<Eigen::Vector3d> points_;
 };
@@ -185,7 +185,7 @@ void Adjustment::add_landmark(ceres::Problem& problem, std::uint32_t landmark,
   }
 }
 
-// Puts the frame whose distance is held back where it was, by the scale of the group.
+// Scales the group so that the frame that fixes its scale has its earlier distance.
 void Adjustment::hold_scale(const FrameGroup& group) {
   if (!group.scale_frame) return;
   const auto centre = [&](std::uint32_t frame) {
@@ -263,7 +263,7 @@ Solved Adjustment::run() {
   }
   for (std::uint32_t l = 0; l < measurements_.size(); ++l) {
     const bool moved = measurements_[l].size() >= options_.min_observations;
-    // One that the observations do not determine may end anywhere.
+    // A landmark that the observations do not determine has an arbitrary position.
     if (measurements_[l].empty() || (moved && are_coordinates(points_[l]))) continue;
     carry_along(l);
   }

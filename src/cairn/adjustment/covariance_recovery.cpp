@@ -21,7 +21,7 @@ using Block36 = Eigen::Matrix<double, 3, 6>;
 // One landmark's part of the normal equations.
 struct LandmarkBlocks {
   Eigen::Matrix3d inverse_information = Eigen::Matrix3d::Zero();
-  std::vector<Block36> coupling;  // one an observation: with the pose that made it
+  std::vector<Block36> coupling;  // one per observation: with its frame's pose
   std::vector<Block6> poses;      // the same, of the pose with itself
 };
 
@@ -47,7 +47,7 @@ void check_stop(const Execution& execution) {
 template <class Visit>
 void visit_couplings(const LinearProblem& problem, const Execution& execution, const Visit& visit) {
   for (const LinearLandmark& landmark : problem.landmarks) {
-    // One view with a depth of its own says nothing about where the view was from.
+    // A single view with depth does not constrain the view's pose.
     if (landmark.observations.size() < 2) continue;
     check_stop(execution);
     const LandmarkBlocks blocks = blocks_of(landmark);
@@ -66,8 +66,8 @@ void visit_couplings(const LinearProblem& problem, const Execution& execution, c
   }
 }
 
-// Information that holds the scale frame's distance: so much that it counts as held, and not so much that
-// the other numbers are lost.
+// Information that fixes the scale frame's distance: large enough to fix it, small enough for numerical
+// stability.
 Block6 scale_information(const LinearProblem& problem, const Block6& diagonal) {
   Block6 information = Block6::Zero();
   const Eigen::Vector3d away =
@@ -82,7 +82,7 @@ Eigen::Index row_of(std::uint32_t frame) {
   return 6 * (static_cast<Eigen::Index>(frame) - 1);
 }
 
-// Covariances of pairs of poses, none of which is frame 0's.
+// Covariances of pairs of poses, without frame 0.
 class DensePoses {
  public:
   DensePoses(const LinearProblem& problem, const Execution& execution) {
@@ -152,7 +152,7 @@ class SparsePoses {
         Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(size, 6);
         unit.middleRows<6>(row_of(other)).setIdentity();
         const Eigen::MatrixXd columns = factor.solve(unit);
-        // Row `other` holds the blocks of column `other`, transposed: nobody else writes there.
+        // Row `other` holds the transposed blocks of column `other`; no other thread writes there.
         for (auto& [at, block] : rows_[other]) {
           block = columns.middleRows<6>(row_of(at)).transpose();
         }
@@ -162,7 +162,7 @@ class SparsePoses {
 
   Block6 operator()(std::uint32_t a, std::uint32_t b) const {
     const auto found = rows_[a].find(b);
-    // A frame that shares no landmark with another is as good as unknown.
+    // A frame that shares no landmark with another is practically undetermined.
     return found == rows_[a].end() ? Block6::Zero() : found->second;
   }
 

@@ -59,7 +59,7 @@ double excess_of_residuals(const LandmarkMap& map, const std::vector<Measurement
   return free > 0.0 && sum > usual_sum(free) ? sum / free : 1.0;
 }
 
-// Whether the observations determine the point at all, whatever the poses.
+// Whether the observations determine the point, for given poses.
 bool is_determined(const LinearLandmark& landmark) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   for (const LinearObservation& at : landmark.observations) {
@@ -111,7 +111,7 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
       problem.landmarks.push_back(std::move(linear));
       landmarks.push_back(l);
     }
-    // In the problem's own units, as the map's may be any.
+    // In the problem's own units, because the map's are arbitrary.
     const double poses = 3.0 * static_cast<double>(group.frames.size());
     constexpr double kLeast = 1e-10;
     const auto least = [&](double information) {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kMedianOfTwo = 1.386294361;  // of chi² with two degrees of freedom
 constexpr double kMedianOfOne = 0.454936423;
-constexpr std::size_t kFewestResiduals = 100;  // whose median tells anything
+constexpr std::size_t kFewestResiduals = 100;  // for a meaningful median
 
 double median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -23,20 +23,20 @@ double median(std::vector<double>& values) {
   return *middle;
 }
 
-// What to multiply a standard deviation by.
+// Factor of a standard deviation.
 double factor(std::vector<double>& squared, double expected_median) {
   if (squared.size() < kFewestResiduals) return 1.0;
   // Not zero: simulated observations may be exact.
   return std::max(1e-6, std::sqrt(median(squared) / expected_median));
 }
 
-// Squared, over the variances, with allowance for the landmark that was fitted to them.
+// Squared residuals divided by their variances, corrected for the fitted landmark.
 struct Residuals {
   std::vector<double> pixels;
   std::vector<double> depths;
 };
 
-// Of landmarks with so many observations or more, at least 2.
+// @param fewest least number of a landmark's observations; at least 2
 Residuals residuals_of(const LandmarkMap& map,
                        const std::vector<std::vector<Measurement>>& measurements,
                        std::size_t fewest) {
@@ -154,14 +154,14 @@ MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise&
   for (const auto& landmark : measurements) {
     for (const Measurement& one : landmark) rows += one.depth ? 3.0 : 2.0;
   }
-  // Of landmarks with few observations the residuals are small because they were fitted: those with more
-  // tell better, where there are enough of them.
+  // Landmarks with few observations have small residuals, because they were fitted to these. Prefers
+  // landmarks with more observations if there are enough.
   Residuals residuals;
   for (const std::size_t fewest : {4, 3, 2}) {
     residuals = residuals_of(map, measurements, fewest);
     if (residuals.pixels.size() >= kFewestResiduals) break;
   }
-  // Poses were fitted too.
+  // Corrects for the fitted poses.
   const double of_poses = 6.0 * static_cast<double>(map.frame_count());
   const double by_poses = rows > 2.0 * of_poses ? std::sqrt(rows / (rows - of_poses)) : 1.0;
   MeasurementNoise noise = start;

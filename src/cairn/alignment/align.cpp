@@ -21,7 +21,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kPriorDeviations = 3.0;  // how many of its own a prior pose may be off
+constexpr double kPriorDeviations = 3.0;  // largest error of a prior pose, in standard deviations
 
 template <class Value>
 void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
@@ -54,11 +54,11 @@ IcpOptions icp_of(const AlignOptions& options) {
   return icp;
 }
 
-// Root mean square of how far the prior may put landmarks from where they are.
+// Root mean square displacement of the landmarks by the prior's error.
 double displacement(const PosePrior& prior, const CentredCloud& source) {
   double sum = 0.0;
   for (const Eigen::Vector3d& position : source.landmarks.positions) {
-    // Of the left perturbation t + δt, Exp(δφ)·R, which turns about the source's origin.
+    // For the left perturbation (t + δt, Exp(δφ)·R), which rotates about the source's origin.
     const Eigen::Vector3d arm = prior.target_from_source.linear() * (source.centre + position);
     Eigen::Matrix<double, 3, 6> jacobian;
     jacobian << Eigen::Matrix3d::Identity(), -skew(arm);
@@ -87,7 +87,7 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
   return refine(source, target, refinement);
 }
 
-// The way from the prior pose, and what came of it at the end.
+// Joins the result of the path from the prior pose with that at its end.
 RegistrationResult joined(RegistrationResult way, RegistrationResult end) {
   end.initial_score = way.initial_score;
   end.iterations += way.iterations;
@@ -97,7 +97,7 @@ RegistrationResult joined(RegistrationResult way, RegistrationResult end) {
   return end;
 }
 
-// ICP's result with what the verdict rests on.
+// ICP's result with the covariance, open directions and overlap that the verdict uses.
 RegistrationResult completed(RegistrationResult result, RegistrationResult held) {
   if (held.status == RegistrationStatus::kCancelled) result.status = held.status;
   result.covariance = held.covariance;
@@ -122,7 +122,7 @@ void take_pose(Alignment& alignment) {
   if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
 }
 
-// What of the result is said of a pose that nothing judged.
+// The result for a pose that is not judged.
 Alignment unjudged(RegistrationResult found) {
   Alignment alignment;
   alignment.registration = std::move(found);
@@ -131,12 +131,12 @@ Alignment unjudged(RegistrationResult found) {
   return alignment;
 }
 
-// Whether there is a pose to judge, and it is to be judged.
+// Whether the result needs no judgement: not requested, cancelled, or without a pose.
 bool is_final(const RegistrationResult& found, const AlignOptions& options) {
   return !options.judge || found.status == RegistrationStatus::kCancelled || !found.has_pose();
 }
 
-// @param found by the method, from the prior pose; nothing: by search
+// @param found by the method, from the prior pose; std::nullopt: search for the pose
 Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
                     const AlignOptions& options, std::optional<RegistrationResult> found) {
   PreparedPair pair(source, target, placement_of(options));
@@ -144,7 +144,7 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
   PlacementResult placed = !found   ? pair.place()
                            : by_icp ? pair.judge(found->similarity())
                                     : pair.settle(found->similarity());
-  // What is searched for is known by now: it costs little to see what the guess kept from being found.
+  // The search's candidates are already known, so checking whether it found a likelier pose costs little.
   const bool refuted = found && !by_icp && placed.verdict != Verdict::kAligned &&
                        !options.execution.stop.stop_requested();
   if (refuted) {
@@ -192,7 +192,7 @@ Alignment aligned(const PreparedCloud& source, const PreparedCloud& target,
   return concluded(source, target, options, std::move(found));
 }
 
-// @param prepared gives both clouds, which ICP itself does not look at
+// @param prepared returns both prepared clouds, which ICP itself does not need
 template <class Prepared>
 Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const Prepared& prepared,
                          const AlignOptions& options) {
@@ -202,7 +202,7 @@ Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const P
   return concluded(from, to, options, std::move(found));
 }
 
-// What work() gives, with how long that took.
+// Result of work() with its duration.
 template <class Work>
 Alignment timed(const AlignOptions& options, const Work& work) {
   const auto start = std::chrono::steady_clock::now();
@@ -222,12 +222,12 @@ std::string bend_text(const MapBend& bend, LengthUnit unit) {
       bend.displacement, unit == LengthUnit::kMetres ? " m" : "");
 }
 
-// How many parts are aligned by themselves, of how many.
+// Number of separately aligned parts, of all.
 std::string parts_text(const PartsAlignment& parts) {
   return fmt::format("{} of {} parts are aligned separately", parts.aligned, parts.parts.size());
 }
 
-// Whether two poses are those of parts of one bent map, the single pose and any part's.
+// Whether a pose is near that of any part.
 bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
                     const PreparedMap& source) {
   const PoseDistance distance = PoseDistance::of(source.cloud().landmarks().positions);
@@ -242,7 +242,7 @@ bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
   });
 }
 
-// The pose that the parts agree on becomes the result.
+// Makes the pose that the parts agree on the result.
 void take_consensus(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, Alignment& alignment) {
   const PartsAlignment& parts = *alignment.parts;
@@ -266,7 +266,7 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target,
   alignment.reason = fmt::format("{} and agree up to a bend: {}; as a whole: {}", parts_text(parts),
                                  bend_text(*parts.bend, target.length_unit()), alignment.reason);
   alignment.probability = parts.probability;
-  // What was found for the whole maps is less likely than that none of it is right.
+  // The candidates for the whole maps share the remaining probability.
   for (PlacementCandidate& candidate : alignment.candidates) {
     candidate.probability *= 1.0 - parts.probability;
   }
@@ -278,7 +278,7 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target,
   alignment.estimate = alignment.target_from_source = pose;
 }
 
-// What the parts of the maps make of a result.
+// Judges a result by placing the maps' parts separately.
 void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, Alignment& alignment) {
   if (!alignment.verdict || options.parts == PartsUse::kNever) return;

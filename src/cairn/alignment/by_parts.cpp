@@ -21,7 +21,7 @@ constexpr double kStepRotation = 8.0 * std::numbers::pi / 180.0;    // of two al
 constexpr double kWholeRotation = 20.0 * std::numbers::pi / 180.0;  // of any two
 constexpr double kStepDistance = 0.15;                              // times the map's radius
 constexpr double kStepScale = 0.08;                                 // logarithm
-// What an undecided part may be off what lies between its neighbours, in units of those steps.
+// Largest deviation of an undecided part from the poses between its neighbours, in units of these steps.
 constexpr double kBetween = 0.5;
 constexpr double kLeastProbability = 0.1;  // of such a pose
 constexpr std::size_t kFitPoints = 200;    // of a part
@@ -33,13 +33,13 @@ double angle_between(const Similarity3& a, const Similarity3& b) {
   return a.rigid().quaternion().angularDistance(b.rigid().quaternion());
 }
 
-// What place() made of a part.
+// Result of place() for a part.
 struct Trial {
   PartPose pose;
   Similarity3 own;  // found, other_from_own
   bool decisive = false;
   std::optional<Matrix6d> covariance;   // of target_from_source
-  std::vector<Similarity3> candidates;  // other_from_own, those that are not out of the question
+  std::vector<Similarity3> candidates;  // other_from_own, with at least kLeastProbability
   std::vector<double> shares;           // of its matches in each part of the other map
 };
 
@@ -55,7 +55,7 @@ struct Side {
   Similarity3 own(const Similarity3& target_from_source) const {
     return role == MapRole::kSource ? target_from_source : target_from_source.inverse();
   }
-  // Positions of a part in the map's frame, some of them.
+  // Positions of some landmarks of a part, in the map's frame.
   std::vector<Eigen::Vector3d> points(std::size_t part) const {
     const PreparedCloud& cloud = map->parts()[part].cloud;
     std::vector<Eigen::Vector3d> result;
@@ -116,7 +116,7 @@ class Agreement {
       distances_.push_back(PoseDistance::of(side.points(i)));
     }
   }
-  // @param share of a step that they may differ by
+  // @param share largest difference, in steps
   bool operator()(std::size_t part, const Similarity3& a, const Similarity3& b,
                   double share = 1.0) const {
     const double scale = std::sqrt(a.scale() * b.scale());
@@ -142,14 +142,14 @@ bool consistent(const Side& side, const Agreement& agree) {
       const Similarity3& first = side.trials[a].own;
       const Similarity3& second = side.trials[b].own;
       if (angle_between(first, second) > kWholeRotation) return false;
-      // Between the two parts both poses mean nearly the same.
+      // Between two adjacent parts, both poses are nearly the same.
       if (j == i + 1 && !(agree(a, first, second) || agree(b, first, second))) return false;
     }
   }
   return true;
 }
 
-// Whether a part of the other map, aligned by itself, contradicts all that this map's parts say.
+// Whether a separately aligned part of the other map contradicts all parts of this map.
 bool contradicts(const Side& side, const Agreement& agree, const Side& other) {
   if (side.decisive.empty()) return false;
   return std::any_of(other.decisive.begin(), other.decisive.end(), [&](std::size_t there) {
@@ -159,8 +159,8 @@ bool contradicts(const Side& side, const Agreement& agree, const Side& other) {
   });
 }
 
-// Whether two of the parts are held by landmarks of two parts of the other map: what one thing shows in
-// many keyframes is not two things.
+// Whether two parts match two different parts of the other map. Otherwise, a single object seen in many
+// keyframes could align several parts.
 bool independent(const Side& side) {
   for (const std::size_t a : side.decisive) {
     for (const std::size_t b : side.decisive) {
@@ -176,8 +176,7 @@ bool independent(const Side& side) {
   return false;
 }
 
-// Mean squared rotation between what the parts of `other` show and what the bend of `side` would explain
-// of it.
+// Mean squared rotation of the parts of `other` that the bend of `side` does not explain.
 double unexplained(const Side& side, const Side& other) {
   double sum = 0.0;
   double count = 0.0;
@@ -198,7 +197,7 @@ double unexplained(const Side& side, const Side& other) {
   return count > 0.0 ? sum / count : 0.0;
 }
 
-// Gives every part of the map a pose.
+// Assigns a pose to every part of the map.
 void spread_consensus(Side& side, const Agreement& agree) {
   std::vector<std::size_t> known = side.decisive;
   const auto predicted = [&](std::size_t part) {
@@ -265,7 +264,7 @@ std::vector<Eigen::Vector3d> smoothed(const std::vector<Eigen::Vector3d>& values
         powers * normal.ldlt().solve(powers.transpose() * weight.asDiagonal() * rows);
     const Eigen::VectorXd squares = (rows - fit).rowwise().squaredNorm();
     const auto numbers = static_cast<double>(3 * count);
-    constexpr double kLeast = 1e-8;  // radians, squared: what no part measures
+    constexpr double kLeast = 1e-8;  // rad²: below the accuracy of any part
     const double mean = squares.dot(weight) / weight.sum() / 3.0 + kLeast;
     const double criterion =
         numbers * std::log(mean) + static_cast<double>(3 * (degree + 1)) * std::log(numbers);
@@ -307,7 +306,7 @@ MapBend bend_of(const Side& side, const Similarity3& whole, const Agreement& agr
       bend.rotation_rad = std::max(bend.rotation_rad, angle(i, j));
     }
   }
-  // Where most of it happens.
+  // The shortest stretch with most of the bend.
   std::size_t shortest = curve.size();
   for (std::size_t i = 0; i < curve.size(); ++i) {
     for (std::size_t j = i + 1; j < curve.size(); ++j) {
@@ -320,7 +319,7 @@ MapBend bend_of(const Side& side, const Similarity3& whole, const Agreement& agr
   return bend;
 }
 
-// The pose, other_from_own, that fits all landmarks best, each at its part's place.
+// The single pose, other_from_own, that best fits the landmarks as placed by their parts.
 Similarity3 single_pose(const Side& side, bool free_scale) {
   std::vector<Eigen::Vector3d> here;
   std::vector<Eigen::Vector3d> there;
@@ -340,7 +339,7 @@ Similarity3 single_pose(const Side& side, bool free_scale) {
   return Similarity3::from_matrix(matrix);
 }
 
-// Within the parts and between them.
+// Covariance within the parts and between them.
 std::optional<Matrix6d> spread_of(const Side& side, const Similarity3& whole) {
   Matrix6d sum = Matrix6d::Zero();
   double count = 0.0;
@@ -387,7 +386,7 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
   std::vector<Side> sides = {{MapRole::kSource, &source, &target},
                              {MapRole::kTarget, &target, &source}};
   if (source.parts().empty() || target.parts().empty()) return result;
-  // Parts run beside each other, each on one thread.
+  // The parts run in parallel, each on one thread.
   PlaceOptions of_part = options;
   of_part.execution = {.executor = Executor(), .stop = options.execution.stop, .progress = {}};
   for (Side& side : sides) {
@@ -419,7 +418,7 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
     if (!sides[i].consistent || contradicted) continue;
     one_agrees = true;
     if (!independent(sides[i])) continue;
-    // Of two, the one whose bend explains what the parts of the other show.
+    // If both maps qualify, chooses the one whose bend explains the poses of the other's parts.
     if (!chosen || unexplained(sides[i], sides[1 - i]) < unexplained(sides[*chosen], sides[i])) {
       chosen = i;
     }

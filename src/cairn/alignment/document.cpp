@@ -46,7 +46,7 @@ Json list_of(const Eigen::Vector3d& vector) {
   return {vector.x(), vector.y(), vector.z()};
 }
 
-// The matrix is for people and other programs; quaternion and scale restore the pose bit by bit.
+// The matrix is for people and other programs; quaternion and scale restore the pose exactly.
 void put_pose(Json& json, const char* name, const Similarity3& pose) {
   const Eigen::Quaterniond q = pose.rigid().quaternion();
   json[name] = rows_of(pose.matrix());
@@ -128,7 +128,7 @@ Json candidates_json(const std::vector<PlacementCandidate>& candidates) {
   return list;
 }
 
-// With the scale's row and column where that is estimated.
+// Includes the scale's row and column if the scale is estimated.
 Json covariance_json(const RegistrationResult& result) {
   if (result.covariance_with_scale) return rows_of(*result.covariance_with_scale);
   return result.covariance ? rows_of(*result.covariance) : Json(nullptr);
@@ -142,7 +142,7 @@ Json overlap_json(const AlignmentRecord& record) {
           {"radius", or_null(record.overlap_radius)}};
 }
 
-// What the parts came to; poses are 4x4 matrices with the scale in them.
+// Results of the parts; poses are 4x4 matrices that include the scale.
 Json parts_json(const std::optional<PartsAlignment>& parts) {
   if (!parts) return nullptr;
   Json list = Json::array();
@@ -406,13 +406,13 @@ void read_counts(const JsonField& field, RegistrationResult& result) {
   }
 }
 
-// How the method ended. A judged document does not say it in so many words: its stop reason does.
+// How the method ended. A judged document states it only by the stop reason.
 RegistrationStatus registration_status(const JsonField& field, const Alignment& alignment) {
   if (alignment.verdict) {
     return alignment.estimate ? status_of(alignment.registration.stop_reason)
                               : RegistrationStatus::kFailed;
   }
-  // Documents of version 1 may call every pose "aligned", though none was judged.
+  // Documents of version 1 may call every pose "aligned", although none was judged.
   if (field["status"].is_null() || field["status"].json() == "aligned") {
     return status_of(alignment.registration.stop_reason);
   }
@@ -539,7 +539,7 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
   json["overlap"] = overlap_json(record);
   json["candidates"] = candidates_json(alignment.candidates);
   json["parts"] = parts_json(alignment.parts);
-  // A limit in seconds leaves it to the machine what is found.
+  // With a limit in seconds, the result depends on the machine's speed.
   json["deterministic"] = alignment.deterministic;
   json["cut_short"] = judged ? Json(alignment.cut_short) : Json(nullptr);
   json["support_radius"] = judged ? Json(alignment.radius) : Json(nullptr);

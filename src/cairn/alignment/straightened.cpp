@@ -15,8 +15,8 @@
 namespace cairn {
 namespace {
 
-// What straightens a map, by how far along it a landmark is, in parts: between the middles of two parts
-// what lies between theirs, beyond the outermost ones theirs.
+// Straightens a map. The motion of a landmark depends on its position along the map, in parts: it is
+// interpolated between the middles of two parts, and constant beyond the outermost ones.
 class Straightening {
  public:
   // @param poses  of the parts, in order
@@ -36,8 +36,8 @@ class Straightening {
   Eigen::Vector3d centre_;
 };
 
-// The landmarks of a map, straightened, in the order that they are prepared in.
-// @param along of each, in the order in which the map has them
+// The straightened landmarks of a map, in the order of the prepared cloud.
+// @param along position of each landmark along the map, in the map's order
 LandmarkCloud straightened(const PreparedCloud& prepared, std::span<const double> along,
                            const Straightening& straightening) {
   const CentredCloud& centred = *prepared.centred();
@@ -52,7 +52,7 @@ LandmarkCloud straightened(const PreparedCloud& prepared, std::span<const double
                            rotated_covariance(cloud.covariances[i], move.rigid().rotation());
   }
   for (LandmarkView& view : cloud.views) {
-    // A keyframe is where most of what it sees is.
+    // A keyframe moves with most of the landmarks that it observes.
     std::vector<double> seen;
     for (const std::uint32_t landmark : view.landmarks) {
       if (std::isfinite(of_landmark[landmark])) seen.push_back(of_landmark[landmark]);

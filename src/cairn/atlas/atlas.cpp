@@ -58,12 +58,12 @@ NodePair pair_of(NodeId a, NodeId b) {
   return a < b ? NodePair(a, b) : NodePair(b, a);
 }
 
-// Maps that were read last, prepared, for any number of threads.
+// Cache of the last maps read, prepared, for any number of threads.
 class MapCache {
  public:
   MapCache(Atlas& atlas, std::size_t capacity, const LinkOptions& how)
       : atlas_(atlas), capacity_(capacity), how_(how) {
-    // One that waits for others while it holds the mutex may be given work that waits for the mutex.
+    // A thread that waits for others while holding the mutex could be given work that waits for the mutex.
     how_.execution.executor = Executor(1);
   }
 
@@ -79,7 +79,7 @@ class MapCache {
     if (maps_.size() > capacity_) maps_.pop_back();
     return maps_.front().second;
   }
-  /// While held, nobody else uses the atlas.
+  /// While held, no other thread uses the atlas.
   std::mutex& mutex() { return mutex_; }
 
  private:
@@ -90,8 +90,8 @@ class MapCache {
   std::list<std::pair<NodeId, PreparedMap>> maps_;  // last used first
 };
 
-// Pairs of maps that may show one place: what recognition finds, neighbours in a session, and everything
-// with maps that it cannot look at.
+// Pairs of maps that may show one place: those found by recognition, neighbours in a session, and all pairs
+// with maps without comparable descriptors.
 std::set<NodePair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t candidates,
                                 const Execution& execution) {
   std::set<NodePair> pairs;
@@ -207,11 +207,11 @@ Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
 
 namespace {
 
-// What is known of pairs, and so whether they are tried.
+// Earlier results of pairs, which decide whether they are tried.
 struct KnownPairs {
   KnownPairs(const AtlasState& state, bool retry) {
     for (const auto& [id, link] : state.links) {
-      // Odometry knows neighbours roughly; aligned, they are known better.
+      // Pairs linked by odometry are tried too, because an alignment is more accurate.
       if (link.kind == LinkKind::kOdometry) continue;
       const bool again =
           retry && link.kind == LinkKind::kPlacement && link.verdict != Verdict::kAligned;
@@ -225,10 +225,10 @@ struct KnownPairs {
   }
 
   std::set<NodePair> known;                               // will not be tried
-  std::map<NodePair, std::vector<AtlasLinkId>> replaced;  // what a new result takes the place of
+  std::map<NodePair, std::vector<AtlasLinkId>> replaced;  // links that a new result replaces
 };
 
-// Aligns pairs and keeps what came of it.
+// Aligns pairs and stores the results.
 class Linker {
  public:
   using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
@@ -239,12 +239,12 @@ class Linker {
         result_(result),
         cache_(atlas, 64, options.links) {}
 
-  /// @param expected how many pairs there are in all, for the progress
+  /// @param expected total number of pairs, for the progress
   void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
              std::size_t expected) {
     LinkOptions how = options_.links;
     const Executor& executor = options_.links.execution.executor;
-    // Many pairs are the better work to share out.
+    // With many pairs, the pairs run in parallel rather than the work within each.
     const bool by_pairs = pairs.size() >= executor.threads();
     how.execution = how.execution.without_progress();
     if (by_pairs) how.execution.executor = Executor(1);
@@ -256,7 +256,7 @@ class Linker {
     const auto use = [&](std::size_t, AtlasLink link) {
       const std::lock_guard lock(cache_.mutex());
       pending_.push_back(std::move(link));
-      // Seconds of work are kept at a time: the log stays short, and little is lost if this is killed.
+      // Commits every few seconds: the log stays short, and little is lost if the process is killed.
       if (std::chrono::steady_clock::now() - last_flush_ > std::chrono::seconds(2)) {
         flush(state, known);
       }
@@ -273,7 +273,7 @@ class Linker {
         for (std::size_t i = 0; i < pairs.size(); ++i) use(i, make(i));
       }
     } catch (...) {
-      flush(state, known);  // what was found is kept, whatever stopped this
+      flush(state, known);  // keeps the results so far
       throw;
     }
     flush(state, known);
@@ -428,7 +428,7 @@ AtlasLinkId Atlas::link_manually(NodeId target, NodeId source,
     AtlasChanges changes;
     changes.text = fmt::format("{} <- {} by hand", require_node(now, target).name,
                                require_node(now, source).name);
-    // What a person said before is outdated.
+    // Replaces an earlier statement by a person.
     for (const auto& [id, old] : now.links) {
       if (old.kind != LinkKind::kManual ||
           pair_of(old.target, old.source) != pair_of(target, source)) {
@@ -481,7 +481,7 @@ PoseGraph pose_graph(const AtlasState& state) {
     graph.links.push_back({link.target, link.source, *link.target_from_source, link.covariance,
                            link.covariance_with_scale, link.kind, link.probability});
   }
-  // Whatever the order in which the pairs were tried.
+  // Sorted, so that the order in which the pairs were tried has no effect.
   std::stable_sort(graph.links.begin(), graph.links.end(),
                    [](const PoseLink& a, const PoseLink& b) {
                      return std::tuple(a.source, a.target) < std::tuple(b.source, b.target);
@@ -681,7 +681,7 @@ AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitI
 
 namespace {
 
-// What refers to a map goes with it.
+// Removes everything that refers to a map.
 void remove_with_links(const AtlasState& now, NodeId node, AtlasChanges& changes) {
   for (const auto& [id, link] : now.links) {
     if (link.target != node && link.source != node) continue;
@@ -740,7 +740,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     changes.text = fmt::format("{} into {}", whole.name, plural(parts.size(), "map"));
     return changes;
   });
-  // Parts lie to each other as the map says, give or take a hundredth of their size.
+  // Links between parts are the map's relative poses, with a standard deviation of a hundredth of their size.
   commit("split", [&](const AtlasState& now) {
     AtlasChanges changes;
     for (std::size_t i = 1; i < committed.nodes.size(); ++i) {
@@ -767,7 +767,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
 
 namespace {
 
-// Sets an object back to what it was, unless it was changed since.
+// Restores an object's earlier value, unless it was changed since.
 template <class Id, class Value, class Equal, class Restore, class Remove>
 void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value>& after,
               const std::map<Id, Value>& now, const Equal& equal, const Restore& restore,
@@ -797,7 +797,7 @@ CommitId Atlas::undo(std::optional<CommitId> commit_id) {
   const std::vector<AtlasCommit> log = store_->log();
   std::set<CommitId> undone;  // last commits of runs
   for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
-    // An undoing that is undone itself does not count.
+    // Ignores an undo that was itself undone.
     if (commit.undoes && !undone.contains(commit.id)) undone.insert(*commit.undoes);
   }
   const AtlasCommit* of = nullptr;

@@ -41,7 +41,7 @@ void write_g2o_graph(const AtlasState& state, const fs::path& path, const LogSin
   write_file(path, [&](const ByteSink& sink) { write_g2o(g2o, sink); });
 }
 
-// The name of a map as that of a file that none of `taken` has.
+// A file name for a map that is not in `taken`.
 std::string file_name_of(const std::string& name, std::set<std::string>& taken) {
   std::string text;
   for (const char c : name) text += c == '/' || c == '\0' ? '_' : c;

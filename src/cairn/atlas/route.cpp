@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-// Of a link without covariance: more than any that states one.
+// Variance of a link without covariance: larger than any stated one.
 constexpr double kUnknown = 100.0;
 
 std::optional<Matrix7d> covariance_of(const AtlasLink& link) {
@@ -52,7 +52,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
     steps[link.target].push_back({link.source, id, variance});
     steps[link.source].push_back({link.target, id, variance});
   }
-  // Dijkstra; of equal sums the lower id first, so that the result is one.
+  // Dijkstra; ties by lower id, so that the result is unique.
   std::map<NodeId, double> sums = {{target, 0.0}};
   std::map<NodeId, std::pair<NodeId, AtlasLinkId>> before;
   using Entry = std::pair<double, NodeId>;
@@ -64,7 +64,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
     if (sum > sums[node]) continue;
     if (node == source) break;
     for (const Step& step : steps[node]) {
-      // Every link costs something, so that of exact links the fewest are taken.
+      // Adds a small cost per link, so that the fewest of several exact links are used.
       const double longer = sum + step.variance + 1e-12;
       const auto known = sums.find(step.to);
       if (known != sums.end() && known->second <= longer) continue;

@@ -24,7 +24,7 @@ void require_observations(const LandmarkMap& map, std::string_view metric) {
   if (!map.has_observations()) fail_missing(metric, "observations");
 }
 
-// One value a landmark.
+// One value per landmark.
 template <class Function>
 std::vector<double> for_each_landmark(const LandmarkMap& map, Function&& value) {
   std::vector<double> values(map.landmark_count());
@@ -58,8 +58,8 @@ double largest_viewing_angle(const LandmarkMap& map, LandmarkIndex landmark) {
   return largest;
 }
 
-// Mean reprojection error in pixels over observations in frames with a known camera; negative if
-// there is none or the landmark lies behind such a camera.
+// Mean reprojection error in pixels over observations in frames with a known camera; negative if there is no
+// such observation, or the landmark is behind such a camera.
 double mean_reprojection_error(const LandmarkMap& map, const std::vector<Rigid3>& camera_from_world,
                                LandmarkIndex landmark) {
   const auto frames = map.observing_frames(landmark);

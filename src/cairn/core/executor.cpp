@@ -20,7 +20,7 @@ struct Executor::Threads {
 };
 
 Executor::Executor(unsigned threads) {
-  // TBB would complain on stderr about more threads than it has workers for.
+  // With more threads than workers, TBB prints a warning to stderr.
   const unsigned most = TaskArena::most_threads();
   threads_ = std::make_shared<Threads>(threads == 0 ? most : std::min(threads, most));
 }
@@ -51,8 +51,8 @@ void Executor::run_in_order(std::size_t count, std::size_t ahead,
     for (std::size_t i = 0; i < count; ++i) use(i, make(i).get());
     return;
   }
-  // As many items as can be on their way, which leave in order: the place of item i is free when it
-  // begins.
+  // One slot per item that can be in the pipeline. Items leave in order, so the slot of item i is free when
+  // it enters.
   std::vector<std::shared_ptr<void>> items(ahead + 1);
   threads_->arena->in_order(
       count, items.size(), [&](std::size_t i) { items[i % items.size()] = make(i); },

@@ -37,7 +37,7 @@ std::string reason_of(int error_number) {
               fmt::format("cannot be written: {}", reason_of(error_number)), "");
 }
 
-// The mask can be read only by setting it: two threads at once would leave it changed.
+// Reading the mask requires setting it, so two threads at once could leave it changed.
 mode_t file_mode_mask() {
   static std::mutex mutex;
   const std::lock_guard lock(mutex);
@@ -46,7 +46,7 @@ mode_t file_mode_mask() {
   return mask;
 }
 
-// Reaches the disk with what a folder lists, as after a rename.
+// Writes a folder's entries to the disk, e.g. after a rename.
 void sync_folder(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder.empty() ? "." : folder;
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -59,8 +59,8 @@ void sync_folder(const std::filesystem::path& folder) {
   if (result != 0 && error_number != EINVAL) fail_writing(path, error_number);
 }
 
-// A file of a name of our own beside a destination, locked as long as it is open. Whoever is killed
-// leaves it behind unlocked, and the next who writes to that destination takes it over.
+// A temporary file beside a destination, locked while it is open. A killed process leaves it behind unlocked;
+// the next process that writes to the same destination takes it over.
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::filesystem::path& destination) {
@@ -85,7 +85,7 @@ class TemporaryFile {
         close();
         return;
       } else {
-        // Where the other writer has just given the file its name, the same name is free again.
+        // If another writer has just renamed the file, its temporary name is free again.
         if (!is_locked_ || is_in_place()) ++i;
         close();
       }
@@ -102,12 +102,12 @@ class TemporaryFile {
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
-  /// Negative if there is none.
+  /// Negative if the file could not be opened.
   int descriptor() const { return descriptor_; }
-  /// Why there is none.
+  /// Why it could not be opened.
   int error_number() const { return error_number_; }
 
-  /// Gives the file its name. Before it is closed: nobody else must take it over.
+  /// Renames the file to its destination, before it is closed so that no other process takes it over.
   bool rename_to(const std::filesystem::path& destination) {
     if (::rename(path_.c_str(), destination.c_str()) != 0) return false;
     path_.clear();
@@ -125,7 +125,7 @@ class TemporaryFile {
   }
   bool lock() {
     is_locked_ = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
-    // Where files cannot be locked, their names alone keep writers apart.
+    // If the file system cannot lock files, only the names separate writers.
     if (!is_locked_ && errno != EWOULDBLOCK && errno != EINTR) is_locked_ = true;
     return is_locked_;
   }
@@ -165,7 +165,7 @@ class OutputFile {
     }
     temporary_.emplace(destination_);
     if (temporary_->descriptor() < 0) fail_writing(path, temporary_->error_number());
-    // The temporary file is private; give it the rights the user's new files have, or had.
+    // The temporary file is private; give it the permissions of the file it replaces, or of new files.
     struct stat existing = {};
     if (::stat(destination_.c_str(), &existing) == 0) {
       ::fchmod(temporary_->descriptor(), existing.st_mode & 07777);

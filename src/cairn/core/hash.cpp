@@ -3,14 +3,14 @@
 
 #include <fmt/format.h>
 
-// Header-only use: no library to link, hence nothing for consumers to find.
+// Header-only, so that consumers need not find a library to link.
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
 namespace cairn {
 
 struct Hasher::State {
-  XXH3_state_t xxh3;  // over-aligned, as `new` heeds
+  XXH3_state_t xxh3;  // over-aligned, which `new` supports
 };
 
 std::string to_string(const Hash128& hash) {

@@ -13,7 +13,7 @@ void check_json_depth(std::string_view text, std::string_view name) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (in_string) {
-      if (c == '\\') ++i;  // what is escaped ends no string
+      if (c == '\\') ++i;  // an escaped quote does not end the string
       if (c == '"') in_string = false;
     } else if (c == '"') {
       in_string = true;

@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-// Powers of ten that are doubles, as many as an integer of 19 digits can be over.
+// Exact powers of ten, by which an integer of up to 19 digits may be divided.
 constexpr std::array<std::uint64_t, 20> kPowersOfTen = [] {
   std::array<std::uint64_t, 20> powers = {1};
   for (std::size_t i = 1; i < powers.size(); ++i) powers[i] = 10 * powers[i - 1];
@@ -21,8 +21,7 @@ bool is_digit(char c) {
   return c >= '0' && c <= '9';
 }
 
-// Appends the digits that a text starts with to `integer`, which may wrap around, and returns the
-// end of them.
+// Appends the leading digits of a text to `integer`, which may wrap around. Returns the end of the digits.
 const char* take_digits(const char* next, const char* last, std::uint64_t& integer) {
   for (; next != last && is_digit(*next); ++next) {
     integer = integer * 10 + static_cast<std::uint64_t>(*next - '0');
@@ -30,8 +29,7 @@ const char* take_digits(const char* next, const char* last, std::uint64_t& integ
   return next;
 }
 
-// The same, up to eight at a time where there are as many bytes: pairs, then all of them become one
-// number (Mula, Lemire).
+// The same, eight digits at a time if there are as many bytes, combined pairwise (Mula, Lemire).
 const char* take_many_digits(const char* next, const char* last, std::uint64_t& integer) {
   if constexpr (std::endian::native == std::endian::little) {
     while (last - next >= 8) {
@@ -57,8 +55,8 @@ const char* take_many_digits(const char* next, const char* last, std::uint64_t& 
 }  // namespace
 
 std::from_chars_result read_number(const char* first, const char* last, double& value) {
-  // Digits that make an integer up to 2^53, over a power of ten that is a double: one division rounds
-  // as the exact quotient does (Clinger 1990). All else is left to the library.
+  // Fast path for an integer up to 2^53 over an exact power of ten: one division is correctly rounded
+  // (Clinger 1990). The library handles all other numbers.
   constexpr std::uint64_t kLargestExact = std::uint64_t{1} << 53;
   constexpr std::ptrdiff_t kMostDigits = 19;  // fewer cannot wrap around
   const bool negative = first != last && *first == '-';
@@ -78,14 +76,14 @@ std::from_chars_result read_number(const char* first, const char* last, double& 
   const std::uint64_t power = kPowersOfTen[static_cast<std::size_t>(decimals)];
   const double magnitude =
       static_cast<double>(static_cast<std::int64_t>(integer)) / static_cast<double>(power);
-  // The sign of coordinates is as good as random: no branch on it.
+  // Without a branch, because the signs of coordinates are unpredictable.
   value = std::bit_cast<double>(std::bit_cast<std::uint64_t>(magnitude) | std::uint64_t{negative}
                                                                               << 63);
   return {stop, std::errc{}};
 }
 
 std::optional<double> parse_number(std::string_view text) {
-  // printf writes a plus sign that from_chars does not know.
+  // printf writes a plus sign, which from_chars does not accept.
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   double value = 0.0;
   const char* const end = text.data() + text.size();

@@ -11,7 +11,7 @@ namespace {
 
 struct CodePoint {
   char32_t value = 0;
-  std::size_t size = 0;  // in bytes; 0: no UTF-8
+  std::size_t size = 0;  // in bytes; 0: not UTF-8
 };
 
 // The first code point of a text that is not empty.

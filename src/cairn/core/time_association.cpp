@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
 
-// The times of both lists as one list in ascending order, linked so that what is paired can leave.
+// Both lists merged in ascending order of time, linked so that paired times can be removed.
 struct Moment {
   double time_s;
   bool in_a;
@@ -45,7 +45,7 @@ struct Candidate {
   std::size_t later;
 };
 
-// Of a queue whose next is the closest pair, of equally close ones the first.
+// Order of a priority queue: the closest pair first; of equally close ones, the earliest.
 struct ComesLater {
   bool operator()(const Candidate& x, const Candidate& y) const {
     return std::tie(x.difference_s, x.a, x.b) > std::tie(y.difference_s, y.a, y.b);
@@ -54,9 +54,9 @@ struct ComesLater {
 
 }  // namespace
 
-// The closest pair among the times that are left always consists of neighbours in the merged list:
-// any time between the two would be closer to one of them. So only neighbours are candidates, and
-// where a pair leaves, those on either side become neighbours.
+// The closest remaining pair always consists of neighbours in the merged list, because any time between the
+// two would be closer to one of them. Therefore only neighbours are candidates; when a pair is removed, the
+// times on both sides of it become neighbours.
 IndexPairs associate_times(std::span<const double> a, std::span<const double> b,
                            double max_difference_s) {
   std::vector<Moment> moments = merged(a, b);

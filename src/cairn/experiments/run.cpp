@@ -21,7 +21,7 @@ RegistrationResult placed(const PairPoints& points, std::uint64_t seed, const Ic
   PlacementResult result = place(points.source_cloud, points.target_cloud, placement);
   const bool cancelled = result.alignment.status == RegistrationStatus::kCancelled;
   if (!cancelled && result.verdict != Verdict::kAligned) {
-    // Scores of a pose that nobody is to take say nothing.
+    // The score of a pose that is not aligned has no meaning.
     result.alignment.status = RegistrationStatus::kFailed;
     result.alignment.score.reset();
     result.alignment.initial_score.reset();
@@ -127,7 +127,7 @@ bool PoseTolerance::holds(const PoseError& error) const {
 std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> poses,
                                         std::span<const Eigen::Vector3d> source,
                                         const PoseTolerance& tolerance) {
-  // Displacement at the centroid is all that a translation is judged by.
+  // Only the displacement of the centroid counts as translation error.
   const Eigen::Vector3d centre = centroid(source);
 
   std::optional<Agreement> best;

@@ -124,7 +124,7 @@ TrialResult parse_run(RowReader row) {
         &Displacement::pitch_deg, &Displacement::yaw_deg}) {
     trial.initial.*part = row.number();
   }
-  // Earlier tables say it of all that has a pose.
+  // Earlier tables say "aligned" for every pose.
   const bool has_pose = row.is("aligned");
   if (has_pose) {
     row.skip(1);

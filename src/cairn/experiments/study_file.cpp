@@ -103,8 +103,8 @@ class Entry {
   std::string key_;
 };
 
-// Looks through a file before it becomes nodes, whose number would otherwise bound nothing: an alias
-// stands for as many as its anchor has.
+// Scans a file before it is converted to nodes. Refuses aliases, because each repeats all nodes of its
+// anchor, so that the file's size would not bound their number.
 class BoundsCheck final : public YAML::EventHandler {
  public:
   explicit BoundsCheck(std::string_view file) : file_(file) {}

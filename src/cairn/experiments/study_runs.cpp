@@ -36,7 +36,7 @@ constexpr std::string_view kTimings = "timings.csv";
               fmt::format("{}: {}", what, std::generic_category().message(errno)), "");
 }
 
-// What makes a folder's runs the ones they are. The first lines differ between shards.
+// Identifies the runs of a folder. The first lines differ between shards.
 struct Identity {
   Shard shard;
   std::size_t runs = 0;  // of the shard

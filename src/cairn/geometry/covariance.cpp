@@ -21,7 +21,7 @@ std::string covariance_defect(const Eigen::Matrix3d& covariance) {
     append_number(text, asymmetry);
     return text;
   }
-  // Those of a diagonal matrix are known exactly.
+  // The eigenvalues of a diagonal matrix are exact.
   const Eigen::Matrix3d off_diagonal =
       covariance - Eigen::Matrix3d(covariance.diagonal().asDiagonal());
   double smallest = covariance.diagonal().minCoeff();
@@ -57,7 +57,8 @@ Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c
 }
 
 Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance) {
-  // (Exp(φ)R, t + δt) inverts to a turn of -Rᵀφ, and to a shift that the turn's arm is part of.
+  // The inverse of (t + δt, Exp(δφ)·R) is perturbed by a rotation -Rᵀδφ and by a translation that depends on
+  // both.
   const Rigid3 inverse = pose.inverse();
   const Eigen::Matrix3d rotation = inverse.rotation();
   Matrix6d jacobian = Matrix6d::Zero();
@@ -68,7 +69,7 @@ Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance) {
 }
 
 Matrix7d inverse_covariance(const Similarity3& pose, const Matrix7d& covariance) {
-  // As of a rigid motion, whose arm is the inverse's translation; that shrinks as the scale grows.
+  // As for a rigid motion, with the inverse's translation as lever arm; it shrinks as the scale grows.
   const Similarity3 inverse = pose.inverse();
   const Eigen::Matrix3d linear = inverse.linear();
   Matrix7d jacobian = Matrix7d::Zero();

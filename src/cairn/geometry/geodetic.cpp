@@ -45,7 +45,7 @@ Eigen::Vector3d ecef_from_geodetic(const GeodeticPosition& position) {
 
 GeodeticPosition geodetic_from_ecef(const Eigen::Vector3d& ecef) {
   const double from_axis = std::hypot(ecef.x(), ecef.y());
-  // Each step leaves less than a hundredth of the latitude's error.
+  // Each step reduces the latitude's error by a factor of more than 100.
   constexpr int kSteps = 12;
   double latitude = std::atan2(ecef.z(), from_axis * (1.0 - kEccentricitySquared));
   for (int step = 0; step < kSteps; ++step) {
@@ -54,7 +54,7 @@ GeodeticPosition geodetic_from_ecef(const Eigen::Vector3d& ecef) {
         std::atan2(ecef.z() + kEccentricitySquared * prime_vertical_radius(sine) * sine, from_axis);
   }
   const double sine = std::sin(latitude);
-  // Along the normal, which is exact at the poles too.
+  // Along the normal, which is also exact at the poles.
   const double altitude = from_axis * std::cos(latitude) + ecef.z() * sine -
                           kSemiMajorAxis_m * std::sqrt(1.0 - kEccentricitySquared * sine * sine);
   return {degrees(latitude), degrees(std::atan2(ecef.y(), ecef.x())), altitude};

@@ -28,7 +28,7 @@ std::string_view coordinate_defect(const Rigid3& pose) {
 
 std::string landmark_covariance_defect(const Eigen::Matrix3d& covariance) {
   std::string defect = covariance_defect(covariance);
-  // No entry of a covariance is larger than its largest variance.
+  // The largest entry of a covariance matrix is a variance.
   if (defect.empty() && covariance.diagonal().maxCoeff() > kLargestVariance) {
     defect = "beyond the limit: it has a variance of more than 1e18";
   }

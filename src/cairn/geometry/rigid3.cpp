@@ -59,7 +59,7 @@ Eigen::Vector3d Rigid3::roll_pitch_yaw() const {
   const Eigen::Matrix3d r = rotation();
   const double cos_pitch = std::hypot(r(0, 0), r(1, 0));
   const double pitch = std::atan2(-r(2, 0), cos_pitch);
-  constexpr double kGimbalLock = 1e-9;  // roll and yaw turn about one axis: all goes to yaw
+  constexpr double kGimbalLock = 1e-9;  // roll and yaw have the same axis: roll is set to 0
   if (cos_pitch < kGimbalLock) return {0.0, pitch, std::atan2(-r(0, 1), r(1, 1))};
   return {std::atan2(r(2, 1), r(2, 2)), pitch, std::atan2(r(1, 0), r(0, 0))};
 }

@@ -26,7 +26,7 @@ Similarity3 Similarity3::from_matrix(const Matrix4d& matrix, double tolerance) {
                 "the determinant of the upper left part is " + std::to_string(determinant),
                 "a positive finite number");
   }
-  // RᵀR of a rotation differs from I by no more than the tolerance, and so its scale by half of that.
+  // RᵀR may differ from I by the tolerance, and so the scale from 1 by half the tolerance.
   double scale = std::cbrt(determinant);
   if (scale > kLargestCoordinate || scale < 1.0 / kLargestCoordinate) {
     throw Error(ErrorKind::kMisuse, "Similarity3", fmt::format("the scale is {:.6g}", scale),

@@ -23,7 +23,7 @@ namespace {
 
 using detail::JsonValue;
 
-// AliceVision writes its numbers as texts.
+// AliceVision writes numbers as strings.
 double number(const JsonValue& value) {
   if (!value.json().is_string()) return value.number();
   const auto number = parse_number(value.text());
@@ -76,7 +76,7 @@ class Reader {
     detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
 
-  // Why a camera is unknown to the map; empty if it was taken.
+  // Adds a camera. @return why it cannot be added; empty if it was
   std::string take_camera(const JsonValue& json, std::uint64_t id) {
     Camera camera;
     camera.id = CameraId{id};
@@ -95,7 +95,8 @@ class Reader {
       return "its pixels are not square";
     const std::vector<double> centre = numbers(json.at("principalPoint"));
     if (centre.size() != 2) json.at("principalPoint").refuse("is no point", "2 numbers");
-    // An offset from the middle; in old files, from the corner. No lens is off by a quarter of the image.
+    // An offset from the image's centre; in old files, from its corner. Offsets below a quarter of the width
+    // are from the centre.
     const bool is_offset = std::abs(centre[0]) < 0.25 * camera.width;
     const double cx = centre[0] + (is_offset ? 0.5 * camera.width : 0.0);
     const double cy = centre[1] + (is_offset ? 0.5 * camera.height : 0.0);

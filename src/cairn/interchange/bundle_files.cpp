@@ -35,12 +35,12 @@ struct View {
   double focal = 0.0;
   double k1 = 0.0;
   double k2 = 0.0;
-  /// Of the measurement, as VisualSFM has it: m becomes m (1 + k |m|² / focal²).
+  /// VisualSFM's distortion of the measurement: m becomes m (1 + k |m|² / focal²).
   double measured_k = 0.0;
   std::string name;
 };
 
-// The words of a file, whatever its lines are, or of a line.
+// Reads words, across lines or within one line.
 class Words {
  public:
   explicit Words(TextRecords& in, bool across_lines = true)
@@ -125,7 +125,7 @@ class Builder {
       down *= 1.0 + seen_by.measured_k * r2;
       ++undistorted_;
     }
-    // Beyond this no image is that large.
+    // Larger than any image.
     constexpr double kFarthest = 1e9;
     if (!(std::abs(right) <= kFarthest) || !(std::abs(down) <= kFarthest)) {
       in.refuse("observation", fmt::format("({}, {}) is in no image", right, down), "pixels");
@@ -151,7 +151,7 @@ class Builder {
  private:
   static constexpr std::uint32_t kNoFrame = std::numeric_limits<std::uint32_t>::max();
 
-  // Makes pixels of offsets from the centre, and the cameras.
+  // Converts offsets from the centre to pixels, and makes the cameras.
   void place_centres() {
     ObservationTable& observations = tables_.observations;
     FrameTable& frames = tables_.frames;
@@ -246,7 +246,7 @@ void read_point(const TextRecords& in, Words& words, double down, Builder& out) 
   }
 }
 
-// Nothing but blanks and comments may follow.
+// Only blanks and comments may follow.
 void expect_end(TextRecords& in) {
   if (in.has_word() || in.next_record()) {
     in.refuse("end", "there is more behind the last record", "the end of the file");
@@ -303,7 +303,7 @@ MapFormat text_format(std::string name, std::string title, std::vector<std::stri
 
 // --- Writing --------------------------------------------------------------------------------------
 
-// What both writers need of a map, and the text on its way out.
+// Shared by both writers: the map's data and the output.
 class BundleWriter {
  public:
   BundleWriter(const LandmarkMap& map, const ByteSink& sink, std::string_view image)
@@ -339,8 +339,7 @@ class BundleWriter {
     return map_.cameras()[map_.frames().cameras[frame.value]->value];
   }
 
-  // Bundler takes three lines a point, has y upwards and leaves pixels of radial cameras as they are; NVM
-  // takes one line.
+  // Bundler has three lines per point, y upwards, and unchanged pixels for radial cameras; NVM has one line.
   void points(bool is_bundler) {
     const double down = is_bundler ? -1.0 : 1.0;
     for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
@@ -505,7 +504,7 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
   if (!in.next_record() || !in.word("first word").starts_with("NVM_V3")) {
     in.refuse("first word", "is not NVM_V3", "NVM_V3");
   }
-  in.rest();  // a calibration that all cameras share: each states its focal length too
+  in.rest();  // a common calibration; ignored, because each camera states its focal length
   const auto count = [&](std::string_view field) {
     if (!in.next_record()) in.refuse(field, "the file ends before it", "a count");
     const std::uint64_t value = in.unsigned_number(field, kMost);

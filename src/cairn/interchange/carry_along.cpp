@@ -27,7 +27,7 @@ constexpr std::size_t kMostRecords = std::size_t{1} << 20;  // properties
 
 enum class Form { kAscii, kLittle, kBig };
 
-// Bytes and kind of a type's name; 0 bytes for what is none.
+// Bytes and kind of a type's name; 0 bytes for an unknown name.
 struct Scalar {
   std::size_t bytes = 0;
   bool is_float = false;
@@ -68,7 +68,7 @@ std::vector<std::string_view> words_of(std::string_view line) {
   return words;
 }
 
-// The places of the numbers that move, among the vertex's properties.
+// Indices of the vertex properties to be transformed.
 struct Movable {
   std::array<std::size_t, 3> position{};
   std::optional<std::array<std::size_t, 3>> normal;
@@ -91,7 +91,7 @@ class Mover {
     for (const Element& element : elements_) {
       if (element.name == "vertex") {
         move_vertices(element);
-        sink_(std::string_view(text_).substr(place_));  // whatever follows stays
+        sink_(std::string_view(text_).substr(place_));  // copies the rest unchanged
         return;
       }
       pass_over(element);
@@ -297,7 +297,7 @@ class Mover {
     }
   }
 
-  // As an unsigned number of the machine's order.
+  // As an unsigned number in native byte order.
   std::uint64_t bits(std::size_t place, std::size_t bytes) const {
     std::uint64_t value = 0;
     for (std::size_t i = 0; i < bytes; ++i) {
@@ -319,7 +319,7 @@ class Mover {
       count = value >= 0.0 && value < 4294967296.0 ? static_cast<std::uint64_t>(value)
                                                    : ~std::uint64_t{0} >> 4;
     }
-    // A length that is negative is far too large here, and refused as that.
+    // A negative length becomes far too large here, and is refused.
     return head + std::min<std::uint64_t>(count, std::uint64_t{1} << 50) * property.type.bytes;
   }
 

@@ -74,7 +74,7 @@ struct Image {
   std::size_t pixels = 0;
 };
 
-// A model on its way into a map.
+// Builds a map from a model.
 class Builder {
  public:
   Builder(const ColmapSources& sources, const MapReadOptions& options)
@@ -84,7 +84,7 @@ class Builder {
                   std::vector<double> parameters) {
     constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
     Camera camera{CameraId{id}, std::move(model), 0, 0, std::move(parameters)};
-    // A size beyond 32 bits becomes 0, which is a defect.
+    // A size beyond 32 bits becomes 0, which the map refuses.
     camera.width = width <= kMost ? static_cast<std::uint32_t>(width) : 0;
     camera.height = height <= kMost ? static_cast<std::uint32_t>(height) : 0;
     const std::string defect = camera_defect(camera);
@@ -97,7 +97,7 @@ class Builder {
     tables_.cameras.push_back(std::move(camera));
   }
 
-  // Says why an image cannot be taken; empty if it can.
+  // Why an image cannot be added; empty if it can.
   static std::string defect(const Image& image) {
     double squared = 0.0;
     for (const double part : image.camera_from_world) squared += part * part;
@@ -114,7 +114,7 @@ class Builder {
   }
   std::size_t pixel_count() const { return pixels_.size(); }
   void make_room_for_pixels(std::size_t count) {
-    // Grows by a half at least, or the sum of all images' small steps would be quadratic.
+    // Grows by at least half, because reserving exactly for each image would take quadratic time.
     if (pixels_.capacity() - pixels_.size() >= count) return;
     pixels_.reserve(std::max(pixels_.size() + count, pixels_.capacity() + pixels_.capacity() / 2));
   }
@@ -130,7 +130,7 @@ class Builder {
       frame_indices_.emplace(image.id.value, static_cast<std::uint32_t>(i));
       const auto& q = image.camera_from_world;
       const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-      // Numbers of norm 1 stay as they are.
+      // Keeps quaternions of norm 1 unchanged.
       const double by = std::abs(norm - 1.0) <= 1e-6 ? 1.0 : 1.0 / norm;
       frames.ids.push_back(image.id);
       frames.quaternions.push_back({q[0] * by, -q[1] * by, -q[2] * by, -q[3] * by});
@@ -167,7 +167,7 @@ class Builder {
     if (knows_observations()) tables_.observations.offsets.reserve(count + 1);
   }
 
-  // Says why an observation cannot be taken; empty if it was.
+  // Adds an observation. @return why it cannot be added; empty if it was
   std::string add_observation(std::uint64_t image, std::uint64_t keypoint) {
     if (!knows_observations()) return {};
     const auto frame = frame_indices_.find(image);
@@ -184,7 +184,7 @@ class Builder {
     return {};
   }
 
-  // After its observations.
+  // Call after adding its observations.
   void add_point(std::uint64_t id, const Eigen::Vector3d& position, Color color, double error) {
     ObservationTable& observations = tables_.observations;
     if (!position.allFinite()) {
@@ -253,7 +253,7 @@ class Builder {
     detail::log_remark(options_.log, sources_.points->name(), text, RemarkKind::kLoss);
   }
 
-  // The order in files depends on the hash table of the program that wrote them.
+  // The order in files is that of the writer's hash table.
   void sort_landmarks() {
     LandmarkTable& landmarks = tables_.landmarks;
     if (std::is_sorted(landmarks.ids.begin(), landmarks.ids.end())) return;
@@ -308,7 +308,7 @@ class Builder {
   std::size_t without_position_ = 0;
 };
 
-// One reader for both forms: each says how its records lie in the file.
+// The reader is a template of the form, which reads the records.
 class BinaryForm {
  public:
   static void cameras(BinaryRecords& in, Builder& out) {
@@ -521,7 +521,7 @@ std::string file_name(std::string_view stem, ColmapForm form) {
 
 // --- Writing --------------------------------------------------------------------------------------
 
-// Ids that fit into `most`, or a counter from 1 for all.
+// The ids if all are at most `most`; otherwise numbers from 1.
 template <class Id>
 std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t most) {
   std::vector<std::uint64_t> result;
@@ -547,7 +547,7 @@ double reprojection_error(const LandmarkMap& map, LandmarkIndex landmark) {
   return frames.empty() ? -1.0 : sum / static_cast<double>(frames.size());
 }
 
-// What a model's files say, in either form.
+// Writes a model's records in either form.
 class Output {
  public:
   Output(const ByteSink& sink, ColmapForm form)
@@ -561,7 +561,7 @@ class Output {
     bytes_.append(reinterpret_cast<const char*>(&number), sizeof number);
     flush_if_large();
   }
-  // A number that the text form writes too.
+  // Writes a number in both forms.
   template <class Number>
   void both(Number number) {
     if (!is_text_) return binary(number);
@@ -757,8 +757,8 @@ class ModelWriter {
     return fmt::format("frame_{}", map_.frames().ids[frame].value);
   }
 
-  // COLMAP lists the keypoints of an image: here those that see a landmark, in the order of their
-  // index, or else of the landmarks.
+  // COLMAP lists all keypoints of an image. Lists those that observe a landmark, by index, or without indices
+  // in the order of the landmarks.
   void list_keypoints() {
     const ObservationTable& observations = map_.observations();
     const std::size_t count = observations.frames.size();
@@ -897,7 +897,7 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
 void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
                   const MapWriteOptions& options) {
   const ModelWriter writer(map, folder, form, options);
-  writer.remark();  // before anything is written: a caller may refuse what it says
+  writer.remark();  // before writing, because the caller may refuse the loss
   detail::write_folder(folder, [&](const fs::path& unfinished) {
     write_file(unfinished / file_name("cameras", form),
                [&](const ByteSink& sink) { writer.write_cameras(sink); });
@@ -909,7 +909,7 @@ void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm for
 }
 
 std::vector<MapFormat> colmap_formats() {
-  // Where a folder holds both forms, the binary one is read: it is asked first.
+  // The binary form is last, so that it is tried first for a folder with both.
   return {colmap_format(ColmapForm::kText), colmap_format(ColmapForm::kBinary)};
 }
 

@@ -27,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kSiftBytes = 128;
-constexpr std::size_t kMostOfLandmark = 8;  // descriptors that are looked at
+constexpr std::size_t kMostOfLandmark = 8;  // descriptors to compare
 
 bool is_there(const fs::path& path) {
   std::error_code ignored;
@@ -42,7 +42,7 @@ struct Wanted {
   Pixel pixel;
 };
 
-// A table of rows x columns of a database, as it lies there.
+// A matrix as stored in a database.
 struct Matrix {
   std::uint64_t rows = 0;
   std::uint64_t columns = 0;
@@ -146,8 +146,8 @@ class DescriptorReader {
     }
   }
 
-  // Whether half of the observations are near the keypoints that they name. Images that were undistorted
-  // have the same keypoints a little elsewhere.
+  // Whether half of the observations are near their keypoints. Undistorted images have the same keypoints at
+  // slightly different positions.
   bool are_near(std::uint32_t frame, const Matrix& keypoints) const {
     const auto& camera = model_.frames().cameras[frame];
     const double most = camera ? 0.05 * model_.cameras()[camera->value].width : 50.0;
@@ -297,7 +297,7 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
       return with_descriptors(std::move(model), std::move(descriptors));
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
-      // Nobody named this file: the model is good without it.
+      // The user did not name this file, and the model is complete without it.
       if (options.log) {
         options.log(
             {fmt::format("{}; its descriptors are left out", error.what()), RemarkKind::kLoss});

@@ -45,7 +45,7 @@ Eigen::Quaterniond reread_rotation(const Eigen::Quaterniond& read,
 Pose reread_pose(const Pose& read, const ConventionReading& reading) {
   Pose pose = read;
   pose.world_from_camera = reread_rotation(read.world_from_camera, reading).normalized();
-  // camera_from_world's, as the importer understood it.
+  // The translation of camera_from_world, as the importer read it.
   const Eigen::Vector3d translation = -(read.world_from_camera.conjugate() * read.centre);
   switch (reading.position) {
     case PositionReading::kAsRead:
@@ -61,7 +61,7 @@ Pose reread_pose(const Pose& read, const ConventionReading& reading) {
       break;
   }
   if (reading.looks_backwards) {
-    // Half a turn about the camera's x; what was read as a translation is in the camera's axes.
+    // Half a turn about the camera's x axis; the translation was read in the camera's axes.
     const Eigen::Quaterniond turn(0.0, 1.0, 0.0, 0.0);
     pose.world_from_camera = pose.world_from_camera * turn;
   }
@@ -166,7 +166,7 @@ class Checker {
     }
   }
 
-  // Of every n-th sample; infinite for those behind.
+  // Median over every n-th sample; infinite errors for points behind the camera.
   double median_error(const ConventionReading& reading, std::size_t most_samples = 100000) {
     errors_.clear();
     du_.clear();
@@ -197,7 +197,7 @@ class Checker {
             map_.frames().translations[frame]};
   }
 
-  // Samples of one camera mostly follow each other.
+  // Caches the last camera, because samples of one camera are mostly consecutive.
   const Camera& camera_of(std::uint32_t camera, const ConventionReading& reading) {
     if (camera != last_camera_ || !(reading == last_reading_)) {
       reread_ = reread_camera(map_.cameras()[camera], reading);
@@ -258,7 +258,7 @@ class Checker {
     }
     // The best few once more, with all samples.
     const auto is_better = [](const ScoredReading& a, const ScoredReading& b) {
-      // Readings that say the same, as all do of a pose that is the identity: the simplest.
+      // Of equivalent readings, e.g. if all poses are the identity, the simplest.
       const bool is_same =
           a.median_px == b.median_px ||
           std::abs(a.median_px - b.median_px) < 1e-9 * std::min(a.median_px, b.median_px);
@@ -293,7 +293,7 @@ class Checker {
   void settle(ConventionCheck& result) {
     const double width = map_.cameras()[samples_.front().camera].width;
     const double most =
-        std::max(8.0, 0.02 * width);  // what no reading may exceed to explain the data
+        std::max(8.0, 0.02 * width);  // largest error of a reading that explains the data
     constexpr double kMuch = 3.0;
     const auto px = [](double x) {
       return std::isfinite(x) ? fmt::format("{:.3g} px", x)

@@ -22,7 +22,7 @@ namespace cairn {
 const FormatRegistry& all_formats() {
   static const FormatRegistry formats = [] {
     std::vector<MapFormat> more;
-    // What is recognised by little stands first: it is asked last.
+    // Formats that are recognised by weak signs are first, so that they are tried last.
     for (std::vector<MapFormat> some :
          {plain_points_formats(), colmap_formats(), opensfm_formats(), openmvg_formats(),
           bundle_file_formats(), stella_formats(), nerfstudio_formats(), alicevision_formats(),

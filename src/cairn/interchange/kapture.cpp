@@ -40,7 +40,7 @@ using detail::kPixelCentre;
 constexpr std::string_view kHeader = "# kapture format:";
 constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
 
-// Where kapture keeps what.
+// Paths of kapture's files.
 constexpr const char* kSensors = "sensors/sensors.txt";
 constexpr const char* kRigs = "sensors/rigs.txt";
 constexpr const char* kTrajectories = "sensors/trajectories.txt";
@@ -184,7 +184,7 @@ std::optional<NumberType> number_type(std::string_view name) {
   return found == kTypes.end() ? std::nullopt : std::optional(found->second);
 }
 
-// What keypoints.txt or descriptors.txt says of the files beside it.
+// Content of keypoints.txt or descriptors.txt, which describes the files beside it.
 struct FeatureType {
   std::string folder;  // where they lie
   std::string name;
@@ -230,7 +230,7 @@ class Reader {
     std::optional<CameraIndex> camera;
     Rigid3 world_from_camera;
   };
-  // An observation before its keypoint was looked up.
+  // An observation whose keypoint is not yet read.
   struct Seen {
     std::uint64_t point;
     FrameIndex frame;
@@ -251,7 +251,7 @@ class Reader {
     if (!source) return false;
     CsvRecords records(*source, progress_);
     while (records.next()) {
-      // What a truncated number was cannot be told; the sensors' file is written without a last newline.
+      // Without a last newline, a number may be truncated. Only the sensors' file is written without one.
       if (!records.was_terminated() && path != kSensors) records.refuse_unterminated();
       take(records);
     }
@@ -634,7 +634,7 @@ class Reader {
     }
     const auto described = descriptor_type(type);
     const std::size_t bytes_each = described ? described->numbers : 0;
-    // A file of features serves all observations of its image.
+    // By frame, so that each file of features is read once.
     std::stable_sort(seen.begin(), seen.end(),
                      [](const Seen& a, const Seen& b) { return a.frame < b.frame; });
     detail::DescribedObservations observations(bytes_each);
@@ -676,7 +676,7 @@ class Reader {
     }
   }
 
-  // A file of few bytes may name one descriptor often.
+  // A small file may refer to one descriptor many times.
   void require_budget(std::uint64_t descriptor_bytes) const {
     if (descriptor_bytes <= detail::memory_budget(read_bytes_)) return;
     throw Error(ErrorKind::kInput, files_.name,

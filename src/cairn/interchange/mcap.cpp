@@ -35,7 +35,7 @@ constexpr std::uint64_t kMadeUpStepNs = 100'000'000;  // between keyframes of a 
 constexpr SceneColor kKeyframeColor = {0.25, 0.6, 1.0, 0.8};
 constexpr SceneColor kTrajectoryColor = {1.0, 0.75, 0.2, 1.0};
 
-// A keyframe and when it was.
+// A keyframe and its time.
 struct TimedFrame {
   std::uint64_t time_ns = 0;
   FrameIndex frame;
@@ -80,8 +80,8 @@ Eigen::Vector3d centre_of(std::span<const Eigen::Vector3d> points) {
   return sum / static_cast<double>(points.size());
 }
 
-// How far from its keyframe a frustum reaches, so that it is seen beside the landmarks and hides none: a share of
-// their median distance from their centre, or where there are none, of the centres'.
+// Length of a frustum, so that it is visible but hides no landmarks: a share of the median distance of the
+// landmarks from their centre; without landmarks, of the camera centres.
 double frustum_depth(const LandmarkMap& map) {
   constexpr double kShare = 0.05;
   const auto& points =
@@ -95,8 +95,8 @@ double frustum_depth(const LandmarkMap& map) {
   return *middle > 0.0 ? kShare * *middle : kShare;
 }
 
-// All keyframes as one list of lines: the edges of what each camera sees, or the optical axis of one that is not
-// known. Distortion is left out.
+// All keyframes as one list of lines: the edges of each camera's frustum, without distortion, or the optical
+// axis of an unknown camera.
 SceneEntity keyframe_lines(const LandmarkMap& map) {
   SceneLine line{.type = LineType::kList, .points = {}, .color = kKeyframeColor};
   const double depth = frustum_depth(map);
@@ -140,7 +140,7 @@ SceneEntity trajectory_line(const LandmarkMap& map, std::span<const TimedFrame> 
   return {.id = "trajectory", .lines = {std::move(line)}};
 }
 
-// The frame that a keyframe is a pose of: that of its camera, if there are several.
+// Name of a keyframe's frame: that of its camera if there are several.
 std::string camera_frame(const LandmarkMap& map, FrameIndex frame) {
   const auto& cameras = map.frames().cameras;
   if (map.cameras().size() < 2 || cameras.empty() || !cameras[frame.value]) return "camera";
@@ -181,7 +181,7 @@ class Recording {
     add(channel(scenes_, topic), time_ns, detail::scene_update_message(time_ns, frame, entities));
   }
 
-  // The landmarks, and what there is of keyframes, below `topic`.
+  // Adds the landmarks and keyframes below `topic`.
   void add_map(const LandmarkMap& map, std::span<const TimedFrame> frames, const std::string& topic,
                std::string_view frame, std::uint64_t time_ns) {
     add_cloud(map, topic + "/landmarks", frame, time_ns);
@@ -256,7 +256,7 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options) {
 }  // namespace
 
 void write_mcap(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-  // Before anything is written: a caller may refuse what it says.
+  // Before writing, because the caller may refuse the loss.
   remark_losses(map, options);
   const std::vector<TimedFrame> frames = timed_frames(map);
   const std::uint64_t start = frames.empty() ? 0 : frames.front().time_ns;

@@ -88,7 +88,7 @@ class Reader {
     tables_.frames.translations.push_back(translation);
   }
 
-  // What a frame states goes before what the file states for all.
+  // Values of a frame override those for the whole file.
   std::optional<CameraIndex> camera_of(const JsonValue& frame, const JsonValue& all) {
     const auto number = [&](const char* key) -> std::optional<double> {
       if (frame.has(key)) return frame.at(key).number();
@@ -247,7 +247,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
     frame["transform_matrix"] = std::move(rows);
     all["frames"].push_back(std::move(frame));
   }
-  // Before anything is written: a caller may refuse what it says.
+  // Before writing, because the caller may refuse the loss.
   std::vector<std::string_view> columns;
   for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
   const std::string lost =

@@ -50,7 +50,7 @@ JsonValue data_of(const JsonValue& entry) {
   return entry.at("value").at("ptr_wrapper").at("data").object();
 }
 
-// The model shows in the distortion that the data hold.
+// The distortion parameters identify the model.
 Camera camera_of(const JsonValue& data, CameraId id) {
   Camera camera;
   camera.id = id;

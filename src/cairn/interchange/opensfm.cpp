@@ -31,8 +31,7 @@ namespace fs = std::filesystem;
 using detail::JsonValue;
 
 constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
-constexpr double kUnknownAccuracy_m =
-    999999.0;  // what OpenSfM writes of a shot without GNSS position
+constexpr double kUnknownAccuracy_m = 999999.0;  // OpenSfM's value for a shot without GNSS position
 
 // OpenSfM's image coordinates: the centre of the image is (0, 0), its longer side is 1.
 struct ImageFrame {
@@ -45,7 +44,7 @@ struct ImageFrame {
   }
 };
 
-// Nothing for a projection that Cairn has no model for.
+// std::nullopt for a projection that Cairn has no model for.
 std::optional<Camera> camera_of(const JsonValue& camera, const ImageFrame& image, CameraId id) {
   const std::string type =
       camera.has("projection_type") ? camera.at("projection_type").text() : "perspective";
@@ -146,7 +145,7 @@ class Reader {
     const JsonValue lla = reconstruction.at("reference_lla").object();
     const GeodeticPosition origin{lla.at("latitude").number(), lla.at("longitude").number(),
                                   lla.at("altitude").number()};
-    // In the sea off Africa, where OpenSfM puts what it knows no place of.
+    // OpenSfM's value for an unknown position.
     if (origin == GeodeticPosition{}) {
       remark("reference_lla is 0 0 0, as without GNSS positions: the map has no georeference");
       return;
@@ -230,7 +229,7 @@ class Reader {
   }
 
   void read_points(const JsonValue& points) {
-    // By number, where all names are numbers.
+    // By number if all names are numbers.
     std::vector<std::pair<std::uint64_t, std::string>> order;
     bool are_numbers = true;
     for (const auto& [name, json] : points.json().items()) {
@@ -292,7 +291,7 @@ class Reader {
     }
     const double x = number("x");
     const double y = number("y");
-    // Tracks stay in the file when OpenSfM leaves their point or image out of a reconstruction.
+    // The file keeps tracks whose point or image OpenSfM excludes from the reconstruction.
     if (shot == shots_.end() || landmark == landmarks_.end()) return;
     const Pixel pixel = shot->second.image.pixel(x, y);
     if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
@@ -451,7 +450,7 @@ class Writer {
         text_ += '\t';
         append_number(text_, (pixels[j].v - (image.height - 1.0) / 2.0) / image.size());
         text_ += '\t';
-        // The size of a feature weighs it in OpenSfM's adjustment: four pixels, as of most features.
+        // OpenSfM's adjustment weights a feature by its size: four pixels, which is typical.
         append_number(text_, 4.0 / image.size());
         text_ += fmt::format("\t{}\t{}\t{}\n", color.red, color.green, color.blue);
         flush(sink);
@@ -552,8 +551,8 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
                 "is there already, and belongs to " + path.string() + " by its name",
                 "a folder without it");
   }
-  writer.remark();  // before anything is written: a caller may refuse what it says
-  // A reconstruction is only there when its tracks are.
+  writer.remark();  // before writing, because the caller may refuse the loss
+  // The tracks first, so that a reconstruction never exists without them.
   if (has_tracks) {
     write_file(tracks, [&](const ByteSink& sink) { writer.write_tracks(sink); });
   }

@@ -97,7 +97,7 @@ bool looks_like_points(std::string_view bytes) {
   return false;
 }
 
-// Points on their way into a map.
+// Builds a map from points.
 class Points {
  public:
   Points(const std::string& name, const MapReadOptions& options) : name_(name), options_(options) {}
@@ -128,7 +128,7 @@ class Points {
   std::size_t left_out_ = 0;
 };
 
-// Files of other numbers that also begin with three a line.
+// Recognises other files whose lines also start with three numbers.
 class OtherNumbers {
  public:
   void add(const std::vector<std::string_view>& words) {
@@ -309,7 +309,8 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
   if (!lost.empty()) options.log({lost, RemarkKind::kLoss});
 }
 
-// Frames and observations have no place in any of these formats, which says so in its row.
+// None of these formats can hold frames or observations, as their row in the list of formats states; these
+// are not reported as losses.
 constexpr detail::Holdings kPositionsOnly{.timestamps = true,
                                           .keypoints = true,
                                           .depths = true,

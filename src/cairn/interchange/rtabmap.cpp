@@ -80,7 +80,7 @@ std::map<std::int64_t, Rigid3> optimised_poses(sqlite::Database& database) {
   const auto packed_ids = rows.optional_blob(0);
   const auto packed_poses = rows.optional_blob(1);
   if (!packed_ids || !packed_poses) return poses;
-  // Behind what zlib packed stand rows, columns and type as three numbers of 32 bits.
+  // Rows, columns and type follow the zlib data, as three 32-bit numbers.
   constexpr std::size_t kTail = 12;
   const auto unpack = [&](std::span<const std::byte> bytes, const char* of) {
     const auto content = bytes.size() < kTail
@@ -206,7 +206,7 @@ class Graph {
       link.type = rows.integer(2);
       const auto from = find(rows.integer(0));
       const auto to = find(rows.integer(1));
-      // Priors, landmarks and gravity link a node with itself or with what is none.
+      // Priors, landmarks and gravity link a node with itself or with another object.
       const bool is_between = link.type >= kNeighbor && link.type <= kNeighborMerged &&
                               link.type != kVirtualClosure && from && to && *from != *to;
       if (!is_between) {
@@ -226,7 +226,7 @@ class Graph {
     if (others > 0) lost(fmt::format("{} priors and other links are left out", others));
   }
 
-  // From 6 x 6 doubles; std::nullopt for what has no inverse.
+  // From 6 x 6 doubles; std::nullopt if singular.
   static std::optional<Matrix6d> covariance_of(std::span<const std::byte> bytes) {
     std::array<double, 36> numbers{};
     if (bytes.size() != sizeof numbers) return std::nullopt;
@@ -252,14 +252,14 @@ struct Calibration {
   Rigid3 base_from_camera;
 };
 
-// The first camera of a calibration, in any of RTAB-Map's forms; std::nullopt for what is none of them.
+// The first camera of a calibration, in any of RTAB-Map's forms; std::nullopt for other data.
 class CalibrationReader {
  public:
   explicit CalibrationReader(std::span<const std::byte> bytes) : bytes_(bytes) {}
 
   std::optional<Calibration> read() {
     constexpr std::size_t kHeader = 11 * sizeof(std::int32_t);
-    // Since 0.18 version numbers stand first, which as float32 are next to nothing.
+    // Since 0.18, version numbers are first, which would be tiny as float32.
     if (bytes_.size() >= kHeader && word(0) >= 0 && word(0) < 100 && word(1) >= 0 &&
         word(1) < 1000) {
       if (word(3) == 0) return mono(0);
@@ -304,7 +304,7 @@ class CalibrationReader {
       }
     }
     if (sizes[0] == 9) {
-      // Features lie in the rectified image, where there is one.
+      // Features are in the rectified image if there is one.
       const bool is_rectified = sizes[3] == 12;
       const std::size_t matrix = is_rectified ? p : k;
       const std::size_t row = is_rectified ? 4 : 3;
@@ -581,7 +581,8 @@ class MapReader {
     return 0.05 + 0.01 * z * z;
   }
 
-  // Pixels between a feature and where a point of the world appears in its frame; std::nullopt if it does not.
+  // Distance in pixels between a feature and the projection of a world point into its frame; std::nullopt if
+  // there is none.
   std::optional<double> pixels_off(const Feature& feature,
                                    const Eigen::Vector3d& x_in_world) const {
     const auto& camera = tables_.frames.cameras[feature.frame];
@@ -655,7 +656,7 @@ class MapReader {
     std::size_t disagreeing = 0;
     NamedColumn words{"word", {}};
     for (const auto& of_landmark : members) {
-      // The mean of what the depths say, weighted by how sure they are.
+      // Mean of the positions by depth, weighted by their certainty.
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();
       double weights = 0.0;
       for (const std::uint32_t i : of_landmark) {
@@ -670,7 +671,7 @@ class MapReader {
       }
       const Eigen::Vector3d position = sum / weights;
       const std::uint64_t id = tables_.landmarks.ids.size();
-      // One observation a frame: the nearest.
+      // One observation per frame, the nearest.
       std::map<std::uint32_t, std::pair<double, std::uint32_t>> best;
       for (const std::uint32_t i : of_landmark) {
         const Feature& feature = features_[i];

@@ -343,7 +343,7 @@ class Writer {
     }
   }
 
-  // A spanning tree: each frame hangs on the one before it that shares most landmarks with it.
+  // A spanning tree: the parent of a frame is the earlier frame that shares most landmarks with it.
   void find_parents() {
     children_.resize(map_.frame_count());
     for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
@@ -468,7 +468,7 @@ class Writer {
       most_octave_ = std::max(most_octave_, octave);
       out_.begin_map(3);
       out_.text("ang");
-      out_.number(-1.0);  // unknown, as OpenCV has it
+      out_.number(-1.0);  // OpenCV's value for unknown
       out_.text("oct");
       out_.whole(octave);
       out_.text("pt");
@@ -525,7 +525,7 @@ class Writer {
     out_.whole(static_cast<std::int64_t>(frame_ids_[first.value]));
   }
 
-  // Those of stella_vslam itself.
+  // The defaults of stella_vslam.
   void write_orb_parameters() {
     constexpr std::int32_t kLevels = 8;
     out_.begin_map(1);

@@ -53,7 +53,7 @@ class Reader {
     throw Error(ErrorKind::kInput, fmt::format("{}: {}", database_.name(), where), what, expected);
   }
 
-  // Whole records of that size. NULL is none of them.
+  // Records of this size; the blob must contain a whole number of them. NULL has none.
   template <class Record>
   std::vector<Record> records(const std::optional<Bytes>& bytes, const std::string& where) const {
     if (!bytes) return {};

@@ -24,20 +24,20 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kDescriptorBytes = sizeof(Descriptor);
-constexpr std::uint32_t kMostBits = 64;      // by which descriptors of one landmark differ
-constexpr std::size_t kFewestProposals = 6;  // three fix a pose, which the others must confirm
+constexpr std::uint32_t kMostBits = 64;      // largest difference of one landmark's descriptors
+constexpr std::size_t kFewestProposals = 6;  // three determine a pose, the others must confirm it
 constexpr double kProposalPixels = 5.0;
 constexpr int kProposalIterations = 1500;
 constexpr int kRivalIterations = 800;
 constexpr std::size_t kMostRivalPairs = 1000;
 constexpr double kSearchPixels = 6.0;  // about where a landmark should appear
-constexpr double kExplained = 3.0;     // times that: so far off is not another place
+constexpr double kExplained = 3.0;     // times that: a pair within it does not suggest another pose
 constexpr int kSearchRounds = 3;
 constexpr std::size_t kOthers =
     16;  // landmarks with which the search is tried, to see what chance gives
 constexpr double kCluster = 0.125;      // radius of a cluster, in widths of the image
-constexpr double kExtent = 3.0;         // metres that a map without a scale is taken to span
-constexpr double kSameRotation = 0.1;   // radians: what two poses that are one differ by at most
+constexpr double kExtent = 3.0;         // assumed extent of a map without a scale, metres
+constexpr double kSameRotation = 0.1;   // radians: largest difference of equal poses
 constexpr double kSameDistance = 0.05;  // the same, times the median distance of what is seen
 
 template <class Value>
@@ -59,15 +59,15 @@ std::span<const std::uint8_t> bytes_of(std::span<const Descriptor> descriptors) 
           descriptors.size() * kDescriptorBytes};
 }
 
-// A landmark that may be what a corner shows.
+// A landmark that a corner may show.
 struct Pair {
   std::uint32_t corner = 0;
   std::uint32_t landmark = 0;  // of those with descriptors
   std::uint32_t bits = 0;
-  bool mutual = false;  // each is the other's nearest
+  bool mutual = false;  // mutual nearest neighbours
 };
 
-// A pose with what speaks for it.
+// A pose with its evidence.
 struct Candidate {
   PoseEstimate pose;
   std::vector<Pair> pairs;  // that agree with it
@@ -148,7 +148,8 @@ class ImageLocator::Parts {
                       kFewestProposals, mutual.size(), features.size());
       return result;
     }
-    // What looks alike may stand in several places: what a convincing pose does not explain may show another.
+    // Similar objects may occur in several places, so pairs that a good pose does not explain may give
+    // another pose.
     std::optional<Candidate> next;
     if (probability_of(*best) >= options_.min_probability) {
       next = candidate(features, unexplained(features, *best, pairs), kRivalIterations);
@@ -170,7 +171,7 @@ class ImageLocator::Parts {
                 fmt::format("{} x {}, as the camera has", camera_.width, camera_.height));
   }
 
-  // Limits in metres hold for maps of other units as well.
+  // So that limits in metres are also valid for maps in other units.
   double free_scale() const {
     if (positions_.empty()) return 1.0;
     const Eigen::Vector3d mean = centroid(positions_);
@@ -182,7 +183,7 @@ class ImageLocator::Parts {
     return *middle > 0.0 ? kExtent / *middle : 1.0;
   }
 
-  // Each landmark with the corner that looks most like it, the most alike first.
+  // Each landmark with its most similar corner, the most similar first.
   std::vector<Pair> nearest(const Features& features) const {
     std::vector<Pair> pairs;
     if (features.size() == 0 || descriptors_.empty()) return pairs;
@@ -212,7 +213,7 @@ class ImageLocator::Parts {
         continue;
       }
       result.push_back(pair);
-      if (result.size() == kMostRivalPairs) break;  // the others are less alike
+      if (result.size() == kMostRivalPairs) break;  // the others are less similar
     }
     return result;
   }
@@ -277,7 +278,7 @@ class ImageLocator::Parts {
     return Rigid3(Eigen::Quaterniond(r), t).inverse();
   }
 
-  // The landmarks near whose places a corner looks like them; each corner once.
+  // The landmarks that project near a similar corner; each corner once.
   void search(const Features& features, Candidate& candidate) const {
     const Rigid3 camera_from_world = candidate.pose.world_from_camera.inverse();
     const Pinhole& pinhole = extractor_.pinhole();
@@ -330,7 +331,7 @@ class ImageLocator::Parts {
     for (const Pair& pair : candidate.pairs) {
       PointMatch match{positions_[pair.landmark],
                        sensor_.measurement(features.keypoints()[pair.corner])};
-      // What the landmark's own error is in pixels.
+      // The landmark's own error, in pixels.
       const Eigen::Matrix3d rotation = camera_from_world.rotation();
       const double depth = std::max((camera_from_world * match.x_in_world).z(), kNearestDepth);
       const Eigen::Matrix3d own = rotation * covariances_[pair.landmark] * rotation.transpose();
@@ -397,7 +398,7 @@ class ImageLocator::Parts {
         best.pairs.size(), best.visible, best.expected);
     if (next != nullptr && probability_of(*next) > 0.05 * result.probability) {
       const double other = probability_of(*next);
-      // The odds of either against none; one of them at most is right.
+      // The odds of each versus none; at most one is right.
       const double odds = result.probability / (1.0 - result.probability);
       const double odds_of_other = other / (1.0 - other);
       result.probability = odds / (1.0 + odds + odds_of_other);

@@ -30,7 +30,7 @@ Eigen::Vector2d radial2(const Eigen::Vector2d& x, const double* k) {
   return x * (1.0 + r2 * (k[0] + r2 * k[1]));
 }
 
-// Brown's model: radial factor and the tangential part by p1, p2.
+// Brown's model: radial factor, and tangential part with p1, p2.
 Eigen::Vector2d brown(const Eigen::Vector2d& x, double radial, double p1, double p2) {
   const double r2 = x.squaredNorm();
   const double xy = x.x() * x.y();
@@ -74,7 +74,8 @@ Eigen::Vector2d radial2_fisheye(const Eigen::Vector2d& x, const double* k) {
   return radial2(equidistant(x, k), k);
 }
 
-// Devernay and Faugeras 2001: one parameter, the field of view. It tends to no distortion with it.
+// Devernay and Faugeras 2001. The only parameter is the field of view; as it tends to 0, so does the
+// distortion.
 Eigen::Vector2d field_of_view(const Eigen::Vector2d& x, const double* omega) {
   const double r = x.norm();
   constexpr double kNone = 1e-9;
@@ -213,7 +214,7 @@ std::optional<Eigen::Vector2d> unproject(const Camera& camera, const Pixel& pixe
       Eigen::Matrix2d jacobian;
       jacobian << (projected(x.x() + kStep, x.y()) - at) / kStep,
           (projected(x.x(), x.y() + kStep) - at) / kStep;
-      if (!(jacobian.determinant() > 0.0)) return std::nullopt;  // folded over
+      if (!(jacobian.determinant() > 0.0)) return std::nullopt;  // not invertible
       const Eigen::Vector2d step = jacobian.inverse() * (goal - at);
       x += step;
       constexpr double kFarthest = 100.0;  // 89.4 degrees off the axis

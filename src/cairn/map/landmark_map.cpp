@@ -43,12 +43,12 @@ bool is_plain_name(std::string_view name) {
          std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < '\x7f'; });
 }
 
-// Checks what the tables of a map state of themselves.
+// Checks the tables of a map.
 class Checks {
  public:
   Checks(const MapTables& tables, const EntryPlace& place) : tables_(tables), place_(place) {}
 
-  /// Positions sorted by id, or nothing if sorted already. Refuses ids that occur twice.
+  /// Row numbers sorted by id; empty if already sorted. Refuses duplicate ids.
   template <class Id>
   std::vector<std::uint32_t> sorted_by_id(MapColumn column, std::string_view kind,
                                           const std::vector<Id>& ids) const {
@@ -60,7 +60,7 @@ class Checks {
     const auto not_descending = [](Id a, Id b) { return a <= b; };
     if (std::adjacent_find(ids.begin(), ids.end(), not_descending) == ids.end()) {
       std::vector<std::uint32_t> order(ids.size());
-      std::iota(order.rbegin(), order.rend(), 0U);  // some write the latest first
+      std::iota(order.rbegin(), order.rend(), 0U);  // some systems write the latest first
       return order;
     }
     const auto refuse_repeated = [&](std::size_t row) {
@@ -73,7 +73,7 @@ class Checks {
     order.reserve(ids.size());
     constexpr std::uint64_t kMostPlacesEach = 4;
     if (span / kMostPlacesEach < ids.size()) {
-      // Most ids come from a counter: a table of them is sorted in one pass.
+      // Ids from a counter are dense, so one pass over a table sorts them.
       std::vector<std::uint32_t> row_of(span + 1, kNoRow);
       for (std::uint32_t row = 0; row < ids.size(); ++row) {
         std::uint32_t& place = row_of[ids[row].value - lowest->value];
@@ -184,7 +184,7 @@ class Checks {
       }
       ids.push_back(camera.id);
     }
-    sorted_by_id(MapColumn::kCameras, "camera", ids);  // refuses an id that occurs twice
+    sorted_by_id(MapColumn::kCameras, "camera", ids);  // refuses duplicate ids
   }
 
   void check_frames() const {
@@ -391,7 +391,7 @@ std::optional<Index> find_sorted(const std::vector<Id>& ids,
   return Index{*found};
 }
 
-// Optional columns in which nothing is known say no more than absent ones: one form for one fact.
+// Removes an optional column without known entries, so that equal content has one form.
 template <class Column>
 void drop_if_unknown(Column& column) {
   const auto known = [](const auto& value) { return value.has_value(); };

@@ -46,7 +46,7 @@ LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std:
   return result;
 }
 
-// Observations of the kept landmarks; `new_frames` gives each frame its new position.
+// Observations of the kept landmarks; `new_frames` maps frames to their new indices.
 ObservationTable observation_rows(const ObservationTable& observations,
                                   std::span<const std::uint32_t> kept_landmarks,
                                   std::span<const std::uint32_t> new_frames) {
@@ -213,7 +213,7 @@ LandmarkMap in_enu_frame(const LandmarkMap& map) {
                 "a map whose place on the Earth is known");
   }
   const LandmarkMap moved = transformed(map, georeference->enu_from_map());
-  // Without the rounding of a pose times its inverse.
+  // Set directly, to avoid the rounding of a pose times its inverse.
   return with_georeference(with_length_unit(moved, LengthUnit::kMetres),
                            GeoReference{.origin = georeference->origin});
 }

@@ -28,8 +28,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-// Each part of the work draws from a stream of its own: a change of one option leaves alone what
-// does not depend on it. The streams of session s are these plus s * kStreamsPerSession.
+// Each part of the work has its own random stream, so that an option changes only what depends on it. The
+// streams of session s are these plus s * kStreamsPerSession.
 enum Stream : std::uint64_t { kScene, kPoints, kMotion, kPath, kDetection, kNoise, kOutliers };
 constexpr std::uint64_t kStreamsPerSession = 16;
 
@@ -48,7 +48,7 @@ Vector3d random_direction(Random& random) {
   return {radius * std::cos(angle), radius * std::sin(angle), z};
 }
 
-// ---- The scene: x to the right, y away from who sits at the desk, z up; the floor is z = 0.
+// ---- The scene: x to the right, y away from the desk's user, z up; the floor is z = 0.
 
 constexpr double kTableTop = 0.73;
 constexpr double kTableThickness = 0.04;
@@ -123,7 +123,7 @@ std::vector<Patch> random_patches(const Vector2d& half_lengths_m, Random& random
   return patches;
 }
 
-// Interest is where corners are found: on surfaces, but more so along their edges.
+// Interest is the density of corners: on surfaces, and higher along their edges.
 void add_face(Scene& scene, const Box& box, const Vector3d& local_normal, double interest,
               Random& random) {
   const Vector3d a = local_normal.z() != 0.0 ? Vector3d::UnitX() : Vector3d::UnitZ();
@@ -150,7 +150,7 @@ void add_face(Scene& scene, const Box& box, const Vector3d& local_normal, double
   scene.faces.push_back(face);
 }
 
-// The faces that somebody in front of the desk can come to see.
+// The faces that are visible from in front of the desk.
 void add_visible_faces(Scene& scene, const Box& box, double interest, Random& random) {
   add_face(scene, box, Vector3d::UnitZ(), interest, random);
   constexpr double kTurnedAway = 0.5;
@@ -173,7 +173,7 @@ bool apart(const Box& one, const Box& other, double gap) {
   return false;
 }
 
-// A sort of thing on the desk: its sizes, how deep on the desk it stands, how far it may be turned.
+// A kind of object on the desk: its range of sizes, of positions across the desk, and of rotations.
 struct ThingKind {
   Vector3d smallest;
   Vector3d largest;
@@ -214,7 +214,7 @@ std::vector<Box> random_things(Random& random) {
     const ThingKind& kind = i == 0   ? monitor
                             : i == 1 ? keyboard
                                      : others[random.index(others.size())];
-    constexpr int kAttempts = 200;  // on a full desk the thing stays away
+    constexpr int kAttempts = 200;  // then the object is left out, because the desk is full
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
       const Box thing = random_thing(kind, random);
       if (!fits_on_table(thing, things)) continue;
@@ -247,7 +247,7 @@ Scene make_scene(Random random) {
   add_visible_faces(scene, table, 1.0, random);
   add_face(scene, wall, -Vector3d::UnitY(), 0.35, random);
   add_face(scene, floor, Vector3d::UnitZ(), 0.05, random);
-  // Wall and floor end the room: nothing lies behind them.
+  // Wall and floor are not occluders, because nothing is behind them.
   scene.occluders.push_back(table);
   for (const Box& thing : random_things(random)) {
     add_visible_faces(scene, thing, 3.0, random);
@@ -266,14 +266,14 @@ double near_end(double half_length_m, double mean_inset_m, Random& random) {
   return random.chance(0.5) ? 1.0 - inset : inset - 1.0;
 }
 
-// Folded back at the ends, so that they collect no points.
+// Reflects coordinates beyond the ends, so that points do not accumulate there.
 double folded(double coordinate) {
   const double beyond = std::abs(coordinate) - 1.0;
   if (beyond <= 0.0) return coordinate;
   return std::copysign(std::max(1.0 - beyond, 0.0), coordinate);
 }
 
-// Where a detector would find a corner on a face: anywhere, in texture, at an edge or at a corner.
+// Draws a corner on a face: anywhere, in a textured patch, at an edge or at a corner.
 Vector2d draw_on_face(const Face& face, Random& random) {
   constexpr double kAnywhere = 0.25;
   constexpr double kInTexture = 0.40;
@@ -397,12 +397,12 @@ Pixel projected(const Vector3d& x_in_camera) {
 }
 
 bool in_image(const Pixel& pixel) {
-  constexpr double kBorder = 16.0;  // where detectors find nothing, as their window is cut off
+  constexpr double kBorder = 16.0;  // without detections, because the detector's window is cut off
   return pixel.u >= kBorder && pixel.u <= kWidth - 1 - kBorder && pixel.v >= kBorder &&
          pixel.v <= kHeight - 1 - kBorder;
 }
 
-// Whether a box stands between an eye and what it sees at `eye` + `ray` (slab test).
+// Whether a box occludes the point `eye` + `ray` (slab test).
 bool hides(const Box& box, const Vector3d& eye, const Vector3d& ray, double nearly_there) {
   const Vector3d from = box.to_local(eye - box.centre);
   const Vector3d along = box.to_local(ray);
@@ -412,8 +412,8 @@ bool hides(const Box& box, const Vector3d& eye, const Vector3d& ray, double near
     const double inverse = 1.0 / along[i];
     const double first = (-box.half_size[i] - from[i]) * inverse;
     const double second = (box.half_size[i] - from[i]) * inverse;
-    // For a ray along the slab both are infinite, of unlike signs inside it. Exactly in its surface
-    // one is not a number, which the comparisons let pass.
+    // For a ray parallel to the slab both are infinite, with opposite signs inside it. Exactly in its surface
+    // one is NaN, which the comparisons ignore.
     enter = std::max(enter, std::min(first, second));
     leave = std::min(leave, std::max(first, second));
   }
@@ -535,7 +535,7 @@ std::uint64_t text_hash(std::string_view text) {
   return hash;
 }
 
-// What the map says of itself. The UUID tells apart what the provenance tells apart.
+// The map's metadata. Maps with different provenance have different UUIDs.
 MapInfo make_info(const SyntheticOptions& options, std::string_view made_by) {
   MapInfo info;
   info.world_frame = "synthetic_desk";
@@ -563,10 +563,10 @@ FrameTable make_frames(std::span<const Rigid3> path) {
   return frames;
 }
 
-// One walk past the scene and the map it leaves behind.
+// A session: a walk past the scene, and the resulting map.
 class Session {
  public:
-  /// @param number tells the sessions of a seed apart
+  /// @param number distinguishes the sessions of a seed
   Session(const SyntheticOptions& options, const Scene& scene, std::uint64_t number)
       : options_(options),
         scene_(scene),
@@ -589,7 +589,7 @@ class Session {
   /// Whether some frame detects the point; remembers which, for map_detected.
   bool detect(const SurfacePoint& point) {
     sightings_.clear();
-    // A point is tracked for a while, and may be so already when the session begins.
+    // A point is tracked for a while, possibly from before the session.
     const std::size_t length = track_length();
     const std::size_t end = 1 + detection_.index(views_.size() + length - 1);
     follow(point, end > length ? end - length : 0, end);
@@ -628,7 +628,7 @@ class Session {
     return !outlier;
   }
 
-  /// The map; the session is over.
+  /// Returns the map and ends the session.
   LandmarkMap map(MapInfo info) && {
     tables_.info = std::move(info);
     return LandmarkMap(std::move(tables_));
@@ -672,7 +672,7 @@ class Session {
   MapTables tables_;
 };
 
-// A point that all the sessions detect; nothing if there seems to be none.
+// A point that all the sessions detect; std::nullopt after too many failed draws.
 std::optional<SurfacePoint> draw_detected(const Scene& scene, std::span<Session* const> sessions,
                                           Random& random) {
   constexpr int kAttempts = 20'000;
@@ -689,7 +689,7 @@ std::optional<SurfacePoint> draw_detected(const Scene& scene, std::span<Session*
 using SharedLandmarks = std::vector<std::pair<LandmarkIndex, LandmarkIndex>>;
 
 // Fills two sessions with points of both and points of one alone, in random order so that the
-// number of a landmark does not tell its counterpart.
+// number of a landmark does not reveal its counterpart.
 SharedLandmarks map_both(const SyntheticOptions& options, const Scene& scene, Session& source,
                          Session& target, Random random) {
   const std::array both = {&source, &target};

@@ -70,7 +70,7 @@ PoseGraph session_graph(const MappedSequence& session, const std::vector<MapLink
   return graph;
 }
 
-// Gives nodes without a pose that of their neighbour and odometry, and puts the first at the identity.
+// Gives nodes without a pose one by odometry from their neighbour, and moves the first to the identity.
 void place_all(const MappedSequence& session, OptimisedPoses& poses) {
   auto& nodes = poses.world_from_node;
   const auto link = [&](std::size_t i) { return Similarity3(session.links[i].previous_from_next); };
@@ -119,7 +119,7 @@ std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
   return keyframes;
 }
 
-// As a map of one session: numbered from 0, with nothing that names mini-maps.
+// Makes a map of one session: numbered from 0, without names of mini-maps.
 LandmarkMap finished(LandmarkMap map, const MappedSequence& session, const ClosedLoops& loops,
                      std::size_t min_observations) {
   if (min_observations > 1) map = with_landmarks(map, landmarks_observed(map, min_observations));
@@ -270,7 +270,7 @@ LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camer
   } else {
     MapSequenceOptions in_one = mapping;
     in_one.mini_maps.reset();
-    in_one.log = {};  // it would say the same again
+    in_one.log = {};  // avoids repeated remarks
     result.mapped = map_sequence(sequence, camera, in_one);
   }
   return result;

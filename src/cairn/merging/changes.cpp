@@ -21,17 +21,17 @@
 namespace cairn {
 namespace {
 
-constexpr double kBorderPx = 8.0;  // within which of the image's edge a view does not count
+constexpr double kBorderPx = 8.0;  // margin of the image in which a view does not count
 constexpr double kLargestTurn =
     0.71;                         // cosine: views of a landmark from directions within 45 degrees
 constexpr double kNearer = 0.5;   // ranges at which a landmark is seen again, as shares of the
 constexpr double kFarther = 1.6;  // least and of the greatest at which it was seen
 constexpr double kCell = 0.02;    // of the sight's grid: tangents, about one degree
 constexpr double kDepthShare = 0.04;   // by which depths along one direction may differ
-constexpr double kLikeShare = 0.25;    // of the bits of descriptors that look alike, at most
+constexpr double kLikeShare = 0.25;    // largest share of differing bits of similar descriptors
 constexpr double kChanceFound = 0.04;  // that a landmark that is gone has a counterpart
 constexpr double kSeenThroughIfGone = 0.5;
-constexpr double kDependence = 0.5;    // evidence of neighbours repeats itself
+constexpr double kDependence = 0.5;    // because evidence of neighbours is correlated
 constexpr double kPrior = 0.05;        // that a group is a change, before its evidence
 constexpr double kLeastMean = 0.35;    // evidence a landmark, about a landmark that is gone
 constexpr std::size_t kMotions = 400;  // rigid motions tried for a thing that may have moved
@@ -213,7 +213,7 @@ std::vector<Eigen::Vector3d> in_world(const PlacedMap& placed) {
   return positions;
 }
 
-// Whether descriptors can be compared, and how unlike two are, as a share of their bits.
+// Compares descriptors: whether that is possible, and the share of differing bits.
 class Looks {
  public:
   Looks(const LandmarkMap& first, const LandmarkMap& second) {
@@ -255,7 +255,7 @@ std::size_t bin_of(std::size_t views, std::size_t observations) {
   return v * kObservationBins + o;
 }
 
-// What the landmarks of one map have to say about the other.
+// Evidence of one map's landmarks for changes in the other.
 class OneSide {
  public:
   /// @param swapped whether `own` is the second map of `looks`
@@ -362,7 +362,7 @@ class OneSide {
       group.place.high[axis] = values[values.size() - 1 - trim];
       group.place.centre[axis] = values[values.size() / 2];
     }
-    // Landmarks among the group that are still there speak against it.
+    // Landmarks within the group that are still there are evidence against a change.
     double evidence = 0.0;
     std::vector<bool> counted(points.size(), false);
     for (const std::uint32_t i : members) {
@@ -398,7 +398,7 @@ Rigid3 rigid_fit(const std::vector<Eigen::Vector3d>& from, const std::vector<Eig
   return Rigid3::from_matrix(Eigen::umeyama(a, b, false), 1e-6);
 }
 
-// The rigid motion that explains the most landmarks of two places that look alike.
+// The rigid motion that explains most of the similar landmarks of two places.
 Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, const Looks& looks,
                       const std::vector<Eigen::Vector3d>& first,
                       const std::vector<Eigen::Vector3d>& second, const ChangeOptions& options) {
@@ -504,7 +504,8 @@ ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
   result.comparable_first = vanished.comparable().size();
   result.comparable_second = appeared.comparable().size();
 
-  // How often what is still there is found again and is seen through by mistake. Most of it is there.
+  // Rates at which unchanged landmarks are found again, and wrongly seen through; most landmarks are
+  // unchanged.
   std::array<double, kViewBins* kObservationBins> found = {};
   std::array<double, kViewBins* kObservationBins> total = {};
   double all_found = 0.0;
@@ -533,7 +534,7 @@ ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
   const std::vector<OneSide::Group> before = vanished.groups();
   const std::vector<OneSide::Group> after = appeared.groups();
 
-  // Things that moved: the pairs with the most landmarks that a motion explains, first.
+  // Moved objects: first the pairs with the most landmarks that one motion explains.
   struct Pair {
     std::size_t before;
     std::size_t after;

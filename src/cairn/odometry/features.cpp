@@ -16,8 +16,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kPatchRadius = 15;    // of the patch that gives a corner its direction
-constexpr int kBorder = 19;         // no corner nearer to the edge: its descriptor needs the room
+constexpr int kPatchRadius = 15;    // of the patch that determines a corner's direction
+constexpr int kBorder = 19;         // least distance of a corner from the edge, for its descriptor
 constexpr int kSelectionCell = 32;  // pixels
 constexpr int kTableStep = 4;       // pixels
 
@@ -51,8 +51,8 @@ float patch_angle(const cv::Mat& image, int x, int y) {
   return std::atan2(static_cast<float>(moment_y), static_cast<float>(moment_x));
 }
 
-// The strongest corners of each cell first, then the second strongest of each, and so on: an even
-// spread, with weak corners only where there are no others.
+// Selects the strongest corner of each cell, then the second strongest of each, and so on: evenly spread,
+// with weak corners only where there are no others.
 std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& corners, cv::Size size,
                                  std::size_t wanted, int threshold) {
   const int columns = std::max(1, size.width / kSelectionCell);
@@ -97,8 +97,8 @@ std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& corners, cv::S
   return chosen;
 }
 
-// Where between the pixels the corner is: the peak of Harris' response, by a quadratic through its
-// 3 x 3 values around the corner. At most a pixel away.
+// Subpixel offset of a corner: the peak of a quadratic fitted to the 3 x 3 Harris responses around it. At
+// most one pixel.
 cv::Point2f refined(const cv::Mat& image, int x, int y) {
   constexpr int kWindow = 2;           // the response sums gradients of 5 x 5 pixels
   constexpr int kReach = kWindow + 1;  // for responses one pixel away
@@ -224,7 +224,7 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
       const Pixel raw{static_cast<double>(x * kTableStep), static_cast<double>(y * kTableStep)};
       const auto normalised = unproject(
           camera, raw, {(raw.u - pinhole_.cx) / pinhole_.fx, (raw.v - pinhole_.cy) / pinhole_.fy});
-      // A pixel without a line of sight stays where it is; no map point will project there.
+      // Keeps a pixel without a line of sight; no map point projects there.
       const Eigen::Vector2d pixel = normalised
                                         ? pinhole_.project({normalised->x(), normalised->y(), 1.0})
                                         : Eigen::Vector2d(raw.u, raw.v);
@@ -303,12 +303,13 @@ float FeatureExtractor::depth_at(const cv::Mat& depth_m, const Pixel& raw) const
       slope_y += static_cast<float>(v) * reading;
     }
   }
-  // A slanted surface and the sensor's noise stay within this.
+  // Bound for slanted surfaces and the sensor's noise.
   const float spread = 0.01F * center + 0.01F * center * center;
   constexpr int kFewest = 5;
   if (readings < kFewest || farthest - nearest > spread) return 0.0F;
   if (readings < 9) return center;
-  // The one reading, for the errors of its neighbours are its own; their slope leads to the corner.
+  // Uses the single reading, because its neighbours' errors are correlated with it, and their slope to reach
+  // the corner.
   return center + slope_x / 6.0F * static_cast<float>(raw.u - x) +
          slope_y / 6.0F * static_cast<float>(raw.v - y);
 }
@@ -323,8 +324,8 @@ Eigen::Vector2d FeatureExtractor::depth_slope(const cv::Mat& depth_m, const Pixe
       y + 3 * step >= depth_m.rows) {
     return Eigen::Vector2d::Zero();
   }
-  // Least squares over a grid of 7 x 7; differences across the middle, so that a reading that is
-  // missing on one side takes its partner with it.
+  // Least squares over a 7 x 7 grid, from differences across the middle; a missing reading excludes the
+  // opposite one.
   const double center = depth_m.at<float>(y, x);
   double sum_x = 0.0;
   double sum_y = 0.0;
@@ -338,7 +339,7 @@ Eigen::Vector2d FeatureExtractor::depth_slope(const cv::Mat& depth_m, const Pixe
       const double there = depth_m.at<float>(y + v * step, x + u * step);
       const double opposite = depth_m.at<float>(y - v * step, x - u * step);
       if (!(there > 0.0 && opposite > 0.0)) continue;
-      // One surface: as far behind on one side as before on the other.
+      // On one surface, the differences on both sides are opposite.
       const double bend = std::abs(there + opposite - 2.0 * center);
       if (bend > 0.02 * center + 0.01 * center * center) return Eigen::Vector2d::Zero();
       ++pairs;
@@ -384,7 +385,7 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
                          level_image.rows - 2 * kBorder);
     if (inner.width < 1 || inner.height < 1) break;
     std::vector<cv::KeyPoint> corners;
-    // FAST leaves out three pixels at the edge of what it is given.
+    // FAST skips three pixels at the edge of its input.
     cv::FAST(level_image(inner), corners, options_.least_threshold, true);
     const auto wanted = static_cast<std::size_t>(std::lround(options_.count / scale / share));
     corners = spread(corners, inner.size(), wanted, options_.threshold);

@@ -75,7 +75,7 @@ std::optional<Eigen::Matrix2d> LandmarkGraph::patch_from_image(
   if (!middle || !right || !below) return std::nullopt;
   Eigen::Matrix2d image_from_patch;
   image_from_patch << *right - *middle, *below - *middle;
-  constexpr double kEdgeOn = 0.05;  // of an area: nothing to see
+  constexpr double kEdgeOn = 0.05;  // share of an area, below which the patch is not visible
   if (!(image_from_patch.determinant() > kEdgeOn)) return std::nullopt;
   return image_from_patch.inverse();
 }
@@ -96,7 +96,7 @@ void LandmarkGraph::merge(LandmarkIndex from, LandmarkIndex into) {
   remove(from);
   for (const KeypointReference& reference : moving) {
     if (observes(reference.keyframe, into)) continue;
-    // It was aligned with another patch, if at all.
+    // It was not aligned with this patch.
     keyframes_[reference.keyframe].features.set_source(reference.keypoint, PixelSource::kCorner);
     observe(into, reference);
   }
@@ -114,7 +114,7 @@ void LandmarkGraph::merge(LandmarkIndex from, LandmarkIndex into) {
 void LandmarkGraph::refresh(LandmarkIndex index) {
   TrackedLandmark& seen = landmark(index);
   if (seen.gone()) return;
-  // The latest are enough to choose a descriptor from, and bound the work.
+  // Chooses among the latest descriptors only, which bounds the work.
   constexpr std::size_t kMost = 8;
   const std::size_t first = seen.observations.size() - std::min(kMost, seen.observations.size());
   const auto descriptor = [&](std::size_t i) -> const Descriptor& {

@@ -18,7 +18,7 @@
 namespace cairn {
 namespace {
 
-// A frame and where it is.
+// A frame and its pose.
 struct PosedFrame {
   std::size_t frame = 0;
   TimedPose pose;
@@ -31,7 +31,7 @@ std::optional<Rigid3> pose_near(const Trajectory& poses, double timestamp_s,
   const double difference = std::abs(nearest->timestamp_s - timestamp_s);
   if (difference > max_difference_s) return std::nullopt;
   if (auto pose = interpolated(poses, timestamp_s)) return pose;
-  constexpr double kSameTime = 1e-3;  // poses of some keyframes only, their times rounded
+  constexpr double kSameTime = 1e-3;  // if only some keyframes have poses, with rounded times
   return difference <= kSameTime ? std::optional(nearest->world_from_camera) : std::nullopt;
 }
 
@@ -71,7 +71,7 @@ std::vector<PosedFrame> choose_keyframes(std::span<const PosedFrame> frames) {
   return chosen;
 }
 
-// The landmarks of keyframes that come one after the other.
+// Builds the landmarks of consecutive keyframes.
 class Mapping {
  public:
   Mapping(const Camera& camera, const MapAtPosesOptions& options)
@@ -89,7 +89,7 @@ class Mapping {
 };
 
 std::size_t Mapping::add(TrackedFrame frame) {
-  // Poses and landmarks are a little off: so far away a corner may be.
+  // Search radius for a corner, because poses and landmarks have errors.
   constexpr double kRadius = 6.0;
   frame.landmarks.assign(frame.features.size(), std::nullopt);
   const ExpectedLandmarks expected = map_.expected_in(frame);
@@ -110,7 +110,7 @@ std::size_t Mapping::add(TrackedFrame frame) {
   return observed.size();
 }
 
-// Those at the depth where they should be: no other surface, and the right corner.
+// Keeps the matches at the expected depth, which excludes other surfaces and wrong corners.
 void Mapping::take(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const {
   const Rigid3 camera_from_world = frame.world_from_camera.inverse();
   constexpr double kMostOff = 5.0;  // standard deviations
@@ -133,7 +133,7 @@ LandmarkMap Mapping::finish(const MapOptions& options) {
   }
   drop_outliers(graph, again);
   adjust_landmarks(graph, again);
-  // The poses are what they are.
+  // The poses are fixed.
   const std::vector<Matrix6d> exact(graph.keyframes().size(), Matrix6d::Zero());
   return map_.to_map(options, recursive_covariances(graph, exact));
 }
@@ -143,7 +143,8 @@ struct PreparedFrame {
   TrackedFrame frame;
 };
 
-// `frames` may become keyframes; `result` holds what is counted already.
+// @param frames may become keyframes
+// @param result contains the counts so far
 MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
                          const std::function<FrameImages(std::size_t frame)>& read_frame,
                          const Camera& camera, const MapAtPosesOptions& options,
@@ -186,7 +187,7 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
   return result;
 }
 
-// What is known before any image is read: `posed` of so many frames have a pose.
+// Result before any image is read. @param frames total number, with and without a pose
 MapAtPoses counted(std::span<const PosedFrame> posed, std::size_t frames) {
   std::vector<TimedPose> poses;
   for (const PosedFrame& frame : posed) poses.push_back(frame.pose);

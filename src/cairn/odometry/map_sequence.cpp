@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-// Enough that no thread waits for another; each holds two images.
+// Enough items that no thread waits for another; each holds two images.
 constexpr std::size_t kFramesAhead = 6;
 
 struct PreparedFrame {
@@ -24,10 +24,10 @@ struct PreparedFrame {
   std::string defect;
   bool has_depth = false;
   std::optional<float> depth_reach_m;  // which one depth in 20 exceeds
-  std::optional<Features> features;    // nothing: unreadable
+  std::optional<Features> features;    // std::nullopt: unreadable
 };
 
-// A copy of an image, as OpenCV holds it.
+// A copy of an image as an OpenCV matrix.
 template <class T>
 cv::Mat matrix_of(int type, const Image<T>& image) {
   cv::Mat matrix(static_cast<int>(image.height), static_cast<int>(image.width), type);
@@ -59,7 +59,7 @@ PreparedFrame prepare(const FrameImages& images, const Odometry& odometry) {
   return prepared;
 }
 
-// Joins what comes from the frames, one after the other.
+// Combines the frames' results, in order.
 class Mapping {
  public:
   Mapping(const Camera& camera, const MapSequenceOptions& options)
@@ -108,7 +108,7 @@ void Mapping::add(PreparedFrame frame, std::size_t frames) {
   if (report.status == FrameStatus::kWaiting) ++result_.waiting;
   was_lost_ = report.status == FrameStatus::kLost;
 
-  // A map that began without depth would be lost at once; the next frame may do.
+  // A map that starts without depth would be lost at once; the next frame may be suitable.
   if (report.status == FrameStatus::kTracked && is_long_enough() && odometry_.can_begin_new_map()) {
     FinishedMap finished = odometry_.begin_new_map(options_->map);
     add_poses(finished.trajectory);
@@ -163,15 +163,15 @@ void Mapping::add_poses(const Trajectory& trajectory) {
   }
 }
 
-// Depth images read in the wrong unit make a map that is wrong by a factor and otherwise sound: only the
-// lengths themselves tell.
+// Depth images in the wrong unit give a map that is wrong only by a factor, which only implausible lengths
+// reveal.
 void Mapping::remark_on_depth() {
   if (!options_->log || depth_reaches_m_.empty()) return;
   const auto middle =
       depth_reaches_m_.begin() + static_cast<std::ptrdiff_t>(depth_reaches_m_.size() / 2);
   std::nth_element(depth_reaches_m_.begin(), middle, depth_reaches_m_.end());
   const double reach = *middle;
-  constexpr double kLeast = 0.4;  // closer, a depth camera sees nothing
+  constexpr double kLeast = 0.4;  // least range of a depth camera
   const double most = options_->odometry.features.max_depth_m;
   if (reach >= kLeast && reach <= most) return;
   options_->log(fmt::format(
@@ -185,7 +185,7 @@ MappedSequence Mapping::finish() {
   odometry_.complete();
   add_poses(odometry_.trajectory());
   result_.trajectory = Trajectory(std::move(poses_));
-  // A mini-map of a single frame, begun at the very end, holds nothing that the one before lacks.
+  // Drops a mini-map of a single frame at the end, because the previous one has the same data.
   if (frames_in_map_ > 1 || (frames_in_map_ == 1 && result_.maps.empty())) {
     result_.maps.push_back(with_content_uuid(odometry_.map(options_->map)));
   } else if (!result_.links.empty()) {
@@ -242,7 +242,7 @@ FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t 
   FrameImages images;
   images.timestamp_s = timestamp_s;
   images.name = fmt::format("{:.6f}", timestamp_s);
-  // OpenCV's header takes no const; what it wraps is read only.
+  // OpenCV's header does not accept const, but the data is only read.
   auto* const color = const_cast<std::uint8_t*>(bgr.data());
   cv::cvtColor(cv::Mat(rows, columns, CV_8UC3, color), images.gray, cv::COLOR_BGR2GRAY);
   if (!depth_m.empty()) {

@@ -42,7 +42,7 @@ std::optional<Template> warped(const ReferencePatch& patch,
   return result;
 }
 
-// Correlation of two patches' brightness, -1 to 1, whatever their contrast.
+// Normalised cross-correlation of two patches, -1 to 1, independent of their contrast.
 double correlation(const std::array<float, kCompared * kCompared>& a,
                    const std::array<float, kCompared * kCompared>& b) {
   constexpr auto kCount = static_cast<double>(kCompared * kCompared);

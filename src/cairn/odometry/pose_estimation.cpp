@@ -31,7 +31,7 @@ NormalEquations accumulate(const Pinhole& pinhole, std::span<const PointMatch> m
     if (x_in_camera.z() < kNearestDepth) continue;
     const PointResidual residual = point_residual(pinhole, matches[i].measured, x_in_camera);
     const double pixel_weight = robust ? huber_weight(residual.squared_pixel(), kPixel95) : 1.0;
-    // Depth is wrong by far more often than a match: cut it off.
+    // Truncated, because a grossly wrong depth is more frequent than a wrong match.
     const double depth_weight = residual.squared_depth() > kDepth99 ? 0.0 : 1.0;
     const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_world;
     const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
@@ -111,7 +111,7 @@ PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> mat
   if (solver.info() == Eigen::Success && solver.vectorD().minCoeff() > 0.0) {
     estimate.covariance = solver.solve(Eigen::Matrix<double, 6, 6>::Identity());
   } else {
-    estimate.inlier_count = 0;  // nothing that fixes a pose
+    estimate.inlier_count = 0;  // the pose is undetermined
     estimate.inliers.assign(matches.size(), false);
   }
   return estimate;
@@ -129,7 +129,7 @@ std::optional<PoseEstimate> find_pose(const Pinhole& pinhole, std::span<const Po
   std::optional<Rigid3> best;
   std::size_t best_count = 0;
   std::vector<bool> inliers(matches.size());
-  // Loose at first: three points fix a pose only as well as their depths are known.
+  // A wide tolerance at first, because the accuracy of a pose from three points is limited by their depths.
   std::vector<PointMatch> loose(matches.begin(), matches.end());
   constexpr double kLoose = 3.0;
   for (PointMatch& match : loose) match.measured.sigma_pixel *= kLoose;
@@ -150,14 +150,14 @@ std::optional<PoseEstimate> find_pose(const Pinhole& pinhole, std::span<const Po
     }
   }
   if (!best || best_count < least_inliers) return std::nullopt;
-  // Once more with what agrees only, so that the many wrong matches do not pull.
+  // Repeats with the inliers only, so that wrong matches have no influence.
   classify(pinhole, loose, *best, inliers);
   std::vector<PointMatch> agreeing;
   for (std::size_t i = 0; i < loose.size(); ++i) {
     if (inliers[i]) agreeing.push_back(loose[i]);
   }
   const PoseEstimate coarse = refine_pose(pinhole, agreeing, *best);
-  // Then with their own noise: that is what the covariance is about.
+  // Then with their own noise, on which the covariance is based.
   for (PointMatch& match : agreeing) match.measured.sigma_pixel /= kLoose;
   const PoseEstimate sharp = refine_pose(pinhole, agreeing, coarse.world_from_camera);
   PoseEstimate fine;

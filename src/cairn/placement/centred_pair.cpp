@@ -50,7 +50,8 @@ Similarity3 CentredPair::uncentred(const Similarity3& pose) const {
 }
 
 Matrix6d CentredPair::uncentred(const Matrix6d& covariance, const Rigid3& pose) const {
-  // The translations differ by R·source_centre and a constant: a rotation error acts on that arm too.
+  // The translations differ by R·source_centre and a constant, so a rotation error also acts on that lever
+  // arm.
   Matrix6d jacobian = Matrix6d::Identity();
   jacobian.topRightCorner<3, 3>() = skew(pose.quaternion() * source_->centre);
   return propagated_covariance(jacobian, covariance);

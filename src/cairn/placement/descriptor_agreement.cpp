@@ -6,7 +6,7 @@
 namespace cairn {
 
 double DescriptorAgreement::evidence() const {
-  // However few matches could agree by chance: they are counted on a finite number of pairs.
+  // Lower bound, because chance agreements are counted on a finite number of pairs.
   constexpr double kLeastExpected = 0.25;
   const double mean = expected > kLeastExpected ? expected : kLeastExpected;
   const auto count = static_cast<double>(spread);

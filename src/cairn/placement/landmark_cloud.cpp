@@ -18,8 +18,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kViews = 24;         // of a map: more tell the same again
-constexpr std::size_t kFewestInView = 20;  // fewer hardly tell what a camera saw
+constexpr std::size_t kViews = 24;         // of a map; more add little information
+constexpr std::size_t kFewestInView = 20;  // landmarks; fewer do not show what a camera saw
 
 // Keyframes evenly spread over those that see enough.
 std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const LandmarkIndex> kept) {

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kCutWithin = 0.25;  // of a part, from an even division
 
-// Frames in the order of time, or of ids where one has no time.
+// Frames in time order, or by id if a time is unknown.
 std::vector<std::uint32_t> frames_in_order(const LandmarkMap& map, bool by_time) {
   std::vector<std::uint32_t> order(map.frame_count());
   std::iota(order.begin(), order.end(), 0U);

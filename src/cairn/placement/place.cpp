@@ -34,46 +34,46 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kFewestLandmarks = 20;  // fewer cannot tell a pose from chance
+constexpr std::size_t kFewestLandmarks = 20;  // with fewer, a right pose looks like chance
 constexpr std::size_t kSample = PreparedCloud::kSample;
 constexpr double kRotations = 4608;     // at effort 1: about 15 degrees apart
-constexpr double kFewRotations = 2304;  // the same where constellations propose poses as well
+constexpr double kFewRotations = 2304;  // the same if constellations also propose poses
 constexpr double kConstellations = 192;
 constexpr double kTurns = 72;               // and about a known vertical: 5 degrees apart
-constexpr std::size_t kShortPoints = 1000;  // of the source, in the first look at each candidate
+constexpr std::size_t kShortPoints = 1000;  // of the source, in the first refinement of candidates
 constexpr int kShortIterations = 16;
 constexpr int kFinalIterations = 60;
 constexpr std::size_t kFinalists = 12;
-constexpr std::size_t kCandidatesAScale = 24;  // where several scales are searched
-constexpr std::size_t kCandidatesBeside = 48;  // beside those that constellations propose
-constexpr std::size_t kSightPoints = 1024;     // of a map, looked for from each view of the other
-constexpr std::size_t kFewestSights = 200;     // fewer lines of sight say nothing
-constexpr std::ptrdiff_t kVariants = 3;  // of a finalist: which is the better shows at the end
+constexpr std::size_t kCandidatesAScale = 24;  // if several scales are searched
+constexpr std::size_t kCandidatesBeside = 48;  // in addition to those from constellations
+constexpr std::size_t kSightPoints = 1024;     // of a map, checked from each view of the other
+constexpr std::size_t kFewestSights = 200;     // lines of sight for a free-space check
+constexpr std::ptrdiff_t kVariants = 3;  // of a finalist, of which the last refinement selects one
 constexpr double kLongest = 1e6;         // time limit in seconds
-// Shares of the time limit that must see their part of the work done; the last refinement has the rest.
+// Shares of the time limit for the stages; the last refinement has the rest.
 constexpr double kSearchTime = 0.5;
 constexpr double kConstellationTime = 0.65;
 constexpr double kCandidatesTime = 0.85;
-// Where the scale is open: neighbours are refined to each other, and beyond the reach about what extents
-// and spacings suggest, maps have little in common.
+// With a free scale: refinement bridges one step, and beyond this number of steps from the scale that extents
+// and spacings suggest, maps overlap little.
 constexpr double kScaleStep = 1.25;
 constexpr int kScaleReach = 5;         // steps, to either side
-constexpr double kScaleMargin = 0.03;  // of the range's ends: no scale is found exactly
+constexpr double kScaleMargin = 0.03;  // of the range's ends, because scales are not exact
 // In units of the fine scale:
-constexpr double kSame = 0.35;     // what optima that are one differ by at most
+constexpr double kSame = 0.35;     // largest distance of equal optima
 constexpr double kMatched = 0.5;   // radius within which landmarks count as matched
-constexpr double kClose = 0.25;    // of it, within which they are likely the same
-constexpr double kDistinct = 3.0;  // and what poses that people would call different at least
-constexpr double kReopened = 3.0;  // kernel at which the last refinement begins at the fine scale
-// Proposals by descriptors are judged before any search if as many matches agree with one;
+constexpr double kClose = 0.25;    // share of it within which they are probably the same
+constexpr double kDistinct = 3.0;  // least distance of poses that a user would call different
+constexpr double kReopened = 3.0;  // kernel at the start of the last refinement
+// Poses from descriptors are judged before the search if one has this number of agreeing matches;
 constexpr std::size_t kFewestAgreeing = 7;
-// those with this share of its matches are its rivals;
+// poses with this share of its matches are its rivals;
 constexpr double kRivalShare = 0.4;
-// and a probability of this, with kDecisiveAgreement, makes the search needless. With less agreement, a search
-// may show other poses that fit as well.
+// and this probability, with kDecisiveAgreement, makes the search unnecessary. With less agreement, a search
+// may find other poses that fit equally well.
 constexpr double kDecided = 0.99;
 constexpr int kAttempts = 4;  // at the last refinement
-// Share of a candidate's merit that all landmarks must leave it.
+// Least share of a candidate's merit after refinement with all landmarks.
 constexpr double kKept = 0.95;
 
 template <class Value>
@@ -87,7 +87,7 @@ std::span<const Eigen::Vector3d> sample_of(const LandmarkCloud& cloud) {
   return std::span(cloud.positions).first(std::min(cloud.size(), kSample));
 }
 
-// In random order: the first of them are spread over all.
+// Shuffles them, so that the first ones are spread evenly.
 void shuffle(std::vector<Eigen::Quaterniond>& rotations, Random& random) {
   for (std::size_t i = rotations.size(); i > 1; --i) {
     std::swap(rotations[i - 1], rotations[random.index(i)]);
@@ -100,7 +100,7 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
     all = rotations_about(options.gravity->source, options.gravity->target,
                           static_cast<std::size_t>(std::ceil(kTurns * options.effort)));
   } else {
-    // Another seed looks from elsewhere.
+    // A random rotation, so that each seed searches other rotations.
     Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
     turn.normalize();
     const double count = options.scale ? kRotations : kFewRotations;
@@ -111,14 +111,14 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
   return all;
 }
 
-// The time that a placement may take, if that is limited.
+// Time limit of a placement, if any.
 class TimeLimit {
  public:
   TimeLimit(std::chrono::steady_clock::time_point start, const PlaceOptions& options)
       : start_(start), limit_s_(options.time_limit_s), caller_(options.execution.stop) {}
 
-  /// Calls work(stop), which is asked to stop when that share of the time is over.
-  /// @return whether it was
+  /// Calls work(stop) and requests a stop when this share of the time is over.
+  /// @return whether a stop was requested
   template <class Work>
   bool cuts(double share, const Work& work) const {
     if (!limit_s_) {
@@ -127,7 +127,7 @@ class TimeLimit {
     }
     const auto end = start_ + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
                                   std::chrono::duration<double>(share * *limit_s_));
-    // No thread is waited for where the time is over already.
+    // Starts no thread if the time is already over.
     if (std::chrono::steady_clock::now() >= end) {
       std::stop_source over;
       over.request_stop();
@@ -145,7 +145,7 @@ class TimeLimit {
   std::stop_token caller_;
 };
 
-// What lengths a pair of clouds gives where the source is scaled.
+// Kernel scales of a pair of clouds, as a function of the source's scale.
 struct PairScales {
   CloudScales source;
   CloudScales target;
@@ -161,7 +161,7 @@ void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
   candidate.scale = pose.scale();
 }
 
-// A pose on its way to be a candidate, centred.
+// A centred pose that may become a candidate.
 struct Finalist : PlacementCandidate {
   Proximity proximity = {};
 };
@@ -171,8 +171,8 @@ struct Candidates {
   bool cut_short = false;
 };
 
-// The search on samples of both maps, for a source that is no larger than the target, as far as that can
-// be told: most of it has its place there, if they overlap.
+// Search on samples of both maps. The source should be the smaller one, so that most of it is in the target
+// if they overlap.
 class Placement {
  public:
   /// @param scales of the source at which poses are searched for
@@ -189,10 +189,10 @@ class Placement {
         sample_{source.sample_scales(), target.sample_scales()},
         distance_(PoseDistance::of(pair_.source().positions)) {}
 
-  /// Of the kernel, for a source of the scale.
+  /// Fine kernel scale for a source of this scale.
   double fine(double scale) const { return all_.at(scale).fine; }
   // The support of a pose.
-  // @param partners with which each descriptor match is tried, to see how many agree by chance
+  // @param partners number of random partners per descriptor match, to estimate chance agreements
   Finalist assessed(const Similarity3& pose,
                     std::size_t partners = DescriptorMatches::kPartners) const {
     Finalist result;
@@ -203,8 +203,8 @@ class Placement {
     return result;
   }
 
-  // By which poses go on: evidence of positions and of looks. Most wrong ones have none of either; a few
-  // landmarks that happen to meet must not outweigh a tenth of all.
+  // Rank of a pose: evidence of positions and descriptors. Most wrong poses have neither; a few landmarks
+  // that match by chance must not outweigh a tenth of all.
   static double merit(const PlacementCandidate& pose) {
     constexpr double kSupport = 50.0;
     const Support& support = pose.support;
@@ -212,7 +212,7 @@ class Placement {
     return support.spread_evidence + support.spread_likeness + agreement + kSupport * support.share;
   }
 
-  // Each beside the others; likeliest first.
+  // Probability of each pose versus the others; likeliest first.
   std::vector<Finalist> with_probabilities(std::vector<Finalist> poses) const {
     for (Finalist& pose : poses) {
       std::vector<const Proximity*> others;
@@ -236,7 +236,7 @@ class Placement {
     return poses;
   }
 
-  /// Whether its scale is none that was asked for.
+  /// Whether its scale is outside the requested range.
   bool has_other_scale(const Finalist& pose) const {
     if (!options_.scale) return false;
     const auto [least, most] = *options_.scale;
@@ -251,13 +251,13 @@ class Placement {
     return one.front();
   }
 
-  /// Whether people would call both the same.
+  /// Whether a user would call both the same.
   bool near(const Finalist& a, const Finalist& b) const {
     return distance_(a.similarity(), b.similarity()) < kDistinct * fine(b.scale);
   }
 
-  /// Of the poses near this one, but not the same, the one that fits best, if it fits clearly better than
-  /// this one; and how far it is from it.
+  /// The best-fitting of the poses near this one, excluding equal ones, if it fits clearly better; and its
+  /// distance.
   std::pair<std::optional<Finalist>, double> better_near(const std::vector<Finalist>& poses,
                                                          const Finalist& pose) const {
     std::pair<std::optional<Finalist>, double> better = {std::nullopt, 0.0};
@@ -270,14 +270,14 @@ class Placement {
     return better;
   }
 
-  /// What the surroundings of the matches say of a pose.
+  /// Free-space check of the surroundings of the matches.
   SightCounts around(const Similarity3& pose) const {
     return surrounding_sights(source_, target_, pose, kClose * kMatched * fine(pose.scale()));
   }
 
   const CentredPair& pair() const { return pair_; }
 
-  /// Of the smaller cloud.
+  /// Number of landmarks of the smaller cloud.
   std::size_t landmarks() const { return std::min(pair_.source().size(), pair_.target().size()); }
 
   Candidates candidates(const TimeLimit& time) const {
@@ -310,7 +310,7 @@ class Placement {
     std::vector<Finalist> poses;
     const auto turns = rotations(options_, Random(options_.seed).fork(3));
     for (std::size_t i = 0; i < scales_.size(); ++i) {
-      // Each scale has its share of the time.
+      // Each scale has an equal share of the time.
       const double done = static_cast<double>(i) / static_cast<double>(scales_.size());
       const double share = kSearchTime * (done + 1.0 / static_cast<double>(scales_.size()));
       const bool cut = time.cuts(share, [&](const std::stop_token& stop) {
@@ -340,7 +340,7 @@ class Placement {
   }
 
  private:
-  // Lines of sight, both ways; nothing but zeros if the clouds have no views.
+  // Free-space check in both directions; all zeros if the clouds have no views.
   SightCounts sights(const Similarity3& pose) const {
     const auto some = [](const LandmarkCloud& cloud) {
       return std::span(cloud.positions).first(std::min(kSightPoints, cloud.size()));
@@ -350,11 +350,11 @@ class Placement {
     return counts;
   }
 
-  // Poses on which descriptors agree.
+  // Poses from descriptor matches.
   std::vector<DescriptorPose> proposals() const {
     DescriptorPoseOptions options;
     options.free_scale = options_.scale.has_value();
-    // Where the scale is open, lengths of the target alone are known.
+    // With a free scale, only the target's lengths are known.
     options.tolerance =
         kMatched * (options.free_scale ? kernel_scales(all_.target, all_.target).fine : fine(1.0));
     if (options_.scale) {
@@ -364,7 +364,7 @@ class Placement {
     return descriptor_poses(matches_, Random(options_.seed).fork(4), options);
   }
 
-  // Poses on which a few landmarks and those about them agree.
+  // Poses that align a constellation and its surroundings.
   std::vector<ConstellationPose> constellations(const std::stop_token& stop) const {
     const ConstellationOptions options{
         .fine = sample_.at(1.0).fine,
@@ -374,7 +374,7 @@ class Placement {
                                Random(options_.seed).fork(6), options);
   }
 
-  // Those that may be right if the first is not; none if too few matches agree with any.
+  // The first pose and those that may be right instead; empty if too few matches agree with the first.
   static std::vector<Finalist> rivals_of(const std::vector<Finalist>& proposed) {
     constexpr std::size_t kMost = 4;
     std::vector<Finalist> rivals;
@@ -389,7 +389,7 @@ class Placement {
     return rivals;
   }
 
-  // The distinct ones with their probabilities, likeliest first.
+  // The distinct poses with their probabilities, likeliest first.
   std::vector<Finalist> judged(std::vector<Finalist> poses) const {
     std::erase_if(poses, [&](const Finalist& pose) { return has_other_scale(pose); });
     return with_probabilities(distinct(std::move(poses), all_, 1));
@@ -424,9 +424,9 @@ class Placement {
   // there.
   void refine_all(std::vector<Finalist>& poses, const PairScales& lengths, std::size_t points,
                   int iterations, const std::stop_token& stop) const {
-    // Of many poses roughly, of the few that are left exactly.
+    // Roughly for many poses, accurately for the remaining few.
     const std::size_t partners = points == kSample ? DescriptorMatches::kPartners : 32;
-    // The candidates run beside each other, each on one thread.
+    // The candidates run in parallel, each on one thread.
     const RobustAlignment alignment(pair_, target_.tree(), options_.use_covariances, false,
                                     Executor());
     options_.execution.executor.for_blocks(
@@ -448,7 +448,7 @@ class Placement {
         });
   }
 
-  // The best of the poses, with at most so many variants of what people would call one.
+  // The best poses, with at most `variants` that a user would call the same.
   std::vector<Finalist> distinct(std::vector<Finalist> poses, const PairScales& lengths,
                                  std::ptrdiff_t variants) const {
     std::stable_sort(poses.begin(), poses.end(),
@@ -494,7 +494,7 @@ std::vector<double> scales_about_one(const ScaleRange& range) {
   return scales;
 }
 
-// By which the source is to be scaled for both clouds to have extents and spacings as alike as can be.
+// Scale of the source at which both clouds have the most similar extents and spacings.
 double likely_scale(const CloudScales& from, const CloudScales& to) {
   const double square = to.extent * to.spacing / (from.extent * from.spacing);
   return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
@@ -502,7 +502,7 @@ double likely_scale(const CloudScales& from, const CloudScales& to) {
 
 }  // namespace
 
-// A placement of the caller's clouds, of which one may have to be scaled and the two exchanged first.
+// A placement of the caller's clouds, with the source scaled or the two exchanged if necessary.
 class PreparedPair::Parts {
  public:
   Parts(const PreparedCloud& source, const PreparedCloud& target, const PlaceOptions& options)
@@ -513,8 +513,8 @@ class PreparedPair::Parts {
         unit_(options.scale ? std::clamp(likely_scale(source.scales(), target.scales()),
                                          options.scale->least, options.scale->most)
                             : 1.0),
-        // Which is the larger cannot be seen where the scale is open; the one with fewer landmarks is
-        // likely to be part of the other.
+        // With a free scale, sizes are not comparable; the cloud with fewer landmarks is probably part of the
+        // other.
         inverted_(options.scale ? source.size() > target.size()
                                 : source.scales().extent > target.scales().extent) {
     if (std::min(source.size(), target.size()) < kFewestLandmarks) return;
@@ -579,8 +579,8 @@ class PreparedPair::Parts {
   const PreparedCloud source_;
   const PreparedCloud target_;
   const PlaceOptions callers_;
-  PlaceOptions options_;  // as the placement has them
-  double unit_;           // by which the source is scaled
+  PlaceOptions options_;  // in the placement's unit
+  double unit_;           // factor of the source
   bool inverted_;
   std::optional<Placement> placement_;  // nothing where landmarks are too few
   std::optional<Candidates> searched_;
@@ -588,16 +588,16 @@ class PreparedPair::Parts {
 
 namespace {
 
-// How closely the maps agree at a candidate, in fine scales, as far as that is known: a kernel much finer
-// would follow the errors of single landmarks.
+// How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
+// errors of single landmarks.
 double precision(const Finalist& pose) {
   constexpr double kPerDeviation = 2.0;
-  constexpr double kClear = 20.0;  // evidence, below which it says nothing
+  constexpr double kClear = 20.0;  // least evidence
   const Support& support = pose.support;
   if (support.proximity.spread > kClear) {
     return std::max(kPerDeviation * support.proximity.deviation / kSmoothSpacings, kFinest);
   }
-  // Descriptors tell same landmarks as well, but not how far apart they are.
+  // Descriptors also identify the same landmarks, but not their distances.
   const bool same = support.agreement && support.agreement->evidence() > kClear;
   return same ? kPerDeviation * ProximityEvidence::kWidest / kSmoothSpacings : 1.0;
 }
@@ -616,7 +616,8 @@ RegistrationResult PreparedPair::Parts::refined(const Finalist& best, bool hold,
   refinement.hold = hold;
   refinement.one_to_one = precision(best) < 1.0;
   const double kernel = precision(best) * fine(best);
-  // Where nothing shows how closely the maps agree, what the finer scales chose is undone.
+  // If it is unknown how closely the maps agree, starts at a wider kernel, which undoes the choice at finer
+  // scales.
   refinement.coarse = refinement.one_to_one ? kernel : kReopened * kernel;
   refinement.fine = refinement.finest = kernel;
   refinement.error_scale = std::min(kErrorScale * kernel, fine(best));
@@ -639,7 +640,7 @@ RegistrationResult PreparedPair::Parts::refined(const Finalist& best, bool hold,
   return alignment;
 }
 
-// Of the poses that the search finds; the same for every pose that is judged.
+// Candidates of the search; the same for every judged pose.
 const Candidates& PreparedPair::Parts::searched(const TimeLimit& time) {
   if (!searched_) searched_ = placement_->candidates(time);
   return *searched_;
@@ -652,8 +653,9 @@ void PreparedPair::Parts::report(const std::vector<Finalist>& poses,
   }
 }
 
-// What all landmarks make of the likeliest pose is judged like the candidates. If another is likelier
-// then, that one is refined too. A candidate that has more to show for it as it is stays so.
+// Refines the likeliest pose with all landmarks and judges the result like the candidates. If another pose is
+// then likelier, also refines that one. Keeps a candidate unchanged if it has more evidence than its
+// refinement.
 void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
                                    PlacementResult& result) const {
   result.cut_short = found.cut_short;
@@ -671,7 +673,7 @@ void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
     if (result.alignment.status == RegistrationStatus::kCancelled) break;
     const bool failed = result.alignment.status == RegistrationStatus::kFailed;
     Finalist after = placement_->assessed(centred(result.alignment.similarity()));
-    // Without evidence at the finer scales there is none to lose.
+    // Evidence at the finer scales can only be lost if there is some.
     const bool worse =
         precision(best) < 1.0 && Placement::merit(after) < kKept * Placement::merit(best);
     const bool settled = !failed && !worse && !placement_->has_other_scale(after);
@@ -699,7 +701,7 @@ void PreparedPair::Parts::judge_best(const Finalist& best, PlacementResult& resu
   result.reason = std::move(judgement.reason);
 }
 
-// A pose among the poses found, of which it stands for those that people would call the same.
+// Places a given pose among the poses found; it replaces those that a user would call the same.
 PreparedPair::Parts::Placed PreparedPair::Parts::beside(Candidates found,
                                                         const Finalist& pose) const {
   std::erase_if(found.poses, [&](const Finalist& other) { return placement_->near(other, pose); });
@@ -713,8 +715,8 @@ PreparedPair::Parts::Placed PreparedPair::Parts::beside(Candidates found,
   return {std::move(found), index};
 }
 
-// @param held   the pose that is judged, as it is
-// @param better how far it is from the placed one, if that is a better pose near it
+// @param held   the pose to judge, unchanged
+// @param better distance to the placed pose, if that is a better one nearby
 void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& held,
                                         std::optional<double> better, const TimeLimit& time,
                                         PlacementResult& result) const {
@@ -722,7 +724,7 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
   result.cut_short = found.cut_short;
   result.radius = kMatched * fine(held);
   result.alignment = refined(held, true, time, result);
-  // Of a search that was stopped the likelier poses may be missing.
+  // A stopped search may have missed likelier poses.
   if (callers_.execution.stop.stop_requested()) {
     result.alignment.status = RegistrationStatus::kCancelled;
     result.alignment.stop_reason = StopReason::kCancelled;
@@ -780,7 +782,7 @@ PlacementResult PreparedPair::Parts::judge(const Similarity3& pose) {
     const Candidates& found = searched(time);
     const Finalist held = placement_->assessed(centred(pose));
     const auto [better, off] = placement_->better_near(found.poses, held);
-    // A better pose near it is held against the others in its place.
+    // A better pose nearby is compared with the others instead.
     const Placed placed = beside(found, better.value_or(held));
     conclude_held(placed, better ? held : placed.found.poses[placed.own],
                   better ? std::optional(off) : std::nullopt, time, result);

@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-// Of maps of one place that hold their landmarks in one order, the samples are independent all the same.
+// Makes the samples of two maps independent, even if their landmarks have the same order.
 Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
   Hasher hasher;
   hasher.update({reinterpret_cast<const char*>(cloud.positions.data()),
@@ -23,7 +23,7 @@ Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
   return Random(seed).fork(hasher.digest().low);
 }
 
-// Random order, the likelier early the more a landmark weighs (Efraimidis and Spirakis 2006).
+// Weighted random order: landmarks of larger weight are probably earlier (Efraimidis and Spirakis 2006).
 std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random random) {
   std::vector<std::pair<double, std::uint32_t>> keys(cloud.size());
   for (std::uint32_t i = 0; i < keys.size(); ++i) {
@@ -36,8 +36,8 @@ std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random rando
   return order;
 }
 
-// Entry i becomes what entry order[i] was: along each cycle, without a second copy of a column.
-// `save(i)` keeps entry i aside, `move(to, from)` moves one, `restore(i)` makes what was kept entry i.
+// Permutes in place, cycle by cycle, so that entry i becomes the former entry order[i]. `save(i)` saves entry
+// i, `move(to, from)` moves one, `restore(i)` sets entry i to the saved one.
 template <class Save, class Move, class Restore>
 void reorder(std::span<const std::uint32_t> order, const Save& save, const Move& move,
              const Restore& restore) {

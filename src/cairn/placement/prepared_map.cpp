@@ -39,7 +39,7 @@ class PreparedMap::Parts {
   std::span<const PreparedPart> prepared() {
     std::call_once(once_, [&] {
       for (std::size_t i = 0; i < parts_.size(); ++i) {
-        // On this thread alone: to take up other work here might be to wait for oneself.
+        // On this thread only, because executing other tasks here could deadlock.
         prepared_.push_back({std::move(parts_[i]),
                              PreparedCloud(std::move(clouds_[i]), seed_, Executor(), "part")});
       }

@@ -12,10 +12,10 @@ namespace {
 
 constexpr double kBinsPerOctave = 4.0;
 constexpr double kLeastOctave = -6.0;
-// Pairs that are added to what the other poses have: the distances of points on surfaces.
+// Weight of the prior, in pairs: the distribution for points on surfaces, added to that of the other poses.
 constexpr double kPriorPairs = 40.0;
-// Where two are each other's nearest, the circles about both are empty: together they are larger than
-// one by this factor, (4·π/3 + √3/2) / π.
+// For mutual nearest neighbours, the circles around both are empty. Their union is larger than one circle by
+// this factor, (4·π/3 + √3/2) / π.
 constexpr double kBothEmpty = 1.609;
 
 using Counts = Proximity::Counts;
@@ -37,14 +37,14 @@ Counts shares(const Distribution& cumulative) {
   return result;
 }
 
-// Of independent points on one surface that are each other's nearest.
+// For independent points on one surface that are mutual nearest neighbours.
 const Counts& shares_on_surface() {
   static const Counts result =
       shares([](double ratio) { return chance_on_surface(ratio * ratio); });
   return result;
 }
 
-// Of the distance between two points whose difference is Gaussian with this deviation along each axis
+// For the distance of two points whose difference is Gaussian with this standard deviation per axis
 // (Maxwell's distribution).
 Counts shares_of_same(double deviation) {
   return shares([deviation](double ratio) {
@@ -54,7 +54,7 @@ Counts shares_of_same(double deviation) {
   });
 }
 
-// Wider ones would explain how surfaces fit, which wrong poses share.
+// Larger deviations would also explain the fit of surfaces, which wrong poses share.
 constexpr std::array<double, 8> kDeviations = {0.015, 0.02,  0.03, 0.04,
                                                0.055, 0.075, 0.1,  ProximityEvidence::kWidest};
 constexpr std::array<double, 11> kShares = {0.01, 0.02, 0.05, 0.1, 0.15, 0.2,
@@ -116,7 +116,7 @@ ProximityEvidence proximity_evidence(const Proximity& at_pose,
 
   const Counts counts = at_pose.counts();
   ProximityEvidence result;
-  Counts gains{};  // of the likeliest mixture, a pair
+  Counts gains{};  // of the likeliest mixture, per pair
   for (std::size_t d = 0; d < kDeviations.size(); ++d) {
     const Counts& same = same_by_deviation()[d];
     for (const double share : kShares) {

@@ -23,8 +23,8 @@
 namespace cairn {
 namespace {
 
-// The pose where ICP leads has to have so many times the objective: where the maps share little, most
-// poses have some of it, and the guess is the better witness.
+// ICP's pose replaces the guess only if its objective is this many times larger, because with little overlap
+// most poses have some, and the guess is more reliable.
 constexpr double kClearlyBetter = 2.0;
 
 template <class Value>
@@ -34,7 +34,7 @@ void require(bool valid, std::string_view field, const Value& value, std::string
               expected);
 }
 
-// @param icp_iterations that led to where the refinement began; 0: it began at the initial pose
+// @param icp_iterations before the refinement; 0: it started at the initial pose
 std::string sentence(const RegistrationResult& result, double finest, int icp_iterations) {
   if (result.iterations == 0 && result.stop_reason == StopReason::kNoMotion) {
     return fmt::format("held at the initial pose, at a kernel scale of {:.3g}", finest);
@@ -53,8 +53,9 @@ std::string sentence(const RegistrationResult& result, double finest, int icp_it
   }
 }
 
-// The same matches, seen from what was their target: of each the closest, by ascending index.
-// `unit`: of what was the source, in that of what was the target.
+// Exchanges source and target of matches: the closest match of each former target landmark, by ascending
+// index.
+// @param unit of the former source, in that of the former target
 std::vector<Match> turned_round(const std::vector<Match>& matches, double unit) {
   std::vector<Match> result;
   for (const Match& match : matches) {
@@ -69,7 +70,7 @@ std::vector<Match> turned_round(const std::vector<Match>& matches, double unit) 
   return result;
 }
 
-// What is said of the moving cloud's pose in the other's frame, as said of its inverse.
+// Converts the result for a pose to that for its inverse.
 void turn_round(const Similarity3& pose, RegistrationResult& result) {
   const Similarity3 inverse = pose.inverse();
   result.target_from_source = inverse.rigid();
@@ -88,7 +89,7 @@ void turn_round(const Similarity3& pose, RegistrationResult& result) {
   }
 }
 
-// Of the two clouds as the refinement has them.
+// One of the refinement's two clouds.
 struct Side {
   explicit Side(LandmarkCloud landmarks)
       : cloud(std::make_shared<const CentredCloud>(std::move(landmarks))),
@@ -116,14 +117,13 @@ struct Side {
   std::shared_ptr<const CentredCloud> cloud;
   std::shared_ptr<const BatchTree> tree;
   double extent;
-  std::span<const std::uint32_t> order = {};  // empty: as the caller has them
+  std::span<const std::uint32_t> order = {};  // empty: the caller's order
 };
 
-// The refinement of a pair, of which one is moved and the other stands. Scores and overlap are as the
-// caller has them, in the unit of the caller's target.
+// Refinement of a pair, which moves one cloud. Scores and overlap are in the unit of the caller's target.
 class Refinement {
  public:
-  /// @param inverted what is moved is the caller's target
+  /// @param inverted moves the caller's target
   Refinement(Side source, Side target, bool inverted, const RefineOptions& options)
       : source_(std::move(source)),
         target_(std::move(target)),
@@ -134,19 +134,19 @@ class Refinement {
   void run(RegistrationResult& result) const;
 
  private:
-  // One way to an optimum, all in the centred frames.
+  // One path to an optimum, in the centred frames.
   struct Path {
     RobustAlignment::Run run;
-    int icp_iterations = 0;         // that led to where the run began
+    int icp_iterations = 0;         // before the run
     int coarse_icp_iterations = 0;  // before these, on samples
     std::vector<IterationRecord> history;
     std::vector<Match> matches;
     double value = 0.0;  // of the objective
   };
 
-  // @param path on which the run began, with where it is
+  // @param path at the start of the run; continued
   void follow(const RobustAlignment& alignment, const KernelScales& kernel, Path& path) const;
-  // The result of a way.
+  // The result of a path.
   void conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
                 RegistrationResult& result) const;
   std::optional<Path> drawn_in(const Similarity3& initial) const;
@@ -158,7 +158,7 @@ class Refinement {
     return nearest_squared_distances(pair_.target().positions, pose.inverse(), *source_.tree,
                                      options_.execution.executor);
   }
-  // Of the caller's landmarks; either way the tree is that of the caller's target.
+  // For the caller's source landmarks and the tree of the caller's target, also if inverted.
   std::vector<double> distances(const Similarity3& pose) const {
     return inverted_ ? from_target(pose) : from_source(pose);
   }
@@ -171,7 +171,7 @@ class Refinement {
   }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
 
-  // With the indices that the caller's landmarks have.
+  // With the indices of the caller's landmarks.
   std::vector<Match> as_given(std::vector<Match> matches) const;
 
   Side source_;
@@ -192,7 +192,7 @@ std::vector<Match> Refinement::as_given(std::vector<Match> matches) const {
 }
 
 KernelScales Refinement::kernel() const {
-  // Asked of the clouds only where the caller has not said.
+  // Computed from the clouds only if the caller gave none.
   const KernelScales own =
       options_.fine && options_.coarse
           ? KernelScales{}
@@ -221,7 +221,7 @@ IterationRecord Refinement::record(RobustAlignment::Iteration iteration,
   return record;
 }
 
-// Of samples first, which ends where plain ICP does and takes less time; nothing if it fails.
+// ICP on samples first, which reaches the same pose as plain ICP in less time; std::nullopt if it fails.
 std::optional<Refinement::Path> Refinement::drawn_in(const Similarity3& initial) const {
   IcpOptions drawing;
   drawing.initial = initial.rigid();
@@ -309,12 +309,12 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
   result.score = fitness_score(there);
   if (options_.overlap_radius) {
     const double radius = *options_.overlap_radius;
-    // These are in the unit of the caller's source.
+    // The new distances are in the unit of the caller's source.
     const std::vector<double> back = inverted_ ? from_source(centred) : from_target(centred);
     const double unit = inverted_ ? pose.scale() : 1.0 / pose.scale();
     result.overlap = Overlap{*share_within(there, radius), *share_within(back, radius * unit)};
   }
-  // Only of an optimum there is something to say.
+  // Uncertainty exists only at an optimum.
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
     PoseUncertainty uncertainty =
         alignment.uncertainty(centred, error_scale_of(kernel), result.matches, free_scale);
@@ -365,14 +365,14 @@ RegistrationResult refine(const Side& source, const Side& target, const RefineOp
     result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
                                 source_size, target_size, kFewestMatches);
   } else {
-    // In one unit, or nearly so, the scale to be estimated is about 1.
+    // Scales the source first, so that the scale to be estimated is about 1.
     const double scale = options.scale.value_or(1.0);
     const Side moving = source.scaled(scale);
-    // Landmarks of the larger map beside the smaller one would pull it their way.
+    // Moves the smaller map, because landmarks of the larger one outside the overlap would bias the pose.
     const bool inverted = moving.extent > target.extent;
     Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options)
         .run(result);
-    result.scale *= scale;  // run() has that of what was scaled already
+    result.scale *= scale;  // run() estimated the scale of the scaled source
     for (IterationRecord& record : result.history) record.scale *= scale;
   }
   result.status = status_of(result.stop_reason);

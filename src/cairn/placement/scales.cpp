@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kSampled = 4096;  // medians need no more
+constexpr std::size_t kSampled = 4096;  // enough for medians
 constexpr double kLeastFine = 1e-3;     // of the coarse scale; maps may hold copies of one landmark
 
 double median(std::vector<double> values) {
@@ -63,7 +63,7 @@ KernelScales kernel_scales(const CloudScales& source, const CloudScales& target)
       std::max(std::min(source.spacing, target.spacing), std::hypot(source.noise, target.noise));
   scales.fine *= kSmoothSpacings;
   scales.coarse = std::max(0.5 * std::min(source.extent, target.extent), scales.fine);
-  // Of landmarks that all coincide.
+  // If all landmarks coincide.
   if (!(scales.coarse > 0.0)) scales.coarse = 1.0;
   scales.fine = std::max(scales.fine, kLeastFine * scales.coarse);
   return scales;

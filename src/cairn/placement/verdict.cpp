@@ -14,10 +14,11 @@ namespace {
 
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
-// Of lines of sight to the surroundings of the matches; docs/method.md says how they were chosen.
-constexpr std::size_t kFewestAround = 100;   // fewer are too few to judge by
-constexpr double kMostContradicted = 0.25;   // of those that agree or are contradicted
-constexpr double kFewestInAgreement = 0.02;  // of all, with those that end behind what was seen
+// For lines of sight to the surroundings of the matches; docs/method.md explains the choice.
+constexpr std::size_t kFewestAround = 100;  // least number for a decision
+constexpr double kMostContradicted = 0.25;  // of those that agree or are contradicted
+constexpr double kFewestInAgreement =
+    0.02;  // of all, including those that end behind a seen surface
 
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
@@ -29,7 +30,7 @@ std::string open_text(const RegistrationResult& result) {
   for (const OpenDirection& open : result.unobservable) {
     if (!text.empty()) text += " and ";
     const double shift = open.translation.norm();
-    // A turn moves landmarks as a shift does at the distance where both are equal: the larger names it.
+    // Names the larger part; a rotation and a translation are equal if they move the landmarks equally.
     const double turn = open.rotation.norm();
     if (std::abs(open.log_scale) > std::max(shift, turn)) {
       text += "the scale";
@@ -64,7 +65,7 @@ std::string other_surroundings(const SightCounts& around) {
   return {};
 }
 
-// What speaks for and against the best candidate.
+// The evidence for and against the best candidate.
 std::string evidence_text(std::span<const PlacementCandidate> candidates, std::size_t landmarks) {
   const PlacementCandidate& best = candidates.front();
   std::string text = fmt::format(

@@ -140,7 +140,7 @@ void set_pose(Part& part, const Similarity3& pose, std::string_view where) {
   part.quaternion = {q.x(), q.y(), q.z(), q.w()};
 }
 
-// Derivative of g2o's error by our left perturbation (δt, δφ): with R the measured rotation,
+// Derivative of g2o's error by Cairn's left perturbation (δt, δφ): with R the measured rotation,
 // measured⁻¹·(t + δt, Exp(δφ)·R) = (Rᵀδt, Exp(Rᵀδφ)), whose quaternion's vector part is ½Rᵀδφ.
 Matrix6 error_by_perturbation(const Rigid3& measured) {
   const Eigen::Matrix3d turned = measured.rotation().transpose();
@@ -150,7 +150,7 @@ Matrix6 error_by_perturbation(const Rigid3& measured) {
   return jacobian;
 }
 
-// The inverse of a positive definite matrix; std::nullopt of any other.
+// The inverse of a positive definite matrix; std::nullopt for others.
 std::optional<Matrix6> inverse(const Matrix6& matrix) {
   const Eigen::LLT<Matrix6> cholesky(matrix);
   if (cholesky.info() != Eigen::Success) return std::nullopt;

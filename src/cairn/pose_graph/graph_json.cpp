@@ -43,7 +43,7 @@ Json to_json(const std::optional<Matrix>& matrix) {
   return rows;
 }
 
-// A value of a document, which knows where it is.
+// A value of a document with its place.
 class Value {
  public:
   Value(const Json& json, std::string place) : json_(json), place_(std::move(place)) {}

@@ -15,7 +15,7 @@ bool is_finite(const Similarity3& pose) {
   return pose.translation().allFinite() && pose.rigid().quaternion().coeffs().allFinite();
 }
 
-// Decimals round: a relative error of 1e-6 of the largest entry is allowed, as of landmarks.
+// Allows an error of 1e-6 of the largest entry, because decimals are rounded; the same as for landmarks.
 template <class Matrix>
 std::string defect_of(const Matrix& covariance) {
   if (!covariance.allFinite()) return "an entry is not finite";

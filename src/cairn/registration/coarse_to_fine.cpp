@@ -17,9 +17,9 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kFewest = 300;  // points of a sample; with fewer the pose would be chance
+constexpr std::size_t kFewest = 300;  // points of a sample; with fewer, the pose would be random
 constexpr std::size_t kFactor = 4;    // from one sample to the next
-constexpr double kStill = 1e-9;       // of the sample's radius: a step that is none
+constexpr double kStill = 1e-9;       // of the sample's radius: a negligible step
 
 struct Sample {
   std::vector<Eigen::Vector3d> positions;
@@ -27,10 +27,10 @@ struct Sample {
   std::vector<double> weights;
 };
 
-// Of the points that can take part at all.
+// Draws samples of the usable points.
 class Samples {
  public:
-  // @param is_usable whether a point can
+  // @param is_usable whether a point can be used
   template <class IsUsable>
   Samples(const SampledPoints& points, const IsUsable& is_usable) : points_(points) {
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
@@ -38,7 +38,7 @@ class Samples {
     }
   }
 
-  // The coarsest sample that is not chance has one point in so many; a power of the factor.
+  // Stride of the coarsest sample with at least kFewest points; a power of kFactor.
   std::size_t coarsest() const {
     std::size_t stride = 1;
     while (usable_.size() / (stride * kFactor) >= kFewest) stride *= kFactor;
@@ -61,7 +61,7 @@ class Samples {
   std::vector<std::uint32_t> usable_;
 };
 
-// A sample of a set that matches are sought in, or all of it.
+// The set in which matches are searched: a sample, or all points.
 class SearchedSample {
  public:
   explicit SearchedSample(Sample sample)
@@ -80,7 +80,7 @@ class SearchedSample {
   const ConfidentSet<BatchTree>* all_ = nullptr;
 };
 
-// Ends where the rest of the way is within the sample's chance.
+// Converged if the step is smaller than the sample's random error.
 class WithinChance {
  public:
   WithinChance(std::span<const Eigen::Vector3d> sample, int max_iterations)
@@ -92,7 +92,7 @@ class WithinChance {
     if (state.iteration >= max_iterations_) return StopReason::kIterationLimit;
     const double step =
         distance_(state.target_from_source, state.step.inverse() * state.target_from_source);
-    // Of points that all meet, the second: rounding moves them for ever.
+    // The second condition is for exact matches, where rounding causes endless steps.
     if (step * step < state.mean_squared_distance / points_ || step < kStill * distance_.radius) {
       return StopReason::kMseChange;
     }
@@ -121,7 +121,8 @@ CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<Ba
     const Sample sample = moving.of(stride, Random(stride));
     const std::vector<Eigen::Vector3d>& positions = sample.positions;
     const std::size_t target_stride = std::min(stride, coarsest_target);
-    // Not the source's choice: of a map and its copy, the two samples would be one.
+    // Drawn independently of the source's, because the samples of a map and its copy would otherwise be
+    // equal.
     const SearchedSample among =
         target_stride == 1 ? SearchedSample(target)
                            : SearchedSample(searched.of(target_stride, Random(stride).fork(1)));
@@ -139,7 +140,7 @@ CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<Ba
         run_icp(positions, result.target_from_source, find_matches,
                 PointToPointEstimation(among.set().positions, sample.weights),
                 WithinChance(positions, options.max_iterations), options.execution.stop);
-    // Too few matches in the sample say nothing yet of all points.
+    // With too few matches in the sample, all points may still have enough.
     if (icp.stop_reason != StopReason::kTooFewMatches) {
       result.target_from_source = icp.target_from_source;
     }

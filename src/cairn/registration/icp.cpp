@@ -60,7 +60,7 @@ std::vector<double> non_negative(std::vector<double> weights) {
   return weights;
 }
 
-// Watches for matches that come back.
+// Detects repeated matches.
 class Repetition {
  public:
   void add(const Iteration& iteration) {
@@ -84,7 +84,7 @@ class Repetition {
     double mse_before;  // of its matches, before its step
   };
 
-  // What an iteration's pose is worth shows when the next one has found its matches.
+  // The error of an iteration's pose is known when the next iteration has found its matches.
   int best_iteration() const {
     const auto last = static_cast<int>(iterations_.size());
     int best = last - cycle_->length;
@@ -122,7 +122,7 @@ class IcpAlignment {
     const auto find_matches = [&](std::span<const Eigen::Vector3d> moved_source,
                                   const Rigid3& pose) {
       std::vector<Match> matches = find_any_matches(moved_source, pose);
-      // A match without weight says nothing of the pose.
+      // A match of weight 0 does not affect the pose.
       if (!weights_.empty()) {
         std::erase_if(matches, [&](const Match& match) { return weights_[match.source] == 0.0; });
       }
@@ -136,7 +136,7 @@ class IcpAlignment {
       if (!options_.stop_at_repetition || !repetition.cycle()) return {};
       return repetition.cycle()->length == 1 ? StopReason::kFixedPoint : StopReason::kCycle;
     };
-    // The score asks for neighbours of the same points as the matches do.
+    // The score reuses the matches' queries, because it needs neighbours of the same points.
     BatchTree::Batch& queries = find_any_matches.source_queries();
     result.initial_score = score(Rigid3(), queries);
     Rigid3 start;
@@ -156,7 +156,7 @@ class IcpAlignment {
     result.repetition = repetition.result();
     if (run.stop_reason == StopReason::kCycle) run.target_from_source = repetition.best_pose();
     result.target_from_source = uncentred(run.target_from_source);
-    // One after the other: of large maps, what each of them needs is most of the memory.
+    // One after another, because each needs most of the memory for large maps.
     describe_fit(run.target_from_source, queries, result);
     const Points moved_source = moved_points(source_, run.target_from_source);
     result.matches = find_matches(moved_source, run.target_from_source);
@@ -280,7 +280,7 @@ std::string sentence(const RegistrationResult& result, std::size_t source_size,
       return fmt::format("stopped at the limit of {}", iterations);
     case StopReason::kCancelled:
       return fmt::format("cancelled after {}", iterations);
-    case StopReason::kTimeLimit:  // not of this method
+    case StopReason::kTimeLimit:  // does not occur here
     case StopReason::kTooFewMatches:
       break;
   }

@@ -66,7 +66,7 @@ Section violins(Experiment experiment, bool published_ones, const PaperResults& 
     }
     chart.groups.push_back(std::move(group));
   }
-  // Scores over more than a decade say nothing on a linear axis.
+  // Scores over more than a decade need a logarithmic axis.
   if (lowest > 0.0 && highest > 10.0 * lowest) chart.y_scale = AxisScale::kLog;
   const int figure = kFirstFigure + static_cast<int>(experiment);
   const std::string whose = published_ones ? "published" : "here";
@@ -86,7 +86,7 @@ struct ScoredPose {
   std::string label;
 };
 
-// Errors of zero would fall off a logarithmic axis.
+// A logarithmic axis cannot show errors of zero.
 constexpr double kLeastError = 1e-6;
 
 Section score_against_error(const std::vector<ScoredPose>& poses, double tolerance_m,
@@ -257,7 +257,7 @@ std::vector<Section> study_sections(const Study& study, const StudyAnalysis& ana
     if (!analysis.comparisons.empty()) sections.push_back(differences_chart(analysis));
     sections.push_back(basins_chart(analysis));
     std::vector<ScoredPose> poses;
-    // More points than these show no more, and weigh down the page.
+    // More points show nothing new and enlarge the page.
     constexpr std::size_t kMostPoints = 6000;
     const std::size_t step = runs.size() / kMostPoints + 1;
     const std::size_t runs_per_pair = runs.size() / analysis.pairs.size();

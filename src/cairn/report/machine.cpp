@@ -13,7 +13,7 @@
 namespace cairn::report {
 namespace {
 
-// Linux lists its processors in a file; "model name" is what people know them by.
+// Linux lists its processors in a file; "model name" is their commercial name.
 std::string processor_name() {
   try {
     FileReader file("/proc/cpuinfo");

@@ -51,7 +51,7 @@ std::vector<LandmarkIndex> all_landmarks(const LandmarkMap& map) {
   return all;
 }
 
-// The extent along one axis of what lies between the outer landmarks.
+// The central extent of the landmarks along one axis.
 double central_extent(std::vector<double> coordinates) {
   const auto at = [&](double share) {
     const auto place =
@@ -149,7 +149,7 @@ class ColumnBuilder {
     const bool observed = map_.has_observations();
     const auto observations =
         observed ? shown(observations_metric().evaluate(map_)) : std::vector<double>();
-    // A metric's 0 says that nothing is known of the landmark.
+    // A metric is 0 if its value for the landmark is unknown.
     const auto distance =
         observed ? shown(distance_metric().evaluate(map_)) : std::vector<double>();
     const auto covariance =
@@ -213,7 +213,7 @@ std::vector<std::uint8_t> colors_of(const LandmarkMap& map,
   return colors;
 }
 
-// Empty where the ids say no more than the positions in the list do.
+// Empty if the ids equal the positions in the list.
 std::vector<std::uint64_t> unless_counting(std::vector<std::uint64_t> ids) {
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (ids[i] != i) return ids;

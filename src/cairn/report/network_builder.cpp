@@ -205,7 +205,7 @@ std::vector<std::optional<std::string>> add_maps(Report& report, std::span<const
       }
     }
     Map map = make_map(*maps[i].map, options);
-    map.columns.clear();  // colours say which map it is, and pages of many maps stay small
+    map.columns.clear();  // colours identify the map; keeps pages of many maps small
     map.colors.clear();
     ids.emplace_back(map.id);
     report.maps.push_back(std::move(map));
@@ -255,7 +255,7 @@ IntervalsChart residual_chart(const Network& network) {
   for (const LinkUse use : {LinkUse::kUsed, LinkUse::kContradicted}) {
     IntervalSeries series{std::string(use == LinkUse::kUsed ? "used" : "contradicted"), {}};
     for (const NetworkLink& link : network.links) {
-      // A link that alone places a map agrees with it to rounding.
+      // A link that is the only one of a map agrees with its pose up to rounding.
       constexpr double kRounding = 1e-7;
       if (link.use != use || !link.residual || *link.residual < kRounding) continue;
       const double value = *link.residual;

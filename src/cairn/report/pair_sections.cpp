@@ -21,7 +21,7 @@ PoseDeviations deviations_of(const RegistrationResult& result) {
   return named;
 }
 
-// What the probability is made of. The shares of one thing that may stand in two places are left out, as there.
+// The terms of the probability. As there, without the evidence of a single object, which may occur twice.
 std::vector<std::pair<std::string, double>> evidence_of(const Support& support) {
   std::vector<std::pair<std::string, double>> evidence = {
       {"Match distances", support.spread_evidence},

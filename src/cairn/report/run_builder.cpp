@@ -121,7 +121,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
                       const ShownPoints& target, const RunOptions& options) {
   AlignmentRun run;
   run.name = options.name;
-  // Shown in the target's unit from the first: a start from no pose has no scale of its own.
+  // In the target's unit from the first iteration, because a start without a pose has no scale.
   const double initial_scale = result.history.empty() ? 1.0 : result.history.front().scale;
   run.target_from_source = {Similarity3(initial_scale, options.initial)};
   run.mean_squared_distance = {kNan};
@@ -130,7 +130,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
   const std::size_t best =
       result.repetition ? static_cast<std::size_t>(result.repetition->best_iteration) : 0;
   if (result.stop_reason == StopReason::kCycle && best < history.size()) {
-    // The pose taken comes last; its matches are those that the iteration after it began with.
+    // The final pose is last; its matches are those at the start of the following iteration.
     IterationRecord taken = history[best];
     taken.target_from_source = result.target_from_source;
     taken.score = result.score;
@@ -152,7 +152,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
       options.status.empty() ? std::string(to_string(result.status)) : options.status;
   const bool has_pose = result.status != RegistrationStatus::kFailed;
   const bool has_error = has_pose && !run.rotation_error_deg.empty();
-  const bool has_scale = has_pose && result.scale != 1.0;  // of maps of one scale there is none
+  const bool has_scale = has_pose && result.scale != 1.0;  // maps of one scale have none
   const auto& overlap = result.overlap;
   run.summary = {
       {"status", status},
@@ -173,7 +173,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
 }
 
 LinesChart convergence_chart(std::span<const AlignmentRun> runs, LengthUnit unit) {
-  // All of one kind: a score and a distance of matches are not to be compared.
+  // All values of one kind, because scores and match distances are not comparable.
   const bool scored = std::all_of(runs.begin(), runs.end(), [](const AlignmentRun& run) {
     return !run.scores.empty() && std::none_of(run.scores.begin(), run.scores.end(), is_nan);
   });
@@ -184,7 +184,7 @@ LinesChart convergence_chart(std::span<const AlignmentRun> runs, LengthUnit unit
   chart.y_scale = AxisScale::kLog;
   for (const AlignmentRun& run : runs) {
     Line line = line_of(run.name, scored ? run.scores : run.mean_squared_distance);
-    // A logarithm has no place for maps that fit exactly.
+    // A logarithmic axis cannot show maps that fit exactly.
     if (std::any_of(line.y.begin(), line.y.end(), [](double y) { return y <= 0.0; })) {
       chart.y_scale = AxisScale::kLinear;
     }

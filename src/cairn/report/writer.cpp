@@ -109,7 +109,7 @@ class Buffers {
   std::deque<Buffer> kept_;
 };
 
-// What is not finite is null; counts are written as such.
+// Numbers that are not finite become null; counts are written as integers.
 Json to_json(double number) {
   constexpr double kLargestWhole = 9007199254740992.0;
   if (!std::isfinite(number)) return nullptr;
@@ -261,7 +261,7 @@ std::vector<Rigid3> rigid_parts(const std::vector<Similarity3>& poses) {
   return parts;
 }
 
-// Nothing if all are 1.
+// Empty if all are 1.
 std::vector<double> scales_of(const std::vector<Similarity3>& poses) {
   std::vector<double> scales;
   for (const Similarity3& pose : poses) scales.push_back(pose.scale());
@@ -315,7 +315,7 @@ class Document {
   Json series_json(const std::vector<double>& values, std::size_t count, const std::string& where,
                    std::string_view field);
 
-  // What a section adds to the fields that all have.
+  // Fields of a section in addition to the common ones.
   void add(Json& json, const Scene& scene, const std::string& where);
   static void add(Json& json, const Chart& chart, const std::string& where);
   static void add(Json& json, const Table& table, const std::string& where);

@@ -46,7 +46,7 @@ std::string kind_of(codec::Format format, const codec::Header& header) {
                      color, header.bits, header.channels % 2 == 0 ? " with alpha" : "");
 }
 
-// How the codecs call the pixels of an image.
+// The codecs' pixel format of an image.
 constexpr codec::Pixels pixels_of(const GrayImage*) {
   return codec::Pixels::kGray8;
 }

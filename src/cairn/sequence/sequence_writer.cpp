@@ -27,7 +27,7 @@ StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre)
   StoredDepthImage stored(depth_m.width, depth_m.height);
   for (std::size_t i = 0; i < stored.values.size(); ++i) {
     const double units = depth_m.values[i] * units_per_metre + 0.5;
-    // What the format cannot hold is no reading, as with the camera itself.
+    // Depths beyond the format's range become 0 (no reading), as for a real camera.
     if (units > 0.0 && units < kMost + 1.0) stored.values[i] = static_cast<std::uint16_t>(units);
   }
   return stored;
@@ -70,7 +70,7 @@ SequenceWriter::~SequenceWriter() {
     std::filesystem::remove(folder_ / entry.color, ignored);
     std::filesystem::remove(folder_ / entry.depth, ignored);
   }
-  // Goes only if it is empty: what somebody else put there stays.
+  // Removes only empty folders; keeps other files.
   for (const auto& made : made_) std::filesystem::remove(made, ignored);
 }
 
@@ -109,7 +109,7 @@ void SequenceWriter::finish() {
     color_list += fmt::format("{} {}\n", entry.time, entry.color);
     depth_list += fmt::format("{} {}\n", entry.time, entry.depth);
   }
-  // The lists vouch for the images, so those come to the disk first.
+  // Writes the images to the disk before the lists that name them.
   sync_files(folder_);
   write_text(folder_ / "depth.txt", depth_list);
   write_text(folder_ / "rgb.txt", color_list);

@@ -40,8 +40,8 @@ Rigid3 shifted(double x, double y, double z) {
   return Rigid3(Eigen::Quaterniond::Identity(), Vector3d(x, y, z));
 }
 
-// How far a place departs from its plan as drawn: stretched along both axes, mirrored or not, its
-// furniture and tiles of other sizes. Else places of one kind would differ in looks alone.
+// Variation of a place's plan: stretched along both axes, possibly mirrored, with other sizes of furniture
+// and tiles. Otherwise, places of one kind would differ only in appearance.
 class Layout {
  public:
   explicit Layout(std::uint64_t number, const Random& random)
@@ -105,7 +105,7 @@ class Layout {
   bool mirrored_;
 };
 
-// A thing and where it stands on its support.
+// An item and its position on its support.
 struct Item {
   ItemKind kind;
   std::size_t support = 0;
@@ -135,7 +135,7 @@ bool overlap(const Item& a, const Item& b) {
          meet_along(b.yaw + 0.5 * kPi);
 }
 
-// What will stand where, before anything is built: so that sessions can change it.
+// The plan of all items, made before building so that sessions can change it.
 class Plan {
  public:
   explicit Plan(Random random) : random_(random) {}
@@ -182,7 +182,7 @@ class Plan {
       for (int attempt = 0; attempt < 20 && item.gone; ++attempt) {
         Item candidate = before;
         if (!find_spot(candidate, random, 180.0, movable[i])) break;
-        // A nudge is no change that anyone would notice.
+        // A shorter motion would not be a noticeable change.
         const double least = std::max(0.1, 0.5 * before.width);
         if (std::hypot(candidate.x - before.x, candidate.y - before.y) < least) continue;
         item = candidate;
@@ -268,7 +268,7 @@ struct Site {
     add_bookcase(builder, pose, width * layout.factor(0.85, 1.0), 0.33,
                  height * layout.factor(0.85, 1.1), layout.count(levels), random);
   }
-  // Returns its top, but for the edge: not in the plan before something is to stand there.
+  // Returns its top without the edge; added to the plan only if an item stands there.
   SupportSurface cabinet(const Rigid3& pose, double width, double depth, double height) {
     const double w = width * layout.factor(0.85, 1.0);
     const double h = height * layout.factor(0.9, 1.1);

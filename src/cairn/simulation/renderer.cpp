@@ -53,7 +53,7 @@ struct LightGrid {
   std::size_t first = 0;  // of Renderer::State::light
 };
 
-// What shading a surface takes, in the world frame. Coordinates (u, v) are texels.
+// Data for shading a surface, in the world frame. Coordinates (u, v) are texels.
 struct Shading {
   Vector3d normal;
   double offset = 0.0;  // normal·x of its points
@@ -160,8 +160,8 @@ void Renderer::State::build_geometry() {
       surface_of_triangle.push_back(static_cast<std::uint32_t>(i));
     }
   }
-  // Embree builds with as many threads as the machine has. Told otherwise, it would hold back all of
-  // the process, as it shares TBB with it.
+  // Embree builds with all of the machine's threads. A limit would affect the whole process, which shares TBB
+  // with it.
   device.reset(rtcNewDevice(nullptr));
   if (!device) {
     throw Error(ErrorKind::kStorage, "Renderer", "Embree cannot be started", "a usable processor");
@@ -253,7 +253,7 @@ double Renderer::State::light_at(const Surface& surface, const Vector3d& point,
   constexpr double kLift = 0.002;
   const Vector3d from = point + kLift * normal;
   double sum = 0.0;
-  // The surroundings: what is near takes away light, and throws some back.
+  // Ambient light: near surfaces block some of it and reflect some.
   constexpr int kDirections = 24;
   constexpr double kReach = 1.0;
   constexpr double kThrownBack = 0.3;
@@ -296,7 +296,7 @@ void Renderer::State::work_out_light(const Executor& executor) {
       if (surface.emits_light) continue;
       for (int row = 0; row < grid.rows; ++row) {
         for (int column = 0; column < grid.columns; ++column) {
-          // A little inside: in the corner itself, walls are in each other's way.
+          // Slightly inside, because adjacent walls occlude each other in the corner itself.
           constexpr double kInset = 0.02;
           const auto inside = [&](int index, int count, double length) {
             const double margin = std::min(0.3, kInset / length);
@@ -369,7 +369,7 @@ void Job::look(const Rigid3& world_from_camera) {
     const double distance = shade.offset - shade.normal.dot(eye);
     Seen one;
     one.distance = static_cast<float>(std::abs(distance));
-    // Seen from within its own plane, a surface is a line: no ray will hit it.
+    // Skips a surface whose plane contains the camera, because no ray hits it.
     constexpr double kInPlane = 1e-9;
     one.plane = std::abs(distance) < kInPlane
                     ? Vector3f(0.0F, 0.0F, 0.0F)
@@ -492,7 +492,7 @@ bool Job::on_edge(std::uint32_t column, std::uint32_t row) const {
     const std::uint32_t its = surfaces[other];
     if (its == own) return false;
     if (its == kNothing || own == kNothing) return true;
-    // The facets of something round go on in one another.
+    // Adjacent facets of a round object have no edge between them.
     const bool continues = shading[its].object == shading[own].object &&
                            shading[its].texture_index == shading[own].texture_index;
     constexpr float kJump = 0.02F;
@@ -500,7 +500,7 @@ bool Job::on_edge(std::uint32_t column, std::uint32_t row) const {
         std::abs(frame.depth_m[other] - frame.depth_m[pixel]) <= kJump * frame.depth_m[pixel]) {
       return false;
     }
-    // An edge that nobody can see needs no smoothing.
+    // An invisible edge needs no smoothing.
     constexpr int kFaint = 8 * RenderedFrame::kLightPerLevel;
     for (std::size_t k = 0; k < 3; ++k) {
       if (std::abs(frame.bgr[3 * other + k] - frame.bgr[3 * pixel + k]) > kFaint) return true;
@@ -551,7 +551,7 @@ void Job::smooth_edges(std::uint32_t first_row, std::uint32_t last_row) {
     for (std::uint32_t column = 0; column < frame.width; ++column) {
       const std::size_t pixel = std::size_t{row} * frame.width + column;
       if (edge[pixel] == 0) continue;
-      // The next pixel's ray, or at the border the one before, says how far apart rays are.
+      // The distance of rays, from the next pixel or, at the border, from the previous one.
       const std::size_t left = column + 1 < frame.width || column == 0 ? pixel : pixel - 1;
       const std::size_t right = std::min(left + 1, std::size_t{row + 1} * frame.width - 1);
       const std::size_t above = row + 1 < frame.height || row == 0 ? pixel : pixel - frame.width;

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 // Most bytes of a text or blob, and of a row.
 constexpr std::uint64_t kLongestValue = 1'000'000'000;
 
-// Virtual machine steps between two looks at whether to stop.
+// Virtual machine steps between two checks for a requested stop.
 constexpr int kStepsBetweenLooks = 10'000;
 
 int wants_to_stop(void* connection) {
@@ -74,7 +74,7 @@ void configure(sqlite3* handle, int what, int value) {
 }  // namespace
 
 void detail::Connection::fail(int code, std::string_view doing) const {
-  // The code as it came says too little where an extended one exists.
+  // Prefers the extended code, which is more specific.
   const int extended = handle == nullptr ? code : sqlite3_extended_errcode(handle);
   const int primary = code & 0xff;
   std::string why = handle == nullptr || (extended & 0xff) != primary ? sqlite3_errstr(code)
@@ -136,7 +136,7 @@ Database::Database(const fs::path& path, const OpenOptions& options)
   if (options.immutable) uri += "?immutable=1";
   const int opened = sqlite3_open_v2(uri.c_str(), &connection_->handle, flags, nullptr);
   if (opened != SQLITE_OK) {
-    // No destructor runs for what was never constructed.
+    // Closes the handle here, because no destructor runs after a failed constructor.
     try {
       connection_->fail(opened, "opening");
     } catch (...) {
@@ -168,7 +168,7 @@ Database::Database(const fs::path& path, const OpenOptions& options)
       sqlite3_limit(handle, SQLITE_LIMIT_FUNCTION_ARG, 16);
       sqlite3_limit(handle, SQLITE_LIMIT_LIKE_PATTERN_LENGTH, 1'000);
       sqlite3_limit(handle, SQLITE_LIMIT_TRIGGER_DEPTH, 1);
-      // A file that is only read holds no value longer than itself and its journal.
+      // A value of a read-only file cannot be longer than the file and its journal.
       if (options.access == Access::kRead) {
         fs::path journal = path;
         journal += "-wal";
@@ -177,10 +177,10 @@ Database::Database(const fs::path& path, const OpenOptions& options)
     }
     sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(longest));
     sqlite3_progress_handler(handle, kStepsBetweenLooks, wants_to_stop, connection_.get());
-    // Never mapped: a file that another program cut short would kill the process on access.
+    // Not memory-mapped, because accessing a file that another program truncated would kill the process.
     execute("PRAGMA mmap_size = 0");
     if (options.untrusted) execute("PRAGMA cell_size_check = ON");
-    // Reads the header and the schema, so that what is no database is refused here.
+    // Reads the header and the schema, which fails for other files.
     prepare("SELECT count(*) FROM sqlite_schema").step();
   } catch (...) {
     sqlite3_close_v2(handle);
@@ -195,7 +195,7 @@ Database::~Database() {
 Database::Database(Database&&) noexcept = default;
 
 Database& Database::operator=(Database&& other) noexcept {
-  // What was open here is closed by `other`'s end.
+  // The destructor of `other` closes the former connection.
   std::swap(connection_, other.connection_);
   return *this;
 }
@@ -263,10 +263,10 @@ Transaction::Transaction(Database& database, Kind kind) : database_(&database) {
 Transaction::~Transaction() {
   if (!open_) return;
   try {
-    // SQLite ends some transactions by itself, such as where the disk is full.
+    // SQLite ends some transactions itself, e.g. if the disk is full.
     if (database_->in_transaction()) database_->execute("ROLLBACK");
   } catch (...) {
-    // The connection's end undoes it.
+    // Closing the connection rolls it back.
   }
 }
 

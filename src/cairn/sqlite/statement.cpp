@@ -121,7 +121,8 @@ bool Statement::step() {
     try {
       handle_->connection->fail(code, handle_->sql);
     } catch (...) {
-      // Before the message was made, this would lose it; not at all, it would keep its locks.
+      // Resets after the message is made, which resetting would lose; without it, the statement would keep
+      // its locks.
       sqlite3_reset(handle_->statement);
       throw;
     }
@@ -180,7 +181,7 @@ double Statement::real(int column) const {
   return sqlite3_column_double(handle_->statement, column);
 }
 
-// SQLite hands out a null pointer for what is empty, but also where memory ran out.
+// SQLite returns a null pointer for an empty value, but also if memory is exhausted.
 
 std::string_view Statement::text(int column) const {
   require(column, ColumnType::kText);

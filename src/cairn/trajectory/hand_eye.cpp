@@ -62,9 +62,9 @@ Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& sum) {
   return svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
-// In closed form, for given pairs; also the mean squared angle that is left.
+// Closed-form solution for given pairs, with the mean squared residual angle.
 std::pair<State, double> start_from(const std::vector<Pair>& pairs, bool with_scale) {
-  // A·X = X·B of relative motions: the axis of A is that of B, turned by X.
+  // Relative motions satisfy A·X = X·B, so the axis of A is that of B, rotated by X.
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (const std::size_t apart : {std::size_t{1}, pairs.size() / 20, pairs.size() / 5}) {
     if (apart == 0) continue;
@@ -116,7 +116,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// What remains of the truth's pose of the body, from that of the estimate.
+// Residual of the body's pose from the estimate versus the true one.
 Residual residual_of(const State& state, const Rigid3& world_from_camera,
                      const Rigid3& world_from_body) {
   const Similarity3 worlds(std::exp(state.log_scale), state.truth_from_estimate);
@@ -149,7 +149,7 @@ class Solver {
   const Trajectory& estimate_;
   const Trajectory& truth_;
   const HandEyeOptions& options_;
-  // One a pose: whitened and weighted.
+  // One per pose: whitened and weighted.
   std::vector<Residual> residuals_;
   std::vector<Derivative> derivatives_;
 };
@@ -243,8 +243,8 @@ Vector14 Solver::step() const {
   return -normal_matrix().ldlt().solve(gradient);
 }
 
-// Errors that neighbours in time share make a sequence tell less than the number of its poses says. Parts of
-// the sequence count as independent, poses in them do not.
+// Errors of consecutive poses are correlated. Therefore, parts of the sequence count as independent, but not
+// the poses within them.
 Matrix14 Solver::covariance(const Matrix14& normal) const {
   constexpr std::size_t kParts = 15;
   Matrix14 spread = Matrix14::Zero();
@@ -290,7 +290,7 @@ HandEyeResult Solver::run() {
   if (residuals_.size() < kFewestPoses) return too_few(residuals_.size());
 
   const Matrix14 normal = normal_matrix();
-  // In units of the diagonal: how well the motion tells the unknowns from one another.
+  // Scaled by the diagonal, to test how well the motion separates the unknowns.
   const Vector14 root = normal.diagonal().cwiseSqrt();
   const Matrix14 scaled =
       root.cwiseInverse().asDiagonal() * normal * root.cwiseInverse().asDiagonal();

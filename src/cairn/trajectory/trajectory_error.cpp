@@ -60,7 +60,7 @@ std::optional<Similarity3> align_trajectories(const Trajectory& estimate, const 
   return Similarity3(scale, Rigid3(rotation, transform.topRightCorner<3, 1>()));
 }
 
-// For each associated pose, how far along the interval's measure it is.
+// Position of each associated pose along the trajectory, in the interval's unit.
 std::vector<double> positions_along(const Trajectory& truth, const PosePairs& pairs,
                                     RelativeInterval::Unit unit) {
   std::vector<double> result;

@@ -36,7 +36,7 @@ bool is_comment(std::string_view line) {
   return first == std::string_view::npos || line[first] == '#';
 }
 
-// Words between commas, or else between blanks.
+// Words separated by commas or by blanks.
 std::vector<std::string_view> words_of(std::string_view line, bool commas) {
   std::vector<std::string_view> words;
   while (!line.empty()) {
@@ -75,7 +75,7 @@ std::optional<std::vector<double>> numbers_in(const std::vector<std::string_view
   return numbers;
 }
 
-// One line of a format that is known, with messages that name what is wrong with it.
+// A line of a known format, with errors that name the field.
 class Record {
  public:
   Record(std::string_view line, bool commas, std::string place, std::string_view expected)
@@ -212,7 +212,7 @@ std::vector<double> read_times(const std::filesystem::path& path) {
   return times;
 }
 
-// What stands before the first record may be long comments; a record itself is short.
+// Reads a long beginning, because long comments may precede the first record.
 TrajectoryFormat format_of(ByteSource& source) {
   constexpr std::size_t kBeginning = std::size_t{1} << 16;
   std::string beginning(kBeginning, '\0');
@@ -224,7 +224,7 @@ TrajectoryFormat format_of(ByteSource& source) {
   }
   source.rewind();
   beginning.resize(size);
-  // What is no pose at all is refused by the commonest format, line and field.
+  // Unrecognised text is refused by the most common format, which names line and field.
   return recognised_trajectory(beginning).value_or(TrajectoryFormat::kTum);
 }
 

@@ -453,15 +453,15 @@ class SqlStore : public AtlasStore {
     return state;
   }
 
-  // The rows that are values of objects.
+  // Reads the rows that `values` name and passes each to `take`.
   template <class Take>
   void read_rows(const char* table, const char* columns,
                  const std::map<std::uint64_t, std::uint64_t>& values, const Take& take) {
     if (values.empty()) return;
     std::set<std::uint64_t> wanted;
     for (const auto& [object, value] : values) wanted.insert(value);
-    // What else lies between the first and the last of them is little, and a query for each is slow
-    // where the database is far.
+    // One range query, because a query per row is slow with a remote database, and the range contains few
+    // other rows.
     Statement row = database_.prepare(
         fmt::format("SELECT {} FROM {} WHERE id >= ?1 AND id <= ?2 ORDER BY id", columns, table));
     row.bind_all(*wanted.begin(), *wanted.rbegin());

@@ -18,7 +18,7 @@ struct Postgres {
   using Statement = postgres::Statement;
   using Transaction = postgres::Transaction;
 
-  // The server looks after its files itself.
+  // The server manages its files itself.
   static void check(Database&, std::vector<std::string>&) {}
   static void after_compact(Database&) {}
 };
@@ -133,7 +133,7 @@ class PostgresStore final : public detail::SqlStore<Postgres> {
       : SqlStore(std::move(database), options), url_(std::move(url)) {}
 
   std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair> pairs) override {
-    // A connection of its own, since what is taken stays locked while links are committed.
+    // A separate connection, because taken rows stay locked while links are committed.
     auto queue = std::make_unique<PostgresPairQueue>(connect(url_, options()));
     queue->add(pairs);
     return queue;

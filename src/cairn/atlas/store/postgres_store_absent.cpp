@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Of a build without PostgreSQL: says so.
+// For builds without PostgreSQL: throws an error that says so.
 #include "cairn/atlas/store/postgres_store.hpp"
 #include "cairn/core/error.hpp"
 

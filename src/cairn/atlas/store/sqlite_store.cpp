@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// "CRNA": tells an atlas from other SQLite files.
+// "CRNA": distinguishes an atlas from other SQLite files.
 constexpr std::int64_t kApplicationId = 0x43524e41;
 
 // By schema: what brings an atlas from the schema before to it.
@@ -91,7 +91,7 @@ void require_local(const fs::path& path, const AtlasStoreOptions& options) {
   struct statfs system {};
   std::error_code ignored;
   const fs::path there = fs::exists(path, ignored) ? path : folder_of(path);
-  if (::statfs(there.c_str(), &system) != 0) return;  // opening it will say why
+  if (::statfs(there.c_str(), &system) != 0) return;  // opening it will throw with the reason
   const char* const kind = network_file_system(static_cast<long>(system.f_type));
   if (kind == nullptr) return;
   throw Error(
@@ -234,7 +234,7 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
         throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
       }
     }
-    // Unlike a renaming, a link never replaces what another process has made meanwhile.
+    // Unlike rename(), link() never replaces a file that another process has made meanwhile.
     fs::create_hard_link(temporary, path, failure);
     if (failure == std::errc::file_exists) refuse_existing(path);
     if (failure) fs::rename(temporary, path);
@@ -275,7 +275,7 @@ sqlite::Database open_database(const fs::path& path, const AtlasStoreOptions& op
   try {
     return open();
   } catch (const Error& error) {
-    // Where no file can be made beside it, nobody writes either, if no journal waits to be taken over.
+    // If no file can be created beside it, no process can write, unless a journal has to be recovered.
     fs::path journal = path;
     journal += "-wal";
     const bool journal_waits = fs::exists(journal, ignored) && fs::file_size(journal, ignored) > 0;
@@ -345,7 +345,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
   const auto lose = [&](const std::string& what) {
     if (result.lost.size() < 1000) result.lost.push_back(what);
   };
-  // Rows one by one from both ends, so that what lies behind a damaged page is found as well.
+  // Reads rows one by one from both ends, to find those after a damaged page too.
   const auto each = [&](const char* table, const char* columns, const auto& take) {
     std::set<std::int64_t> seen;
     bool cut_short = false;
@@ -379,7 +379,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
     }
   };
 
-  // What was there last, as far as the log can be read.
+  // The last state, as far as the log is readable.
   RowValues values;
   bool log_is_sound = true;
   try {

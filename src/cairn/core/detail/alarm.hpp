@@ -8,10 +8,10 @@
 
 namespace cairn {
 
-/// Asks work to stop at a time, or sooner if its caller does.
+/// A stop token that requests a stop at a given time, or earlier if the caller's token does.
 class Alarm {
  public:
-  /// @param caller whose wish to stop is passed on
+  /// @param caller its stop requests are passed on
   Alarm(std::chrono::steady_clock::time_point at, std::stop_token caller);
 
   std::stop_token token() const { return stop_.get_token(); }

@@ -20,8 +20,8 @@ namespace cairn::detail {
 /// Keeps the order in which fields are set.
 using Json = nlohmann::ordered_json;
 
-/// A value of a JSON document together with its file and its path, which every error names.
-/// The document must outlive the field. An absent member reads as null.
+/// A value of a JSON document with its file and path, which every error names. The document must outlive it.
+/// An absent member reads as null.
 class JsonField {
  public:
   JsonField(const Json& value, std::string file, std::string path)
@@ -105,7 +105,7 @@ class JsonField {
     return is_null() ? std::nullopt : std::optional(text());
   }
 
-  /// The one of `values` whose to_string() this is.
+  /// The element of `values` whose to_string() equals this text.
   template <class Value, std::size_t kCount>
   Value one_of(const std::array<Value, kCount>& values) const {
     const std::string name = text();

@@ -11,7 +11,7 @@ namespace cairn {
 
 void populate([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE  // Linux 5.14
-  // The pages that lie wholly inside: the rest may be another's.
+  // Only pages entirely inside; the others may contain other objects.
   static const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
   const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(memory) % page) % page;
   if (bytes < before + page) return;

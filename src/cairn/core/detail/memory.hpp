@@ -6,11 +6,11 @@
 
 namespace cairn {
 
-/// Asks the operating system for the pages of some memory at once, which takes half the time of as
-/// many page faults. What the memory holds stays; where the system cannot do so, nothing happens.
+/// Allocates all pages of a memory range at once, in half the time of as many page faults. Keeps the content.
+/// Does nothing if the operating system cannot do it.
 void populate(void* memory, std::size_t bytes);
 
-/// Reserves room that is going to be filled at once.
+/// Reserves memory that the caller is about to fill.
 template <class T>
 void reserve_populated(std::vector<T>& vector, std::size_t count) {
   vector.reserve(count);

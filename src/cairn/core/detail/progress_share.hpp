@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-/// Progress of a stage of longer work, which is from `begin` to `end` of the whole. Empty if that is.
+/// Progress of a stage that extends from `begin` to `end` of the whole work. Empty if `progress` is.
 inline Progress stage_of(const Progress& progress, double begin, double end) {
   if (!progress) return {};
   return [=](double share) { progress(begin + (end - begin) * share); };

@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// Of [0, count) one number of each `stride` in a row (fewer in the last), drawn at random: an even
-/// sample, ascending, that no period in the order can mislead.
+/// Draws one random index from each run of `stride` consecutive indices in [0, count); the last run may be
+/// shorter. Returns an even, ascending sample, unbiased by periods in the order.
 inline std::vector<std::size_t> one_of_each(std::size_t stride, std::size_t count, Random random) {
   std::vector<std::size_t> sample;
   sample.reserve(count / stride + 1);

@@ -16,10 +16,10 @@
 namespace cairn {
 namespace {
 
-// The thread sanitizer, which watches neither TBB nor this file, misses what TBB guarantees: what comes
-// before a loop happens before its blocks, and these before what comes after. Here it is told so: what
-// precedes release(x) happens before what follows a later acquire(x). Blocks stay unordered among each
-// other, so that races between them still show.
+// The thread sanitizer does not instrument TBB or this file, so it does not know TBB's guarantee that code
+// before a loop happens before its blocks, and these before code after it. These annotations declare it: code
+// before release(x) happens before code after a later acquire(x). Blocks remain unordered, so that races
+// between them are still found.
 #ifdef CAIRN_THREAD_SANITIZER
 void release(char& what) {
   __tsan_release(&what);
@@ -32,7 +32,8 @@ void release(char& /*what*/) {}
 void acquire(char& /*what*/) {}
 #endif
 
-char loop_began = 0;  // global, for even what a block captured was written before it
+// Global, because the variables that a block captures are also written before it.
+char loop_began = 0;
 char block_ended = 0;
 
 struct LoopOrder {
@@ -49,7 +50,7 @@ struct BlockOrder {
   ~BlockOrder() { release(block_ended); }
 };
 
-// What happens one after the other.
+// Orders code that runs one after another.
 class Turn {
  public:
   explicit Turn(char& order) : order_(&order) { acquire(*order_); }
@@ -97,7 +98,7 @@ void TaskArena::in_order(std::size_t count, std::size_t ahead,
                                                             return next;
                                                           });
   char order_of_use = 0;
-  std::vector<char> items(ahead);  // on their way
+  std::vector<char> items(ahead);  // in the pipeline
   const auto making =
       tbb::make_filter<std::size_t, std::size_t>(tbb::filter_mode::parallel, [&](std::size_t i) {
         const BlockOrder block_order;

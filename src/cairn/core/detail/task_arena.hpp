@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// Threads of TBB, for Executor. All of TBB that we include is in the source of this class, which the
-/// thread sanitizer does not watch, as it does not watch TBB's library.
+/// TBB threads for Executor. Only this class's source includes TBB; the thread sanitizer instruments neither
+/// that source nor TBB's library.
 class TaskArena {
  public:
   explicit TaskArena(unsigned threads);
@@ -16,14 +16,14 @@ class TaskArena {
   TaskArena(const TaskArena&) = delete;
   TaskArena& operator=(const TaskArena&) = delete;
 
-  /// One a core, or fewer where the process may use fewer cores.
+  /// Number of cores that the process may use.
   static unsigned most_threads();
 
-  /// Calls `body(i)` for i in [0, count), in any order and side by side.
+  /// Calls `body(i)` for i in [0, count), in parallel and in any order.
   void for_each(std::size_t count, const std::function<void(std::size_t)>& body);
 
-  /// Calls `make(i)` for i in [0, count) side by side, and `use(i)` after it, in order and one at a
-  /// time; `make(i)` not before `use(i - ahead)` has returned.
+  /// Calls `make(i)` for i in [0, count) in parallel, and `use(i)` after it, one at a time and in order.
+  /// Calls `make(i)` only after `use(i - ahead)` has returned.
   void in_order(std::size_t count, std::size_t ahead, const std::function<void(std::size_t)>& make,
                 const std::function<void(std::size_t)>& use);
 

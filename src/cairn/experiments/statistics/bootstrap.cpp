@@ -20,7 +20,7 @@
 namespace cairn {
 namespace {
 
-// What the kinds of bootstrap differ in.
+// The parts in which the kinds of bootstrap differ.
 struct Resampler {
   double estimate = 0.0;
   std::size_t units = 0;                           // independent ones, for the jackknife

@@ -20,8 +20,8 @@ using TwiceRanks = std::vector<std::int64_t>;
 
 struct RankedBlocks {
   std::size_t treatments = 0;
-  std::vector<TwiceRanks> ranks;  // one a block
-  TwiceRanks sums;                // one a treatment
+  std::vector<TwiceRanks> ranks;  // one per block
+  TwiceRanks sums;                // one per treatment
   std::int64_t squares = 0;       // Σ (2r - (k+1))² over everything
 };
 

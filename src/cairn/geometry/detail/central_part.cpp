@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kFar = 100.0;
 
-// Of values that are not empty.
+// @param values not empty
 double median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -38,7 +38,7 @@ CentralPart central_part(std::span<const Eigen::Vector3d> points) {
   if (points.empty()) return part;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   const double reach = reach_of(points, middle);
-  // Where more than half of the points coincide, nothing tells what is far.
+  // If more than half of the points coincide, the median distance is 0 and no point counts as far.
   const auto is_central = [&](const Eigen::Vector3d& point) {
     return reach == 0.0 || (point - middle).norm() <= reach;
   };

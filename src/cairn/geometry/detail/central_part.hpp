@@ -7,15 +7,15 @@
 
 namespace cairn {
 
-/// Where points are and how far they reach, by all of them but far outliers: what a single landmark at
-/// 1e9 would otherwise decide for the whole map.
+/// Centre and extent of points without far outliers, because a single landmark at 1e9 would otherwise
+/// determine both for the whole map.
 struct CentralPart {
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mean of the points
-  double radius = 0.0;                               ///< root mean square distance from it
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mean
+  double radius = 0.0;                               ///< root mean square distance from the centre
 };
 
-/// The central part of points: without those farther from their median, axis by axis, than 100 times the
-/// median of such distances. Where there are no far outliers, the mean is exactly the centroid.
+/// Excludes points that are farther from the coordinate-wise median than 100 times the median of these
+/// distances. Without such points, the centre equals centroid() bit for bit.
 CentralPart central_part(std::span<const Eigen::Vector3d> points);
 
 }  // namespace cairn

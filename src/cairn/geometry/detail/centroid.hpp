@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// The mean of points; of none, the origin.
+/// Mean of the points; the origin if there are none.
 inline Eigen::Vector3d centroid(std::span<const Eigen::Vector3d> points) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& point : points) sum += point;

@@ -7,15 +7,13 @@
 
 namespace cairn {
 
-/// Between two poses: share 0 is a, share 1 is b. Rotations by the shortest way at constant speed,
-/// translations along the straight line.
+/// Interpolates between two poses: a at share 0, b at share 1. Rotations by slerp, translations linearly.
 inline Rigid3 pose_between(const Rigid3& a, const Rigid3& b, double share) {
   return {a.quaternion().slerp(share, b.quaternion()),
           (1.0 - share) * a.translation() + share * b.translation()};
 }
 
-/// The same of similarities, whose scales change at a constant rate; the point `about` moves along the
-/// straight line.
+/// The same for similarities: scales geometrically; the image of the point `about` moves linearly.
 inline Similarity3 pose_between(const Similarity3& a, const Similarity3& b, double share,
                                 const Eigen::Vector3d& about) {
   const double scale = std::exp((1.0 - share) * std::log(a.scale()) + share * std::log(b.scale()));

@@ -16,7 +16,7 @@ PoseDistance PoseDistance::of(std::span<const Eigen::Vector3d> points) {
 }
 
 double PoseDistance::operator()(const Similarity3& a, const Similarity3& b) const {
-  // Of a ball: a turn by φ moves its points by 2·sin(φ/2) of their distance to the axis.
+  // For a ball: a rotation by φ moves points by 2·sin(φ/2) times their distance to the axis.
   const double angle = a.rigid().quaternion().angularDistance(b.rigid().quaternion());
   const double turned = 2.0 * std::sin(0.5 * angle) * radius;
   const double grown = (a.scale() - b.scale()) * radius;

@@ -9,13 +9,13 @@
 
 namespace cairn {
 
-/// How far apart two poses put the same points: root mean square of the distances between the two
-/// places of a point, for points that lie about their centroid as a ball does.
+/// Root mean square distance between the positions that two poses give the same points. Assumes that the
+/// points are spread isotropically about their centroid.
 struct PoseDistance {
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
   double radius = 0.0;  ///< root mean square distance of the points from their centroid
 
-  /// For these points, at least one.
+  /// @param points at least one; far outliers are ignored, see central_part()
   static PoseDistance of(std::span<const Eigen::Vector3d> points);
 
   double operator()(const Similarity3& a, const Similarity3& b) const;

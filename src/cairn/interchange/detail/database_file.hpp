@@ -17,7 +17,7 @@ bool is_database(const MapInput& input);
 /// Whether a file is an SQLite database that has all these tables.
 bool is_database_with(const MapInput& input, std::initializer_list<std::string_view> tables);
 
-/// Opens a database of another system to read.
+/// Opens another system's database for reading.
 /// @throws Error (input) naming the file
 sqlite::Database open_foreign_database(const std::filesystem::path& path,
                                        const MapReadOptions& options);

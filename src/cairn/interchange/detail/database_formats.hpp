@@ -8,14 +8,14 @@
 #include "cairn/map/io/options.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-// What needs SQLite. Where Cairn is built without it, databases are refused by name.
+// Formats that need SQLite. A build without it recognises databases and refuses them.
 namespace cairn::detail {
 
 /// The formats of databases.
 std::vector<MapFormat> database_formats();
 
-/// A COLMAP model with the descriptors of the database.db in its folder or one of the two above it; the model
-/// as it is where there is none.
+/// Adds descriptors to a COLMAP model from the database.db in its folder or in one of the two parent folders.
+/// Returns the model unchanged if there is none.
 LandmarkMap with_database_beside(LandmarkMap model, const std::filesystem::path& folder,
                                  const MapReadOptions& options);
 

@@ -12,19 +12,18 @@
 
 namespace cairn::detail {
 
-/// How the difference of two descriptors is measured.
+/// Measure of the difference between two descriptors.
 enum class DescriptorNorm {
   kHamming,  ///< bits that differ
   kSquared,  ///< sum of squared differences of bytes
 };
 
-/// The descriptor with the least sum of differences to the others, the first of several: its place.
-/// Looks at no more than the first 64.
+/// Index of the descriptor with the smallest sum of differences to the others (the first, if several tie).
+/// Considers only the first 64.
 /// @param descriptors not empty, all of one size
 std::size_t medoid(std::span<const std::span<const std::uint8_t>> descriptors, DescriptorNorm norm);
 
-/// Observations in the order of the keyframes that made them, each with what its keypoint holds, on their way
-/// into the order of landmarks.
+/// Collects observations keyframe by keyframe, with their keypoints' data, and orders them by landmark.
 class DescribedObservations {
  public:
   struct Entry {
@@ -36,24 +35,24 @@ class DescribedObservations {
     std::optional<std::int32_t> octave = {};
   };
 
-  /// @param bytes_each of a descriptor; 0: there are none
+  /// @param bytes_each size of a descriptor; 0: no descriptors
   explicit DescribedObservations(std::size_t bytes_each) : bytes_each_(bytes_each) {}
 
-  /// @param descriptor of bytes_each bytes, or empty where unknown
+  /// @param descriptor bytes_each bytes; empty if unknown
   void add(const Entry& entry, std::span<const std::uint8_t> descriptor);
   std::vector<Entry>& entries() { return entries_; }
 
-  /// Fills the observations, those of a landmark in the order of the frames, and the landmarks' descriptors:
-  /// the medoid of those of a landmark.
-  /// @param tables whose landmarks have their ids, ascending
-  /// @return how many observations were left out, because their landmark is none of the map's
+  /// Fills the observations, those of each landmark in the order of frames, and the landmarks' descriptors,
+  /// each the medoid() of its observations'.
+  /// @param tables contain the landmarks' ids, ascending
+  /// @return number of observations left out because the map does not have their landmark
   std::size_t fill(MapTables& tables, const std::string& kind, DescriptorNorm norm) &&;
 
  private:
   std::size_t bytes_each_;
   std::vector<Entry> entries_;
-  std::vector<std::uint8_t> known_;  // one an entry
-  std::vector<std::uint8_t> bytes_;  // bytes_each_ an entry
+  std::vector<std::uint8_t> known_;  // one per entry
+  std::vector<std::uint8_t> bytes_;  // bytes_each_ per entry
 };
 
 }  // namespace cairn::detail

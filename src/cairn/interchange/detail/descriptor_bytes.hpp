@@ -9,9 +9,9 @@
 
 namespace cairn::detail {
 
-/// Stores the numbers of descriptors in one byte each, so that distances keep their proportions. If all are whole
-/// numbers from 0 to 255, as SIFT's, they stay as they are. Otherwise x becomes 128 + 127 x, rounded and clamped:
-/// learned features lie between -1 and 1. A number that is not finite counts as 0.
+/// Converts the numbers of descriptors to one byte each, preserving ratios of distances. If all are integers
+/// from 0 to 255 (SIFT), they are unchanged. Otherwise x becomes 128 + 127·x, rounded and clamped, because
+/// learned features are in [-1, 1]. Numbers that are not finite count as 0.
 /// @param bytes as many as numbers
 template <class Number>
 void to_bytes(std::span<const Number> numbers, std::span<std::uint8_t> bytes) {

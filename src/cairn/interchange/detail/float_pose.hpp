@@ -12,8 +12,8 @@
 
 namespace cairn::detail {
 
-/// A rigid motion from 12 float32, row by row, as RTAB-Map stores them; std::nullopt if they are zeros, which
-/// say unknown, or no rotation and translation.
+/// A rigid motion from RTAB-Map's 12 float32 (3×4, row-major); std::nullopt if they are all zero, which means
+/// unknown, or not a rotation and a finite translation.
 inline std::optional<Rigid3> pose_of_floats(std::span<const std::byte> bytes) {
   std::array<float, 12> numbers{};
   if (bytes.size() != sizeof numbers) return std::nullopt;

@@ -172,7 +172,7 @@ ProtobufMessage text_message(const SceneText& text) {
       .text(6, text.text);
 }
 
-// NumericType; 0 for what it has no number for.
+// NumericType; 0 for a type that it lacks.
 std::uint32_t numeric_type(ScalarType type) {
   switch (type) {
     case ScalarType::kUint8:

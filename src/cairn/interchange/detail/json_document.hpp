@@ -9,11 +9,11 @@
 
 #include "cairn/core/file.hpp"
 
-// JSON of other systems, with errors that say where. Private to cairn/interchange.
+// Other systems' JSON files, with errors that name the place. Private to cairn/interchange.
 namespace cairn::detail {
 
-/// All of a source as JSON.
-/// @throws Error (input) naming the byte of what is no JSON, or is nested more than 64 deep
+/// Parses a whole source.
+/// @throws Error (input) naming the byte that is not JSON or is nested more than 64 levels deep
 nlohmann::json read_json(ByteSource& source);
 
 /// A value with its place, e.g. "reconstruction.json: 0/shots/a.jpg".
@@ -26,21 +26,21 @@ class JsonValue {
   const std::string& place() const { return place_; }
   bool has(const char* key) const { return json_->is_object() && json_->contains(key); }
 
-  /// @throws Error (input) if it is no object or lacks the key
+  /// @throws Error (input) unless it is an object with this key
   JsonValue at(const std::string& key) const;
-  /// @throws Error (input) if it is no array or has no such place
+  /// @throws Error (input) unless it is an array with this index
   JsonValue at(std::size_t index) const;
-  /// @throws Error (input) unless it is an object, an array
+  /// This value. @throws Error (input) unless it is an object or an array, respectively
   const JsonValue& object() const;
   const JsonValue& array() const;
 
   /// @throws Error (input) unless it is a finite number
   double number() const;
-  /// The number under `key`; `absent` where there is none.
+  /// The number under `key`; `absent` if there is none.
   double number_or(const char* key, double absent) const;
   std::uint64_t unsigned_number(std::uint64_t most) const;
   const std::string& text() const;
-  /// Three numbers.
+  /// From an array of three numbers.
   Eigen::Vector3d vector3() const;
 
   [[noreturn]] void refuse(std::string_view what, std::string_view expected) const;

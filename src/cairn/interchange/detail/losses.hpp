@@ -11,7 +11,7 @@
 
 namespace cairn::detail {
 
-/// What a format of another system holds of a map, beside positions of landmarks.
+/// Which parts of a map another system's format can hold, besides landmark positions.
 struct Holdings {
   bool frames = true;
   bool observations = true;
@@ -21,26 +21,26 @@ struct Holdings {
   bool keypoints = false;
   bool depths = false;
   bool octaves = false;
-  bool measured = false;  ///< how observations were, and how exactly
+  bool measured = false;  ///< source and standard deviation of observations
   bool colors = true;
   bool covariances = false;
   bool length_unit = false;
   bool georeference = false;
   bool gnss = false;                               ///< GNSS positions of frames
-  std::string_view descriptors = {};               ///< the kind that has a place, or "*": any
-  std::span<const std::string_view> columns = {};  ///< names of columns that have a place
+  std::string_view descriptors = {};               ///< the kind that it can hold; "*": any
+  std::span<const std::string_view> columns = {};  ///< names of columns that it can hold
 };
 
-/// Tells the sink, if there is one, "name: text".
+/// Sends "name: text" to the log, if there is one.
 /// @param name of the file
 void log_remark(const LogSink& log, std::string_view name, std::string_view text,
                 RemarkKind kind = RemarkKind::kInformation);
 
-/// What `map` has and the format does not hold, in words.
+/// Names the parts of `map` that the format cannot hold.
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
 
-/// "x: COLMAP has no place for the covariances, depths; they are left out"; empty if nothing is lost.
-/// @param path empty where a writer does not know it
+/// E.g. "x: COLMAP has no place for: covariances, colours; left out"; empty if nothing is lost.
+/// @param path empty if the writer does not know it
 std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
                         std::string_view format);
 

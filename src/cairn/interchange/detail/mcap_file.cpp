@@ -15,7 +15,7 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // a chunk ends when it has so many
+constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // a chunk ends at this size
 constexpr std::uint64_t kMessageLimit = std::uint64_t{1} << 31;
 
 // Numbers of the kinds of records.
@@ -154,7 +154,7 @@ void McapWriter::finish() {
   }
   append_text(statistics, counts);
 
-  // Records of one kind stand together, and where they stand follows.
+  // Records are grouped by kind, and followed by the groups' positions.
   const std::uint64_t summary_start = position_;
   std::string summary;
   std::string offsets;

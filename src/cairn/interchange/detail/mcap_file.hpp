@@ -10,16 +10,16 @@
 
 #include "cairn/core/file.hpp"
 
-// The MCAP container (https://mcap.dev/spec), written front to back. Private to cairn/interchange.
+// Sequential writer of the MCAP container (https://mcap.dev/spec). Private to cairn/interchange.
 namespace cairn::detail {
 
-/// The bytes that a file begins and ends with.
+/// First and last bytes of a file.
 inline constexpr std::string_view kMcapMagic = "\x89MCAP0\r\n";
 
-/// Writes messages in uncompressed chunks, with the indexes that readers seek by and all checksums.
+/// Writes messages in uncompressed chunks, with all checksums and the indexes for seeking.
 class McapWriter {
  public:
-  /// Metadata of a channel: words under keys.
+  /// Metadata of a channel, by key.
   using Metadata = std::map<std::string, std::string>;
 
   explicit McapWriter(ByteSink sink);
@@ -32,9 +32,9 @@ class McapWriter {
   std::uint16_t add_channel(std::uint16_t schema, std::string_view topic,
                             std::string_view message_encoding, const Metadata& metadata = {});
   /// @param time_ns when the message was logged and published
-  /// @throws Error (input) for a message of 2 GiB or more, which readers refuse
+  /// @throws Error (input) for a message of 2 GiB or more, because readers refuse it
   void add_message(std::uint16_t channel, std::uint64_t time_ns, std::string_view data);
-  /// Writes what ends the file; nothing may be added after it.
+  /// Writes the end of the file; nothing may be added afterwards.
   void finish();
 
  private:
@@ -61,7 +61,7 @@ class McapWriter {
   std::map<std::uint16_t, std::vector<MessagePlace>> chunk_index_;
   TimeRange times_;
   std::map<std::uint16_t, std::uint64_t> message_counts_;
-  // Records that the summary repeats.
+  // Records to be repeated in the summary.
   std::string schemas_;
   std::string channels_;
   std::string chunk_indexes_;

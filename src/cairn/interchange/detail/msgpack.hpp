@@ -7,27 +7,27 @@
 
 #include "cairn/interchange/detail/record_reader.hpp"
 
-// MessagePack (https://msgpack.org), read value by value, so that memory does not grow with the file.
-// Private to cairn/interchange.
+// Streaming reader and writer of MessagePack (https://msgpack.org). Private to cairn/interchange.
 namespace cairn::detail {
 
-/// Takes the values of a document in their order. Whoever calls knows what comes next.
-/// All throw Error (input) naming the byte, if the next value is another or the source ends.
+/// Reads the values of a document in order, so that memory does not grow with the file. The caller must know
+/// the type of the next value.
+/// All functions throw Error (input) naming the byte, if the next value has another type or the source ends.
 class MsgpackReader {
  public:
   explicit MsgpackReader(BinaryRecords& in) : in_(in) {}
 
-  /// How many pairs of a key and a value follow.
+  /// Number of key-value pairs that follow.
   std::uint64_t begin_map(std::string_view field);
-  /// How many values follow.
+  /// Number of values that follow.
   std::uint64_t begin_array(std::string_view field);
   /// @throws Error (input) also if the array has another size
   void begin_array(std::string_view field, std::uint64_t size);
   std::string text(std::string_view field);
-  /// Finite.
+  /// A finite number.
   double number(std::string_view field);
   std::int64_t whole(std::string_view field);
-  /// Passes over a value with all that is in it.
+  /// Skips a value, including nested values.
   void skip();
 
   [[noreturn]] void refuse(std::string_view field, std::string_view what,
@@ -40,17 +40,17 @@ class MsgpackReader {
   enum class Kind { kNil, kBool, kWhole, kNumber, kText, kBytes, kArray, kMap };
   struct Head {
     Kind kind = Kind::kNil;
-    std::uint64_t size = 0;  // of texts, bytes, arrays and maps
+    std::uint64_t size = 0;  // of a text, bytes, an array or a map
     double number = 0.0;
     std::int64_t whole = 0;
   };
-  // The first bytes of a value: all of it but the content of what has a size.
+  // Reads a value without the content of texts, bytes, arrays and maps.
   Head next(std::string_view field);
 
   BinaryRecords& in_;
 };
 
-/// Appends values to a text.
+/// Appends values to a string.
 class MsgpackWriter {
  public:
   explicit MsgpackWriter(std::string& out) : out_(out) {}

@@ -23,7 +23,7 @@ namespace {
   throw Error(ErrorKind::kInput, where, what, expected);
 }
 
-// What stands behind a key: a word, a text in quotes, or a tuple.
+// The value after a key: a word, a quoted text, or a tuple.
 std::string_view value_of(std::string_view dictionary, std::string_view key) {
   const std::size_t place = dictionary.find(key);
   if (place == std::string_view::npos) return {};

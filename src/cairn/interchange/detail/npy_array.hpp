@@ -7,35 +7,35 @@
 #include <string_view>
 #include <vector>
 
-// Arrays of NumPy (the format NEP 1 specifies), for cairn/interchange.
+// NumPy arrays in .npy format (NEP 1). Private to cairn/interchange.
 namespace cairn::detail {
 
 inline constexpr std::string_view kNpyMagic = "\x93NUMPY";
 
-/// What the header of an array says.
+/// Header of an array.
 struct NpyHeader {
   std::string type;  ///< e.g. "<f8"
   bool is_fortran = false;
   std::vector<std::uint64_t> shape;
 };
 
-/// @param dictionary in Python's notation, as it stands behind the sizes
-/// @param where for messages
-/// @throws Error (input) for what is no such header
+/// @param dictionary the header's Python dictionary, which follows the sizes
+/// @param where for error messages
+/// @throws Error (input) for an invalid header
 NpyHeader parse_npy_header(std::string_view dictionary, const std::string& where);
 
-/// An array in memory, which must outlive it.
+/// A view of an array in memory, which must outlive it.
 class NpyArray {
  public:
-  /// @throws Error (input) for a damaged array, a type that is none of f4 f8 i1-i8 u1-u8 b1 S U, or one that
-  ///         does not lie in C order and little-endian
+  /// @throws Error (input) for a damaged array, a type other than f4 f8 i1-i8 u1-u8 b1 S U, or one not stored
+  ///         little-endian in C order
   NpyArray(std::string_view bytes, std::string where);
 
   const std::vector<std::uint64_t>& shape() const { return header_.shape; }
   /// Product of the shape.
   std::uint64_t size() const { return size_; }
   bool is_text() const { return kind_ == 'S' || kind_ == 'U'; }
-  /// 'f', 'i', 'u', 'b', 'S' or 'U', and bytes an element.
+  /// 'f', 'i', 'u', 'b', 'S' or 'U', and the bytes per element.
   char kind() const { return kind_; }
   std::size_t item_size() const { return item_; }
   std::string_view data() const { return data_; }
@@ -58,7 +58,7 @@ class NpyArray {
   std::string_view data_;
 };
 
-/// An array of that type and shape in C order.
+/// The .npy file of an array in C order.
 /// @param data little-endian
 std::string npy_bytes(std::string_view type, const std::vector<std::uint64_t>& shape,
                       std::string_view data);

@@ -9,7 +9,7 @@
 
 namespace cairn::detail {
 
-/// Observations in the order of a file, on their way into the order of landmarks.
+/// Collects observations in the order of a file and orders them by landmark.
 class ObservationList {
  public:
   void add(std::uint32_t landmark, FrameIndex frame, const Pixel& pixel,

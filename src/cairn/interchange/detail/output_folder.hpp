@@ -6,8 +6,7 @@
 
 namespace cairn::detail {
 
-/// Makes a folder of files, whole or not at all: `produce` fills a folder beside it, which takes its
-/// place when all is written.
+/// Writes a folder completely or not at all: `produce` fills a folder beside it, which is then renamed.
 /// @param folder must not exist, or be empty
 /// @throws Error (storage) naming the folder and the reason
 void write_folder(const std::filesystem::path& folder,

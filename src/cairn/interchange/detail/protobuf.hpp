@@ -9,10 +9,10 @@
 // Protocol Buffers' wire format (https://protobuf.dev/programming-guides/encoding). Private to cairn/interchange.
 namespace cairn::detail {
 
-/// The bytes of a message, field by field; a field's number is that of its description.
+/// Builds a message field by field; field numbers are those of its .proto description.
 class ProtobufMessage {
  public:
-  /// int32, int64, bool and enum; not negative.
+  /// For int32, int64, bool and enum; not negative.
   ProtobufMessage& whole(std::uint32_t field, std::uint64_t value);
   ProtobufMessage& fixed32(std::uint32_t field, std::uint32_t value);
   ProtobufMessage& fixed32s(std::uint32_t field, std::span<const std::uint32_t> values);

@@ -11,17 +11,17 @@
 #include "cairn/core/file.hpp"
 #include "cairn/map/io/options.hpp"
 
-// What the importers share to read files record by record. Private to cairn/interchange.
+// Readers of binary and text records, shared by the importers. Private to cairn/interchange.
 namespace cairn::detail {
 
-/// Progress over several files that are read one behind the other.
+/// Progress over several files that are read one after another.
 class ReadingProgress {
  public:
   ReadingProgress(const MapReadOptions& options, std::uint64_t total_bytes)
       : options_(options), total_(total_bytes) {}
 
-  /// Told how many bytes were read since the last call.
-  /// @throws Error (cancelled) naming the source, if the caller asked to stop
+  /// @param bytes read since the last call
+  /// @throws Error (cancelled) naming the source, if the caller requested a stop
   void advance(std::uint64_t bytes, const std::string& source);
 
  private:
@@ -30,7 +30,7 @@ class ReadingProgress {
   std::uint64_t read_ = 0;
 };
 
-/// Little-endian binary records, in a buffer of bounded size.
+/// Reads little-endian binary records through a buffer of bounded size.
 class BinaryRecords {
  public:
   BinaryRecords(ByteSource& source, ReadingProgress& progress);
@@ -41,20 +41,21 @@ class BinaryRecords {
   std::uint64_t u64(std::string_view field) { return number<std::uint64_t>(field); }
   float f32(std::string_view field) { return number<float>(field); }
   double f64(std::string_view field) { return number<double>(field); }
-  /// Bytes up to a zero, which is passed over.
+  /// The bytes up to a terminating zero, which is skipped.
   std::string text(std::string_view field);
 
-  /// A number of records that follow, each of at least `least_bytes`.
-  /// @throws Error (input) if the rest of the source is too small for them
+  /// The number of records that follow, each at least `least_bytes` long.
+  /// @throws Error (input) if the rest of the source is too short for them
   std::uint64_t count(std::string_view field, std::uint64_t least_bytes);
-  /// How many of `count` records to make room for: all, if the source has a size and so was checked.
+  /// Number of records to reserve memory for: `count` if the source has a size, so that count() checked it;
+  /// otherwise 0.
   std::size_t room_for(std::uint64_t count) const;
 
-  /// Bytes of the source that are not yet read; std::nullopt for what has no size.
+  /// Number of unread bytes; std::nullopt if the source has no known size.
   std::optional<std::uint64_t> bytes_left() const;
-  /// @throws Error (input) if there are bytes left
+  /// @throws Error (input) if bytes are left
   void expect_end();
-  /// "file: byte N" of the field read last.
+  /// "file: byte N" of the last field read.
   std::string place() const;
   /// @throws Error (input) at place()
   [[noreturn]] void refuse(std::string_view field, std::string_view what,
@@ -63,7 +64,7 @@ class BinaryRecords {
  private:
   template <class Number>
   Number number(std::string_view field);
-  /// At least `least` bytes in the buffer, unless the source ends.
+  /// Reads until the buffer has at least `least` bytes, or the source ends.
   bool fill(std::size_t least);
 
   ByteSource& source_;
@@ -75,24 +76,24 @@ class BinaryRecords {
   std::uint64_t field_offset_ = 0;
 };
 
-/// Lines of words, in text.
+/// Reads lines of words.
 class TextRecords {
  public:
   TextRecords(ByteSource& source, ReadingProgress& progress);
 
-  /// The next line, whatever it holds. @return false at the end
+  /// Moves to the next line, whatever its content. @return false at the end
   bool next_line();
-  /// The next line that is neither blank nor a comment that starts with '#'.
+  /// Moves to the next line that is neither blank nor a comment (starting with '#').
   bool next_record();
 
   /// The next word of the line.
   /// @throws Error (input) if there is none
   std::string_view word(std::string_view field);
   bool has_word();
-  /// The rest of the line without blanks at either end, which is passed over.
+  /// Takes the rest of the line, without blanks at either end.
   std::string_view rest();
   double number(std::string_view field);
-  /// As number; NaN for what is written nan or inf.
+  /// Like number(), but "nan" and "inf" give NaN.
   double number_or_nan(std::string_view field);
   std::uint64_t unsigned_number(std::string_view field, std::uint64_t most = ~std::uint64_t{0});
   std::int64_t signed_number(std::string_view field);
@@ -108,7 +109,7 @@ class TextRecords {
   ByteSource& source_;
   ReadingProgress& progress_;
   LineReader lines_;
-  std::string_view line_;  // what is left of it
+  std::string_view line_;  // its unread rest
   std::uint64_t reported_ = 0;
 };
 

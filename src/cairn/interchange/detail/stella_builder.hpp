@@ -15,7 +15,7 @@
 #include "cairn/map/io/options.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-// What the two forms of a map of stella_vslam have in common. Private to cairn/interchange.
+// Shared by the readers of stella_vslam's two file formats. Private to cairn/interchange.
 namespace cairn::detail {
 
 inline constexpr std::size_t kOrbBytes = 32;
@@ -33,22 +33,22 @@ struct StellaKeyframe {
   std::uint64_t id = 0;
   std::optional<double> timestamp_s;
   std::string camera;
-  Eigen::Quaterniond rotation_cw = Eigen::Quaterniond::Identity();  ///< of any length but 0
+  Eigen::Quaterniond rotation_cw = Eigen::Quaterniond::Identity();  ///< of any nonzero norm
   Eigen::Vector3d translation_cw = Eigen::Vector3d::Zero();
   std::vector<Pixel> undistorted;
-  std::vector<std::int32_t> octaves;  ///< as many, or none
-  std::vector<float> depths;          ///< as many, or none; unknown unless positive
-  std::vector<std::array<std::uint8_t, kOrbBytes>> descriptors;  ///< as many, or none
+  std::vector<std::int32_t> octaves;  ///< one per keypoint, or empty
+  std::vector<float> depths;          ///< one per keypoint, or empty; unknown unless positive
+  std::vector<std::array<std::uint8_t, kOrbBytes>> descriptors;  ///< one per keypoint, or empty
 };
 
-/// Receives the parts in any order.
+/// Builds a map from parts in any order.
 class StellaBuilder {
  public:
   StellaBuilder(std::string name, const MapReadOptions& options);
 
   void add_camera(const std::string& name, const StellaCamera& camera);
-  /// @param landmarks the landmark of each keypoint, negative where there is none; may be empty
-  /// @return what is wrong with it; empty if nothing
+  /// @param landmarks landmark id of each keypoint, negative for none; may be empty
+  /// @return the keyframe's defect; empty if valid
   std::string add_keyframe(const StellaKeyframe& keyframe,
                            const std::vector<std::int64_t>& landmarks);
   void add_landmark(std::uint64_t id, const Eigen::Vector3d& position,
@@ -77,7 +77,7 @@ class StellaBuilder {
   std::map<std::string, StellaCamera> cameras_;
   std::vector<Frame> frames_;
   std::vector<Landmark> landmarks_;
-  DescribedObservations observations_{kOrbBytes};  // by place in frames_
+  DescribedObservations observations_{kOrbBytes};  // FrameIndex: index into frames_
 };
 
 }  // namespace cairn::detail

@@ -9,31 +9,31 @@
 
 #include "cairn/map/landmark_map.hpp"
 
-// What the writers of formats with images share. Private to cairn/interchange.
+// Shared by the writers of formats with images. Private to cairn/interchange.
 namespace cairn::detail {
 
-/// @param image what the system calls a frame, e.g. "a shot of OpenSfM"
+/// @param image the system's term for a frame, e.g. "a shot of OpenSfM"
 /// @throws Error (input) naming a frame without a camera
 void require_cameras(const LandmarkMap& map, std::string_view image);
 
-/// The name of a frame's image, or "frame_ID" where there is none.
+/// The name of a frame's image; "frame_ID" if it has none.
 std::string image_name(const LandmarkMap& map, FrameIndex frame);
 
-/// A focal length and radial distortion about the optical axis, as RADIAL has them.
+/// A focal length and radial distortion about the optical axis, as in camera model RADIAL.
 struct RadialCamera {
   double focal = 0.0;
   double k1 = 0.0;
   double k2 = 0.0;
 };
-/// std::nullopt for a camera that has more than these.
+/// std::nullopt if the camera needs further parameters.
 std::optional<RadialCamera> radial_camera(const Camera& camera);
 
-/// Where a pixel would be in an undistorted image of focal length fx, relative to the optical axis, in pixels;
-/// std::nullopt where no line of sight belongs to it.
+/// Position of a pixel in an undistorted image of focal length fx, in pixels from the optical axis;
+/// std::nullopt if the pixel has no line of sight.
 std::optional<Pixel> undistorted_offset(const Camera& camera, const Pixel& pixel);
 
-/// The index of each observation's keypoint in its frame: as the map has it, if it has all and none twice in
-/// a frame, else counted from 0 in the order of the landmarks.
+/// Keypoint index of each observation within its frame: the map's, if every observation has one and they are
+/// unique within each frame; otherwise counted from 0 in the order of the landmarks.
 std::vector<std::uint32_t> keypoint_indices(const LandmarkMap& map);
 
 }  // namespace cairn::detail

@@ -84,7 +84,7 @@ class Archive {
     return value;
   }
 
-  // The last record, behind which a comment of up to 65535 bytes may stand.
+  // The last record, which a comment of up to 65535 bytes may follow.
   std::size_t find_end() const {
     constexpr std::size_t kComment = 65535;
     if (bytes_.size() >= kEndSize) {
@@ -97,7 +97,7 @@ class Archive {
     refuse("has no end record: it may have been cut", "a ZIP archive");
   }
 
-  // Sizes that do not fit into 32 bits stand in an extra field.
+  // Sizes that do not fit into 32 bits are in an extra field.
   void take_64(std::uint64_t place, std::uint64_t length, std::uint64_t& size,
                std::uint64_t& packed, std::uint64_t& local) const {
     const std::uint64_t end = place + length;

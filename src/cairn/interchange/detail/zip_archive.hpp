@@ -8,13 +8,13 @@
 
 #include "cairn/core/file.hpp"
 
-// ZIP archives of arrays, for cairn/interchange.
+// ZIP archives of arrays. Private to cairn/interchange.
 namespace cairn::detail {
 
-/// The members of an archive by name, unpacked.
-/// @param where for messages
-/// @throws Error (input) for a damaged archive, one of several parts, encrypted or compressed otherwise than
-///         by deflate, or members that unpack to more than memory_budget() of the archive
+/// The unpacked members of an archive by name.
+/// @param where for error messages
+/// @throws Error (input) for an archive that is damaged, split, encrypted or compressed by a method other
+///         than deflate, or whose members unpack to more than memory_budget() of the archive
 std::map<std::string, std::string> read_zip(std::string_view archive, const std::string& where);
 
 /// Writes an archive member by member, uncompressed.

@@ -10,11 +10,11 @@
 
 namespace cairn::detail {
 
-/// What a zlib stream holds; std::nullopt if it is damaged, or unpacks to more than memory_budget() of its size.
+/// Decompresses a zlib stream; std::nullopt if it is damaged or exceeds memory_budget() of its packed size.
 std::optional<std::string> inflate_zlib(std::span<const std::byte> packed);
 
 /// The same for a raw deflate stream, as in a ZIP archive.
-/// @param size that it must have when unpacked
+/// @param size required size when unpacked
 std::optional<std::string> inflate_raw(std::string_view packed, std::uint64_t size);
 
 /// The checksum of ZIP archives.

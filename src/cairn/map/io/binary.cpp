@@ -54,7 +54,7 @@ enum class Per { kFile, kFrame, kLandmark, kOffset, kObservation };
 struct Layout {
   std::string_view name;
   Per per;
-  std::uint64_t bytes_each;  // 0: not the same for all entries, or not known beforehand
+  std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
 };
 
 constexpr std::array<Layout, 30> kLayouts = {{
@@ -132,7 +132,7 @@ class BinaryReader {
   }
 
  private:
-  // Takes entries of varying size off a section, in order.
+  // Reads entries of varying size from a section, in order.
   class Cursor {
    public:
     Cursor(const BinaryReader& reader, MapColumn column)
@@ -179,7 +179,7 @@ class BinaryReader {
     refuse(byte, kLayouts[index_of(column)].name, what, expected);
   }
 
-  // Of entries of varying size: of their section.
+  // Place of an entry in the file; of its section if entries vary in size.
   std::string place_of(MapColumn column, std::size_t row) const {
     const Layout& layout = kLayouts[index_of(column)];
     const std::uint64_t bytes_each =
@@ -242,7 +242,7 @@ class BinaryReader {
   }
 
   void read_table() {
-    // The bytes that each takes at least bound how many there can be.
+    // The least size of an entry bounds the number of entries.
     const auto count_at = [&](std::uint64_t byte, std::string_view what, std::uint64_t bytes_each) {
       const auto count = at<std::uint64_t>(byte);
       const std::uint64_t most = std::min<std::uint64_t>(std::numeric_limits<std::uint32_t>::max(),
@@ -329,7 +329,7 @@ class BinaryReader {
     return 0;
   }
 
-  // No overflow: the file holds less than 2^32 rows and their sizes are small.
+  // Cannot overflow: a file has fewer than 2^32 rows, and their sizes are small.
   void expect_size(std::uint64_t byte, const Layout& layout, std::uint64_t size,
                    std::uint64_t bytes_each) const {
     if (size == rows(layout.per) * bytes_each) return;
@@ -344,7 +344,7 @@ class BinaryReader {
 
   bool has(MapColumn column) const { return !section(column).bytes.empty(); }
 
-  // Of a section that must be there, with so many bytes, or must not if they are none.
+  // Checks that a section has this size; if it is 0, that the section is absent.
   void expect_section(MapColumn column, std::uint64_t bytes_each) const {
     const Layout& layout = kLayouts[index_of(column)];
     const Section& found = section(column);
@@ -357,7 +357,7 @@ class BinaryReader {
     }
   }
 
-  // The columns that lie in the file as in memory.
+  // For columns with the same layout in the file and in memory.
   template <class Row>
   void copy(MapColumn column, std::vector<Row>& rows) const {
     const std::string_view bytes = section(column).bytes;
@@ -374,7 +374,7 @@ class BinaryReader {
     copy(column, rows);
   }
 
-  // Of a NaN, the entry `row` of a column of doubles.
+  // Checks that a NaN in a column of doubles is the one that means unknown.
   void expect_unknown(MapColumn column, std::size_t row, double value) const {
     const auto bits = std::bit_cast<std::uint64_t>(value);
     if (bits == kUnknownBits) return;
@@ -383,7 +383,7 @@ class BinaryReader {
            fmt::format("{:016x} where unknown, else a number", kUnknownBits));
   }
 
-  // A column of 8 bytes an entry; `value_of` may give nothing.
+  // Reads a column with 8 bytes per entry; `value_of` may return std::nullopt.
   template <class Value, class ValueOf>
   void read_optional(MapColumn column, OptionalColumn<Value>& values,
                      const ValueOf& value_of) const {
@@ -727,7 +727,7 @@ class BinaryWriter {
 
   // ---- sections
 
-  // A section without bytes is left out.
+  // Leaves out an empty section.
   void plan(MapColumn column, std::uint64_t size, std::function<void()> write) {
     if (size > 0) plan_.push_back({column, size, std::move(write)});
   }
@@ -757,7 +757,7 @@ class BinaryWriter {
     });
   }
 
-  // `integer_of(value)`: what is stored of a known value.
+  // `integer_of(value)`: the stored integer of a known value.
   template <class Value, class IntegerOf = std::identity>
   void plan_integers(MapColumn column, const OptionalColumn<Value>& values,
                      IntegerOf integer_of = {}) {
@@ -861,7 +861,7 @@ class BinaryWriter {
       put(value);
   }
 
-  // On the Earth.
+  // Georeference and GNSS positions.
   void plan_places() {
     if (const auto& georeference = map_.info().georeference) {
       plan(MapColumn::kGeoReference, 88, [this, &georeference] {

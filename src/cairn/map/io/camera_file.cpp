@@ -55,7 +55,7 @@ std::vector<double> parse_list(std::string_view text, const std::string& place) 
 }  // namespace
 
 Camera tum_camera(const std::string& name) {
-  // Calibration published with the benchmark; fr3's images are undistorted already.
+  // Calibration published with the benchmark; the images of fr3 are already undistorted.
   const auto camera = [](std::vector<double> parameters) {
     return Camera{CameraId{0}, "FULL_OPENCV", 640, 480, std::move(parameters)};
   };

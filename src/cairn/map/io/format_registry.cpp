@@ -18,11 +18,10 @@
 namespace cairn {
 namespace {
 
-// Enough of a JSON file to see its first keys, which tell the systems apart.
+// Enough bytes for the first keys of a JSON file, which identify the system.
 constexpr std::size_t kProbedBytes = 4096;
 
-// A source whose first bytes were taken already and are handed out again: pipes cannot go back. A byte
-// order mark among them is left out.
+// A source that returns the bytes already read again, because pipes cannot seek. Skips a byte order mark.
 class PrefixedSource final : public ByteSource {
  public:
   PrefixedSource(const std::string& prefix, ByteSource& rest)
@@ -42,7 +41,7 @@ class PrefixedSource final : public ByteSource {
     return count;
   }
   void rewind() override {
-    // Back to the first byte, and past all that are handed out from here.
+    // Rewinds to the first byte, then skips the bytes that this class returns itself.
     rest_.rewind();
     std::string again(mark_size_ + prefix_.size(), '\0');
     for (std::size_t count = 0; count < again.size();) {
@@ -90,7 +89,7 @@ bool has_ending(const std::filesystem::path& path, const std::string& ending) {
   return path.filename() == ending;
 }
 
-// "path#N" taken apart, unless a file of that very name exists.
+// Splits "path#N", unless a file with that full name exists.
 MapInput input_at(const std::filesystem::path& path) {
   MapInput input;
   input.path = path;
@@ -170,7 +169,7 @@ void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
   std::error_code error;
   for (std::filesystem::directory_iterator entry(path, error), end; !error && entry != end;
        entry.increment(error)) {
-    // Other texts are more often called so than maps.
+    // Most .txt files are not maps.
     if (format_of_ending(entry->path()) == nullptr || has_ending(entry->path(), ".txt")) continue;
     ++maps;
     if (first.empty() || entry->path() < first) first = entry->path();
@@ -248,7 +247,7 @@ const FormatRegistry& native_formats() {
       {.name = "text",
        .title = "Cairn text",
        .endings = {".map", ".txt"},
-       // Whatever else is a file: the reader says what is wrong with it.
+       // Any other file: its reader throws with the reason.
        .recognises = [](const MapInput& input) { return input.source != nullptr; },
        .read = [](const MapInput& input,
                   const MapReadOptions& options) { return read_native(*input.source, options); },
@@ -259,7 +258,7 @@ const FormatRegistry& native_formats() {
       {.name = "binary",
        .title = "Cairn binary",
        .endings = {".cairn"},
-       // Up to the line end: that of a damaged file may be another.
+       // Without the line end, which may be different in a damaged file.
        .recognises =
            [](const MapInput& input) {
              return input.first_bytes.starts_with(kBinaryMagic.substr(0, 6));

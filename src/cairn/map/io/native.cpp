@@ -28,7 +28,7 @@ namespace {
 constexpr std::size_t kBlockSize = std::size_t{1} << 20;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// What to read at a time: a block, or all of a small source and one byte that would show its end.
+// Bytes to read at a time: a block, or a whole small source plus one byte to detect its end.
 std::size_t block_size_for(const ByteSource& source) {
   const std::uint64_t size = source.size().value_or(kBlockSize);
   return size < kBlockSize ? static_cast<std::size_t>(size) + 1 : kBlockSize;
@@ -47,8 +47,8 @@ struct TokenCount {
   std::uint64_t dash_ends = 0;  // of those ending in '-'
 };
 
-// Counts the tokens of a text that follows the byte `before`. Counts in bytes first, side by side, which
-// the compiler turns into vector code: in too few steps to overflow them.
+// Counts the tokens of a text that follows the byte `before`. First counts in parallel byte counters, which
+// the compiler vectorises, in too few steps to overflow them.
 TokenCount count_tokens(char before, std::string_view text) {
   constexpr std::size_t kLanes = 32;
   constexpr std::size_t kMostSteps = 255;
@@ -84,7 +84,7 @@ TokenCount count_tokens(char before, std::string_view text) {
   return count;
 }
 
-// Estimates how many records a text has, block by block.
+// Estimates the number of records in a text, block by block.
 class RecordEstimate {
  public:
   void add(std::string_view block) {
@@ -101,7 +101,7 @@ class RecordEstimate {
       const std::size_t newline = block.find('\n');
       const std::string_view line =
           newline == std::string_view::npos ? block : block.substr(0, newline + 1);
-      // Most lines are landmarks': the tokens of the others are taken off again.
+      // Most lines are landmarks; the tokens of other lines are subtracted.
       if (!in_landmark_) {
         const TokenCount others = count_tokens(before_, line);
         in_landmarks_.starts -= others.starts;
@@ -112,9 +112,9 @@ class RecordEstimate {
     }
   }
 
-  // Exact where records start their lines, and bounded by the bytes seen anywhere.
+  // Exact if every record starts a line; always bounded by the number of bytes seen.
   RecordCounts counts() const {
-    // The fewest bytes of a record bound how many there can be, whatever the first letters say.
+    // The shortest record bounds the number of records, whatever the lines' first letters are.
     constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
     constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
     RecordCounts counts = counts_;
@@ -169,7 +169,7 @@ class Fields {
     return text;
   }
 
-  /// Whether the next field is a lone '-', which is then taken.
+  /// Takes the next field if it is a lone '-'.
   bool take_unknown() {
     if (next_ == end_ || *next_ != '-' || (next_ + 1 != end_ && !is_blank(next_[1]))) return false;
     ++field_;
@@ -228,7 +228,7 @@ class Fields {
     refuse_field("is too much", fmt::format("the {} record to end here", record));
   }
 
-  /// Refuses the field last taken.
+  /// Refuses the last field taken.
   [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
     throw Error(ErrorKind::kInput, where(), what, expected);
   }
@@ -249,7 +249,7 @@ class Fields {
     if (next_ == end_) refuse("missing", "more fields on this line");
   }
 
-  // The number that starts at next_, however it is written.
+  // The number that starts at next_, in any notation.
   double any_number() {
     double value = 0.0;
     const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
@@ -331,7 +331,7 @@ std::string unescaped(std::string_view text, const Fields& fields) {
 
 // ---- reading
 
-// Line of each row of a kind, in few entries: a new one only where the distance changes.
+// Line number of each row of one kind, run-length encoded: a new entry only if the distance changes.
 class RowLines {
  public:
   void add(std::uint64_t row, std::uint64_t line) {
@@ -796,7 +796,7 @@ class NativeReader {
                   "corner, patch, reference or -");
   }
 
-  // Bytes that descriptors and named columns take of all landmarks so far.
+  // Bytes of the descriptors and named columns of all landmarks so far.
   std::uint64_t room_of_columns() const {
     const LandmarkTable& landmarks = tables_.landmarks;
     const std::uint64_t each = sizeof(double) * landmarks.columns.size() +
@@ -846,7 +846,7 @@ class NativeReader {
                        [this](MapColumn column, std::size_t row) { return place_of(column, row); });
   }
 
-  // Of what is left to LandmarkMap to check.
+  // Place of a row, for the checks that LandmarkMap makes.
   std::string place_of(MapColumn column, std::size_t row) const {
     switch (column) {
       case MapColumn::kGravity:
@@ -876,11 +876,11 @@ class NativeReader {
   std::uint64_t bytes_read_ = 0;
   bool length_unit_known_ = false;
   bool observations_unknown_ = false;
-  std::size_t detailed_ = 0;  // landmarks read when the last DETAIL was
-  std::size_t measured_ = 0;  // the same of MEASURED
+  std::size_t detailed_ = 0;  // number of landmarks read before the last DETAIL
+  std::size_t measured_ = 0;  // the same for MEASURED
   std::uint64_t gravity_line_ = 0;
   std::uint64_t georeference_line_ = 0;
-  std::vector<std::uint64_t> gnss_lines_;  // one a frame, as far as any GNSS record reaches
+  std::vector<std::uint64_t> gnss_lines_;  // one per frame, up to the last with a GNSS record
   RowLines frame_lines_;
   RowLines landmark_lines_;
   std::unordered_map<FrameId, FrameIndex> frame_index_;

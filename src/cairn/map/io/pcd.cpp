@@ -32,7 +32,7 @@ struct TypeName {
   int size;
   ScalarType type;
 };
-// The first entry of a type is the one we write.
+// The writer uses the first entry of a type.
 constexpr std::array<TypeName, 11> kTypeNames = {{
     {'I', 1, ScalarType::kInt8},
     {'U', 1, ScalarType::kUint8},
@@ -228,7 +228,7 @@ class HeaderReader {
     }
   }
 
-  // What only all entries together say.
+  // Checks and values that need all header entries.
   void finish() {
     for (const std::string_view name : {"FIELDS", "SIZE", "TYPE"}) {
       if (find(name)->place.empty()) refuse(fmt::format("no {} above DATA", name), "it");
@@ -246,7 +246,7 @@ class HeaderReader {
       }
       fields_[i].type = found->type;
     }
-    // Both are below 2^32: no overflow.
+    // Cannot overflow: both are below 2^32.
     if (width_) {
       const std::uint64_t area = *width_ * height_.value_or(1);
       if (points_ && *points_ != area) {
@@ -285,10 +285,10 @@ class HeaderReader {
 
 // ---- compressed data
 
-/// Undoes the compression of LibLZF. A control byte below 32 announces that many bytes and one more
-/// as they are; any other a copy of earlier output: three bits for its length less 2 (all set: the
-/// next byte is added), then 13 bits for its distance less 1.
-/// @return why `in` is not `out.size()` bytes in this form, at which byte; nothing if it is
+/// Decompresses LibLZF data. A control byte c below 32 precedes c + 1 literal bytes. Any other precedes a
+/// copy of earlier output: three bits for its length minus 2 (if all are set, the next byte is added), then
+/// 13 bits for its distance minus 1.
+/// @return the byte and the reason if `in` does not decompress to `out.size()` bytes; std::nullopt if it does
 std::optional<std::pair<std::size_t, std::string_view>> decompress_lzf(std::string_view in,
                                                                        std::vector<char>& out) {
   constexpr std::string_view kCut = "the compressed data ends within an instruction";
@@ -317,7 +317,7 @@ std::optional<std::pair<std::size_t, std::string_view>> decompress_lzf(std::stri
       return std::pair{start, std::string_view("the compressed data refers to before its start")};
     }
     if (length > out.size() - to) return std::pair{start, kOverflow};
-    // Byte by byte: the copy may run into what it writes.
+    // Byte by byte, because source and destination may overlap.
     for (std::size_t i = 0; i < length; ++i, ++to) out[to] = out[to - distance];
   }
   if (to < out.size()) {
@@ -326,7 +326,7 @@ std::optional<std::pair<std::size_t, std::string_view>> decompress_lzf(std::stri
   return std::nullopt;
 }
 
-// The next `count` bytes or fewer at the end; memory grows with what is there.
+// The next `count` bytes, or fewer at the end. Memory grows with the bytes present, not with `count`.
 std::string take(HeadedSource& source, std::uint64_t count) {
   std::string bytes;
   if (const auto remaining = source.remaining()) {
@@ -348,7 +348,7 @@ std::string take(HeadedSource& source, std::uint64_t count) {
   throw Error(ErrorKind::kInput, fmt::format("{}: byte {}", source.name(), offset), what, expected);
 }
 
-// Reads points that lie field by field in compressed data.
+// Reads points from compressed data, which is stored field by field.
 void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTable& table) {
   const std::uint64_t begin = source.offset();
   const std::string sizes = take(source, 8);
@@ -359,7 +359,7 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
   const std::uint64_t compressed_size = detail::load_little_endian_32(sizes.data());
   const std::uint64_t size = detail::load_little_endian_32(sizes.data() + 4);
 
-  // PCL leaves padding out of compressed data, other programs may not: the size tells.
+  // PCL leaves padding out of compressed data, other programs may not; the size decides.
   std::uint64_t bytes_used = 0;
   std::uint64_t bytes_padded = 0;
   for (const PointField& field : table.fields()) {
@@ -367,7 +367,7 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
     bytes_padded += field_size;
     if (field.name != "_") bytes_used += field_size;
   }
-  // A division, for a point may be announced to take 2^47 bytes.
+  // Divides, because the product could overflow: the header may declare 2^47 bytes per point.
   const auto fits = [&](std::uint64_t bytes) {
     return points == 0 ? size == 0 : size % points == 0 && size / points == bytes;
   };
@@ -377,7 +377,7 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
               fmt::format("{} points of {} bytes", points, bytes_used));
   }
 
-  // Three bytes make at most 264: a size beyond that is a lie, to be told before it costs memory.
+  // Three bytes decompress to at most 264, so a larger size is refused before memory is allocated.
   std::string compressed = take(source, compressed_size);
   if (compressed.size() < compressed_size) {
     refuse_at(source, source.offset(),
@@ -389,7 +389,7 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
               fmt::format("{} bytes announced to be compressed into {}", size, compressed_size),
               "at most 88 times as many");
   }
-  // Of a point, the bytes that are decompressed, a position and all other values as doubles.
+  // Memory per point: the decompressed bytes, a position, and all other values as doubles.
   const std::uint64_t width = bytes_padded + sizeof(double) * (3 + table.fields().size());
   const std::uint64_t budget = detail::memory_budget(compressed_size);
   if (points > 0 && width > budget / points) {
@@ -416,7 +416,7 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
   table.append_columns(columns, static_cast<std::size_t>(points));
 }
 
-// Passes over the zeros, up to a page of memory, that PCL leaves behind binary data of any kind.
+// Skips the zeros, up to a page of memory, that PCL writes after binary data.
 void skip_page_filling(HeadedSource& source) {
   constexpr std::size_t kLargestPage = std::size_t{1} << 16;
   const std::string_view rest = source.peek(kLargestPage + 1).substr(0, kLargestPage);

@@ -23,7 +23,7 @@ using detail::PointField;
 using detail::PointTable;
 using detail::ScalarType;
 
-// The first name of a type is the one we write: the one that every reader knows.
+// The writer uses the first name of a type, which every reader knows.
 constexpr std::array<std::pair<std::string_view, ScalarType>, 16> kTypeNames = {{
     {"char", ScalarType::kInt8},
     {"int8", ScalarType::kInt8},

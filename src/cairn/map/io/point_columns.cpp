@@ -102,7 +102,7 @@ void append_little_endian(std::string& out, T value) {
 }
 
 void append_text_value(std::string& out, double value) {
-  // Not every reader knows the sign that a NaN may have.
+  // Some readers do not accept the sign of a NaN.
   if (std::isnan(value)) {
     out += "nan";
   } else {
@@ -148,20 +148,20 @@ class Tokens {
 
 template <class T>
 bool parse(std::string_view text, T& value) {
-  // printf writes a plus sign that from_chars does not know.
+  // printf writes a plus sign, which from_chars does not accept.
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, value);
   return error == std::errc{} && stop == end;
 }
 
-// A small file needs no large block; one byte more tells its end.
+// Small for a small file, with one more byte to detect its end.
 std::size_t block_size_for(const ByteSource& source) {
   const std::uint64_t size = source.size().value_or(kBlockSize);
   return static_cast<std::size_t>(std::clamp<std::uint64_t>(size, 4095, kBlockSize - 1)) + 1;
 }
 
-// Bytes that a field takes in a binary point, its list apart.
+// Bytes of a field in a binary point, without a list.
 std::uint64_t fixed_size(const PointField& field) {
   return field.list_count ? 0 : field.count * size_of(field.type);
 }
@@ -181,7 +181,7 @@ bool must_swap(bool big_endian) {
   return big_endian != (std::endian::native == std::endian::big);
 }
 
-// What one of several kinds of binary records is called, and what it consists of.
+// Name and fields of a kind of binary records.
 struct BinaryRecords {
   const std::vector<PointField>& fields;
   std::uint64_t count;
@@ -205,7 +205,7 @@ struct BinaryRecords {
               expected);
 }
 
-// Refuses records of a fixed size of which only `present` bytes are there, from `begin`.
+// Refuses fixed-size records that start at `begin` if only `present` bytes exist.
 [[noreturn]] void refuse_cut(const HeadedSource& source, std::uint64_t begin, std::uint64_t present,
                              const BinaryRecords& records) {
   const std::uint64_t stride = fixed_size(records.fields);
@@ -218,7 +218,7 @@ struct BinaryRecords {
   refuse_truncated(source, begin + present, records, present / stride, &field);
 }
 
-// Refuses what the size of the source rules out, before anything is read or allocated for it.
+// Refuses more records than the source's size allows, before reading or allocating memory.
 void check_presence(const HeadedSource& source, const BinaryRecords& records) {
   if (has_lists(records.fields)) return;
   const std::uint64_t stride = fixed_size(records.fields);
@@ -228,7 +228,7 @@ void check_presence(const HeadedSource& source, const BinaryRecords& records) {
   }
 }
 
-// Walks through one record that has lists. The bytes beside the lists go to `fixed` if not null.
+// Reads one record with lists. Copies the bytes outside the lists to `fixed` unless null.
 void walk_record(HeadedSource& source, const BinaryRecords& records, std::uint64_t done,
                  char* fixed) {
   const auto expect_bytes = [&](std::size_t count, std::size_t field) {
@@ -261,7 +261,7 @@ void walk_record(HeadedSource& source, const BinaryRecords& records, std::uint64
                   fmt::format("a list of {} values", length), "0 or more");
     }
     source.consume(size_of(*field.list_count));
-    // A list's length has at most 32 bits: no overflow.
+    // Cannot overflow: a list's length has at most 32 bits.
     const std::uint64_t size = static_cast<std::uint64_t>(length) * size_of(field.type);
     if (source.skip(size) < size) refuse_truncated(source, source.offset(), records, done, &i);
   }
@@ -292,7 +292,7 @@ HeadedSource::HeadedSource(ByteSource& source, const MapReadOptions& options)
     : source_(source), options_(options), buffer_(block_size_for(source)) {}
 
 std::string_view HeadedSource::header_line(std::string_view expected) {
-  // A line within the first block needs no more memory than the block.
+  // Only lines that fit into one block, which bounds the memory.
   constexpr std::size_t kLongest = kBlockSize - 1;
   std::string_view bytes = peek(1);
   for (;;) {
@@ -325,7 +325,7 @@ std::string_view HeadedSource::peek(std::size_t least) {
       end_ -= begin_;
       begin_ = 0;
     }
-    // Doubling follows the bytes that arrive, whatever was asked for.
+    // Doubles with the bytes that arrive, independent of the requested number.
     if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
     const std::size_t count = read_more(buffer_.data() + end_, buffer_.size() - end_);
     if (count == 0) break;
@@ -485,7 +485,8 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   }
   bool may_have_channels = true;
   if (format == PointFormat::kPcd) {
-    // A field 'rgb' that is something else keeps its name: no colour could be written beside it.
+    // Ignores 'rgba' if there is an 'rgb', even one that is not a colour: it keeps its name, so that no
+    // colour could be written beside it.
     const std::string_view name = find("rgb") != nullptr ? "rgb" : "rgba";
     const PointField* const packed = find(name);
     has_colors_ = packed != nullptr && size_of(packed->type) == 4;
@@ -637,7 +638,7 @@ void PointTable::put_text(std::size_t field, std::string_view text, std::uint64_
   if (slot.role != Role::kPackedColor) {
     put(slot, row, value);
   } else if (std::isnan(value)) {
-    // The colour was lost when its bits were printed as a number.
+    // Printing the colour's bits as a number lost the colour.
     colors_[row].reset();
   } else if (std::abs(value) <= std::numeric_limits<float>::max()) {
     put(slot, row, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
@@ -651,7 +652,7 @@ void PointTable::put_run(std::size_t field, std::size_t first_row, std::size_t r
                          const char* bytes, std::size_t step, bool swap_bytes) {
   const Slot slot = slots_[field];
   if (slot.role == Role::kSkipped) return;
-  // A colour's bits never pass through a float: some are those of a signalling NaN, which change.
+  // Never read as a float, because the colour's bits may be a signalling NaN, which would change.
   const ScalarType type =
       slot.role == Role::kPackedColor ? ScalarType::kUint32 : fields_[field].type;
   with_type(type, [&]<class T>() {
@@ -778,7 +779,7 @@ void PointTable::lost(const std::string& text) const {
 void read_text_points(TextRows& rows, HeadedSource& source, std::uint64_t count,
                       std::string_view points, PointTable& table) {
   if (const auto size = source.size()) {
-    // Each value takes a digit and a separator at least.
+    // Each value has at least a digit and a separator.
     const std::uint64_t least = 2 * table.fields().size();
     table.reserve(static_cast<std::size_t>(std::min(count, *size / least)));
   }
@@ -825,7 +826,7 @@ void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_v
 
 void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fields,
                          std::uint64_t count, std::string_view records_name, bool big_endian) {
-  // Without a field a record takes no bytes, however many there are.
+  // Records without fields have no bytes.
   if (fields.empty()) return;
   const BinaryRecords records{fields, count, records_name, big_endian};
   check_presence(source, records);
@@ -851,7 +852,7 @@ PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType posi
   for (std::size_t i = 0; map.has_covariances() && i < kCovarianceEntries.size(); ++i) {
     add(kCovarianceEntries[i].name, ScalarType::kFloat64, Content::kCovariance, i);
   }
-  // A colour in a file is known: rather none than one that was made up.
+  // Point formats cannot mark a colour as unknown, so colours are written only if all are known.
   const bool all_colored =
       !landmarks.colors.empty() &&
       std::all_of(landmarks.colors.begin(), landmarks.colors.end(),

@@ -19,14 +19,14 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kCandidates = 4;   // nearest landmarks that may be the partner
-constexpr std::size_t kSurrounding = 8;  // nearest landmarks that tell the density
+constexpr std::size_t kSurrounding = 8;  // nearest landmarks, for the density
 constexpr std::size_t kBlock = 512;
 constexpr std::size_t kSample = 20'000;  // landmarks that share and deviation are estimated from
 constexpr int kRounds = 12;
 constexpr double kAlikeByChance = 0.02;  // share of random pairs whose descriptors count as alike
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-// How unlike descriptors are, and from where on two are not of one landmark.
+// Descriptor distances, and the largest of one landmark's descriptors.
 class Likeness {
  public:
   Likeness(const DescriptorColumn& first, const DescriptorColumn& second, std::uint64_t seed)
@@ -52,7 +52,7 @@ class Likeness {
   }
 
   bool knows_second(std::uint32_t second) const { return second_.known[second] != 0; }
-  /// False only where both are known and differ.
+  /// False only if both descriptors are known and differ.
   bool may_be_one(std::uint32_t first, std::uint32_t second) const {
     if (first_.known[first] == 0 || second_.known[second] == 0) return true;
     return distance(first, second) <= most_;
@@ -78,11 +78,11 @@ class Likeness {
   double most_ = 0.0;
 };
 
-// What is near a landmark of the second set.
+// Neighbours, in the first set, of a landmark of the second.
 struct Surroundings {
   std::array<std::uint32_t, kCandidates> candidates;  // kNone: fewer, or their descriptors differ
-  float farthest = 0.0F;     // distance of the last of so many neighbours; 0: there are too few
-  std::uint16_t others = 0;  // how many that are
+  float farthest = 0.0F;     // distance of the farthest neighbour; 0: too few neighbours
+  std::uint16_t others = 0;  // number of neighbours
 };
 
 struct Model {
@@ -90,7 +90,7 @@ struct Model {
   double variance = 0.0;  // that the covariances do not explain
 };
 
-// Of one candidate.
+// A candidate partner.
 struct Hypothesis {
   double likelihood = 0.0;
   double mahalanobis = 0.0;  // squared
@@ -110,7 +110,7 @@ class Associator {
   }
 
   Model estimate() const;
-  // Of each landmark of the second set; probability 0: none.
+  // The likeliest partner of each landmark of the second set; probability 0: none.
   std::vector<Association> likeliest(const Model& model) const;
 
  private:
@@ -173,7 +173,7 @@ Hypothesis Associator::hypothesis(std::uint32_t candidate, std::uint32_t second,
   return result;
 }
 
-// Landmarks lie on surfaces: the fewer of them within a small ball, the smaller it is, by its square only.
+// Landmarks lie on surfaces, so their number in a small ball is proportional to the square of its radius.
 double Associator::by_chance(std::uint32_t second, double trace) const {
   const Surroundings& around = around_[second];
   if (around.others == 0 || !(around.farthest > 0.0F)) return 0.0;
@@ -213,8 +213,8 @@ double Associator::spacing() const {
 }
 
 Model Associator::estimate() const {
-  // Landmarks that are one are among the quarter that is nearest, where so many are; and if they lay
-  // farther apart than others, nothing would tell them. Where they are exact, rounding remains.
+  // Starts from the nearest quarter, which contains the common landmarks if they are that many. They cannot
+  // be farther apart than the spacing, or they could not be distinguished. The lower bound is rounding.
   const double most = spacing();
   const double near = std::min(nearest_distance(0.25), most);
   double scale = 0.0;
@@ -311,7 +311,7 @@ AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
   result.deviation = std::sqrt(model.variance);
   result.share = model.share;
   const std::vector<Association> best = associator.likeliest(model);
-  // Each landmark of the first set keeps the likeliest of those that chose it, of equals the first.
+  // Each landmark of the first set keeps the likeliest of those that chose it; ties: the first.
   std::vector<std::uint32_t> chosen(first.positions.size(), kNone);
   for (std::uint32_t i = 0; i < best.size(); ++i) {
     if (best[i].probability <= 0.0) continue;

@@ -13,8 +13,8 @@ namespace {
 
 using Eigen::Index;
 
-// A front that is merged with its parent may gain so large a share of zeros, by the columns they have together:
-// small fronts cost more to administrate than to calculate with.
+// Largest share of zeros in a front that is merged with its parent, by their number of columns. For small
+// fronts, the administration costs more than the arithmetic.
 double most_zeros(std::size_t width) {
   if (width <= 4) return 0.5;
   return width <= 12 ? 0.2 : 0.05;
@@ -29,7 +29,7 @@ BlockCholesky::BlockCholesky(std::size_t blocks, Index block_size, std::span<con
   factors_.resize(fronts_.size());
 }
 
-// Minimum degree.
+// Minimum degree ordering.
 void BlockCholesky::order() {
   std::vector<Eigen::Triplet<double, int>> entries;
   for (std::size_t i = 0; i < blocks_; ++i) {
@@ -51,7 +51,7 @@ void BlockCholesky::order() {
 }
 
 void BlockCholesky::analyse() {
-  // Of each position, the earlier ones that it has a block with.
+  // For each position, the earlier positions with which it has a block.
   const auto earlier_of = [&] {
     std::vector<std::vector<std::size_t>> earlier(blocks_);
     for (const auto& [row, column] : places_) {
@@ -76,7 +76,7 @@ void BlockCholesky::analyse() {
     }
     return parent;
   };
-  // In the order of a depth-first walk, what is eliminated together lies together.
+  // In depth-first order, columns that are eliminated together are adjacent.
   const std::vector<std::size_t> unordered = tree_of(earlier_of());
   std::vector<std::vector<std::size_t>> children(blocks_);
   std::vector<std::size_t> stack;
@@ -118,11 +118,11 @@ void BlockCholesky::analyse() {
   }
 }
 
-// Makes fronts of columns whose rows are, nearly, those of their parents.
+// Makes fronts of columns with nearly the same rows as their parents.
 void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& below,
                                   const std::vector<std::size_t>& parent) {
   front_of_.assign(blocks_, kNone);
-  // From the last column: each begins a front, or joins the one that begins behind it.
+  // From the last column: each starts a front, or joins the one that starts after it.
   std::vector<Front> reversed;
   std::vector<double> zeros;  // by front: blocks of its columns that are zero
   for (std::size_t j = blocks_; j-- > 0;) {
@@ -172,8 +172,8 @@ void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& b
 }
 
 bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixXd& others) {
-  // By front: what its elimination changes in its rows, until its parent takes it. Their memory goes from one to
-  // the next, for to get it from the system takes as long as to calculate in it.
+  // Per front: the update of its rows, until its parent adds it. The memory is reused, because allocating it
+  // takes as long as the computation.
   std::vector<std::vector<double>> updates(fronts_.size());
   using Update = Eigen::Map<Eigen::MatrixXd>;
   for (std::size_t f = 0; f < fronts_.size(); ++f) {
@@ -292,7 +292,7 @@ Eigen::VectorXd BlockCholesky::solve(const Eigen::VectorXd& right) const {
 
 Eigen::MatrixXd BlockCholesky::inverse_diagonal() const {
   Eigen::MatrixXd result(size_, static_cast<Index>(blocks_) * size_);
-  // By front: the inverse in its columns and rows, until its children have it.
+  // Per front: the inverse in its columns and rows, until its children have used it.
   std::vector<Eigen::MatrixXd> inverses(fronts_.size());
   std::vector<std::size_t> waiting(fronts_.size());
   for (std::size_t f = fronts_.size(); f-- > 0;) {

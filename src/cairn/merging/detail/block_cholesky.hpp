@@ -13,22 +13,22 @@ namespace cairn {
 /// Cholesky factor of a sparse symmetric positive definite matrix of equal square blocks, and the diagonal blocks
 /// of its inverse.
 ///
-/// Multifrontal (Duff and Reid 1983): columns of like structure are eliminated together in dense matrices. The
-/// inverse follows Takahashi, Fagan and Chen (1973) on the same matrices. The structure is analysed once, for any
-/// number of matrices that have it.
+/// Multifrontal (Duff and Reid 1983): columns of similar structure are eliminated together in dense matrices.
+/// The inverse follows Takahashi, Fagan and Chen (1973) on the same matrices. The structure is analysed once
+/// for any number of matrices.
 class BlockCholesky {
  public:
-  /// A block below or above the diagonal, by its row and column; the block opposite is its transpose.
+  /// Row and column of a block off the diagonal; the block at (column, row) is its transpose.
   using Place = std::pair<std::size_t, std::size_t>;
 
   /// @param blocks     number of block rows
   /// @param block_size rows of a block
-  /// @param places     of the blocks off the diagonal; a place may occur several times, and then counts as the sum
+  /// @param places     of the blocks off the diagonal; blocks at the same place are added
   BlockCholesky(std::size_t blocks, Eigen::Index block_size, std::span<const Place> places);
 
   /// @param diagonal blocks of the diagonal, side by side
   /// @param others   blocks at the places, side by side
-  /// @return false if the matrix is not positive definite; then there is no factor
+  /// @return false, without a factor, if the matrix is not positive definite
   bool factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixXd& others);
 
   /// Solves for one right-hand side; needs a factor.
@@ -40,14 +40,14 @@ class BlockCholesky {
  private:
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
-  // Columns that are eliminated together. Positions are block rows in the order of elimination.
+  // Columns that are eliminated together. Positions number block rows in the order of elimination.
   struct Front {
     std::size_t first = 0;              // position of the first column
     std::size_t width = 0;              // columns
     std::vector<std::size_t> rows;      // positions below the columns that have entries, ascending
     std::size_t parent = kNone;         // front of the first of `rows`
     std::vector<std::size_t> children;  // ascending
-    std::vector<Eigen::Index> in_parent;  // by row: its place among the parent's columns and rows
+    std::vector<Eigen::Index> in_parent;  // per row: its place among the parent's columns and rows
     std::vector<std::size_t> entries;     // places whose block lies in the columns
   };
 
@@ -59,13 +59,13 @@ class BlockCholesky {
   std::size_t blocks_ = 0;
   Eigen::Index size_ = 0;  // of a block
   std::vector<Place> places_;
-  std::vector<std::size_t> position_;  // by block row
-  std::vector<std::size_t> row_at_;    // by position: its block row
-  std::vector<std::size_t> front_of_;  // by position
+  std::vector<std::size_t> position_;  // per block row
+  std::vector<std::size_t> row_at_;    // per position: its block row
+  std::vector<std::size_t> front_of_;  // per position
   std::vector<Front> fronts_;          // children before parents
-  // By front: its columns of the factor, (columns + rows) x columns.
+  // Per front: its columns of the factor, (columns + rows) x columns.
   std::vector<Eigen::MatrixXd> factors_;
-  std::vector<std::vector<double>> spare_;  // memory that factor() uses again
+  std::vector<std::vector<double>> spare_;  // memory that factor() reuses
 };
 
 }  // namespace cairn

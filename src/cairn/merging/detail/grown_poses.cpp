@@ -13,18 +13,18 @@
 namespace cairn {
 namespace {
 
-// Of the edges between two groups so many propose how these lie; the others only vote.
+// Number of edges between two groups that propose a relative pose; the others only vote.
 constexpr std::size_t kProposers = 64;
 // Proposals that are kept for a pair of groups.
 constexpr std::size_t kKept = 3;
-// Deviations that an edge may be off.
+// Largest error of an edge, in standard deviations.
 constexpr double kDeviations = 3.0;
-// Half a turn has the largest angle, half of which is this.
+// Half of the largest rotation angle, π.
 constexpr double kRight = 1.5707963267948966;
 // Groups from this size on are refined.
 constexpr std::size_t kSmallestRefined = 8;
 
-// How the second of two groups lies to the first.
+// A proposed relative pose of two groups.
 struct Proposal {
   std::size_t edge = 0;
   Similarity3 first_from_second;
@@ -35,17 +35,17 @@ struct Proposal {
 struct Between {
   std::vector<std::size_t> edges;
   std::vector<Proposal> proposals;  // most votes first
-  std::size_t asked = 0;            // how many edges there were when they proposed
+  std::size_t asked = 0;            // number of edges when the proposals were made
   std::size_t stamp = 0;            // of the newest entry in the queue
 
-  // Whether edges have come that may change what is proposed. What many say, a few more do not change.
+  // Whether new edges may change the proposals. If there are many, a few more do not.
   bool is_to_be_asked() const {
     constexpr std::size_t kFew = 256;
     return edges.size() <= kFew || edges.size() > asked + asked / 8;
   }
 };
 
-// Root mean square turn and shift that an edge may be off.
+// Standard deviations of an edge: translation, rotation and log scale.
 struct Deviations {
   double shift = 0.0;
   double turn = 0.0;
@@ -148,7 +148,7 @@ class Growth {
   }
 
   void grow() {
-    // What third groups have to say changes as they grow: pairs that were undecided are looked at again.
+    // Reconsiders undecided pairs, because the support by third groups changes as these grow.
     for (bool grew = true; grew;) {
       grew = false;
       for (std::size_t a = 0; a < neighbours_.size(); ++a) {
@@ -171,7 +171,7 @@ class Growth {
     return found == neighbours_[low].end() ? nullptr : &found->second;
   }
 
-  // What an edge says of how a group lies to another.
+  // The relative pose of two groups according to one edge.
   struct Opinion {
     std::size_t edge = 0;
     std::size_t node = 0;  // its end in the second group
@@ -179,7 +179,7 @@ class Growth {
     Similarity3 first_from_node;
     Eigen::Vector3d in_second;  // centre of that node
     Eigen::Vector3d in_first;
-    // Of first_from_second, as it is used to compare.
+    // Parts of first_from_second, for comparisons.
     Eigen::Matrix3d linear;
     Eigen::Vector4d quaternion;
     double log_scale = 0.0;
@@ -206,7 +206,7 @@ class Growth {
     return result;
   }
 
-  // Whether what one edge says of another's node is what that says itself, as far as the edges can tell.
+  // Whether two edges give the other's node the same pose, within their uncertainties.
   bool agree(const Opinion& one, const Opinion& other) const {
     const Deviations& mine = deviations_[one.edge];
     const Deviations& its = deviations_[other.edge];
@@ -224,13 +224,13 @@ class Growth {
       return false;
     }
     const double cosine =
-        std::abs(one.quaternion.dot(other.quaternion));  // of half the turn between
+        std::abs(one.quaternion.dot(other.quaternion));  // of half the rotation between them
     if (cosine >= least_cosine_) return true;
     const double turn = agreement_ + kDeviations * std::hypot(mine.turn, its.turn);
     return cosine >= std::cos(std::min(0.5 * turn, kRight));
   }
 
-  // What an edge says of the node that another's opinion is of, if it means that the groups lie so.
+  // The opinion of an edge with this relative pose about the node of another opinion.
   Opinion said_by(std::size_t edge, const Similarity3& first_from_second, Opinion opinion) const {
     opinion.edge = edge;
     opinion.first_from_second = first_from_second;
@@ -241,15 +241,15 @@ class Growth {
     return opinion;
   }
 
-  // Finds what the edges between a group and a higher one propose.
+  // Updates the proposals of the edges between a group and a higher one.
   void propose(std::size_t first, Between& between) {
     between.proposals.clear();
     between.asked = between.edges.size();
-    std::vector<Opinion> opinions;  // of nobody's that was proposed
+    std::vector<Opinion> opinions;  // one per edge
     opinions.reserve(between.edges.size());
     for (const std::size_t edge : between.edges) opinions.push_back(opinion(edge, first));
     const std::size_t step = (opinions.size() + kProposers - 1) / kProposers;
-    // The most certain first: a later one must then have more votes, not as many.
+    // The most certain first, because a later one must have more votes to replace it.
     std::vector<std::size_t> proposers;
     for (std::size_t i = 0; i < opinions.size(); i += step) proposers.push_back(i);
     std::stable_sort(proposers.begin(), proposers.end(), [&](std::size_t a, std::size_t b) {
@@ -261,7 +261,7 @@ class Growth {
       const Opinion* best = nullptr;
       std::size_t votes = 0;
       for (const std::size_t i : proposers) {
-        std::size_t others = 0;  // who vote against it
+        std::size_t others = 0;  // votes against it
         for (std::size_t k = 0; k < voters.size() && others + votes < voters.size(); ++k) {
           others += agree(opinions[i], opinions[voters[k]]) ? 0 : 1;
         }
@@ -276,7 +276,7 @@ class Growth {
     }
   }
 
-  // Of each proposal: how many edges say the same by way of third groups.
+  // For each proposal: the number of edges that agree by way of third groups.
   std::vector<std::size_t> supports(std::size_t first, std::size_t second, const Between& own) {
     std::vector<std::size_t> result(own.proposals.size(), 0);
     std::vector<Opinion> opinions;
@@ -298,7 +298,7 @@ class Growth {
               third < second ? on.first_from_second : on.first_from_second.inverse();
           const Similarity3 first_from_second = first_from_third * third_from_second;
           for (std::size_t i = 0; i < opinions.size(); ++i) {
-            // As if the third group's edge spoke of the same node.
+            // Compares the path's pose of the same node.
             const Opinion& one = opinions[i];
             if (agree(one, said_by(to.edge, first_from_second, one))) {
               most[i] = std::max(most[i], std::min(to.votes, on.votes));
@@ -320,7 +320,7 @@ class Growth {
     for (std::size_t i = 1; i < between.proposals.size(); ++i) {
       if (score(i) > score(best)) best = i;
     }
-    // One word against another: nobody can tell.
+    // Undecided if two proposals have the same score.
     const std::size_t highest = score(best);
     for (std::size_t i = 0; i < between.proposals.size(); ++i) {
       if (i != best && score(i) == highest) return;
@@ -393,20 +393,20 @@ class Growth {
   std::span<const PoseEdge> edges_;
   std::span<const NodeExtent> extents_;
   std::span<const std::size_t> runs_;
-  bool within_runs_ = true;  // only groups of one run become one
+  bool within_runs_ = true;  // only joins groups of one run
   std::size_t placed_group_ = kNoIndex;
   std::set<std::size_t> placed_runs_;  // of its nodes
   double agreement_;
-  // Of half a turn that agrees whatever the edges' errors.
+  // Cosine of half the largest rotation that agrees for any uncertainty of the edges.
   double least_cosine_ = std::cos(0.5 * agreement_);
   const std::function<void(PoseGroup& group)>& refine_;
-  std::vector<Deviations> deviations_;             // by edge
-  std::vector<std::size_t> group_of_;              // by node; a group is called by its first node
-  std::vector<Similarity3> pose_;                  // by node: in its group's frame
-  std::vector<std::vector<std::size_t>> members_;  // by group; empty: it went into another
-  std::vector<std::size_t> refined_;               // by group: its size when it was refined last
+  std::vector<Deviations> deviations_;             // per edge
+  std::vector<std::size_t> group_of_;              // per node; a group is named by its first node
+  std::vector<Similarity3> pose_;                  // per node: in its group's frame
+  std::vector<std::vector<std::size_t>> members_;  // per group; empty: it was joined to another
+  std::vector<std::size_t> refined_;               // per group: its size at its last refinement
   std::vector<std::map<std::size_t, Between>> neighbours_;  // by the lower group, then the higher
-  std::vector<std::vector<std::size_t>> beside_;            // by group: those with edges to it
+  std::vector<std::vector<std::size_t>> beside_;            // per group: those with edges to it
   std::priority_queue<Entry> queue_;
   std::size_t stamps_ = 0;
 };

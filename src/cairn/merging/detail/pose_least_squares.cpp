@@ -14,10 +14,10 @@ namespace {
 
 using Eigen::Index;
 
-// Below which 99.9 % of chi-squared numbers of 7 degrees of freedom lie: where the loss turns robust.
+// 99.9 % quantile of chi-squared with 7 degrees of freedom: the scale of the robust loss.
 constexpr double kUsual = 24.3;
 
-// How the rotation vector of Exp(δ) Exp(v) changes with δ: the inverse of the left Jacobian of SO(3).
+// Derivative of the rotation vector of Exp(δ) Exp(v) by δ: the inverse of the left Jacobian of SO(3).
 Eigen::Matrix3d rotation_vector_jacobian(const Eigen::Vector3d& v) {
   const double squared = v.squaredNorm();
   const double half = 0.5 * std::sqrt(squared);
@@ -28,7 +28,7 @@ Eigen::Matrix3d rotation_vector_jacobian(const Eigen::Vector3d& v) {
   return Eigen::Matrix3d::Identity() - 0.5 * cross + factor * cross * cross;
 }
 
-// The perturbation (δt, δφ, δ log s) that the poses' target_from_source is of the edge's.
+// The perturbation (δt, δφ, δ log s) of the edge's target_from_source that gives the poses'.
 Eigen::Matrix<double, 7, 1> error_of(const PoseEdge& edge, const Similarity3& target,
                                      const Similarity3& source) {
   const Eigen::Quaterniond target_from_world = target.rigid().quaternion().conjugate();
@@ -49,7 +49,7 @@ PoseLeastSquares::PoseLeastSquares(std::vector<PoseEdge> edges, std::vector<Simi
     : edges_(std::move(edges)), poses_(std::move(poses)), fixed_(fixed) {
   whitening_.reserve(edges_.size());
   for (const PoseEdge& edge : edges_) {
-    // Maps of one unit stay so.
+    // Scales are estimated only if an edge measures one.
     if (edge.covariance(6, 6) > 4.0 * kSameScale * kSameScale) size_ = 7;
     const Matrix7 root = Eigen::LLT<Matrix7>(edge.covariance).matrixL();
     whitening_.push_back(root.triangularView<Eigen::Lower>().solve(Matrix7::Identity().eval()));
@@ -132,7 +132,7 @@ Eigen::VectorXd PoseLeastSquares::times(const Eigen::VectorXd& x) const {
 bool PoseLeastSquares::factor(double damping) {
   Eigen::MatrixXd damped = diagonal_;
   if (damping > 0.0) {
-    // Poses that nothing determines are held by it, too.
+    // The lower bound also fixes undetermined poses.
     constexpr double kLeast = 1e-6;
     for (Index i = 0; i < damped.cols(); ++i) {
       damped(i % size_, i) += damping * std::max(damped(i % size_, i), kLeast);
@@ -145,7 +145,7 @@ bool PoseLeastSquares::factor(double damping) {
 // Conjugate gradients for a Gauss-Newton step, preconditioned by the factor of earlier equations.
 bool PoseLeastSquares::iterate(Eigen::VectorXd& x) const {
   constexpr int kMost = 12;
-  constexpr double kEnough = 1e-8;  // of the squared error that the factor sees
+  constexpr double kEnough = 1e-8;  // of the initial squared residual, in the factor's norm
   Eigen::VectorXd left = -gradient_;
   Eigen::VectorXd ahead = cholesky_->solve(left);
   Eigen::VectorXd direction = ahead;
@@ -189,7 +189,7 @@ void PoseLeastSquares::solve(int max_iterations, double tolerance) {
   if (poses_.size() <= fixed_) return;
   constexpr double kLeastDamping = 1e-4;  // of the diagonal
   constexpr double kMostDamping = 1e8;
-  // Half a squared Mahalanobis distance: nothing that anybody could see.
+  // Negligible decrease of the cost, which is half a squared Mahalanobis distance.
   constexpr double kNothing = 1e-16;
   double cost = cost_of(poses_);
   double damping = 0.0;

@@ -14,20 +14,21 @@
 
 namespace cairn {
 
-/// Deviation of the scale's logarithm in a link that does not measure it: maps of one unit.
+/// Standard deviation of the scale's logarithm in a link that does not measure the scale, between maps of one
+/// length unit.
 inline constexpr double kSameScale = 1e-6;
 
-/// Poses of nodes, the first of which are fixed, that minimise the edges' robust squared errors:
-///   sum over the edges of rho(d' C^-1 d) / 2,  rho(x) = b log(1 + x / b),
-/// with d the perturbation that the poses' target_from_source is of the edge's, C the edge's covariance, and b the
-/// 99.9 % quantile of chi-squared with 7 degrees of freedom (Cauchy). Reweighted Gauss-Newton steps, damped
-/// (Levenberg and Marquardt) where one fails. Scales stay unless an edge measures one.
+/// Optimises the poses of nodes, the first of which are fixed, by minimising the edges' robust squared errors:
+///   sum over the edges of rho(d' C^-1 d) / 2,  rho(x) = b log(1 + x / b)  (Cauchy),
+/// with C the edge's covariance, d the perturbation of the edge's target_from_source that gives the poses',
+/// and b the 99.9 % quantile of chi-squared with 7 degrees of freedom. Takes reweighted Gauss-Newton steps,
+/// with Levenberg-Marquardt damping after a failed step. Scales are fixed unless an edge measures one.
 ///
-/// A factor of the normal equations serves several steps: as preconditioner of conjugate gradients, until these
-/// take too many iterations.
+/// A factor of the normal equations is reused in later steps to precondition conjugate gradients, until these
+/// need too many iterations.
 class PoseLeastSquares {
  public:
-  /// @param edges whose ends are indices into `poses`
+  /// @param edges their targets and sources are indices into `poses`
   /// @param fixed number of fixed poses, at least one
   PoseLeastSquares(std::vector<PoseEdge> edges, std::vector<Similarity3> poses,
                    std::size_t fixed = 1);
@@ -37,10 +38,10 @@ class PoseLeastSquares {
   /// Half the sum of the robust squared errors.
   double cost() const { return cost_of(poses_); }
 
-  /// Moves the poses until a step lowers the cost by less than the tolerance, as a share of it.
+  /// Iterates until the expected decrease of the cost is at most `tolerance` times the cost.
   void solve(int max_iterations, double tolerance);
 
-  /// Of each pose, relative to the fixed ones: left perturbation in the world, (δt, δφ, δ log s).
+  /// One per pose, relative to the fixed ones: left perturbation in the world, (δt, δφ, δ log s).
   /// @throws Error (input) if the edges do not determine the poses
   std::vector<Matrix7d> covariances();
 
@@ -59,12 +60,12 @@ class PoseLeastSquares {
   std::vector<PoseEdge> edges_;
   std::vector<Similarity3> poses_;
   std::size_t fixed_;
-  std::vector<Matrix7> whitening_;  // by edge: L^-1, with the covariance L L'
+  std::vector<Matrix7> whitening_;  // per edge: L^-1, with the covariance L L'
   Eigen::Index size_ = 6;           // of a pose's perturbation
-  // Normal equations about the poses, in blocks side by side. Fixed poses have none.
+  // Normal equations at the current poses, in blocks side by side; none for fixed poses.
   Eigen::MatrixXd diagonal_;
   Eigen::MatrixXd
-      others_;  // by edge between poses that move: row of the target, column of the source
+      others_;  // per edge between moving poses: row of the target, column of the source
   Eigen::VectorXd gradient_;
   std::vector<BlockCholesky::Place> places_;  // of the others
   std::optional<BlockCholesky> cholesky_;

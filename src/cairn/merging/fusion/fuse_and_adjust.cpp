@@ -17,7 +17,7 @@ namespace cairn {
 namespace {
 
 constexpr int kMostMatchingRounds = 10;
-// Of the solver, in rounds that another follows.
+// Iterations of the solver in all rounds but the last.
 constexpr int kIterationsBetween = 15;
 
 // By map and its frame: its index where all frames follow one another.
@@ -55,7 +55,7 @@ void keep_rows(Column& column, const std::vector<std::size_t>& rows) {
   column = std::move(kept);
 }
 
-// Makes one frame of each pair; of the two observations that it then has of a landmark the first stays.
+// Merges each pair of frames into one. If it then has two observations of a landmark, keeps the first.
 LandmarkMap with_frames_joined(LandmarkMap map, std::span<const SharedFrame> shared,
                                std::vector<std::vector<FrameIndex>>& frames) {
   if (shared.empty()) return map;
@@ -171,11 +171,11 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
   const double rounds = options.matching_rounds + 1;
   FusionOptions fusion = options.fusion;
   fusion.execution.progress = {};
-  std::optional<MeasurementNoise> noise;  // as the first round tells it
+  std::optional<MeasurementNoise> noise;  // estimated in the first round
   for (int round = 0; round <= options.matching_rounds; ++round) {
     const bool last = round == options.matching_rounds;
     FusionResult fused = fuse_maps(placed, fusion);
-    fusion.log = {};  // it would say the same again
+    fusion.log = {};  // avoids repeated remarks
     result.maps = std::move(fused.maps);
     result.frames = consecutive_frames(maps);
     const LandmarkMap joined =
@@ -199,7 +199,7 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     result.adjustment.matching_rounds = round;
     if (last) break;
     for (std::size_t m = 0; m < maps.size(); ++m) {
-      // In its own frame again, for its pose is as uncertain as it was: only its bends are gone.
+      // Back in its own frame, because its pose is as uncertain as before; only its drift is corrected.
       moved[m] =
           moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map, result.frames[m]);
       if (m > 0) moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());

@@ -29,7 +29,7 @@ bool is_known(const Matrix3d& covariance) {
   return !std::isnan(covariance(0, 0));
 }
 
-// A map's landmarks in the world. Covariances have the pose's part, and are zero where unknown.
+// A map's landmarks in the world frame. Covariances include the pose's, and are zero if unknown.
 struct WorldLandmarks {
   std::vector<Vector3d> positions;
   std::vector<Matrix3d> covariances;
@@ -58,7 +58,7 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   return world;
 }
 
-// The map that grows. What is said of a landmark here is of the landmarks so far.
+// The fused map under construction.
 class Fusion {
  public:
   Fusion(std::span<const PlacedMap> maps, const FusionOptions& options);
@@ -188,13 +188,13 @@ void Fusion::add(std::size_t m) {
   }
 }
 
-// The information-weighted mean, and the covariance of a mixture: the pair is one landmark, or, with the
-// probability that is left, two, of which the fused one is to stand for either.
+// Information-weighted mean, with the covariance of a mixture: with the association's probability the pair is
+// one landmark, otherwise two, either of which the fused one represents.
 void Fusion::fuse(std::uint32_t landmark, const Vector3d& position, const Matrix3d& covariance,
                   bool known, double probability, double variance) {
   Vector3d& mean = tables_.landmarks.positions[landmark];
   Matrix3d& spread = tables_.landmarks.covariances[landmark];
-  // Of a part without covariance all that is known is how far the maps agree.
+  // A part without covariance has only the common deviation of the maps.
   const Matrix3d half = 0.5 * variance * Matrix3d::Identity();
   const Matrix3d a = spread + (known_[landmark] != 0 ? 1.0 : 2.0) * half;
   const Matrix3d b = covariance + (known ? 1.0 : 2.0) * half;
@@ -230,7 +230,7 @@ void Fusion::append(std::size_t m, std::uint32_t i, const WorldLandmarks& world)
   take_looks(m, i, landmark);
 }
 
-// Colour: the first that is known. Descriptor: of the part that was observed most often.
+// Colour: the first known one. Descriptor: that of the part with the most observations.
 void Fusion::take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark) {
   const LandmarkMap& map = *maps_[m].map;
   LandmarkTable& landmarks = tables_.landmarks;
@@ -310,7 +310,7 @@ void Fusion::set_columns() {
   columns.push_back({kFusedColumn, std::move(parts)});
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     for (const NamedColumn& theirs : maps_[m].map->landmarks().columns) {
-      // Of landmarks that have moved since; who needs it computes it from the observations.
+      // Not copied, because the landmarks have moved; it can be computed from the observations.
       if (theirs.name == kStaleColumn) continue;
       const std::string& name = theirs.name;
       if (name == kFromMapColumn || name == kFromLandmarkColumn || name == kFusedColumn) continue;
@@ -383,7 +383,7 @@ void Fusion::set_observations() {
           observations.depths[to] = scale * *theirs.depths[k];
         }
         if (!theirs.octaves.empty()) observations.octaves[to] = theirs.octaves[k];
-        // A patch defines the landmark of its own map, not what several maps make of it together.
+        // A patch defines the landmark of its own map, not the fused one.
         const bool defines =
             !theirs.sources.empty() && theirs.sources[k] == PixelSource::kReference;
         if (defines && parts_[landmark_of_[m][i]] > 1) continue;
@@ -402,7 +402,7 @@ void Fusion::set_info() {
   info.gravity = first.gravity;
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const MapInfo& theirs = maps_[m].map->info();
-    // The first map's frame is that of all.
+    // The result is in the first map's frame.
     if (theirs.georeference && !info.georeference) {
       info.georeference =
           m == 0 ? *theirs.georeference : theirs.georeference->moved(maps_[m].world_from_map);

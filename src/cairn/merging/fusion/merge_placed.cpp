@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-// Why the maps, once they are one, cannot be adjusted; empty if they can.
+// Why the merged map cannot be adjusted; empty if it can.
 std::string adjustment_defect(std::span<const PlacedMap> maps) {
   bool observed = false;
   for (const PlacedMap& placed : maps) {

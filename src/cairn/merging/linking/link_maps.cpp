@@ -101,7 +101,7 @@ std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
   std::vector<PreparedMap> prepared;
   prepared.reserve(maps.size());
   for (const LandmarkMap* map : maps) prepared.push_back(prepared_to_link(*map, options));
-  // Many pairs are the better work to share out.
+  // With many pairs, the pairs run in parallel rather than the work within each.
   const bool by_pairs = pairs.size() >= executor.threads();
   AlignOptions align = align_options(options);
   align.execution = options.execution.without_progress();

@@ -33,7 +33,7 @@ PoseLeastSquares least_squares(std::vector<PoseEdge> edges, const PoseGroup& gro
   return {std::move(edges), group.group_from_node};
 }
 
-// Those of the group's nodes that its edges still connect with one another, as many as possible.
+// The largest part of the group that the edges still connect.
 PoseGroup largest_part(const PoseGroup& group, const std::vector<PoseEdge>& edges,
                        const std::vector<std::size_t>& in_group) {
   std::vector<std::size_t> root(group.nodes.size());
@@ -83,9 +83,8 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
   const std::size_t count = graph.nodes.size();
   std::vector<std::vector<std::size_t>> edges_to(count);
   for (std::size_t i = 0; i < all.size(); ++i) edges_to[all[i].target].push_back(i);
-  // Edges that agree with the poses of a group, or of which it can be true that they do: as far as the edges'
-  // covariances and those of the poses, if they are given, allow. The others would not move the poses, and
-  // make solving slow.
+  // Edges that may agree with the poses of a group, within the covariances of the edges and, if given, of the
+  // poses. The others would hardly change the poses, but slow down the solver.
   const auto possible = [&](const PoseGroup& group, const std::vector<std::size_t>& in_group,
                             const std::vector<Matrix7d>& covariances) {
     std::vector<std::size_t> within;
@@ -138,8 +137,8 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     for (Similarity3& pose : group.group_from_node) pose = first_from_group * pose;
     group.group_from_node.front() = Similarity3();
   };
-  // The last problem whose covariances were asked for is kept, with its factor: often what is added to its edges
-  // goes again.
+  // Keeps the last problem whose covariances were computed, with its factor, because edges added to it are
+  // often removed again.
   struct Kept {
     std::vector<std::size_t> links;
     PoseLeastSquares problem;
@@ -174,8 +173,9 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     if (group.nodes.front() != first) begin_at_first();
     std::erase_if(edges, [&](const PoseEdge& edge) { return !agrees(edge); });
   };
-  // First by what agrees; then all that can be true has its say. What disagrees with the poses that come of
-  // it goes, and with it what it alone connects, until the rest is of one mind.
+  // Optimises the poses by the edges that agree with them, then by all that may agree given the poses'
+  // covariances. Removes edges that disagree with the result, and nodes that only these connect, until all
+  // edges agree.
   begin_at_first();
   std::vector<PoseEdge> edges = possible(group, in_group, {});
   solve(edges, 1e-9);

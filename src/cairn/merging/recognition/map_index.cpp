@@ -42,7 +42,7 @@ MapIndex::MapIndex(const RecognitionOptions& options) : options_(options) {
   options_.validate();
 }
 
-// Descriptors of the most observed landmarks, one behind the other.
+// Descriptors of the most observed landmarks, one after another.
 std::vector<std::uint64_t> MapIndex::words_of(const LandmarkMap& map) const {
   std::vector<std::uint64_t> words;
   const auto& descriptors = map.landmarks().descriptors;
@@ -92,12 +92,12 @@ std::size_t MapIndex::add(const LandmarkMap& map) {
 }
 
 std::size_t MapIndex::map_of(std::uint32_t descriptor) const {
-  // Of maps without descriptors several begin at one: the last of them has it.
+  // Maps without descriptors begin at the same position as the next map; the last of them owns it.
   const auto after = std::upper_bound(first_of_.begin(), first_of_.end(), descriptor);
   return static_cast<std::size_t>(after - first_of_.begin()) - 1;
 }
 
-// What the bits of a descriptor are like in these maps.
+// Statistics of the descriptors' bits in these maps.
 namespace {
 
 class BitStatistics {
@@ -111,13 +111,13 @@ class BitStatistics {
     }
   }
 
-  // How much the mean of ±1 is off zero: 0 for a bit that is as often 1 as 0, 1 for one that never changes.
+  // Absolute mean of the bit as ±1: 0 for a bit that is as often 1 as 0, 1 for one that never changes.
   double bias(std::size_t bit) const {
     double sum = 0.0;
     for (const auto& words : sample_) sum += sign(words, bit);
     return std::abs(sum) / static_cast<double>(sample_.size());
   }
-  // How far two bits say the same, or the opposite.
+  // Absolute correlation of two bits.
   double likeness(std::size_t a, std::size_t b) const {
     double sum = 0.0;
     for (const auto& words : sample_) sum += sign(words, a) * sign(words, b);
@@ -138,7 +138,7 @@ void MapIndex::choose_bits() const {
   const std::size_t bits = std::min(8 * bytes_each_, std::size_t{65536});
   key_bits_ = options_.key_bits;
   if (key_bits_ == 0) {
-    // More would leave most keys empty, and a query has to look under each of its neighbours.
+    // With more bits, most keys would be empty, and a query searches all neighbouring keys.
     const auto log2 = static_cast<std::size_t>(std::bit_width(descriptors()));
     key_bits_ = std::clamp<std::size_t>(log2 - 1, 14, 22);
   }
@@ -154,7 +154,7 @@ void MapIndex::choose_bits() const {
     std::iota(order.begin(), order.end(), std::uint16_t{0});
     for (std::size_t i = 0; i < bits; ++i) std::swap(order[i], order[i + random.index(bits - i)]);
     std::vector<std::uint16_t> chosen;
-    // Anything goes in the end, where there are no better bits.
+    // Relaxes the limit until enough bits are chosen.
     for (double worst = 0.3; chosen.size() < key_bits_; worst += 0.2) {
       for (const std::uint16_t bit : order) {
         if (chosen.size() == key_bits_) break;
@@ -177,7 +177,7 @@ std::uint32_t MapIndex::key(std::size_t table, std::span<const std::uint64_t> de
   return key;
 }
 
-// By counting: entries with one key lie together, in their order.
+// Counting sort: entries with the same key become adjacent, in their order.
 void MapIndex::prepare() const {
   if (words_each_ == 0 || (prepared_ == descriptors() && !starts_.empty())) return;
   words_.shrink_to_fit();
@@ -221,7 +221,7 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
   if (words.empty()) return {};
   const auto limit = static_cast<int>(
       std::floor(options_.max_difference * 8.0 * static_cast<double>(bytes_each_)));
-  // Everything lies anywhere in memory: what comes next is fetched while the rest is looked at.
+  // Prefetches the next entries while others are compared, because they are scattered in memory.
   constexpr std::size_t kAhead = 12;
   const std::size_t landmarks = words.size() / words_each_;
   const std::size_t probes = 1 + key_bits_;

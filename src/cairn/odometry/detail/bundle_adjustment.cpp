@@ -17,7 +17,7 @@ namespace {
 
 enum class MeasuredPart { kPixel, kDepth };
 
-// A part of what a keyframe measures of a point.
+// A pixel or depth residual of a keyframe's observation.
 struct PartOfMeasurement {
   const Pinhole* pinhole;
   PointMeasurement measured;
@@ -41,8 +41,8 @@ struct PartOfMeasurement {
 using MeasurementCost = PointCost<PartOfMeasurement>;
 using Rows3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 
-// All that keyframes which stay where they are have measured of a landmark, linearised at its
-// position: |L·(x - x₀) + r|² up to a constant.
+// All observations of a landmark in fixed keyframes, linearised at its position: |L·(x - x₀) + r|² up to a
+// constant.
 struct FixedMeasurements {
   Eigen::Matrix3d l = Eigen::Matrix3d::Zero();  // upper triangular
   Eigen::Vector3d r = Eigen::Vector3d::Zero();
@@ -50,7 +50,7 @@ struct FixedMeasurements {
 
 class FixedCost final : public ceres::SizedCostFunction<2, 3> {
  public:
-  // Rows `first` and the next one of the three; a fourth is zero.
+  // Rows `first` and `first` + 1 of the three; a fourth is zero.
   FixedCost(const FixedMeasurements& fixed, const Eigen::Vector3d& linearised_at, int first)
       : linearised_at_(linearised_at) {
     l_.setZero();
@@ -104,10 +104,10 @@ std::optional<FixedMeasurements> fixed_measurements(const LandmarkGraph& graph, 
   return FixedMeasurements{factor.matrixU(), factor.matrixL().solve(gradient)};
 }
 
-// What an adjustment is about, in the order of indices: results depend on nothing else.
+// Variables of an adjustment, in the order of indices, so that results do not depend on another order.
 struct Scope {
-  std::vector<std::uint32_t> keyframes;  // that move
-  std::vector<bool> moves;               // one a keyframe of the graph
+  std::vector<std::uint32_t> keyframes;  // the moving ones
+  std::vector<bool> moves;               // one per keyframe of the graph
   std::vector<LandmarkIndex> landmarks;
 };
 
@@ -132,7 +132,7 @@ Scope scope_of(const LandmarkGraph& graph, std::span<const std::uint32_t> moving
   return scope;
 }
 
-// Landmarks seen from one keyframe only stay where they are in that keyframe.
+// Landmarks observed by only one keyframe keep their position relative to it.
 void carry_along(LandmarkGraph& graph, std::uint32_t keyframe, const Rigid3& before,
                  std::size_t min_observations) {
   const Rigid3 moved = graph.keyframes()[keyframe].world_from_camera * before.inverse();
@@ -153,7 +153,7 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
   const Scope scope = scope_of(graph, moving, options.min_observations);
   if (scope.landmarks.empty()) return;
 
-  // Ceres orders blocks by address within a group: contiguous arrays keep that the same every time.
+  // Contiguous arrays, because Ceres orders the blocks of a group by address, which must be deterministic.
   std::vector<PoseBlock> poses;
   std::vector<std::size_t> pose_of(graph.keyframes().size());
   for (const std::uint32_t keyframe : scope.keyframes) {
@@ -254,7 +254,7 @@ void drop_outliers(LandmarkGraph& graph, std::span<const LandmarkIndex> landmark
       }
       if (!explained) graph.forget(reference);
     }
-    // One that is left alone with a depth that never fitted is nothing.
+    // Removes a landmark whose only observation has a depth that did not fit.
     const auto& left = graph.landmark(index).observations;
     if (left.size() == 1 && observations.size() > 1 && !graph.measurement(left[0]).has_depth()) {
       graph.remove(index);

@@ -18,8 +18,8 @@ std::vector<double> octave_scales(const FeatureExtractor& extractor) {
   return scales;
 }
 
-// Whether a landmark of the keyframe is so near that another would look the same: corners are found
-// again a little aside, or on the next octave.
+// Whether a landmark of the keyframe is so close that a new one would be a duplicate, because the same corner
+// is often detected slightly shifted, or on the next octave.
 bool crowded(const Keyframe& keyframe, std::uint32_t keypoint, double scale) {
   const Keypoint& at = keyframe.features.keypoints()[keypoint];
   constexpr double kNear = 3.0;  // pixels of the octave
@@ -123,7 +123,7 @@ std::optional<KeyframeMap::FoundPatch> KeyframeMap::find_patch(const Features& f
   const TrackedLandmark& seen = graph_.landmark(landmark);
   const auto patch_from_image = graph_.patch_from_image(seen, camera_from_world);
   if (!patch_from_image) return std::nullopt;
-  // The level on which the patch has about its own resolution.
+  // The pyramid level with about the patch's resolution.
   const double octave = sensor_.octave_of(1.0 / std::sqrt(patch_from_image->determinant()));
   const auto levels = static_cast<int>(features.pyramid().size());
   const int level = std::clamp(static_cast<int>(std::lround(octave)), 0, levels - 1);
@@ -141,7 +141,7 @@ std::optional<KeyframeMap::FoundPatch> KeyframeMap::find_patch(const Features& f
       level};
 }
 
-// Those expected but not matched, without those that are seldom found.
+// Expected landmarks without a match, except those that are rarely found.
 std::vector<LandmarkIndex> KeyframeMap::worth_seeking(
     const ExpectedLandmarks& expected, std::span<const LandmarkMatch> matches) const {
   std::vector<bool> matched(graph_.landmarks().size(), false);
@@ -153,7 +153,7 @@ std::vector<LandmarkIndex> KeyframeMap::worth_seeking(
   }
   constexpr std::size_t kMostSought = 500;
   if (sought.size() > kMostSought) {
-    // Those seen most often are the most likely to be seen again.
+    // Prefers landmarks that were found most often.
     std::stable_sort(sought.begin(), sought.end(), [&](LandmarkIndex a, LandmarkIndex b) {
       return graph_.landmark(a).found > graph_.landmark(b).found;
     });
@@ -162,12 +162,12 @@ std::vector<LandmarkIndex> KeyframeMap::worth_seeking(
   return sought;
 }
 
-// The row that sees a point is known once it is known where that row sees it.
+// Fixed-point iteration, because the row that sees a point depends on the pixel, and the pixel on the row.
 std::optional<Pixel> KeyframeMap::seen_at(const RowMotion& motion,
                                           const Eigen::Vector3d& x_in_camera) const {
   auto pixel = project(camera_, x_in_camera);
   if (motion.none()) return pixel;
-  constexpr int kSteps = 3;  // each shrinks the error by the share of the image that it is
+  constexpr int kSteps = 3;  // each multiplies the error by its share of the image's height
   for (int step = 0; step < kSteps && pixel; ++step) {
     const double row = std::clamp(pixel->v, 0.0, image_.height - 1.0);
     pixel = project(camera_, motion.at_row(x_in_camera, row));
@@ -175,7 +175,7 @@ std::optional<Pixel> KeyframeMap::seen_at(const RowMotion& motion,
   return pixel;
 }
 
-// As an image all of whose rows were taken at once would show it: what a map's poses and cameras say.
+// The keypoint's pixel with a global shutter, as a map's poses and cameras assume.
 Pixel KeyframeMap::pixel_in_map(const Keyframe& keyframe, const Keypoint& keypoint) const {
   if (keyframe.features.row_motion().none()) return keypoint.raw;
   const auto pixel =
@@ -204,7 +204,7 @@ std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
     keypoint.source = PixelSource::kPatch;
     keypoint.read_depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
     keypoint = extractor_.corrected(frame.features, keypoint);
-    // Something else in front of it, or behind.
+    // The depth is that of another surface.
     if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
                                        5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
       continue;
@@ -262,7 +262,7 @@ std::uint32_t KeyframeMap::add_keyframe(const TrackedFrame& frame) {
   return index;
 }
 
-// Landmarks that are new to a keyframe may be known already, but were not recognised.
+// Merges new landmarks of a keyframe with known ones that were not recognised.
 void KeyframeMap::merge_known_landmarks(std::uint32_t keyframe) {
   constexpr std::size_t kNeighbours = 8;
   auto neighbours = graph_.covisible(keyframe);
@@ -295,7 +295,7 @@ void KeyframeMap::merge_known_landmarks(std::uint32_t keyframe) {
       if (residual.squared_pixel() > kPixel95 || residual.squared_depth() > kMostDepth) continue;
       const auto there = graph_.keyframes()[neighbour].landmarks[match.keypoint];
       if (!there || *there == match.landmark) continue;
-      // The older one stays: its patch is what its observations were aligned with.
+      // Keeps the older one, because its observations were aligned with its patch.
       const LandmarkIndex older = std::min(*there, match.landmark);
       const LandmarkIndex newer = std::max(*there, match.landmark);
       graph_.merge(newer, older);

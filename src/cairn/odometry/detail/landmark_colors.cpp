@@ -28,7 +28,7 @@ std::optional<Bgr> sampled(const ColorImage& image, const Pixel& at) {
   return Bgr{pixel[0], pixel[1], pixel[2]};
 }
 
-// The lower one of an even number.
+// Median; of an even number of values, the lower middle one.
 std::uint8_t median(std::vector<Bgr>& samples, std::size_t channel) {
   const auto middle = samples.begin() + static_cast<std::ptrdiff_t>((samples.size() - 1) / 2);
   std::nth_element(samples.begin(), middle, samples.end(),

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kNone = std::numeric_limits<int>::max();
 
-// Of the matches for one keypoint the most similar; of equals the first.
+// Keeps the most similar match of each keypoint; ties: the first.
 std::vector<LandmarkMatch> one_per_keypoint(const std::vector<LandmarkMatch>& matches,
                                             std::size_t keypoints) {
   std::vector<std::optional<LandmarkMatch>> best(keypoints);
@@ -66,7 +66,7 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
     const int octave =
         std::clamp(static_cast<int>(std::lround(appearance.octave)), 0, sensor.octaves() - 1);
     const Descriptor& descriptor = graph.landmark(landmarks[i]).descriptor;
-    // Seen from aside a patch changes, and so does where its corner is found.
+    // From the side, the patch and the detected position of its corner change.
     constexpr double kFrontal = 0.998;
     const double radius =
         options.radius_pixels * sensor.scale(octave) * (appearance.cos_view > kFrontal ? 0.7 : 1.0);
@@ -92,7 +92,7 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
       }
     });
     if (best > options.max_distance) continue;
-    // The same corner on the next octave is no rival.
+    // The same corner on the next octave does not count as the second best.
     if (second != kNone && second_octave == best_octave && best > options.max_ratio * second) {
       continue;
     }

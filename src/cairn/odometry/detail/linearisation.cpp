@@ -34,7 +34,7 @@ double excess_of_residuals(const LandmarkGraph& graph, const TrackedLandmark& la
     const Keyframe& keyframe = graph.keyframes()[reference.keyframe];
     const Eigen::Vector3d x_in_camera = keyframe.world_from_camera.inverse() * landmark.position;
     if (x_in_camera.z() < kNearestDepth) continue;
-    // With readings that were set aside: they tell of a landmark that does not fit, too.
+    // Includes disabled depths, which also show that a landmark does not fit.
     const PointMeasurement measured =
         graph.sensor().measurement(keyframe.features.keypoints()[reference.keypoint]);
     sum += point_residual(graph.sensor().pinhole(), measured, x_in_camera).value.squaredNorm();

@@ -11,7 +11,7 @@ namespace {
 constexpr double kMedianOfTwo = 1.386294361;  // of chi² with two degrees of freedom
 constexpr double kMedianOfOne = 0.454936423;
 
-// What to multiply a standard deviation by.
+// Factor of a standard deviation.
 double factor(std::vector<double>& squared, double expected_median) {
   constexpr std::size_t kFewest = 200;
   if (squared.size() < kFewest) return 1.0;
@@ -28,7 +28,7 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
   std::vector<double> aligned;
   std::vector<double> depth;
   for (const TrackedLandmark& landmark : graph.landmarks()) {
-    // Of landmarks with few observations the residuals are small because they were fitted.
+    // Landmarks with few observations have small residuals, because they were fitted to these.
     constexpr std::size_t kFewest = 4;
     if (landmark.observations.size() < kFewest) continue;
     const auto count = static_cast<double>(landmark.observations.size());
@@ -38,7 +38,7 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
       const Keypoint& keypoint = keyframe.features.keypoints()[reference.keypoint];
       const Eigen::Vector3d x_in_camera = keyframe.world_from_camera.inverse() * landmark.position;
       if (x_in_camera.z() < kNearestDepth) continue;
-      // With the sensor's reading even where it was set aside, or the tail would be missing.
+      // Includes disabled depths, because the tail of the distribution would otherwise be missing.
       const PointMeasurement measured = sensor.measurement(keypoint);
       const PointResidual residual = point_residual(sensor.pinhole(), measured, x_in_camera);
       if (keypoint.source == PixelSource::kPatch) {
@@ -50,8 +50,8 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
     }
   }
   SensorNoise noise = sensor.noise();
-  // Not much smaller than the sensor's: what all views of a landmark have wrong alike, its residuals
-  // do not show.
+  // Not much smaller than the sensor's, because residuals do not show errors common to all views of a
+  // landmark.
   constexpr double kLeast = 0.35;
   noise.pixel *= std::max(kLeast, factor(corner, kMedianOfTwo));
   noise.aligned_pixel *= std::max(kLeast, factor(aligned, kMedianOfTwo));

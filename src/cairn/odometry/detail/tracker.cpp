@@ -21,7 +21,7 @@ bool can_start_map(const Features& features) {
                        [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }) >= kFewest;
 }
 
-// How much the camera turned, all told.
+// Total rotation of the camera.
 double turn_of(const Trajectory& trajectory) {
   double turn = 0.0;
   const auto poses = trajectory.poses();
@@ -106,7 +106,7 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   return report;
 }
 
-// The mean velocity since the last frame is that of half-way; it goes on changing as it did.
+// The mean velocity since the last frame is that half-way between both; extrapolates its change.
 RowMotion Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
   const double duration_s = previous_ ? frame.timestamp_s - previous_->timestamp_s : 0.0;
   if (lost_ || !(duration_s > 0.0) || previous_->number + 1 != frame.number) {
@@ -222,7 +222,7 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_by_keyframe(TrackedFrame& 
 }
 
 std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(TrackedFrame& frame) const {
-  // The latest keyframes, then an even sample of the others: bounded work in any map.
+  // The latest keyframes, then an even sample of the others, which bounds the work.
   constexpr std::uint32_t kLatest = 5;
   constexpr std::uint32_t kSampled = 30;
   const auto count = static_cast<std::uint32_t>(graph_.keyframes().size());
@@ -230,7 +230,7 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(TrackedFrame& fra
   for (std::uint32_t i = 0; i < std::min(kLatest, count); ++i) candidates.push_back(count - 1 - i);
   const std::uint32_t others = count - std::min(kLatest, count);
   const std::uint32_t step = std::max(1U, others / kSampled);
-  // Shifted from frame to frame, so that in the end all are tried.
+  // The sample shifts from frame to frame, so that all are tried eventually.
   for (auto i = static_cast<std::uint32_t>(frame.number % step); i < others; i += step) {
     candidates.push_back(i);
   }
@@ -243,8 +243,8 @@ std::optional<PoseEstimate> Odometry::Tracker::locate_anywhere(TrackedFrame& fra
 PoseEstimate Odometry::Tracker::locate_in_map(TrackedFrame& frame, double radius) {
   const ExpectedLandmarks expected = map_.expected_in(frame);
   std::vector<LandmarkMatch> matches = map_.match_corners(frame, expected, radius);
-  // A match whose patch looks different is often of the corner next to the right one: done without
-  // where enough are better.
+  // A match with a different patch is often of a neighbouring corner. Excludes these if there are enough
+  // others.
   std::vector<LandmarkMatch> aligned = map_.align(frame, matches);
   if (aligned.size() >= 6 * options_.min_tracked) matches = std::move(aligned);
   PoseEstimate estimate = solve(frame, matches);
@@ -319,7 +319,7 @@ Trajectory Odometry::Tracker::trajectory() const {
   return Trajectory(std::move(poses));
 }
 
-// What the last frames saw would else be observed once at most.
+// Otherwise, the landmarks of the last frames would have at most one observation.
 void Odometry::Tracker::end_at_last_frame() {
   if (!last_pose() || graph_.keyframes().back().frame == previous_->number) return;
   recorded_.pop_back();
@@ -375,7 +375,7 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   recorded_.clear();
   std::fill(frame.landmarks.begin(), frame.landmarks.end(), std::nullopt);
   for (std::uint32_t i = 0; i < frame.features.size(); ++i) {
-    frame.features.set_source(i, PixelSource::kCorner);  // patches were the old map's
+    frame.features.set_source(i, PixelSource::kCorner);  // the patches belonged to the old map
   }
   frame.world_from_camera = Rigid3();
   make_keyframe(frame);

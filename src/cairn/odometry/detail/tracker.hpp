@@ -46,8 +46,8 @@ class Odometry::Tracker {
   PoseEstimate solve(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
   static void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
                    const PoseEstimate& estimate);
-  // How the camera moves while a frame is read out, from where it was found; as predicted where that
-  // is not known.
+  // Camera motion during the readout of a frame, from its pose and the preceding ones; the motion assumed by
+  // its features if the previous frame was not tracked.
   RowMotion row_motion(const TrackedFrame& frame) const;
   void note_motion(const TrackedFrame& frame);
   bool wants_keyframe(const TrackedFrame& frame, std::size_t found) const;

@@ -21,30 +21,30 @@ constexpr float kShortest = 3.0F;  // side of a constellation
 constexpr float kLongest = 6.0F;
 constexpr float kLeastHeight = 1.0F;
 constexpr float kTolerance = 0.05F;  // by which sides may differ
-constexpr float kPatch = 8.0F;       // radius about a constellation whose landmarks judge its poses
+constexpr float kPatch = 8.0F;       // radius of the landmarks that test a constellation's poses
 constexpr float kVoxel = 0.125F;
-constexpr float kReach = 0.15F;  // from a target point, within which a voxel counts as taken
-constexpr float kSame = 0.5F;    // what poses that are one differ by at most
+constexpr float kReach = 0.15F;  // from a target point, within which a voxel counts as occupied
+constexpr float kSame = 0.5F;    // largest distance of equal poses
 
 constexpr std::size_t kMostPoints = 4096;  // of a map
 constexpr std::size_t kMostBits = std::size_t{1} << 26;
 constexpr std::size_t kMostPartners = 128;  // at one distance from a target point
-// Points that judge a pose: at first sight, and more of those that go on.
+// Numbers of points in the first and second test of a pose.
 constexpr std::size_t kBlink = 6;
-constexpr std::size_t kBlinkHits = 1;  // fewest to go on with
+constexpr std::size_t kBlinkHits = 1;  // least number to pass the first test
 constexpr std::size_t kGlance = 16;
 constexpr std::size_t kGlanceHits = 5;
 constexpr std::size_t kLook = 64;
 constexpr std::size_t kPatchPoints = 512;
-constexpr std::size_t kLooked = 16;  // poses of a constellation that are judged by all
-constexpr std::size_t kKept = 3;     // and that it proposes
-// A round of constellations is the last if so many poses are one to within so many fine scales, before
-// any other with this share of the evidence comes.
+constexpr std::size_t kLooked = 16;  // poses of a constellation that are tested with all points
+constexpr std::size_t kKept = 3;     // poses that it proposes
+// The search ends after a round of constellations if kEnough poses agree with the best to within kAgreeing
+// fine scales, before any other pose with kRival of its evidence.
 constexpr std::size_t kRound = 48;
 constexpr std::size_t kEnough = 4;
 constexpr double kAgreeing = 1.0;
 constexpr double kRival = 0.5;
-// Share of points that chance brings into taken voxels, where surfaces lie on each other.
+// Share of points that are in occupied voxels by chance if the surfaces coincide.
 constexpr double kChance = 0.2;
 
 // Which voxels are near target points.
@@ -63,7 +63,7 @@ class Occupancy {
     const auto cells = [&](int axis) {
       return static_cast<std::size_t>(std::ceil(edges[axis] / voxel)) + 1;
     };
-    // A stray landmark far away makes them longer.
+    // A distant outlier makes the voxels larger.
     while (cells(0) * cells(1) * cells(2) > kMostBits) voxel *= 1.25F;
     low_ = low - Vector3f::Constant(margin);
     per_length_ = 1.0F / voxel;
@@ -117,7 +117,7 @@ class Occupancy {
   std::vector<std::uint64_t> bits_;
 };
 
-// The points about each point that are as far from it as sides are long, by their distance.
+// For each point, those at the distance of a constellation's side, by distance.
 class Partners {
  public:
   Partners(const PointsF& points, float fine)
@@ -150,7 +150,7 @@ class Partners {
     }
   }
 
-  // Those about as far from point i.
+  // Points at about this distance from point i.
   std::span<const std::uint32_t> at(std::size_t i, float distance, float tolerance) const {
     const std::size_t low = bin_at(std::max(distance - tolerance, shortest_));
     const std::size_t high = std::min(bin_at(distance + tolerance), bins_ - 1);
@@ -180,7 +180,7 @@ Eigen::Matrix3f axes(const Vector3f& a, const Vector3f& b, const Vector3f& c) {
   return result;
 }
 
-// Three source points, and those about them in their axes.
+// Three source points, and the surrounding points in their axes.
 struct Constellation {
   float ab = 0.0F;
   float ac = 0.0F;
@@ -240,7 +240,7 @@ class Finder {
     return distance_(a.target_from_source, b.target_from_source) < radii * options_.fine;
   }
 
-  // Whether several constellations agree on one pose, and nothing else comes near it.
+  // Whether several constellations agree on a pose, and no other has similar evidence.
   bool clear(const std::vector<ConstellationPose>& found) const {
     std::size_t agreeing = 0;
     for (const ConstellationPose& pose : found) {
@@ -265,7 +265,7 @@ class Finder {
     return length >= (kShortest + kTolerance) * fine_ && length <= (kLongest - kTolerance) * fine_;
   }
 
-  // Whether the third is so near the line of the others that it hardly tells the turn about it.
+  // Whether the third point is too close to the line of the others to determine the rotation about it.
   bool slender(const Vector3f& a, const Vector3f& b, const Vector3f& c) const {
     return (b - a).cross(c - a).norm() < kLeastHeight * fine_ * (b - a).norm();
   }
@@ -288,7 +288,7 @@ class Finder {
       result.ac = (c - a).norm();
       result.centre = (a + b + c) / 3.0F;
       result.source_from_axes = axes(a, b, c);
-      // The source is in random order: the first are a sample.
+      // The first points are a sample, because the source is in random order.
       for (const Vector3f& point : source_) {
         if ((point - result.centre).squaredNorm() > kPatch * kPatch * fine_ * fine_) continue;
         if (point == a || point == b || point == c) continue;
@@ -301,7 +301,7 @@ class Finder {
     return {};
   }
 
-  // Target points at a distance from one of them.
+  // Target points at a distance from target point i.
   std::size_t gather(std::size_t i, float distance,
                      std::array<std::uint32_t, kMostPartners>& out) const {
     const float tolerance = kTolerance * fine_;
@@ -370,7 +370,7 @@ class Finder {
       const auto count = static_cast<double>(pose.hits + hits(constellation, pose, kLook, total));
       const double share = count / static_cast<double>(total);
       if (share <= kChance) continue;
-      // Of a binomial against chance.
+      // Log-likelihood ratio of a binomial distribution versus chance.
       const double evidence =
           count * std::log(share / kChance) +
           (static_cast<double>(total) - count) * std::log1p((kChance - share) / (1.0 - kChance));

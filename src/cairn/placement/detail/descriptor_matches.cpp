@@ -15,7 +15,7 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kMostPairs = std::size_t{1} << 26;  // of descriptors that are compared
-constexpr double kThing = 0.25;  // radius of what may stand in two places, in extents of a map
+constexpr double kThing = 0.25;  // radius of an object that may occur twice, in extents of a map
 constexpr std::uint32_t kMostBits = 4;  // a match differs in at most one of so many bits
 // Square of Lowe's ratio.
 constexpr double kMostRatio = 0.85 * 0.85;
@@ -39,7 +39,7 @@ Rows rows_of(const LandmarkCloud& cloud, std::size_t first) {
   return rows;
 }
 
-// How many landmarks of either cloud are compared: all, or as many of both as are affordable.
+// Numbers of landmarks to compare: all, or equal numbers of both clouds within kMostPairs.
 std::pair<std::size_t, std::size_t> affordable(std::size_t source, std::size_t target) {
   if (source * target <= kMostPairs) return {source, target};
   const auto side = static_cast<std::size_t>(std::sqrt(static_cast<double>(kMostPairs)));
@@ -48,7 +48,7 @@ std::pair<std::size_t, std::size_t> affordable(std::size_t source, std::size_t t
   return {side, side};
 }
 
-// Most places within the radius of one of them.
+// Largest number of places within the radius of one of them.
 std::size_t largest_cluster(std::span<const Eigen::Vector3d> places, double radius) {
   std::size_t most = 0;
   for (const Eigen::Vector3d& centre : places) {

@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kFewestAgreeing = 4;  // of a pose: three fit any triple
+constexpr std::size_t kFewestAgreeing = 4;  // because three matches fit their own pose
 constexpr int kReestimations = 3;
 constexpr double kLeastLength = 4.0;  // in tolerances, of the sides of a triple
 constexpr std::size_t kMostProposals = 256;
@@ -23,7 +23,7 @@ constexpr std::size_t kMostProposals = 256;
 using Places = std::vector<Eigen::Vector3d>;
 using Indices = std::vector<std::uint32_t>;
 
-// Least squares; of a free scale, Umeyama's (1991).
+// Least squares; with a free scale by Umeyama (1991).
 Similarity3 pose_of(const Places& from, const Places& to, bool free_scale) {
   const Rigid3 motion = closest_motion(from, to);
   if (!free_scale) return motion;
@@ -71,7 +71,7 @@ class Consensus {
       for (std::uint32_t k = 0; k < count_; ++k) {
         if (agree(first, k, scale) && agree(*second, k, scale)) thirds.push_back(k);
       }
-      // The fourth that is needed is most often one of these, too.
+      // With a free scale, a fourth match is needed, which is usually also one of these.
       if (thirds.empty() || (options_.free_scale && thirds.size() < 2)) continue;
       const std::uint32_t third = thirds[random.index(thirds.size())];
       add(propose({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(*second), third}),
@@ -82,7 +82,7 @@ class Consensus {
   }
 
  private:
-  // Of the first matches, from each other; a row a match.
+  // Distances between the places of the first matches; one row per match.
   std::vector<float> distances(std::span<const Eigen::Vector3d> places) const {
     std::vector<float> result(count_ * count_);
     for (std::size_t i = 0; i < count_; ++i) {
@@ -97,7 +97,7 @@ class Consensus {
     return static_cast<double>(there_[i * count_ + j]) / static_cast<double>(here_[i * count_ + j]);
   }
 
-  // As far from each other here as there, and far enough to tell a pose.
+  // Whether two matches have equal distances in both clouds, long enough to determine a pose.
   bool agree(std::size_t i, std::size_t j, double scale) const {
     const double here = scale * static_cast<double>(here_[i * count_ + j]);
     const auto there = static_cast<double>(there_[i * count_ + j]);
@@ -154,7 +154,7 @@ class Consensus {
     return best;
   }
 
-  // Once; most draws of right matches lead to the same pose.
+  // Adds a proposal unless it is known, because most draws of correct matches give the same pose.
   static void add(Proposal proposal, std::vector<Proposal>& found) {
     if (proposal.agreeing.size() < kFewestAgreeing) return;
     const bool known = std::any_of(found.begin(), found.end(), [&](const Proposal& other) {
@@ -188,7 +188,7 @@ std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, R
   std::vector<Proposal> kept;
   for (Proposal& proposal : Consensus(matches, options).proposals(random)) {
     if (poses.size() == options.poses) break;
-    // Two that half of the fewer matches agree with are one.
+    // Two proposals are the same if they share half of the matches of the smaller one.
     const bool known = std::any_of(kept.begin(), kept.end(), [&](const Proposal& other) {
       Indices both;
       std::set_intersection(proposal.agreeing.begin(), proposal.agreeing.end(),

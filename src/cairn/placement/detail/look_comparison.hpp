@@ -37,19 +37,19 @@ class LookComparison {
   std::optional<bool> alike(std::uint32_t source, std::span<const std::uint32_t> targets) const;
 
  private:
-  // By number among the known descriptors.
+  // Landmarks are numbered among those with known descriptors.
   struct Both {
     Descriptors source;
     Descriptors target;
-    std::vector<std::uint32_t> order = {};  // of the target's, at random
-    std::vector<std::uint32_t> place = {};  // in that order, for each of the target's
-    std::vector<std::uint32_t> first = {};  // place of the first other, for each of the source's
+    std::vector<std::uint32_t> order = {};  // random permutation of the target's
+    std::vector<std::uint32_t> place = {};  // per target landmark: its position in that order
+    std::vector<std::uint32_t> first = {};  // per source landmark: place of its first other
     std::size_t partners = 0;               // number of partners for which there are enough others
-    // Least difference to the others of one partner, of two and so on; of each of the source's.
+    // Per source landmark: least difference to the others of one partner, of two partners, and so on.
     std::vector<std::uint32_t> least = {};
 
     std::uint32_t difference(std::size_t i, std::size_t j) const;
-    // Least difference to the others of as many partners as are left out, none of which is among them.
+    // Least difference to the others of as many partners as `left_out` has, without these landmarks.
     std::uint32_t least_but(std::size_t i, std::span<const std::size_t> left_out) const;
   };
   std::optional<Both> descriptors_;

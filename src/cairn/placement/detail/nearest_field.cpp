@@ -69,7 +69,7 @@ NearestField::NearestField(std::span<const Eigen::Vector3f> points, const Box& b
   for (std::uint32_t i = 0; i < points.size(); ++i) {
     const std::size_t place = voxel_of(points[i]);
     if (place == kOutside) continue;
-    // The first of several; the field is no finer than its voxels.
+    // Keeps the first of several points in a voxel.
     if (nearest_[place] != kNone) continue;
     nearest_[place] = i;
     distance[place] = 0.0F;

@@ -7,22 +7,22 @@
 namespace cairn {
 namespace {
 
-// What the logarithm of the odds is linear in.
+// Coefficients of the log odds.
 struct Weights {
   double constant;
-  double evidence;   // of the root of the evidence a match
-  double proximity;  // of the logarithm of the evidence of distances against those at other poses
-  double lead;       // of the logarithm of how many times the fine matches of the best other it has
+  double evidence;      // of the root of the evidence per match
+  double proximity;     // of the logarithm of the evidence of distances versus those at other poses
+  double lead;          // of the log ratio of fine matches to those of the best other candidate
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
-// Made by benchmarks/fit_placement_model.py; docs/method.md has how well they predict other pairs.
+// Fitted by benchmarks/fit_placement_model.py; docs/method.md reports how well they predict other pairs.
 constexpr Weights kWithAll = {-12.293, 12.076, 0.740, 0.0, -0.786};
 constexpr Weights kWithDescriptors = {-9.095, 11.304, 0.775, 0.0, 0.0};
 constexpr Weights kWithSight = {-10.875, 6.056, 1.379, 1.465, -0.816};
 constexpr Weights kWithNeither = {-8.397, 6.702, 1.571, 1.122, 0.0};
 
-// So many more, so that a few say little.
+// Added to numbers of matches, so that few matches have little effect.
 constexpr double kMatchesMore = 20.0;
 constexpr double kFineMore = 3.0;
 constexpr std::size_t kFine = 2;  // of Support::within: a quarter of the radius
@@ -40,7 +40,7 @@ double fine_matches(const PlacementCandidate& candidate) {
   return static_cast<double>(candidate.support.within[kFine]);
 }
 
-// The most that any other candidate has; of a single one, as if there were another, clearly worse.
+// The largest number of any other candidate; for a single candidate, that of an assumed, clearly worse one.
 double fine_matches_of_others(std::span<const PlacementCandidate> candidates, std::size_t but) {
   if (candidates.size() == 1) return 0.5 * fine_matches(candidates[but]);
   double most = 0.0;
@@ -50,7 +50,7 @@ double fine_matches_of_others(std::span<const PlacementCandidate> candidates, st
   return most;
 }
 
-// As if distances, looks and descriptor matches were independent of each other.
+// Assumes that distances, descriptor similarity and descriptor matches are independent.
 double evidence(const Support& support) {
   return support.spread_evidence + support.proximity.spread + support.spread_likeness +
          (support.agreement ? support.agreement->evidence() : 0.0);
@@ -61,7 +61,7 @@ double evidence(const Support& support) {
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
                                   double prior_odds) {
   std::vector<double> result;
-  double highest = 0.0;  // of the alternative that none is right
+  double highest = 0.0;  // log odds of the alternative that none is right
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Weights& weights = weights_for(candidate);

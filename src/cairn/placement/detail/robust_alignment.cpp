@@ -24,35 +24,35 @@ namespace {
 template <int kFreedoms>
 using Vector = Eigen::Matrix<double, kFreedoms, 1>;
 
-// The scale falls by this a step: slower gains nothing, faster leaves the basin now and then.
+// Factor of the scale per step. Slower is not better; faster sometimes leaves the basin of attraction.
 constexpr double kCooling = 0.85;
-// Below the fine scale matches are one to one and hardly change.
+// Below the fine scale, where matches are one to one and rarely change.
 constexpr double kFineCooling = 0.75;
-// It falls when a step is shorter than this share of it, or after so many longer ones.
+// The scale is reduced when a step is shorter than this share of it, or after this number of longer steps.
 constexpr double kSettled = 0.05;
 constexpr int kMostUnsettled = 8;
-// A step below this share of the fine scale changes nothing worth knowing.
+// A step shorter than this share of the fine scale means convergence.
 constexpr double kStill = 1e-4;
 constexpr double kDamping = 1e-9;
-// In units of the fine scale: under a wider kernel, matches of what the maps do not share would blow the
-// source up or shrink it.
+// The source's scale is estimated below this kernel scale, in fine scales, because with a wider kernel,
+// matches outside the overlap would enlarge or shrink the source.
 constexpr double kScaleFreed = 2.0;
 constexpr double kMostGrowth = 0.25;  // of the logarithm of the scale, in one step
-// A match 5 standard deviations apart weighs 0.0015: it may as well not be there.
+// Matches beyond 5 standard deviations, of weight 0.0015, are ignored.
 constexpr double kNegligible = 1.0 / 26.0;
 constexpr double kFarthest = 1.0 / kNegligible;  // its squared distance, and one more for rounding
-// Share of the kernel's scale over which a motion shows how matches change. By less, hardly any does,
-// and the covariance comes out too small; by more, too large.
+// Motion, as a share of the kernel's scale, by which the stiffness is measured. With a smaller one, hardly
+// any match changes and the covariance is too small; with a larger one, it is too large.
 constexpr double kStiffnessStep = 0.25;
-// How far aside a pose has to be worse on both sides, in scales of the kernel. A direction of which the
-// covariance says that the pose may be further off is as open as one where it is not.
+// A direction is determined if the poses at this distance on both sides, in scales of the kernel, are worse,
+// and the covariance in it is not larger.
 constexpr double kProbe = 2.0;
-constexpr std::size_t kErrorGroups = 16;  // parts of the matched landmarks, which err apart
-constexpr std::size_t kGainGroups = 64;   // parts, each of which witnesses a gain
+constexpr std::size_t kErrorGroups = 16;  // parts of the matched landmarks with independent errors
+constexpr std::size_t kGainGroups = 64;   // parts with independent gains
 constexpr double kSignificant = 2.0;      // standard errors
 
-// Whether landmarks gain by more than what differs between parts of the map, each of which is one
-// witness. One gain a place.
+// Whether the mean gain of the map's parts is at least kSignificant standard errors above zero.
+// @param gains one per place
 bool gain_is_significant(std::span<const Eigen::Vector3d> places, std::span<const double> gains) {
   const std::vector<std::size_t> group_of = spatial_groups(places, kGainGroups);
   std::array<double, kGainGroups> gain{};
@@ -76,10 +76,10 @@ bool gain_is_significant(std::span<const Eigen::Vector3d> places, std::span<cons
   return mean > 0.0 && mean >= kSignificant * std::sqrt(variance / count);
 }
 
-// How much larger the covariance has to be for the 95 % ellipsoid to hold as many errors, the scatter
-// being of a few parts only: about the quantile of Hotelling's distribution over that of the chi-squared
-// one, for 16 parts and 6 or 7 freedoms; for fewer parts it is larger than that. Nothing for fewer than 12
-// parts, 14 with a scale: so few would need an ellipsoid that says nothing.
+// Factor of the covariance by which the 95 % ellipsoid contains 95 % of the errors although the scatter is
+// that of few parts: about the ratio of the quantiles of Hotelling's and the chi-squared distribution for 16
+// parts and 6 or 7 degrees of freedom; larger for fewer parts. std::nullopt for fewer than 12 parts, or 14
+// with a scale, because the ellipsoid would be too large to be useful.
 std::optional<double> correction_for_few(std::size_t parts, int freedoms) {
   const double spent = 1.57 * freedoms;
   const auto count = static_cast<double>(parts);
@@ -87,8 +87,8 @@ std::optional<double> correction_for_few(std::size_t parts, int freedoms) {
   return count / (count - spent);
 }
 
-// The pose after a small motion about a pivot in the target frame: a shift, a turn and, of seven
-// freedoms, the logarithm of a scale; the last two times the length.
+// The pose after a small motion about a pivot in the target frame: translation, rotation and, with 7 degrees
+// of freedom, the logarithm of a scale; the last two multiplied by the arm's length.
 template <int kFreedoms>
 Similarity3 moved_about(const Similarity3& pose, const Vector<kFreedoms>& delta,
                         const Eigen::Vector3d& pivot, double length) {
@@ -102,7 +102,7 @@ Similarity3 moved_about(const Similarity3& pose, const Vector<kFreedoms>& delta,
   return Similarity3(scale, about_pivot) * pose;
 }
 
-// How a point at the arm's end moves with the freedoms.
+// Derivative of a point at the end of the arm by the degrees of freedom.
 template <int kFreedoms>
 Eigen::Matrix<double, 3, kFreedoms> jacobian_at(const Eigen::Vector3d& arm, double length) {
   Eigen::Matrix<double, 3, kFreedoms> jacobian;
@@ -148,7 +148,7 @@ std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d
     matches[i] = {static_cast<std::uint32_t>(i), nearest.index(0), nearest.squared_distance(0)};
   });
   if (!one_to_one) return matches;
-  // Whom each target landmark keeps: the closest; of equally close ones, the first.
+  // The source landmark that each target landmark keeps: the closest; of equally close ones, the first.
   constexpr auto kNobody = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> owner(target_tree_.size(), kNobody);
   for (const Match& match : matches) {
@@ -172,8 +172,7 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
   const Eigen::Matrix3d* const of_target =
       use_covariances_ && !target.covariances.empty() ? &target.covariances[match.target] : nullptr;
   const Eigen::Vector3d residual = target.positions[match.target] - moved;
-  // No direction has a larger variance than this sum: most matches far apart are seen to be negligible by
-  // that alone.
+  // Upper bound of the variance in any direction, which suffices to find most negligible matches.
   double variance = scale * scale;
   if (of_source != nullptr) variance += linear.col(0).squaredNorm() * of_source->trace();
   if (of_target != nullptr) variance += of_target->trace();
@@ -247,7 +246,7 @@ RobustAlignment::Run RobustAlignment::run_with(
     const Eigen::Vector3d pivot = run.target_from_source.translation();
     Equations<kFreedoms> sum =
         equations<kFreedoms>(moved, matches, run.target_from_source, scale, {pivot, length});
-    // Fewer matches than these would be free to turn.
+    // Fewer matches do not determine the rotation.
     if (sum.count < kFewestMatches || !(sum.weight > 0.0)) {
       run.stop_reason = StopReason::kTooFewMatches;
       break;
@@ -259,7 +258,7 @@ RobustAlignment::Run RobustAlignment::run_with(
         sum.gradient[6] = 0.0;
       }
     }
-    // What the matches leave open does not move.
+    // The pose does not move along directions that the matches do not determine.
     sum.information.diagonal().array() += kDamping * sum.information.trace();
     const Vector<kFreedoms> delta = sum.information.ldlt().solve(sum.gradient);
     const double motion = delta.norm();
@@ -298,7 +297,7 @@ double RobustAlignment::value(const Similarity3& pose, double scale,
   return sum;
 }
 
-// Tries motions out on some thousands of source landmarks, which stand for all.
+// Evaluates motions on a sample of some thousands of source landmarks.
 template <int kFreedoms>
 class RobustAlignment::Trial {
  public:
@@ -314,9 +313,8 @@ class RobustAlignment::Trial {
         moved_(all()),
         here_(terms(pose)) {}
 
-  // How the gradient of all landmarks answers small motions, each finding its match anew. With the
-  // matches held it would seem much stiffer: a landmark that is none of the target's is not held by
-  // its neighbour.
+  // Change of the gradient of all landmarks with small motions, with new matches. With fixed matches, the
+  // stiffness would be much too large, because a landmark that the target lacks is not tied to its match.
   Matrix stiffness() {
     const double step = kStiffnessStep * scale_;
     const double share = static_cast<double>(tried_.size()) / static_cast<double>(all().size());
@@ -329,7 +327,7 @@ class RobustAlignment::Trial {
     return 0.5 * (result + result.transpose());
   }
 
-  // Whether landmarks fit better here than a little way along the direction, on both sides.
+  // Whether landmarks fit better here than at a small motion along the direction, on both sides.
   bool holds(const Direction& direction) {
     return is_better_than(moved(-kProbe * scale_ * direction)) &&
            is_better_than(moved(kProbe * scale_ * direction));
@@ -344,7 +342,7 @@ class RobustAlignment::Trial {
     return moved_about<kFreedoms>(pose_, direction, arm_.pivot, arm_.length);
   }
 
-  // Of the landmarks tried, at a pose; moved_ has their places then.
+  // Matches of the sampled landmarks at a pose; sets moved_ to their positions.
   std::vector<Match> matches(const Similarity3& pose) {
     std::vector<Eigen::Vector3d> places;
     places.reserve(tried_.size());
@@ -362,7 +360,7 @@ class RobustAlignment::Trial {
     return alignment_.template equations<kFreedoms>(moved_, found, pose, scale_, arm).gradient;
   }
 
-  // What each landmark adds to the objective, one a landmark of the source; 0 of those not tried.
+  // Contribution of each source landmark to the objective; 0 for those outside the sample.
   std::vector<double> terms(const Similarity3& pose) {
     std::vector<double> values(all().size(), 0.0);
     const Eigen::Matrix3d linear = pose.linear();
@@ -375,8 +373,8 @@ class RobustAlignment::Trial {
 
   bool is_better_than(const Similarity3& other) {
     const std::vector<double> there = terms(other);
-    // Landmarks that meet nothing at either pose say nothing. Those that do at the other alone count:
-    // without them, every pose would seem better than its neighbours.
+    // Ignores landmarks without a match at both poses. Counts those with a match only at the other pose,
+    // because otherwise every pose would seem better than its neighbours.
     std::vector<Eigen::Vector3d> places;
     std::vector<double> gains;
     for (const std::size_t landmark : tried_) {
@@ -394,7 +392,7 @@ class RobustAlignment::Trial {
   BatchTree::Batch queries_;
   std::vector<std::size_t> tried_ =
       one_of_each((all().size() + kTried - 1) / kTried, all().size(), Random(0));
-  std::vector<Eigen::Vector3d> moved_;  // one a landmark of the source
+  std::vector<Eigen::Vector3d> moved_;  // one per source landmark
   std::vector<double> here_;            // terms at the pose
 };
 
@@ -415,7 +413,7 @@ PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, doubl
   if (matches.size() < kFewestMatches) return {};
   std::vector<Eigen::Vector3d> places;
   for (const Match& match : matches) places.push_back(moved[match.source]);
-  // Of what is matched: elsewhere a turn moves it much or hardly at all.
+  // Of the matched landmarks, because elsewhere a rotation moves points more or less.
   const PoseDistance spread = PoseDistance::of(places);
   const Arm arm = {spread.centroid, spread.radius > 0.0 ? spread.radius : 1.0};
   PoseEvidence<kFreedoms> evidence;
@@ -434,8 +432,8 @@ PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, doubl
   }
   if (!open.unobservable.empty()) return open;
 
-  // Landmarks next to each other err alike: of one keyframe, or matched to the same landmark; and
-  // maps are bent by drift. Few parts are large enough to show that.
+  // Errors of neighbouring landmarks are correlated, by a common keyframe, a common match, or drift. A small
+  // number of large parts includes that.
   const std::vector<std::size_t> group_of = spatial_groups(places, kErrorGroups);
   std::vector<std::vector<Match>> groups(kErrorGroups);
   for (std::size_t i = 0; i < matches.size(); ++i) groups[group_of[i]].push_back(matches[i]);

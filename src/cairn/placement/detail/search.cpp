@@ -24,7 +24,7 @@ struct Round {
 };
 
 constexpr std::size_t kAnchors = 8;       // of each map; translations are all pairs of them
-constexpr std::size_t kScoutPoints = 48;  // source points that judge a translation
+constexpr std::size_t kScoutPoints = 48;  // source points that score a translation
 constexpr std::size_t kMostVoxels = 1 << 21;
 constexpr float kVoxelsPerScale = 4.0F;
 constexpr std::array<Round, 4> kRounds = {{
@@ -34,8 +34,8 @@ constexpr std::array<Round, 4> kRounds = {{
     {128, 1.0, 10, 600},
 }};
 
-// Centroids of groups of equally many points, close together: halves of halves, each cut at the
-// median of the longest edge of its bounding box.
+// Centroids of compact groups of equal size, by repeated halving at the median of the bounding box's longest
+// edge.
 PointsF anchors(PointsF points, std::size_t count) {
   if (points.empty()) return {};
   if (count == 1 || points.size() == 1) {
@@ -61,8 +61,8 @@ PointsF anchors(PointsF points, std::size_t count) {
   return result;
 }
 
-// All but the farthest hundredth on each side, and `margin` around: a stray landmark must not make
-// the voxels large.
+// Contains all points except the farthest 1 % on each side, plus a margin, so that outliers do not enlarge
+// the voxels.
 Box robust_box(const PointsF& points, float margin) {
   Box box{Eigen::Vector3f::Zero(), Eigen::Vector3f::Zero()};
   std::vector<float> values(points.size());
@@ -111,10 +111,10 @@ class Search {
       scale = options_.coarse * std::pow(options_.fine / options_.coarse, round.scale);
       std::vector<SearchCandidate> refined = poses;
       refine(refined, start, scale, round, field(scale));
-      // Scores of a finer scale do not compare with those of the one before.
+      // Scores of different scales are not comparable.
       if (options_.execution.stop.stop_requested()) break;
       poses = std::move(refined);
-      // Poses on their way to one optimum need not all go on; those of different optima must.
+      // Keeps one of the poses that approach the same optimum.
       poses = distinct(std::move(poses), 0.5 * scale);
     }
     std::erase_if(poses,
@@ -140,7 +140,7 @@ class Search {
     std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
     options_.execution.executor.for_blocks(
         rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
-          // Something to go on with there is always.
+          // The first block always runs, so that there are poses to continue with.
           if (begin > 0 && options_.execution.stop.stop_requested()) return;
           PointsF rotated(count);
           for (std::size_t i = begin; i < end; ++i) {

@@ -27,7 +27,7 @@ void part(std::span<const Eigen::Vector3d> points, Indices indices, std::size_t 
   const std::size_t middle = indices.size() / 2;
   std::nth_element(indices.begin(), indices.begin() + static_cast<std::ptrdiff_t>(middle),
                    indices.end(), [&](std::uint32_t a, std::uint32_t b) {
-                     // Of equal places, the order of the points: the groups are the same everywhere.
+                     // Ties by index, so that all platforms give the same groups.
                      return points[a][axis] != points[b][axis] ? points[a][axis] < points[b][axis]
                                                                : a < b;
                    });

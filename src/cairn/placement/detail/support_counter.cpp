@@ -13,9 +13,9 @@
 namespace cairn {
 namespace {
 
-// A pair of landmarks that are each other's nearest.
+// Two landmarks that are mutual nearest neighbours.
 struct Pair {
-  double chance;      // of being as close, if they are not one
+  double chance;      // probability of such a distance if they are different landmarks
   std::size_t group;  // of the source landmark
 };
 
@@ -23,7 +23,7 @@ double log_ratio(const Pair& pair, double share) {
   return std::log1p(share * (0.5 / std::sqrt(pair.chance) - 1.0));
 }
 
-// For the likeliest share of pairs that are one landmark.
+// Adds the evidence for the likeliest share of pairs that are the same landmark.
 void add_evidence(std::span<const Pair> pairs, Support& support) {
   double likeliest = 0.0;
   for (const double share : {0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8}) {
@@ -60,8 +60,8 @@ SupportCounter::SupportCounter(const PreparedCloud& source, const PreparedCloud&
 
 Support SupportCounter::operator()(const Similarity3& pose, double radius,
                                    Proximity* proximity) const {
-  // What is farther than this, in units of its spacing, is by chance; closer than the other, copies of
-  // a landmark must not decide alone.
+  // Bounds of a distance in spacings: pairs beyond kFarthest match by chance; below the other, copies of a
+  // landmark would have too much weight.
   constexpr double kFarthest = 3.0;
   constexpr double kLeastChance = 1e-6;
   Support support;
@@ -82,7 +82,7 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
       proximity->add(std::sqrt(squared / spacing), source_.groups()[i]);
     }
   }
-  // The sample stands for the source; a share is that of the smaller cloud.
+  // Scales the sample's numbers to the whole source; shares refer to the smaller cloud.
   const double each = static_cast<double>(source_.size()) /
                       static_cast<double>(sample_ * std::min(source_.size(), target_.size()));
   support.share = each * static_cast<double>(support.matches());

@@ -52,7 +52,7 @@ Eigen::Vector3d geometric_median(std::span<const Eigen::Vector3d> points) {
   return median;
 }
 
-// Of matched points those with about as many matches around them as most: few by chance.
+// The matched points whose neighbourhood has enough matches, which excludes most chance matches.
 std::vector<Eigen::Vector3d> dense(std::span<const Eigen::Vector3d> sample,
                                    std::span<const std::uint32_t> matched) {
   std::vector<char> is_matched(sample.size(), 0);

@@ -18,7 +18,7 @@ std::optional<MatchCycle> MatchHistory::add(std::span<const Match> matches) {
   hasher.update(std::string_view(reinterpret_cast<const char*>(pairs.data()),
                                  pairs.size() * sizeof(std::uint32_t)));
   const Hash128 hash = hasher.digest();
-  // The latest first: a fixed point is by far the most frequent.
+  // The latest first, because most cycles are fixed points.
   const auto found = std::find(seen_.rbegin(), seen_.rend(), hash);
   std::optional<MatchCycle> cycle;
   if (found != seen_.rend()) {

@@ -4,7 +4,7 @@
 #include <bit>
 #include <limits>
 
-// Vectors of a size known only at run time cannot be kept in arrays, as they are here.
+// Excludes vectors of a size known only at run time, because they cannot be stored in arrays.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "cairn/registration/detail/batch_kernel.cpp"
@@ -26,15 +26,15 @@ using Index = hn::Vec<Indices>;
 using FloatMask = hn::Mask<Floats>;
 using Place = std::array<Float, 3>;
 
-// A key is a squared distance whose last bits tell the point instead: its place in one of the leaves
-// that a search has looked through, by their number. All of them set: no point.
+// A key is a squared distance whose last bits are replaced by the point's place in the leaves that the search
+// has visited. All bits set: no point.
 constexpr std::uint32_t kPointBits = 10;
 constexpr std::uint32_t kPointMask = (1U << kPointBits) - 1;
 constexpr std::uint32_t kMostLeaves = kPointMask / kLeafSize;
 constexpr int kLeafBits = std::countr_zero(kLeafSize);
 
-// Times the last motion beyond the k-th neighbour that a search looks, so that its answer outlasts
-// another motion like it.
+// A search extends beyond the k-th neighbour by this multiple of the last motion, so that its result remains
+// valid after a similar motion.
 constexpr float kFarther = 2.5F;
 
 Float inflated(Float squared, float relative) {
@@ -76,14 +76,14 @@ struct Candidates {
     if (!hn::AllFalse(Floats(), disorder)) sort();
   }
 
-  // Lanes whose first k are sure to be the nearest, in order, if no other point is nearer than
+  // Lanes whose first k candidates are certainly the nearest, in order, if no other point is nearer than
   // `outside`.
   FloatMask certain(std::size_t k, Float outside, float rounding) const {
     const Floats d;
     const Float reach =
         hn::Add(hn::Sqrt(inflated(squared[k - 1], kRelative)), hn::Set(d, 2.0F * rounding));
     FloatMask result = hn::Lt(reach, outside);
-    // Two distances differ beyond doubt if their squares do by four times what one may be off by.
+    // Two distances certainly differ if their squares differ by more than four times the error of one.
     const Float gap = hn::MulAdd(hn::Sqrt(squared[k]), hn::Set(d, 8.0F * rounding),
                                  hn::Set(d, 4.0F * kTiny + 8.0F * rounding * rounding));
     for (std::size_t j = 0; j < k; ++j) {
@@ -123,14 +123,14 @@ Float apart(const Place& low, const Place& high, const Place& other_low, const P
   return sum;
 }
 
-// A node on the way.
+// A node to be visited.
 struct Visit {
   float squared_distance;  // from the box of all queries
   std::uint32_t node;
   std::uint32_t level;
 };
 
-// The nodes that are still to be visited by queries that descend together.
+// The nodes still to be visited, for queries that descend together.
 class Trail {
  public:
   Trail(const Tree& tree, const Place& query, Float bound) : tree_(tree) {
@@ -144,10 +144,10 @@ class Trail {
     open(static_cast<std::uint32_t>(tree.levels.size() - 1), 0);
   }
 
-  // From the start, by what is known from an earlier search.
+  // Whether an earlier search gives a bound from the start.
   bool bounded() const { return bounded_; }
 
-  // Lets out what is beyond all queries' bounds.
+  // Skips nodes beyond all queries' bounds.
   void limit(Float bound) { farthest_ = hn::GetLane(hn::MaxOfLanes(Floats(), bound)); }
 
   // The next leaf; of all nodes with a common parent the nearest first, unless bounded.
@@ -168,7 +168,7 @@ class Trail {
   // Each level leaves at most all children but one behind; 32-bit indices have at most 8 levels.
   static constexpr std::size_t kMostVisits = 9 * kFanOut;
 
-  // Remembers those of kFanOut nodes that are near enough.
+  // Adds those of kFanOut nodes that are near enough.
   HWY_NOINLINE void open(std::uint32_t level, std::uint32_t first) {
     const Floats d;
     const Level& boxes = tree_.levels[level];
@@ -192,7 +192,7 @@ class Trail {
     for (; near != 0; near &= near - 1) {
       const auto i = static_cast<std::uint32_t>(hwy::Num0BitsBelowLS1Bit_Nonzero32(near));
       std::size_t place = count_++;
-      // With a good bound from the start the order matters little, and sorting is not cheap.
+      // With a good bound from the start, the order matters less than the cost of sorting.
       for (; !bounded_ && place > begin && visits_[place - 1].squared_distance < squared[i];
            --place) {
         visits_[place] = visits_[place - 1];
@@ -210,7 +210,7 @@ class Trail {
   std::array<Visit, kMostVisits> visits_;
 };
 
-// A search's outcome: for each lane a query.
+// Result of a search; each lane is a query.
 template <std::size_t kCapacity>
 struct Found {
   std::array<Float, kCapacity> keys;  // ascending
@@ -240,7 +240,7 @@ struct Found {
 
 // Searches for all lanes together.
 // @param bound only points whose squared distance is below count
-// @return false: there was too much to look through
+// @return false if there were too many leaves to visit
 template <std::size_t kCapacity>
 bool descend(const Tree& tree, const Place& query, Float bound, Found<kCapacity>& found) {
   const Floats d;
@@ -279,16 +279,16 @@ bool descend(const Tree& tree, const Place& query, Float bound, Found<kCapacity>
       keys[kCapacity - 1] = hn::Min(key, keys[kCapacity - 1]);
     }
     found.leaves[leaf_count++] = leaf;
-    // With a good bound from the start there is less to be gained than this costs.
+    // With a good bound from the start, this rarely pays off.
     if (!trail.bounded() || leaf_count % 4 == 0) trail.limit(keys[kCapacity - 1]);
   }
   found.keys = keys;
-  // Where there is no point, in the leaf without points.
+  // A key without a point refers to the leaf without points.
   found.leaves[kMostLeaves] = static_cast<std::uint32_t>(tree.points[0].size() / kLeafSize - 1);
   return true;
 }
 
-// Queries that have to be searched for, next to each other.
+// Queries that need a search, gathered in adjacent lanes.
 struct Doubtful {
   std::size_t count = 0;
   alignas(64) std::array<std::array<float, kBlock + kFanOut>, 3> position;
@@ -296,7 +296,7 @@ struct Doubtful {
   alignas(64) std::array<std::uint32_t, kBlock + kFanOut> slot;
 };
 
-// Orders the candidates of all queries, and puts down those for whom that leaves doubt.
+// Orders the candidates of all queries and collects the queries whose result is uncertain.
 template <std::size_t kCapacity>
 HWY_NOINLINE void rank(const Tree& tree, std::size_t k, Queries& queries, const Known& known,
                        Doubtful& doubtful) {
@@ -328,7 +328,7 @@ HWY_NOINLINE void rank(const Tree& tree, std::size_t k, Queries& queries, const 
                                    hn::Set(d, 2.0F * queries.rounding));
       certain =
           hn::And(is_known, candidates.certain(k, hn::Sub(outside, motion), queries.rounding));
-      // Whatever the k nearest are, the k-th is no farther than these.
+      // Upper bound of the k-th neighbour's distance.
       const Float reach =
           hn::Min(hn::MulAdd(motion, hn::Set(d, kFarther), hn::Sqrt(candidates.squared[k - 1])),
                   hn::Sqrt(candidates.squared[kCapacity - 1]));
@@ -359,7 +359,7 @@ void search(const Tree& tree, std::size_t k, Doubtful& doubtful, Queries& querie
   const Floats d;
   const Indices du;
   const std::size_t lanes = hn::Lanes(d);
-  // Lanes without a query repeat the last one, and take nothing.
+  // Lanes without a query repeat the last one; their results are ignored.
   for (std::size_t i = doubtful.count; i % lanes != 0; ++i) {
     for (auto& position : doubtful.position) position[i] = position[doubtful.count - 1];
     doubtful.bound[i] = -1.0F;

@@ -9,8 +9,8 @@
 namespace cairn {
 namespace {
 
-// Singular values below this share of the largest are rounding, not extent: a cloud 1 m long and
-// less than 0.1 mm thick counts as a line.
+// Singular values below this share of the largest count as rounding: a cloud 1 m long and less than 0.1 mm
+// thick is a line.
 constexpr double kFlat = 1e-9;
 
 Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& correlation) {
@@ -40,7 +40,7 @@ Rigid3 closest_motion_of(std::size_t count, const Pair& pair, const Weight& weig
   }
   from_mean /= total;
   to_mean /= total;
-  // By column, so that each stays in registers: as one matrix the sum would go through memory.
+  // One vector per column, which stays in registers; a single matrix would be summed in memory.
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   Eigen::Vector3d y = Eigen::Vector3d::Zero();
   Eigen::Vector3d z = Eigen::Vector3d::Zero();

@@ -14,7 +14,7 @@ namespace {
 
 using Jacobian = Eigen::Matrix<double, 3, 6>;
 
-// An eigenvalue of the information below this share of the largest is rounding.
+// An eigenvalue of the information below this share of the largest counts as rounding.
 constexpr double kOpen = 1e-9;
 
 }  // namespace

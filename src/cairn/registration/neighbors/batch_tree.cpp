@@ -19,17 +19,17 @@ using batch_kernel::Level;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Coordinates about the centre beyond this come near what stands for no point.
+// Largest coordinate relative to the centre; larger ones approach the value for padding points.
 constexpr double kMostCoordinate = 1e16;
 
-// What single precision can be off by. A coordinate is rounded by at most 2⁻²⁴ of itself, so that a
-// distance between points within `extent` of the centre along each axis is off by √3·2⁻²⁴ times the
-// sum of their extents; rounded up generously.
+// Largest error of a distance in single precision. The relative rounding error of a coordinate is at most
+// 2⁻²⁴, so the distance of two points is off by at most √3·2⁻²⁴ times the sum of their extents along an axis
+// from the centre; rounded up generously.
 double coordinate_error(double extents) {
   return 1.75 / (1 << 24) * extents + 1e-38;
 }
 
-// Relative error of what is computed in double precision, rounded up generously.
+// Relative error of computations in double precision, rounded up generously.
 constexpr double kRounding = 1e-13;
 
 double extent(const Eigen::Vector3d& offset) {
@@ -41,10 +41,10 @@ bool before(const Neighbor& a, const Neighbor& b) {
                                                   : a.index < b.index;
 }
 
-// The best so far, in order.
+// The nearest points so far, in order.
 class Best {
  public:
-  // @param farthest squared distance that is known to be enough
+  // @param farthest known upper bound of the squared distance
   explicit Best(std::span<Neighbor> out, double farthest = kInfinity)
       : out_(out), farthest_(farthest) {}
 
@@ -95,8 +95,8 @@ void halve(std::span<Item> items, std::size_t first) {
       [axis](const Item& a, const Item& b) { return a.position[axis] < b.position[axis]; });
 }
 
-// Parts the items into close ones, `most` to a part, only the last with fewer. Any 2ⁿ parts from a
-// multiple of 2ⁿ on are close to each other, too.
+// Divides the items into compact parts of `most` items; only the last may have fewer. Any 2ⁿ parts that start
+// at a multiple of 2ⁿ are also close to each other.
 void part(std::span<Item> items, std::size_t most) {
   const std::size_t parts = (items.size() + most - 1) / most;
   if (parts <= 1) return;
@@ -122,13 +122,13 @@ Level boxes_of(std::size_t count, const auto& grow_by) {
   return result;
 }
 
-// As a tree of these points would have them, so that consecutive ones fill small boxes.
+// Order of the points in a tree, in which consecutive points have small bounding boxes.
 std::vector<std::uint32_t> spatial_order(std::span<const Eigen::Vector3d> points) {
   std::vector<Item> items(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto x = static_cast<float>(points[i][static_cast<Eigen::Index>(axis)]);
-      items[i].position[axis] = std::isfinite(x) ? x : 0.0F;  // or sorting would go astray
+      items[i].position[axis] = std::isfinite(x) ? x : 0.0F;  // NaN would break the sorting
     }
     items[i].index = static_cast<std::uint32_t>(i);
   }
@@ -153,7 +153,7 @@ struct BatchTree::Nodes {
     std::vector<Item> items(all.size());
     for (std::size_t i = 0; i < all.size(); ++i) {
       const Eigen::Vector3d offset = all[i] - centre;
-      // Not std::max, which would lose what is not a number.
+      // Unlike std::max, keeps NaN.
       if (!(extent(offset) <= most)) most = extent(offset);
       items[i] = {{static_cast<float>(offset.x()), static_cast<float>(offset.y()),
                    static_cast<float>(offset.z())},
@@ -201,7 +201,7 @@ struct BatchTree::Nodes {
 
   std::size_t size() const { return points.size(); }
 
-  // In double precision alone.
+  // In double precision only.
   std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out,
                       double farthest = kInfinity) const {
     if (out.empty() || size() == 0) return 0;
@@ -230,7 +230,7 @@ struct BatchTree::Nodes {
     std::array<std::pair<double, std::size_t>, kFanOut> near;
     std::size_t count = 0;
     for (std::size_t i = first; i < first + kFanOut; ++i) {
-      if (boxes.low[0][i] > boxes.high[0][i]) break;  // only fills up the level
+      if (boxes.low[0][i] > boxes.high[0][i]) break;  // padding of the level
       double squared = 0.0;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const double at = query.offset[static_cast<Eigen::Index>(axis)];
@@ -290,7 +290,7 @@ BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k)
       count_(std::min(k, nodes.size())) {
   if (!nodes.searchable || count_ == 0) return;
   for (const std::size_t capacity : batch_kernel::kCapacities) {
-    // One more than k tells how far the others are.
+    // One more than k, to bound the distance of the others.
     if (capacity <= count_) continue;
     capacity_ = capacity;
     return;
@@ -360,7 +360,7 @@ void BatchTree::Batch::settle(const Eigen::Vector3d& query, std::size_t slot,
   std::size_t count = 0;
   for (std::size_t j = 0; j < capacity_; ++j) {
     const std::uint32_t candidate = candidates[j * kBlock];
-    if (candidate >= nodes_->size()) continue;  // fills up a leaf
+    if (candidate >= nodes_->size()) continue;  // padding of a leaf
     best.add({index_[candidate], squared_distance(points_[candidate], query)});
     ++count;
   }

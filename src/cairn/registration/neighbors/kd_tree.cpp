@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kLeafSize = 12;  // measured: 8 to 16 are alike, more is slower
 
-// The points as nanoflann wants to see them.
+// The points in nanoflann's interface.
 struct PointAccess {
   std::vector<Eigen::Vector3d> points;
 
@@ -26,8 +26,7 @@ struct PointAccess {
   }
 };
 
-// Keeps the best by (distance, index). nanoflann's own result set keeps whichever of several equally
-// distant points it meets first.
+// Keeps the best by (distance, index). nanoflann's own result set breaks ties by the order of the search.
 class OrderedResult {
  public:
   using DistanceType = double;

@@ -81,7 +81,7 @@ Axis::Axis(std::span<const double> values, AxisScale scale, int ticks) : scale_(
     high = std::max(high, value);
   }
   const bool is_log = scale == AxisScale::kLog;
-  if (low > high) {  // nothing to show
+  if (low > high) {  // no values
     low = is_log ? 0.1 : 0.0;
     high = 1.0;
   }
@@ -98,7 +98,7 @@ Axis::Axis(std::span<const double> values, AxisScale scale, int ticks) : scale_(
         extent > 1e-12 * spare ? kMargin * extent : (spare > 0.0 ? 0.1 * spare : 1.0);
     low_ = low - room;
     high_ = high + room;
-    // Nothing is below zero that was not.
+    // Without negative values, the axis does not extend below zero.
     if (low >= 0.0 && low_ < 0.0) low_ = 0.0;
   }
   make_ticks(ticks);

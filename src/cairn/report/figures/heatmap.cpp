@@ -132,7 +132,7 @@ class HeatmapFigure {
   void draw_cell(Svg& svg, const Box& cell, double value) const {
     const bool known = std::isfinite(value);
     const auto color = color_at(known ? share_of(value) : 0.0);
-    // White edges keep cells apart; NaN must not look like a low value.
+    // White edges separate cells; NaN must not look like a low value.
     svg.rectangle({cell.left, cell.top}, cell.width(), cell.height(),
                   {.fill = known ? std::string_view(hex(color)) : kNoValue, .stroke = "#ffffff"});
     const std::string text = known ? fmt::format("{:.{}f}", value, decimals_) : "–";

@@ -27,7 +27,7 @@ double end_of(const std::vector<double>& ends, std::size_t i, double value) {
 }
 
 void draw_line(Svg& svg, const Frame& frame, const Line& line, const SeriesLook& look) {
-  // Where a value cannot be shown the line has a gap.
+  // The line has a gap at values that cannot be shown.
   std::vector<SvgPoint> points;
   std::vector<SvgPoint> upper;
   std::vector<SvgPoint> lower;
@@ -81,7 +81,7 @@ std::string lines_svg(const LinesChart& chart, const FigureOptions& options) {
       if (std::isfinite(line.x[i])) last = std::max(last, line.x[i]);
     }
   }
-  // What is counted from 0, such as iterations, begins at the axis.
+  // Quantities counted from 0, such as iterations, begin at the axis.
   const bool from_zero = chart.x_scale == AxisScale::kLinear && last > 0.0 &&
                          std::find(xs.begin(), xs.end(), 0.0) != xs.end() && x.low() == 0.0;
   if (from_zero) x = Axis::between(0.0, last, AxisScale::kLinear, 6);
@@ -170,7 +170,7 @@ std::string intervals_svg(const IntervalsChart& chart, const FigureOptions& opti
     label_width = std::max(label_width, svg_text_width(item, kLabelSize));
   }
 
-  // Drawn twice: the first time only tells how high the legend is.
+  // Drawn twice; the first time only to measure the legend's height.
   FigureOptions sized = options;
   const auto head = [&](Svg& svg) {
     return draw_legend(svg, draw_title(svg, sized), names, looks, LegendMark::kDot);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t kMessage = JMSG_LENGTH_MAX;
 
-// Runs `call`, which may jump to `jump`. It must own nothing when it does: a jump skips destructors.
+// Runs `call`, which may jump to `jump`. It must not own anything then, because a jump skips destructors.
 template <class Call>
 bool finishes(std::jmp_buf& jump, const Call& call) {
   if (setjmp(jump) != 0) return false;
@@ -26,11 +26,11 @@ bool finishes(std::jmp_buf& jump, const Call& call) {
   return true;
 }
 
-// A damaged file may hold any number of scans, and each costs as much as a whole image.
+// A damaged file may contain any number of scans, each of which costs as much as a whole image.
 constexpr int kMostScans = 200;
 
 struct JpegErrors {
-  jpeg_error_mgr manager;  // first: libjpeg knows this struct by it
+  jpeg_error_mgr manager;  // first, because libjpeg passes a pointer to it
   std::jmp_buf jump;
   std::array<char, kMessage> message;
 };
@@ -41,7 +41,7 @@ struct JpegErrors {
   std::longjmp(errors->jump, 1);
 }
 
-// Warnings tell of damage that libjpeg fills with something. Nothing to fill it with is no image.
+// Counts warnings, which report damage that libjpeg fills in. Data that end early are an error.
 void weigh_message(j_common_ptr state, int level) {
   if (level >= 0) return;
   if (state->err->msg_code == JWRN_JPEG_EOF) jump_out(state);
@@ -93,7 +93,7 @@ void read_from_memory(png_structp state, png_bytep bytes, std::size_t size) {
   source->left -= size;
 }
 
-// Memory that grows without exceptions, since it grows in the midst of C code.
+// Memory that grows without exceptions, because C code calls it.
 struct Sink {
   unsigned char* bytes = nullptr;
   std::size_t size = 0;
@@ -145,7 +145,7 @@ Decoder::Decoder(Format format, std::string_view bytes) {
 
 Decoder::~Decoder() {
   if (png_ != nullptr) png_destroy_read_struct(&png_->state, &png_->info, nullptr);
-  // All zeroes, as before it was created, it owns nothing.
+  // All zeros before its creation; it then owns nothing.
   if (jpeg_ != nullptr && jpeg_->state.mem != nullptr) jpeg_destroy_decompress(&jpeg_->state);
   delete png_;
   delete jpeg_;
@@ -161,7 +161,7 @@ Fault Decoder::read_header(Header& header) {
     if (png.info == nullptr) throw std::bad_alloc();
     const bool done = finishes(png.errors.jump, [&] {
       png_set_read_fn(png.state, &png.source, read_from_memory);
-      // The size is checked by the caller, who can say which file it is.
+      // The caller checks the size, because its error names the file.
       png_set_user_limits(png.state, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
       png_read_info(png.state, png.info);
     });
@@ -251,8 +251,8 @@ Fault encode_png(const Rows& rows, std::string& bytes) {
   const bool done =
       info != nullptr && finishes(errors.jump, [&] {
         png_set_write_fn(state, &sink, write_to_memory, flush_nothing);
-        // One filter and run lengths take half the time of any level of compression, at a fifth more
-        // bytes. A sequence is written once, at camera speed.
+        // One filter and run lengths take half the time of any compression level, for 20 % more bytes. A
+        // sequence is written once, at camera speed.
         png_set_filter(state, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
         png_set_compression_level(state, 1);
         png_set_compression_strategy(state, 3);  // Z_RLE

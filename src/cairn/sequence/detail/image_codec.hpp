@@ -16,7 +16,7 @@ inline constexpr std::uint64_t kMostPixels = std::uint64_t{1} << 26;
 
 enum class Format { kPng, kJpeg };
 
-/// What the header of an image file says.
+/// Header of an image file.
 struct Header {
   std::uint32_t width = 0;
   std::uint32_t height = 0;
@@ -25,19 +25,19 @@ struct Header {
   bool has_palette = false;
 };
 
-/// Pixels as they are asked for.
+/// Requested pixel format.
 enum class Pixels { kGray8, kBgr8, kGray16 };
 
-/// Bytes that a pixel takes.
+/// Bytes per pixel.
 constexpr std::size_t size_of(Pixels pixels) {
   return pixels == Pixels::kGray8 ? 1 : pixels == Pixels::kBgr8 ? 3 : 2;
 }
 
-/// Why an image cannot be decoded: empty if it can.
+/// Why an image cannot be decoded or encoded; empty if it can.
 using Fault = std::string;
 
-/// Decodes one file held in memory: first its header, then, into memory of the caller, its pixels.
-/// libpng and libjpeg report a fault by a jump; neither jump leaves a function of this class.
+/// Decodes a file in memory: first its header, then its pixels into the caller's memory.
+/// libpng and libjpeg report faults by longjmp(), which never leaves a function of this class.
 class Decoder {
  public:
   explicit Decoder(Format format, std::string_view bytes);
@@ -45,10 +45,10 @@ class Decoder {
   Decoder& operator=(const Decoder&) = delete;
   ~Decoder();
 
-  /// Reads the header: before read_pixels(), once.
+  /// Call once, before read_pixels().
   Fault read_header(Header& header);
 
-  /// Decodes into rows of `stride` bytes from `first` on.
+  /// Decodes into rows at `first`, `stride` bytes apart.
   /// @param pixels kGray16 only for a PNG of one 16-bit channel
   Fault read_pixels(Pixels pixels, unsigned char* first, std::size_t stride);
 
@@ -59,7 +59,7 @@ class Decoder {
   Jpeg* jpeg_ = nullptr;
 };
 
-/// The rows of an image that is to be encoded.
+/// Rows of an image to be encoded.
 struct Rows {
   const unsigned char* first = nullptr;
   std::size_t stride = 0;  ///< bytes from row to row

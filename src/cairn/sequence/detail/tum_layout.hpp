@@ -19,20 +19,20 @@ struct ImageEntry {
   friend bool operator==(const ImageEntry&, const ImageEntry&) = default;
 };
 
-/// Reads a list of images: `timestamp file` a line, lines that start with '#' are comments. Returned
-/// in the order of time; a list out of order is sorted and remarked on.
-/// @throws Error (input) naming source, line and field: text where a number belongs, a file that
-///         leaves the sequence's folder, a timestamp that occurs twice, no entries
+/// Reads a list of images: one `timestamp file` per line; lines that start with '#' are comments. Returns
+/// them in time order; sorts a list that is out of order and logs a remark.
+/// @throws Error (input) naming source, line and field for a timestamp that is not a number, a file outside
+///         the sequence's folder, a duplicate timestamp, or a list without entries
 std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log = {});
 
-/// A colour image and the depth image that belongs to it, as positions in their lists.
+/// A colour image and its depth image, as indices into their lists.
 struct ImagePair {
   std::size_t color = 0;
-  std::optional<std::size_t> depth;  ///< nothing if no depth image is near enough in time
+  std::optional<std::size_t> depth;  ///< std::nullopt if no depth image is close enough in time
 };
 
-/// Gives each colour image at most one depth image, and each depth image to at most one colour image:
-/// the closest in time first, less than `max_difference_s` apart. All colour images, in order.
+/// Pairs colour images with depth images one to one, closest in time first, if less than `max_difference_s`
+/// apart. Returns all colour images, in order.
 std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
                                         const std::vector<ImageEntry>& depth,
                                         double max_difference_s);

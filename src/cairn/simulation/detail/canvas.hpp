@@ -9,25 +9,25 @@
 
 namespace cairn {
 
-/// A colour as it appears on a screen, each channel in [0, 1].
+/// A colour as displayed on a screen, each channel in [0, 1].
 struct Paint {
   float r = 0.0F;
   float g = 0.0F;
   float b = 0.0F;
 
   Paint scaled(double factor) const;
-  /// (1 - share) of this and `share` of the other.
+  /// (1 - share) of this plus `share` of the other.
   Paint mixed(const Paint& other, double share) const;
 };
 
-/// A colour of any hue.
+/// A colour of random hue.
 Paint random_paint(Random& random, double saturation, double value);
 
-/// A picture being painted, measured in metres: x to the right and y down from the top left corner.
-/// What lies outside is not painted.
+/// A picture being painted. Coordinates are in metres from the top left corner, x to the right and y down.
+/// Shapes are clipped to the canvas.
 class Canvas {
  public:
-  /// @param texels_per_metre lowered where a side would take more than 4096 texels
+  /// @param texels_per_metre reduced if a side would exceed 4096 texels
   Canvas(double width_m, double height_m, double texels_per_metre, const Paint& background);
 
   double width() const { return width_m_; }
@@ -42,20 +42,19 @@ class Canvas {
   void line(double x0, double y0, double x1, double y1, double thickness, const Paint& paint);
   void triangle(double x0, double y0, double x1, double y1, double x2, double y2,
                 const Paint& paint);
-  /// A colour that changes from the top to the bottom.
+  /// A rectangle whose colour changes from top to bottom.
   void gradient(double x, double y, double width, double height, const Paint& top,
                 const Paint& bottom);
-  /// Lines that look like a written word of `letters` signs, each `size` high.
-  /// @return how wide it is
+  /// Strokes that look like a word of `letters` letters, up to `size` high.
+  /// @return its width
   double word(double x, double y, double size, int letters, const Paint& paint, Random& random);
   /// A block of text: lines of words, ragged on the right, as many as fit.
   void text(double x, double y, double width, double height, double size, const Paint& paint,
             Random& random);
 
-  /// Lightens and darkens all by smooth noise: blotches of the given size, anisotropic where the two
-  /// differ.
+  /// Lightens and darkens the canvas by smooth noise with blotches of the given size.
   void blotches(double size_x, double size_y, double strength, Random& random);
-  /// Lightens and darkens each texel by itself.
+  /// Lightens and darkens each texel independently.
   void grain(double strength, Random& random);
 
   /// @return the picture so far

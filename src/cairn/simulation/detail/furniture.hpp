@@ -21,39 +21,41 @@ enum class Wall { kNorth, kEast, kSouth, kWest };
 /// Length of a wall.
 double wall_length(const RoomShape& room, Wall wall);
 
-/// What the surfaces of a room look like.
+/// Appearance of a room's surfaces.
 struct RoomLook {
   SceneBuilder::Painting wall;
   SceneBuilder::Painting floor;
   SceneBuilder::Painting ceiling;
   Paint wall_paint;
   Paint floor_paint;
-  double floor_pitch = 1.0;  ///< factor on the size of what is painted, e.g. of tiles
+  double floor_pitch = 1.0;  ///< factor on the size of painted patterns, e.g. tiles
   double ceiling_pitch = 1.0;
 };
 
-/// Walls, floor, ceiling, and rows of ceiling lights.
+/// Adds walls, floor, ceiling, and rows of ceiling lights.
 void add_room(SceneBuilder& builder, const RoomShape& room, const RoomLook& look, int lights_x,
               int lights_y, double light_power, Random& random);
 
-/// Something flat on a wall. @param along metres from the wall's left end to the middle of it
+/// Adds a flat object on a wall. Lengths in metres.
+/// @param along  from the wall's left end to the object's middle
+/// @param bottom height of its lower edge above the floor
 void hang(SceneBuilder& builder, const RoomShape& room, Wall wall, const std::string& name,
           double along, double bottom, double width, double height, double thickness,
           SceneBuilder::Painting painting, const Paint& paint, double texels_per_metre,
           Random& random);
 
-/// A place where things stand: a rectangle `width` (x) by `depth` (y) about the frame's origin.
+/// A surface that items stand on: a rectangle `width` (x) by `depth` (y) about the frame's origin.
 struct SupportSurface {
   Rigid3 world_from_support;
   double width = 1.0;
   double depth = 1.0;
 };
 
-/// @param at where the middle of its front lower edge is; front faces -y of the pose
-/// @return what can bear things
+/// @param pose of the middle of its front lower edge; the front faces -y
+/// @return its top
 SupportSurface add_table(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
                          double height, Random& random);
-/// A case of shelves, filled with books and some things. Its back lies at y = depth.
+/// Adds shelves with books and some other items. The back is at y = depth.
 void add_bookcase(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
                   double height, int levels, Random& random);
 void add_cabinet(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
@@ -62,20 +64,20 @@ void add_partition(SceneBuilder& builder, const Rigid3& pose, double width, doub
                    Random& random);
 void add_sofa(SceneBuilder& builder, const Rigid3& pose, double width, Random& random);
 void add_bench(SceneBuilder& builder, const Rigid3& pose, double width, Random& random);
-/// @return one support per level, the floor's first
+/// @return one surface per level, the floor's first
 std::vector<SupportSurface> add_rack(SceneBuilder& builder, const Rigid3& pose, double width,
                                      double depth, double height, int levels, Random& random);
 
 /// Width of each unit of a kitchen's front.
 inline constexpr double kKitchenUnit = 0.6;
 
-/// Base units and wall units in a row, all with the same doors but for an oven, and tiles between them.
+/// Adds a row of base units and wall units, with tiles between them. All have the same doors except an oven.
 /// @param shade brightness of the doors
-/// @return what can bear things: the worktop, and a shelf among the wall units
+/// @return the worktop and a shelf among the wall units
 std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid3& pose, int units,
                                               double shade, Random& random);
 
-/// Things that stand on supports.
+/// Items that stand on support surfaces.
 enum class ItemKind {
   kMonitor,
   kLaptop,
@@ -101,7 +103,7 @@ enum class ItemKind {
 /// Name of a kind, e.g. "book stack".
 std::string item_name(ItemKind kind);
 
-/// How much room an item takes, and the random numbers that go on to decide its looks.
+/// Size of an item, in metres, and the random numbers that determine its appearance.
 struct ItemShape {
   double width = 0.1;
   double depth = 0.1;
@@ -111,7 +113,7 @@ struct ItemShape {
 /// The same for the same seed.
 ItemShape item_shape(ItemKind kind, std::uint64_t seed);
 
-/// Adds the item's surfaces to the object begun last, about its origin.
+/// Adds the item's surfaces to the last object begun, about its origin.
 void add_item(SceneBuilder& builder, ItemKind kind, ItemShape shape);
 
 }  // namespace cairn

@@ -3,8 +3,8 @@
 
 #include "cairn/simulation/detail/canvas.hpp"
 
-/// Pictures of what stands in rooms. Each paints the whole canvas, another picture with each state of
-/// the random numbers. Rich in corners; none repeats but tiles.
+/// Pictures for walls, floors, furniture and items. Each function fills the canvas with a picture that
+/// depends on the random numbers and is rich in corners. Only the tiles have a repeating pattern.
 namespace cairn::paintings {
 
 void plaster(Canvas& canvas, Random& random);       ///< a wall, with stains, scuffs and cracks

@@ -9,15 +9,15 @@
 
 namespace cairn::sqlite::detail {
 
-/// What statements share with their database.
+/// State that statements share with their database.
 struct Connection {
   std::string name;
   sqlite3* handle = nullptr;
   std::stop_token stop;
   bool untrusted = true;
 
-  /// @throws cairn::Error for what SQLite reports as `code`
-  /// @param doing what was tried, e.g. the statement
+  /// @throws cairn::Error for SQLite's error `code`, always
+  /// @param doing the failed action, e.g. the statement
   [[noreturn]] void fail(int code, std::string_view doing) const;
 };
 
