@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -123,6 +124,13 @@ MapPair SweepArguments::load_pair(const StudyPair& pair) const {
   return loaded;
 }
 
+void remark_on_processors(const std::vector<std::string>& kinds, const Console& console) {
+  if (kinds.size() < 2) return;
+  console.remark(fmt::format(
+      "the runs are from several kinds of processor ({}), whose results may differ in last digits",
+      fmt::join(kinds, ", ")));
+}
+
 int SweepArguments::run() {
   const Shard part = shard();
   require_outputs(common);
@@ -138,6 +146,7 @@ int SweepArguments::run() {
   if (folder.done() > 0) {
     console.remark(fmt::format("{}: {} of {} runs were done before", output, folder.done(), all));
   }
+  remark_on_processors(folder.processors(), console);
   StudyOptions options;
   options.executor = common.executor();
   options.stop = interrupt_requests();
@@ -185,7 +194,7 @@ void MergeArguments::add_to(CLI::App& command) {
 int MergeArguments::run() const {
   require_outputs(common);
   std::vector<fs::path> folders(shards.begin(), shards.end());
-  merge_study(folders, output);
+  remark_on_processors(merge_study(folders, output), common.console());
   const std::string path = (folders.front() / "study.yaml").string();
   const std::string yaml = read_file(path);
   write_text(output, "study.yaml", yaml);

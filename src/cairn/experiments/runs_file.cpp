@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/runs_file.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <utility>
@@ -10,6 +11,7 @@
 
 #include "cairn/core/csv.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/hash.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/angles.hpp"
 
@@ -19,6 +21,9 @@ namespace {
 constexpr std::array<std::string_view, 12> kKeys = {
     "pair", "experiment", "number", "method",   "strategy",  "k",
     "x_m",  "y_m",        "z_m",    "roll_deg", "pitch_deg", "yaw_deg"};
+
+constexpr std::string_view kChecksum = "checksum";
+constexpr std::size_t kChecksumSize = 8;
 
 constexpr std::array<std::string_view, 15> kResults = {"status",
                                                        "stop_reason",
@@ -53,7 +58,21 @@ void add_key(Csv& row, const Trial& trial) {
 std::vector<std::string_view> runs_columns() {
   std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
   columns.insert(columns.end(), kResults.begin(), kResults.end());
+  columns.push_back(kChecksum);
   return columns;
+}
+
+// The row with its checksum and line end.
+std::string sealed(const Csv& row) {
+  const std::string before = row.text() + ",";
+  return before + row_checksum(before) + "\n";
+}
+
+// Whether a text that ends with LF ends with the checksum of what is before.
+bool is_sealed(std::string_view row) {
+  if (row.size() < kChecksumSize + 1) return false;
+  const std::size_t size = row.size() - kChecksumSize - 1;
+  return row.substr(size, kChecksumSize) == row_checksum(row.substr(0, size));
 }
 
 // The cells of one row, one after another.
@@ -65,7 +84,6 @@ class RowReader {
   const std::string& text() { return row_.cells[next_++]; }
 
   bool blank() const { return row_.cells[next_].empty(); }
-  bool is(std::string_view text) const { return row_.cells[next_] == text; }
   void skip(std::size_t cells) { next_ += cells; }
 
   double number() {
@@ -124,15 +142,8 @@ TrialResult parse_run(RowReader row) {
         &Displacement::pitch_deg, &Displacement::yaw_deg}) {
     trial.initial.*part = row.number();
   }
-  // Earlier tables say "aligned" for every pose.
-  const bool has_pose = row.is("aligned");
-  if (has_pose) {
-    row.skip(1);
-  } else {
-    run.status = row.named(kStatuses);
-  }
+  run.status = row.named(kStatuses);
   run.stop_reason = row.named(kStopReasons);
-  if (has_pose) run.status = status_of(run.stop_reason);
   run.iterations = static_cast<int>(row.whole(kMost));
   if (!row.blank()) {
     run.cycle_length = static_cast<int>(row.whole(kMost));
@@ -186,13 +197,13 @@ std::string runs_row(const TrialResult& run) {
     row << ""
         << "";
   }
-  row.end_row();
-  return row.text();
+  return sealed(row);
 }
 
 std::string timings_header() {
   std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
   columns.emplace_back("duration_s");
+  columns.push_back(kChecksum);
   return Csv(columns).text();
 }
 
@@ -200,8 +211,32 @@ std::string timings_row(const TrialResult& run) {
   Csv row;
   add_key(row, run.trial);
   row << run.duration_s;
-  row.end_row();
-  return row.text();
+  return sealed(row);
+}
+
+std::string row_checksum(std::string_view before) {
+  Hasher hasher;
+  hasher.update(before);
+  return to_string(hasher.digest()).substr(0, kChecksumSize);
+}
+
+std::size_t sound_size(std::string_view table, std::string_view header, std::string_view name) {
+  if (!table.starts_with(header)) {
+    if (header.starts_with(table)) return 0;
+    throw Error(ErrorKind::kInput, fmt::format("{}:1", name),
+                printable(table.substr(0, table.find('\n'))),
+                std::string(header.substr(0, header.size() - 1)));
+  }
+  std::size_t sound = header.size();
+  // A row may span several lines, between quotes.
+  for (std::size_t end = table.find('\n', sound); end != std::string_view::npos;
+       end = table.find('\n', end + 1)) {
+    const std::string_view row = table.substr(sound, end + 1 - sound);
+    if (std::count(row.begin(), row.end(), '"') % 2 != 0) continue;
+    if (!is_sealed(row)) break;
+    sound = end + 1;
+  }
+  return sound;
 }
 
 std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name) {
@@ -218,6 +253,10 @@ std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name
     if (rows[i].cells.size() != columns.size()) {
       throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, rows[i].line),
                   fmt::format("{} cells", rows[i].cells.size()), fmt::format("{}", columns.size()));
+    }
+    if (!is_sealed(text.substr(rows[i - 1].end, rows[i].end - rows[i - 1].end))) {
+      throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", name, rows[i].line, kChecksum),
+                  printable(rows[i].cells.back()), "the checksum of the row; the row is damaged");
     }
     runs.push_back(parse_run(RowReader(rows[i], columns, name)));
   }

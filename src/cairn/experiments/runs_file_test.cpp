@@ -61,12 +61,46 @@ TEST(RunsFile, ReadsBackWhatItWrote) {
   EXPECT_FALSE(runs[1].error);
 }
 
-TEST(RunsFile, ReadsTheStatusOfEarlierTables) {
-  std::string row = runs_row(full_run());
-  row.replace(row.find("converged"), 9, "aligned");
-  EXPECT_EQ(parse_runs(runs_header() + row, "runs.csv")[0].status, RegistrationStatus::kConverged);
-  row.replace(row.find("mse_change"), 10, "cycle");
-  EXPECT_EQ(parse_runs(runs_header() + row, "runs.csv")[0].status, RegistrationStatus::kStopped);
+// A row whose text was changed, with the checksum of the new text.
+std::string resealed(std::string row, std::string_view from, std::string_view to) {
+  row.replace(row.find(from), from.size(), to);
+  row.resize(row.rfind(',') + 1);
+  return row + row_checksum(row) + "\n";
+}
+
+TEST(RunsFile, NoticesEveryChangedByteOfARow) {
+  const std::string row = runs_row(full_run());
+  const std::string other = runs_row(failed_run());
+  for (std::size_t i = 0; i + 1 < row.size(); ++i) {
+    std::string table = runs_header() + other + row + other;
+    table[runs_header().size() + other.size() + i] ^= 1;
+    // A quote that is not closed makes the rest a truncated row, which is left out.
+    try {
+      EXPECT_EQ(parse_runs(table, "runs.csv").size(), 1U) << i;
+      EXPECT_EQ(row[i], '"') << i;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    }
+    EXPECT_EQ(sound_size(table, runs_header(), "runs.csv"), runs_header().size() + other.size())
+        << i;
+  }
+}
+
+TEST(RunsFile, IsSoundUpToARowThatIsNotComplete) {
+  const std::string whole = timings_header() + timings_row(full_run()) + timings_row(failed_run());
+  EXPECT_EQ(sound_size(whole, timings_header(), "t"), whole.size());
+  EXPECT_EQ(sound_size(whole.substr(0, whole.size() - 1), timings_header(), "t"),
+            timings_header().size() + timings_row(full_run()).size());
+  EXPECT_EQ(sound_size(timings_header().substr(0, 9), timings_header(), "t"), 0U);
+  EXPECT_THROW(sound_size("a,b\n", timings_header(), "t"), Error);
+}
+
+TEST(RunsFile, IsSoundWhereAPairsNameHasQuotesAndLineEnds) {
+  TrialResult run = full_run();
+  run.trial.pair = "a\n\"b\"\nc";
+  const std::string table = runs_header() + runs_row(run) + runs_row(full_run());
+  EXPECT_EQ(sound_size(table, runs_header(), "runs.csv"), table.size());
+  EXPECT_EQ(parse_runs(table, "runs.csv")[0].trial.pair, run.trial.pair);
 }
 
 TEST(RunsFile, HoldsNoTimesButTheTimingsFileDoes) {
@@ -90,14 +124,15 @@ TEST(RunsFile, NamesLineAndColumnOfADefect) {
   EXPECT_THAT(message(""), HasSubstr("runs.csv:1: no header of a table of runs"));
   EXPECT_THAT(message("a,b\n1,2\n"), HasSubstr("expected pair,experiment,number"));
   EXPECT_THAT(message(runs_header() + "a,b\n"), HasSubstr("runs.csv:2: 2 cells"));
-  std::string row = runs_row(failed_run());
-  row.replace(row.find("failed"), 6, "fallen");
   EXPECT_THAT(
-      message(runs_header() + row),
+      message(runs_header() + resealed(runs_row(failed_run()), "failed", "fallen")),
       HasSubstr("runs.csv:2: status: 'fallen'; expected converged, stopped, failed, cancelled"));
-  row = runs_row(full_run());
-  row.replace(row.find("22.5"), 4, "nan");
-  EXPECT_THAT(message(runs_header() + row), HasSubstr("yaw_deg: 'nan'; expected a number"));
+  EXPECT_THAT(message(runs_header() + resealed(runs_row(full_run()), "22.5", "nan")),
+              HasSubstr("yaw_deg: 'nan'; expected a number"));
+  std::string row = runs_row(full_run());
+  row.replace(row.find("22.5"), 4, "23.5");
+  EXPECT_THAT(message(runs_header() + row),
+              HasSubstr("expected the checksum of the row; the row is damaged"));
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <map>
 #include <optional>
+#include <set>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -19,6 +21,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/processor.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 
@@ -30,6 +33,7 @@ namespace fs = std::filesystem;
 constexpr std::string_view kIdentity = "study.txt";
 constexpr std::string_view kRuns = "runs.csv";
 constexpr std::string_view kTimings = "timings.csv";
+constexpr std::string_view kProcessors = "processors.txt";
 
 [[noreturn]] void fail(const fs::path& path, std::string_view what) {
   throw Error(ErrorKind::kStorage, path.string(),
@@ -104,6 +108,22 @@ void require_same(const fs::path& folder, const std::string& found, const std::s
               fmt::format("{}, or a new folder", printable(here)));
 }
 
+// The kinds of processor that a folder names, one a line.
+std::set<std::string> read_processors(const fs::path& folder) {
+  std::set<std::string> kinds;
+  const fs::path path = folder / kProcessors;
+  if (!fs::exists(path)) return kinds;
+  std::istringstream lines(read_file(path));
+  for (std::string line; std::getline(lines, line);) kinds.insert(line);
+  return kinds;
+}
+
+void write_processors(const fs::path& folder, const std::set<std::string>& kinds) {
+  write_file(folder / kProcessors, [&](const ByteSink& sink) {
+    for (const std::string& kind : kinds) sink(kind + "\n");
+  });
+}
+
 // A table that is only ever appended to.
 class RowFile {
  public:
@@ -120,13 +140,13 @@ class RowFile {
     }
     try {
       text_ = read_file(path_);
-      rows_ = parse_csv(text_, path_.string());
-      if (rows_.empty()) {
+      text_.resize(sound_size(text_, header, path_.string()));
+      if (text_.empty()) {
         truncate(0);
         append(header);
-        rows_.push_back({.cells = {}, .line = 1, .end = header.size()});
         text_ = header;
       }
+      rows_ = parse_csv(text_, path_.string());
     } catch (...) {
       ::close(descriptor_);
       throw;
@@ -191,6 +211,7 @@ struct StudyFolder::Files {
   Shard shard;
   RowFile runs;
   RowFile timings;
+  std::vector<std::string> processors = {};
   std::size_t done = 0;
 };
 
@@ -230,9 +251,18 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
   files_->timings.keep(files_->done);
   files_->runs.forget_text();
   files_->timings.forget_text();
+
+  std::set<std::string> processors = read_processors(folder);
+  if (files_->done == 0) processors.clear();
+  if (processors.insert(processor_kind()).second) write_processors(folder, processors);
+  files_->processors.assign(processors.begin(), processors.end());
 }
 
 StudyFolder::~StudyFolder() = default;
+
+const std::vector<std::string>& StudyFolder::processors() const {
+  return files_->processors;
+}
 
 std::size_t StudyFolder::done() const {
   return files_->done;
@@ -294,7 +324,7 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
   }
 }
 
-void merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
+std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
   if (shards.empty()) throw Error(ErrorKind::kMisuse, "merge", "no folder", "the shards' folders");
   std::map<std::size_t, std::pair<fs::path, Identity>> parts;
   std::optional<Identity> first;
@@ -330,13 +360,15 @@ void merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
     for (const auto& [index, part] : parts) {
       const fs::path path = part.first / name;
       const std::string content = read_file(path);
-      const std::vector<CsvRow> rows = parse_csv(content, path.string());
+      const std::string header = name == kRuns ? runs_header() : timings_header();
+      const std::size_t sound = sound_size(content, header, path.string());
+      const std::vector<CsvRow> rows = parse_csv(content.substr(0, sound), path.string());
       const std::size_t count = rows.empty() ? 0 : rows.size() - 1;
-      if (count != part.second.runs || rows.back().end != content.size()) {
-        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} complete rows", count),
+      if (count != part.second.runs || sound != content.size()) {
+        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", count),
                     fmt::format("{}; run the shard again to complete it", part.second.runs));
       }
-      text += content.substr(rows.front().end);
+      text += content.substr(header.size());
     }
   }
   std::error_code error;
@@ -351,6 +383,10 @@ void merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
   }
   const Identity whole{Shard{}, total, first->study};
   write_file(merged / kIdentity, [&](const ByteSink& sink) { sink(whole.text()); });
+  std::set<std::string> processors;
+  for (const fs::path& folder : shards) processors.merge(read_processors(folder));
+  write_processors(merged, processors);
+  return {processors.begin(), processors.end()};
 }
 
 }  // namespace cairn

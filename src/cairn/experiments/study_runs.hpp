@@ -35,7 +35,8 @@ struct Shard {
 };
 
 /// A folder with the runs of a study or of a shard, safe against being killed at any time: complete rows of
-/// runs.csv and timings.csv are kept, no row is written twice, a truncated row is dropped and run again.
+/// runs.csv and timings.csv are kept, no row is written twice; from a truncated or damaged row on, all are
+/// dropped and run again.
 /// Used by one process at a time.
 class StudyFolder {
  public:
@@ -48,6 +49,10 @@ class StudyFolder {
   ~StudyFolder();
   StudyFolder(const StudyFolder&) = delete;
   StudyFolder& operator=(const StudyFolder&) = delete;
+
+  /// Kinds of processor that wrote rows, this one included, in ascending order; see processor_kind(). Those of
+  /// different kinds may differ in last digits.
+  const std::vector<std::string>& processors() const;
 
   /// Rows in the folder; the next run is shard.begin() + done().
   std::size_t done() const;
@@ -78,9 +83,10 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
 
 /// Joins the complete folders of all shards of one study, in any order, to the folder that a single process
 /// would have written; runs.csv is identical.
+/// @return the kinds of processor that wrote the rows, as StudyFolder::processors()
 /// @throws Error (input) naming a folder of another study, incomplete, missing or given twice; (storage) if
 ///        `merged` exists or cannot be written
-void merge_study(const std::vector<std::filesystem::path>& shards,
-                 const std::filesystem::path& merged);
+std::vector<std::string> merge_study(const std::vector<std::filesystem::path>& shards,
+                                     const std::filesystem::path& merged);
 
 }  // namespace cairn

@@ -9,6 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/processor.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -16,6 +17,8 @@
 
 namespace cairn {
 namespace {
+
+using ::testing::UnorderedElementsAre;
 
 using ::testing::HasSubstr;
 
@@ -110,6 +113,32 @@ TEST_F(StudyRunsTest, LoseAndDoubleNothingWhereverTheyWereCut) {
   }
 }
 
+TEST_F(StudyRunsTest, RunAgainFromADamagedRowOn) {
+  run(folder_ / "whole");
+  for (const char* const name : {"runs.csv", "timings.csv"}) {
+    fs::remove_all(folder_ / "a");
+    fs::copy(folder_ / "whole", folder_ / "a");
+    std::string text = content(folder_ / "a" / name);
+    // As a lost sector leaves it.
+    std::fill_n(text.begin() + static_cast<std::ptrdiff_t>(text.size() / 2), 40, '\0');
+    write_file(folder_ / "a" / name, [&](const ByteSink& sink) { sink(text); });
+    EXPECT_GT(StudyFolder(folder_ / "a", plan_, {}).done(), plan_.size() / 4);
+    run(folder_ / "a");
+    EXPECT_EQ(content(folder_ / "a/runs.csv"), content(folder_ / "whole/runs.csv"));
+  }
+}
+
+TEST_F(StudyRunsTest, NameTheKindsOfProcessorTheyAreFrom) {
+  run(folder_ / "a");
+  EXPECT_EQ(StudyFolder(folder_ / "a", plan_, {}).processors(),
+            std::vector<std::string>{processor_kind()});
+  write_file(folder_ / "a/processors.txt", [](const ByteSink& sink) { sink("abacus\n"); });
+  EXPECT_THAT(StudyFolder(folder_ / "a", plan_, {}).processors(),
+              UnorderedElementsAre("abacus", processor_kind()));
+  EXPECT_THAT(merge_study({folder_ / "a"}, folder_ / "merged"),
+              UnorderedElementsAre("abacus", processor_kind()));
+}
+
 TEST_F(StudyRunsTest, GoOnAfterTheyWereStopped) {
   run(folder_ / "whole");
   std::stop_source stop;
@@ -195,9 +224,13 @@ TEST_F(StudyRunsTest, KeepTheRowsOfAnotherStudy) {
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("input x 1"));
   }
-  // Rows that somebody changed.
+  // A row of another run, with its right checksum.
   std::string text = content(folder_ / "a/runs.csv");
-  text.replace(text.find("observations"), 12, "covariance");
+  const std::size_t second = text.find('\n', text.find('\n') + 1) + 1;
+  const std::size_t third = text.find('\n', second) + 1;
+  std::string row = text.substr(second, text.rfind(',', third) + 1 - second);
+  row.replace(row.find("observations"), 12, "covariance");
+  text.replace(second, third - second, row + row_checksum(row) + "\n");
   write_file(folder_ / "a/runs.csv", [&](const ByteSink& sink) { sink(text); });
   EXPECT_THAT(refusal(folder_ / "a", plan_), HasSubstr("runs.csv:3: is not the study's run"));
 }
