@@ -43,6 +43,8 @@ struct AlignArguments {
   std::string pose;
   std::string pose_format = "matrix";
   std::string camera;
+  std::string source_sequence;
+  std::string target_sequence;
   IcpOptions options;
   bool stop_as_pcl = false;
   PointSetOptions point_options;
@@ -69,9 +71,9 @@ struct AlignArguments {
   void check_outputs(std::size_t strategies);
   void write_pose_file(const Similarity3& target_from_source) const;
   Json options_json(const std::vector<Strategy>& strategies) const;
-  report::Report make_report(const LoadedMap& source_map, const LoadedMap& target_map,
-                             const std::vector<StrategyResult>& alignments, LengthUnit unit,
-                             const std::optional<Similarity3>& true_pose, const Json& json) const;
+  ReportedPair reported_pair(const LoadedMap& source_map, const LoadedMap& target_map,
+                             LengthUnit unit, const std::optional<Similarity3>& true_pose) const;
+  report::Report make_report(const ReportedPair& pair, const Json& json) const;
   void print(const LoadedMap& source_map, const LoadedMap& target_map,
              const std::vector<StrategyResult>& results, LengthUnit unit) const;
 };
@@ -142,6 +144,8 @@ void AlignArguments::add_to(CLI::App& command) {
   command.add_flag("--trace", options.trace,
                    "Write pose, score and matches of each iteration to the JSON");
   common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
+  add_sequence_to(command, "--source-sequence", source_sequence, "the source map");
+  add_sequence_to(command, "--target-sequence", target_sequence, "the target map");
   common.add_to(command);
   auto* const everywhere = command.add_flag(
       "--anywhere", anywhere,
@@ -293,23 +297,27 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"trace", options.trace}};
 }
 
-report::Report AlignArguments::make_report(const LoadedMap& source_map, const LoadedMap& target_map,
-                                           const std::vector<StrategyResult>& alignments,
+// What is known before the maps are aligned.
+ReportedPair AlignArguments::reported_pair(const LoadedMap& source_map, const LoadedMap& target_map,
                                            LengthUnit unit,
-                                           const std::optional<Similarity3>& true_pose,
-                                           const Json& json) const {
+                                           const std::optional<Similarity3>& true_pose) const {
   ReportedPair pair;
   pair.source_name = file_name(source_map.path);
   pair.target_name = file_name(target_map.path);
   pair.source = &source_map.map;
   pair.target = &target_map.map;
+  pair.source_images = images_of(source_map.map, source_sequence, common);
+  pair.target_images = images_of(target_map.map, target_sequence, common);
   pair.unit = unit;
   pair.points = point_options;
   pair.initial = options.initial;
   pair.truth = true_pose;
-  pair.results = alignments;
+  return pair;
+}
+
+report::Report AlignArguments::make_report(const ReportedPair& pair, const Json& json) const {
   report::Report report = begin_report(pair.source_name + " to " + pair.target_name, common);
-  report.subtitle = subtitle_of(alignments, unit);
+  report.subtitle = subtitle_of(pair.results, pair.unit);
   set_provenance(report, json);
   add_pair(report, pair);
   return report;
@@ -659,8 +667,10 @@ int AlignArguments::run() {
   alignment.seed = common.seed;
   if (estimate_scale) alignment.scale = ScaleRange();
   if (gravity) alignment.gravity = gravity_prior(source_map.map, target_map.map);
-  const std::vector<StrategyResult> results =
+  ReportedPair shown = reported_pair(source_map, target_map, unit, true_pose);
+  shown.results =
       align_by_all(source_map.map, target_map.map, strategies, alignment, true_pose, common);
+  const std::vector<StrategyResult>& results = shown.results;
 
   const Alignment& first = results.front().alignment;
   if (has_answer(first)) {
@@ -694,9 +704,7 @@ int AlignArguments::run() {
   }
   write_document(json, common);
   print(source_map, target_map, results, unit);
-  if (!common.report_path.empty()) {
-    write_report(make_report(source_map, target_map, results, unit, true_pose, json), common);
-  }
+  if (!common.report_path.empty()) write_report(make_report(shown, json), common);
   const bool all_answered = std::all_of(results.begin(), results.end(),
                                         [](const auto& one) { return has_answer(one.alignment); });
   return all_answered ? kDone : kNoTrustworthyAlignment;

@@ -38,6 +38,7 @@ struct ReportArguments {
   CommonArguments common;
   std::vector<std::string> results;
   std::string title;
+  std::string sequence;
 
   void add_to(CLI::App& command);
   int run();
@@ -58,6 +59,7 @@ void ReportArguments::add_to(CLI::App& command) {
       ->check(refuse_none);
   add_text(command, "-o,--output", common.report_path, "HTML file to write. Required", "FILE");
   add_text(command, "--title", title, "Title of the report", "TEXT");
+  add_sequence_to(command, "--sequence", sequence, "a map that is shown alone");
   common.add_to(command);
   command.footer(
       "Reads the maps that a result names; leaves out maps that are missing or were changed.\n"
@@ -68,7 +70,9 @@ void ReportArguments::add_to(CLI::App& command) {
       "Example: save a result, and write a page for it later\n"
       "  cairn align source.map target.map --confidence none,observations --trace \\\n"
       "      --json result.json\n"
-      "  cairn report result.json -o report.html");
+      "  cairn report result.json -o report.html\n"
+      "Example: show a map, and what its keyframes saw\n"
+      "  cairn report desk.map --sequence rgbd_desk -o desk.html");
 }
 
 // Every match must be one of landmarks that are there.
@@ -92,8 +96,12 @@ void check_matches(const SavedResult& result, const ReportedPair& pair) {
 // One report being put together from several files.
 class Assembly {
  public:
-  Assembly(report::Report report, const CommonArguments& common, bool several)
-      : report_(std::move(report)), common_(common), several_(several) {}
+  /// @param sequence of the map, if a map is all that is shown; may be empty
+  Assembly(report::Report report, const CommonArguments& common, std::string sequence, bool several)
+      : report_(std::move(report)),
+        common_(common),
+        sequence_(std::move(sequence)),
+        several_(several) {}
 
   void add_file(const std::string& path);
 
@@ -117,6 +125,7 @@ class Assembly {
   std::optional<LoadedMap> reload(const SavedMap& saved, std::string_view role,
                                   const SavedResult& result);
   void remark(std::string text);
+  void refuse_sequence(const std::string& path) const;
   void add_input(const std::string& role, Json description) {
     report_.provenance.inputs.push_back(reported_input(role, std::move(description)));
   }
@@ -127,6 +136,7 @@ class Assembly {
 
   report::Report report_;
   const CommonArguments& common_;
+  std::string sequence_;
   bool several_;
   std::size_t count_ = 0;
   Json inputs_ = Json::array();
@@ -150,7 +160,9 @@ bool looks_like_json(const std::string& path) {
 
 void Assembly::add_file(const std::string& path) {
   ++count_;
+  if (several_) refuse_sequence(path);
   if (std::filesystem::is_directory(path)) {
+    refuse_sequence(path);
     add_experiment(path);
     return;
   }
@@ -163,6 +175,7 @@ void Assembly::add_file(const std::string& path) {
     add_single_map(path);
     return;
   }
+  refuse_sequence(path);
   const std::string text = read_file(path);
   const std::optional<Json> parsed = parse_json<Json>(text, path);
   if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
@@ -179,10 +192,16 @@ void Assembly::add_file(const std::string& path) {
   (this->*reader)(text, path);
 }
 
+void Assembly::refuse_sequence(const std::string& path) const {
+  if (sequence_.empty()) return;
+  throw Error(ErrorKind::kMisuse, "--sequence", "given with " + printable(path), "one map alone");
+}
+
 void Assembly::add_single_map(const std::string& path) {
   const LoadedMap loaded = load_map(path, common_);
   add_input(role("map"), loaded.description);
-  report::add_map(report_, loaded.map, file_name(path), prefix());
+  report::add_map(report_, loaded.map, file_name(path), prefix(),
+                  images_of(loaded.map, sequence_, common_));
   if (several_) return;
   if (report_.title.empty()) report_.title = file_name(path);
   report_.subtitle = fmt::format("{} landmarks seen from {} keyframes", loaded.map.landmark_count(),
@@ -335,7 +354,7 @@ int ReportArguments::run() {
     throw Error(ErrorKind::kMisuse, "--output", "not given", "the HTML file to write");
   }
   require_outputs(common);
-  Assembly assembly(begin_report(title, common), common, results.size() > 1);
+  Assembly assembly(begin_report(title, common), common, sequence, results.size() > 1);
   for (const std::string& path : results) assembly.add_file(path);
   assembly.finish();
   write_report(assembly.report(), common);

@@ -6,6 +6,10 @@
 #include "cairn/core/file.hpp"
 #include "cairn/report/viewer_page.hpp"
 
+#ifdef CAIRN_HAS_SEQUENCE
+#include "cairn/sequence/sequence_writer.hpp"
+#endif
+
 #include "cli.hpp"
 #include "support/report_page.hpp"
 
@@ -230,6 +234,54 @@ TEST_F(WrittenReportTest, SingleMapIsASceneWithoutSource) {
   EXPECT_EQ(scene.at("target"), "map");
   EXPECT_THAT(scene.at("runs"), IsEmpty());
 }
+
+#ifdef CAIRN_HAS_SEQUENCE
+// A sequence with these times, in seconds.
+void write_sequence(const std::filesystem::path& folder, const std::vector<double>& times) {
+  SequenceWriter writer(folder);
+  for (const double time : times)
+    writer.add(time, ColorImage(64, 48, 90), DepthImage(64, 48, 1.0F));
+  writer.finish();
+}
+
+TEST_F(WrittenReportTest, ShowsWhatKeyframesSaw) {
+  const SyntheticPair pair = write_pair();
+  std::vector<double> times;
+  for (const auto& time : pair.source.frames().timestamps_s) times.push_back(time.value());
+  ASSERT_EQ(times.size(), 20U);
+  write_sequence(path("all"), times);
+  write_sequence(path("some"), {times[4], times[5], times[6]});
+
+  answer(align({"--report", "r.html", "--source-sequence", "all", "--target-sequence", "some"}));
+  const ReportPage report = page("r.html");
+  const Json& maps = report.document.at("maps");
+  EXPECT_EQ(maps.at(0).at("frames").at("images").size(), 20U);
+  const Json& images = maps.at(1).at("frames").at("images");
+  ASSERT_EQ(images.size(), 3U);
+  EXPECT_EQ(images.at(0).at("frame"), 4);
+  EXPECT_EQ(images.at(0).at("media_type"), "image/jpeg");
+  EXPECT_THAT(report.numbers<std::uint8_t>(images.at(0).at("data"), "u8").at(1), 0xd8);
+
+  answer({"report", "source.map", "--sequence", "some", "-o", "one.html"});
+  EXPECT_EQ(page("one.html").document.at("maps").at(0).at("frames").at("images").size(), 3U);
+  answer({"report", "source.map", "-o", "none.html"});
+  EXPECT_TRUE(page("none.html").document.at("maps").at(0).at("frames").at("images").is_null());
+}
+
+TEST_F(WrittenReportTest, RefusesASequenceThatFitsNoMap) {
+  write_pair();
+  write_sequence(path("later"), {5000.5, 5001.0});
+  expect_refusal(align({"--report", "r.html", "--target-sequence", "later"}), kBadInput,
+                 {"later", "from 5000.500 to 5001.000 s", "keyframe"});
+  expect_refusal({"report", "source.map", "--sequence", "nowhere", "-o", "r.html"}, kBadInput,
+                 {"nowhere", "not a folder"});
+  expect_refusal(align({"--source-sequence", "later"}), kWrongUsage,
+                 {"--source-sequence", "--report"});
+  expect_refusal({"report", "source.map", "target.map", "--sequence", "later", "-o", "r.html"},
+                 kWrongUsage, {"--sequence", "source.map", "one map alone"});
+  EXPECT_FALSE(std::filesystem::exists(path("r.html")));
+}
+#endif
 
 TEST_F(WrittenReportTest, SeveralResultsStandBelowEachOther) {
   write_pair();

@@ -92,6 +92,26 @@ test("an answer reads back, and what is wrong with one is said by name", () => {
   assert.match(broken((one) => (one.candidates[1].probability = null)), /candidates\[1\]\.probability: expected a number/);
 });
 
+test("images of keyframes read back, and what is none is refused by name", () => {
+  const maps = parseReport(JSON.stringify(sample.document), toArrayBuffer(sample.buffers)).sections[0];
+  assert.deepEqual([...maps.source.frames.images.keys()], [0, 10, 20, 30, 40, 50]);
+  assert.equal(maps.source.frames.images.get(10).mediaType, "image/png");
+  assert.equal(maps.target.frames.images.size, 0, "a map of an earlier version has none");
+  const broken = (change) => {
+    const copy = structuredClone(sample.document);
+    change(copy.maps[0].frames.images);
+    return parseReport(JSON.stringify(copy), toArrayBuffer(sample.buffers)).sections[0].message;
+  };
+  assert.match(broken((images) => (images[1].frame = 60)), /frames\.images\[1\]\.frame: expected one of 60 frames.*found 60/);
+  assert.match(broken((images) => (images[1].frame = 0)), /images\[1\]\.frame: expected one of 60 frames that has no other image, found 0/);
+  assert.match(broken((images) => (images[1].frame = -1)), /frame: expected a count/);
+  assert.match(broken((images) => (images[0].media_type = "image/svg+xml")), /media_type: expected "image\/png" or "image\/jpeg"/);
+  assert.match(broken((images) => (images[0].media_type = "image/jpeg")), /images\[0\]\.data: the bytes are not an image\/jpeg/);
+  assert.match(broken((images) => (images[0].data.count = 3)), /not an image\/png/);
+  assert.match(broken((images) => (images[0].data.offset = 1e9)), /Is the file complete\?/);
+  assert.match(broken((images) => (images[0] = "x")), /expected an object/);
+});
+
 test("a broken section says what is wrong and leaves the others alone", () => {
   const broken = structuredClone(sample.document);
   broken.sections[0].runs[1].poses.count = 15;

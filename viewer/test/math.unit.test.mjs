@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { PerspectiveCamera, Vector3 } from "three";
 import { loadModule } from "./support/load_module.mjs";
 
 const { bandwidth, kernelDensity, quantileSorted, sortedFinite, summarise } = await loadModule("src/math/statistics.ts");
@@ -11,6 +12,8 @@ const { toCsv } = await loadModule("src/export.ts");
 const { shellCommand } = await loadModule("src/provenance.ts");
 const { columnScale, levelOf, scaleTicks } = await loadModule("src/scene/coloring.ts");
 const { pickLandmark } = await loadModule("src/scene/picking.ts");
+const { frustumOf, imageRectangle, keyframeText, lookThrough } = await loadModule("src/scene/keyframes.ts");
+const { Orbit } = await loadModule("src/scene/orbit.ts");
 const { fromAbove, spread } = await loadModule("src/network/graph_layout.ts");
 const { durationText, formatProbability, formatShare } = await loadModule("src/math/format.ts");
 const { differenceOf, poseOf, rollPitchYaw } = await loadModule("src/math/pose.ts");
@@ -133,10 +136,62 @@ test("picking prefers the point drawn in front, then the closest", () => {
   const positions = Uint16Array.of(50, 50, 900, 51, 50, 100, 70, 70, 0);
   const layers = [{ role: "target", cloud: { count: 3, positions }, clipFromStored: { elements } }];
   const at = (x, y) => pickLandmark(layers, x, y, 100, 100, 0, 6);
-  assert.equal(at(70, 70)?.index, 2);
+  assert.deepEqual(at(70, 70), { role: "target", index: 2, distance: 0 });
+  near(at(73, 74).distance, 5, 1e-6);
   assert.equal(at(5, 95), null);
   const depth = elements.map((entry, i) => (i === 11 ? 1e-9 : entry));
   assert.equal(pickLandmark([{ ...layers[0], clipFromStored: { elements: depth } }], 50.4, 50, 100, 100, 3, 6).index, 1);
+});
+
+test("through a keyframe a landmark is seen where its image has it, at any scale of the map and shape of the view", () => {
+  const targetFromMap = poseOf([1, -2, 0.5], [0.6, 0, 0.8, 0], 2.5);
+  const mapFromCamera = poseOf([0.2, 0.1, -3], [0.5, -0.5, 0.5, 0.5]);
+  const pose = compose(targetFromMap, mapFromCamera);
+  const frustum = { halfWidth: 0.6, halfHeight: 0.45 };
+  const centre = [4, 5, 6];
+  for (const [width, height] of [[800, 400], [300, 700]]) {
+    const camera = new PerspectiveCamera();
+    lookThrough(camera, pose, centre, frustum, width / height, 10);
+    const [x, y, w, h] = imageRectangle(camera, frustum, width, height);
+    near(w / h, 0.6 / 0.45, 1e-9);
+    assert.ok(x > 0 && y > 0 && x + w < width && y + h < height && Math.min(x / width, y / height) < 0.05, `${[x, y, w, h]}`);
+    for (const [u, v, depth] of [[0, 0, 1], [0.6, 0.45, 2], [-0.6, 0.45, 0.3], [0.3, -0.2, 5]]) {
+      const p = apply(pose, [u * depth, v * depth, depth]).map((value, axis) => value - centre[axis]);
+      const seen = new Vector3(...p).project(camera);
+      near((seen.x + 1) * 0.5 * width, x + w * (0.5 + u / 1.2), 1e-6);
+      near((1 - seen.y) * 0.5 * height, y + h * (0.5 + v / 0.9), 1e-6);
+    }
+  }
+});
+
+test("a field of view that is none is replaced by a usual one", () => {
+  const usual = frustumOf({ frustum: null });
+  for (const halfWidth of [0, -1, NaN, Infinity, 1e9]) {
+    assert.equal(frustumOf({ frustum: { halfWidth, halfHeight: 0.4 } }), usual);
+  }
+  assert.equal(frustumOf({ frustum: { halfWidth: 2, halfHeight: 0.4 } }).halfWidth, 2);
+});
+
+test("a keyframe is named by its id, and its time if that is known", () => {
+  assert.equal(keyframeText({ ids: Uint32Array.of(7, 0, 9, 0), timestamps: Float64Array.of(NaN, 12.3456) }, 1), "9 · 12.346 s");
+  assert.equal(keyframeText({ ids: null, timestamps: Float64Array.of(NaN) }, 0), "0");
+  assert.equal(keyframeText({ ids: null, timestamps: null }, 3), "3");
+});
+
+test("an orbit continues the view through a keyframe, with what is ahead at its size", () => {
+  const orbit = new Orbit([0, 0, 1], [1, 0, 0]);
+  const camera = new PerspectiveCamera();
+  lookThrough(camera, poseOf([1, 2, 3], [0.6, 0.2, -0.7, 0.1]), [0, 0, 0], { halfWidth: 0.6, halfHeight: 0.45 }, 1.5, 10);
+  const forward = camera.getWorldDirection(new Vector3());
+  const ahead = camera.position.clone().addScaledVector(forward, 4);
+  const size = (by) => 1 / (by.position.distanceTo(ahead) * Math.tan((by.fov * Math.PI) / 360));
+  const before = size(camera);
+  const state = orbit.continuing(camera, 4);
+  orbit.place(camera, state, 1.5, 10);
+  const after = camera.getWorldDirection(new Vector3());
+  near(after.distanceTo(forward), 0, 1e-9);
+  near(new Vector3(...state.target).distanceTo(ahead), 0, 1e-9);
+  near(size(camera), before, 1e-9);
 });
 
 test("places in a graph keep their proportions and stand apart", () => {

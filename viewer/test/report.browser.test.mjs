@@ -272,6 +272,200 @@ test("picking a landmark shows its record; Escape closes it", onSamples, async (
   });
 });
 
+/** The overlay's opacity, 0 to 255, at a place given as shares of the view, and how much has nearly the colour of what is selected. */
+const overlay = (page, pane, u = 0.55, v = 0.5) =>
+  page.evaluate(([index, x, y]) => {
+    const canvas = document.querySelectorAll(".pane-overlay")[index];
+    const { width, height } = canvas;
+    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    const { data } = copy.getImageData(0, 0, width, height);
+    let marked = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      marked += data[i + 3] > 200 && Math.abs(data[i] - 213) < 12 && Math.abs(data[i + 1] - 94) < 12 && data[i + 2] < 12 ? 1 : 0;
+    }
+    return { opacity: data[4 * (Math.round(y * height) * width + Math.round(x * width)) + 3], marked };
+  }, [pane, u, v]);
+
+/** Waits until the image of the keyframe is drawn. */
+async function imageShown(page) {
+  for (let i = 0; i < 100 && (await overlay(page, 0)).opacity === 0; ++i) {
+    await page.waitForTimeout(50);
+  }
+}
+
+const keyframeTools = (page) => page.getByRole("group", { name: "Keyframe" }).first();
+
+async function chooseKeyframe(page, frame) {
+  await page.getByRole("slider", { name: "Keyframe" }).first().fill(String(frame));
+  await settled(page);
+}
+
+test("a keyframe is entered and left by key, and its image can be switched off", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    const tools = keyframeTools(page);
+    const output = tools.locator("output");
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    const outside = await drawing(page);
+    const { marked } = await overlay(page, 0); // an axis
+    assert.equal(await output.textContent(), "60 keyframes");
+    await page.locator("[data-scene]").first().evaluate((element) => element.focus());
+    await page.keyboard.press("c");
+    await settled(page);
+    assert.match(await output.textContent(), /^\d+ · \d+\.\d{3} s$/);
+    assert.notEqual((await drawing(page)).sum, outside.sum);
+    assert.ok((await overlay(page, 0)).marked > marked + 400, "the image's border is drawn");
+
+    await tools.getByRole("combobox").selectOption("source");
+    await chooseKeyframe(page, 10);
+    assert.equal(await output.textContent(), "10 · 1305031453.000 s");
+    const image = tools.getByRole("button", { name: "Image" });
+    assert.ok(await image.isEnabled());
+    await imageShown(page);
+    const { opacity } = await overlay(page, 0);
+    assert.ok(opacity > 120 && opacity < 136, `the image is drawn at half opacity (${opacity})`);
+    assert.ok((await overlay(page, 0, 0.5, 0.01)).opacity > 140, "what is outside of it is dimmed");
+    await image.click();
+    await settled(page);
+    assert.equal((await overlay(page, 0)).opacity, 0);
+    await image.click();
+
+    const inside = await drawing(page);
+    await page.keyboard.press("]");
+    await settled(page);
+    assert.match(await output.textContent(), /^11 · /);
+    assert.ok(await image.isDisabled(), "this keyframe has no image");
+    assert.notEqual((await drawing(page)).sum, inside.sum);
+    await page.keyboard.press("[");
+    await settled(page);
+    assert.equal((await drawing(page)).sum, inside.sum);
+    // The map moves with the iteration, and the view with the map.
+    await moveSlider(page, 0);
+    assert.notEqual((await drawing(page)).sum, inside.sum);
+    await moveSlider(page, 60);
+    assert.equal((await drawing(page)).sum, inside.sum);
+    await page.locator(".pane-overlay").first().focus();
+    await page.keyboard.press("Escape");
+    await settled(page);
+    assert.equal((await drawing(page)).sum, outside.sum, "the view is what it was before");
+    assert.equal((await overlay(page, 0)).marked, marked);
+    assert.equal(await output.textContent(), "60 keyframes");
+  });
+});
+
+test("landmarks can be picked inside a keyframe; a drag leaves it", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    const tools = keyframeTools(page);
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    const home = await drawing(page);
+    await chooseKeyframe(page, 30);
+    const view = page.locator(".pane-overlay").first();
+    const at = await findColor(page, 0, kSourceLight);
+    await view.click({ position: at, force: true });
+    assert.match(await page.locator(".record h3").first().textContent(), /landmark \d+/);
+    assert.ok(await tools.getByRole("button", { name: "Leave" }).isVisible());
+
+    const box = await view.boundingBox();
+    const inside = await drawing(page);
+    await page.mouse.move(box.x + 150, box.y + 60);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 180, box.y + 70, { steps: 4 });
+    await page.mouse.up();
+    await settled(page);
+    assert.ok(await tools.getByRole("button", { name: "Enter" }).isVisible());
+    const left = await drawing(page);
+    assert.ok(left.sum !== inside.sum && left.sum !== home.sum);
+    assert.ok(left.inked > 0.3 * inside.inked, "the landmarks stay in view");
+  });
+});
+
+test("a camera in the view is entered by a click, in one view once they are not linked", onSamples, async () => {
+  await withReport(reportPath(), {}, async ({ page }) => {
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    await page.getByRole("button", { name: "Linked" }).first().click();
+    const tip = page.locator(".pane-tip").nth(1);
+    const box = await page.locator(".pane-overlay").nth(1).boundingBox();
+    let found = false;
+    for (let i = 0; i < 400 && !found; ++i) {
+      await page.mouse.move(box.x + box.width * ((i * 0.618034) % 1), box.y + box.height * ((i * 0.754878) % 1));
+      await page.waitForTimeout(15);
+      found = (await tip.isVisible()) && /^(Source|Target) keyframe \d+ · /.test(await tip.textContent());
+    }
+    assert.ok(found, "a camera is named below the pointer");
+    const name = (await tip.textContent()).replace(/^\w+ keyframe /, "");
+    const others = [await drawing(page, 0), await drawing(page, 1)];
+    const { marked } = await overlay(page, 0);
+    await page.mouse.down();
+    await page.mouse.up();
+    await settled(page);
+    assert.equal(await keyframeTools(page).locator("output").textContent(), name);
+    assert.equal((await drawing(page, 0)).sum, others[0].sum, "other views stay");
+    assert.notEqual((await drawing(page, 1)).sum, others[1].sum);
+    assert.ok((await overlay(page, 0)).marked > marked + 10, "and mark the camera");
+    await page.getByRole("button", { name: "Linked" }).first().click();
+    await settled(page);
+    assert.notEqual((await drawing(page, 0)).sum, others[0].sum, "linked views look through it together");
+  });
+});
+
+test("a keyframe on paper is as it is on the screen", onSamples, async () => {
+  await withReport(reportPath(), { colorScheme: "dark" }, async ({ page }) => {
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await settled(page);
+    await chooseKeyframe(page, 20);
+    await imageShown(page);
+    await page.evaluate(() => dispatchEvent(new Event("beforeprint")));
+    await page.emulateMedia({ media: "print" });
+    await page.waitForFunction(() => [...document.querySelectorAll(".pane-paper")].every((image) => image.complete && image.naturalWidth > 0));
+    const shares = await page.evaluate(() => [...document.querySelectorAll("#section-alignment .pane-paper")].map((image) => {
+      const copy = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d");
+      copy.drawImage(image, 0, 0);
+      const { data } = copy.getImageData(0, 0, image.naturalWidth, image.naturalHeight);
+      let [border, shaded] = [0, 0];
+      for (let i = 0; i < data.length; i += 4) {
+        border += Math.abs(data[i] - 213) < 12 && Math.abs(data[i + 1] - 94) < 12 && data[i + 2] < 12 ? 1 : 0;
+        shaded += data[i] < 230 && data[i + 2] > 150 ? 1 : 0;
+      }
+      return [border, shaded / (data.length / 4)];
+    }));
+    assert.equal(shares.length, 4);
+    for (const [border, shaded] of shares) {
+      assert.ok(border > 800 && shaded > 0.2, `${border} pixels of the border, ${shaded} of the image`);
+    }
+    await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+  });
+});
+
+test("on a phone a keyframe is entered and left without opening the options", onSamples, async () => {
+  await withReport(reportPath(), { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, deviceScaleFactor: 2 }, async ({ page }) => {
+    const tools = keyframeTools(page);
+    await tools.scrollIntoViewIfNeeded();
+    await settled(page);
+    assert.ok(!(await tools.getByRole("slider").isVisible()));
+    await tools.getByRole("button", { name: "Enter" }).tap();
+    await settled(page);
+    assert.ok(await tools.getByRole("slider").isVisible());
+    assert.deepEqual(await cutOff(page), []);
+    assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390);
+    await tools.getByRole("button", { name: "Leave" }).tap();
+    assert.ok(!(await tools.getByRole("slider").isVisible()));
+  });
+});
+
+test("an image of a keyframe that cannot be decoded is not shown, and nothing else fails", onSamples, async () => {
+  await withReport(sampleFile("hostile"), {}, async ({ page }) => {
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await chooseKeyframe(page, 0);
+    await page.waitForTimeout(200);
+    assert.equal((await overlay(page, 0)).opacity, 0);
+    await page.keyboard.press("Escape");
+    assert.equal(await keyframeTools(page).locator("output").textContent(), "8 keyframes");
+  });
+});
+
 test("tables sort by a click or the keyboard and say so", onSamples, async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     const table = page.locator("#section-k table");

@@ -185,6 +185,8 @@ function mapOf(id, name, points, writer, rng, options = {}) {
             ids: null,
             timestamps: writer.add(Float64Array.from({ length: frames }, (_, i) => 1305031450 + 0.3 * i)),
             frustum: { half_width: 0.62, half_height: 0.46 },
+            // Reports of earlier versions have no images.
+            ...(options.images && { images: options.images }),
           }
         : null,
   };
@@ -397,7 +399,8 @@ function png(width, height) {
 export function smallSample() {
   const writer = new BufferWriter();
   const { rng, truth, initial, target, source, centroid } = pair(900, 1000, 7);
-  const later = mapOf("later", "later.map", source, writer, rng, { shift: 0.1 });
+  const images = [0, 10, 20, 30, 40, 50].map((frame) => ({ frame, media_type: "image/png", data: writer.add(new Uint8Array(png(64, 48))) }));
+  const later = mapOf("later", "later.map", source, writer, rng, { shift: 0.1, images });
   const earlier = mapOf("earlier", "earlier.map", target, writer, rng);
   const weights = { base: null, covariance: target.map(() => rng()), observations: target.map(() => rng()), distance: target.map((p) => 1 / (1 + Math.hypot(...p))) };
   const runs = Object.entries(weights).map(([name, weight]) => {
@@ -667,7 +670,9 @@ export function hostileSample() {
   const long = "sehr-langer-name-ohne-leerzeichen-".repeat(40);
   const unicode = "Ünïcödé 地図 🗺️ \u202Eright-to-left\u202C \u0000 \u2028 'quotes\" \\ back";
   const cloud = (id, name) => {
-    const one = mapOf(id, name, office(300, rng), writer, rng, { frames: 8, type: Uint32Array, unit: "mapunits" });
+    // Begins like an image, and is none.
+    const images = [{ frame: 0, media_type: "image/jpeg", data: writer.add(Uint8Array.of(0xff, 0xd8, 0xff, 1, 2, 3)) }];
+    const one = mapOf(id, name, office(300, rng), writer, rng, { frames: 8, type: Uint32Array, unit: "mapunits", images });
     one.columns[0] = { ...one.columns[0], name: "__proto__", label: evil, unit: close };
     one.columns[1] = { ...one.columns[1], name: long, label: long };
     return one;

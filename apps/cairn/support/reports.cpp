@@ -8,6 +8,9 @@
 #include <fmt/format.h>
 
 #include "cairn/experiments/run.hpp"
+#ifdef CAIRN_HAS_SEQUENCE
+#include "cairn/report/frame_images.hpp"
+#endif
 #include "cairn/report/machine.hpp"
 #include "cairn/report/writer.hpp"
 
@@ -132,6 +135,32 @@ void set_provenance(report::Report& report, const Json& document) {
 std::string file_name(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
+
+#ifdef CAIRN_HAS_SEQUENCE
+void add_sequence_to(CLI::App& command, const std::string& option, std::string& folder,
+                     const std::string& whose) {
+  auto* const given = add_text(
+      command, option, folder,
+      fmt::format("Show in the report what keyframes of {} saw, at most {}: folder of the RGB-D "
+                  "sequence that it was built from",
+                  whose, report::FrameImagesOptions().count),
+      "DIR");
+  if (auto* const page = command.get_option_no_throw("--report")) given->needs(page);
+}
+
+std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
+                                          const CommonArguments& common) {
+  if (folder.empty()) return {};
+  return report::frame_images(map, folder, {.log = common.console().log()});
+}
+#else
+void add_sequence_to(CLI::App&, const std::string&, std::string&, const std::string&) {}
+
+std::vector<report::FrameImage> images_of(const LandmarkMap&, const std::string&,
+                                          const CommonArguments&) {
+  return {};
+}
+#endif
 
 void write_report(const report::Report& report, const CommonArguments& common) {
   if (common.report_path.empty()) return;

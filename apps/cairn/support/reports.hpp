@@ -39,6 +39,17 @@ report::Input reported_input(const std::string& role, Json description);
 /// The last part of a path.
 std::string file_name(const std::string& path);
 
+/// Adds an option that names the folder of the sequence that a map was built from, if this build reads
+/// images. Needs --report, if the verb has that.
+/// @param whose e.g. "the source map"
+void add_sequence_to(CLI::App& command, const std::string& option, std::string& folder,
+                     const std::string& whose);
+
+/// What the frames of a map saw, from its sequence; nothing if no folder was given.
+/// @throws Error (input) as report::frame_images()
+std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
+                                          const CommonArguments& common);
+
 /// Writes the report where --report says, and tells people so; nothing if it was not given.
 void write_report(const report::Report& report, const CommonArguments& common);
 

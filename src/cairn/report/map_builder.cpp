@@ -221,16 +221,6 @@ std::vector<std::uint64_t> unless_counting(std::vector<std::uint64_t> ids) {
   return {};
 }
 
-std::optional<Frustum> frustum_of(const LandmarkMap& map) {
-  for (const auto& camera : map.frames().cameras) {
-    if (!camera) continue;
-    const Camera& model = map.cameras()[camera->value];
-    const Intrinsics lens = intrinsics(model);
-    return Frustum{0.5 * model.width / lens.fx, 0.5 * model.height / lens.fy};
-  }
-  return std::nullopt;
-}
-
 std::optional<Frames> frames_of(const LandmarkMap& map) {
   if (map.frame_count() == 0) return std::nullopt;
   Frames frames;
@@ -274,7 +264,18 @@ Map make_map(const LandmarkMap& map, const MapOptions& options) {
   result.columns = ColumnBuilder(map, landmarks).build();
   result.colors = colors_of(map, landmarks);
   result.frames = frames_of(map);
+  if (result.frames) result.frames->images = options.images;
   return result;
+}
+
+std::optional<Frustum> frustum_of(const LandmarkMap& map) {
+  for (const auto& camera : map.frames().cameras) {
+    if (!camera) continue;
+    const Camera& model = map.cameras()[camera->value];
+    const Intrinsics lens = intrinsics(model);
+    return Frustum{0.5 * model.width / lens.fx, 0.5 * model.height / lens.fy};
+  }
+  return std::nullopt;
 }
 
 std::optional<Eigen::Vector3d> up_of(const LandmarkMap& map) {

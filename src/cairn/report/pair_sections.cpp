@@ -117,13 +117,15 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
   }
   const bool several = runs.size() > 1;
   if (has_maps) {
-    const auto add_shown = [&](const char* role, const LandmarkMap& map, const std::string& name) {
-      report.maps.push_back(make_map(
-          map,
-          {.id = prefix + role, .name = name, .landmarks = landmarks_to_align(map, pair.points)}));
+    const auto add_shown = [&](const char* role, const LandmarkMap& map, const std::string& name,
+                               const std::vector<FrameImage>& images) {
+      report.maps.push_back(make_map(map, {.id = prefix + role,
+                                           .name = name,
+                                           .landmarks = landmarks_to_align(map, pair.points),
+                                           .images = images}));
     };
-    add_shown("source", *pair.source, pair.source_name);
-    add_shown("target", *pair.target, pair.target_name);
+    add_shown("source", *pair.source, pair.source_name, pair.source_images);
+    add_shown("target", *pair.target, pair.target_name, pair.target_images);
     report.sections.push_back(
         {.id = prefix + "scene",
          .title = prefix.empty() ? "Alignment" : names + (pair.answer ? ", in 3D" : ""),
@@ -150,9 +152,11 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
 }
 
 void add_map(Report& report, const LandmarkMap& map, const std::string& name,
-             const std::string& prefix) {
-  report.maps.push_back(
-      make_map(map, {.id = prefix + "map", .name = name, .landmarks = std::nullopt}));
+             const std::string& prefix, std::vector<FrameImage> images) {
+  report.maps.push_back(make_map(map, {.id = prefix + "map",
+                                       .name = name,
+                                       .landmarks = std::nullopt,
+                                       .images = std::move(images)}));
   report.sections.push_back({.id = prefix + "scene",
                              .title = prefix.empty() ? "Map" : name,
                              .text = std::nullopt,

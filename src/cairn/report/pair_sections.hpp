@@ -31,6 +31,8 @@ struct ShownPair {
   std::string target_name = "target";
   const LandmarkMap* source = nullptr;  ///< with the target, or neither: then there is no scene
   const LandmarkMap* target = nullptr;
+  std::vector<FrameImage> source_images = {};  ///< what its frames saw
+  std::vector<FrameImage> target_images = {};
   LengthUnit unit = LengthUnit::kMetres;
   PointSetOptions points = {};  ///< landmarks that take part
   Rigid3 initial = {};
@@ -54,8 +56,9 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
               const std::string& prefix = {});
 
 /// Adds a scene with this map only.
+/// @param images what its frames saw
 void add_map(Report& report, const LandmarkMap& map, const std::string& name,
-             const std::string& prefix = {});
+             const std::string& prefix = {}, std::vector<FrameImage> images = {});
 
 /// "Aligned: REASON."
 std::string verdict_sentence(const Alignment& alignment);

@@ -66,11 +66,22 @@ struct Frustum {
   double half_height = 0.0;
 };
 
+enum class ImageType { kPng, kJpeg };
+
+/// What a frame's camera saw, as a pinhole camera with the map's frustum sees it: the image fills the
+/// frustum, without lens distortion.
+struct FrameImage {
+  std::size_t frame = 0;  ///< position in Frames::world_from_camera
+  ImageType type = ImageType::kJpeg;
+  std::vector<std::uint8_t> bytes = {};  ///< of the file
+};
+
 struct Frames {
   std::vector<Rigid3> world_from_camera = {};
   std::vector<std::uint64_t> ids = {};    ///< empty: 0, 1, ...
   std::vector<double> timestamps_s = {};  ///< empty: unknown; else NaN if unknown
   std::optional<Frustum> frustum = {};
+  std::vector<FrameImage> images = {};  ///< at most one per frame
 };
 
 /// Landmarks to show; make_map() builds it from a LandmarkMap.
@@ -317,8 +328,6 @@ struct Network {
   std::vector<NetworkLink> links = {};
   std::vector<NetworkThing> things = {};
 };
-
-enum class ImageType { kPng, kJpeg };
 
 struct Image {
   std::string caption = {};

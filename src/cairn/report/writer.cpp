@@ -164,6 +164,10 @@ Json to_json(CellType type) {
   return "text";
 }
 
+Json to_json(ImageType type) {
+  return type == ImageType::kPng ? "image/png" : "image/jpeg";
+}
+
 Json to_json(LinkUse use) {
   switch (use) {
     case LinkUse::kUsed:
@@ -382,6 +386,18 @@ Json Document::frames_json(const Frames& frames, const std::string& where) {
   if (frames.frustum) {
     json["frustum"] = {{"half_width", to_json(frames.frustum->half_width)},
                        {"half_height", to_json(frames.frustum->half_height)}};
+  }
+  json["images"] = nullptr;
+  std::set<std::size_t> seen;
+  for (const FrameImage& image : frames.images) {
+    require(image.frame < count && seen.insert(image.frame).second, where,
+            fmt::format("an image of frame {}", image.frame),
+            fmt::format("at most one for each of {} frames", count));
+    require(!image.bytes.empty(), where,
+            fmt::format("no bytes of the image of frame {}", image.frame), "those of its file");
+    json["images"].push_back({{"frame", image.frame},
+                              {"media_type", to_json(image.type)},
+                              {"data", buffers_.add(image.bytes)}});
   }
   return json;
 }
@@ -621,12 +637,11 @@ void Document::add(Json& json, const Table& table, const std::string& where) {
 void Document::add(Json& json, const Images& images, const std::string& /*where*/) {
   json["images"] = Json::array();
   for (const Image& image : images.images) {
-    json["images"].push_back(
-        {{"caption", image.caption},
-         {"media_type", image.type == ImageType::kPng ? "image/png" : "image/jpeg"},
-         {"data", buffers_.add(image.bytes)},
-         {"width", image.width},
-         {"height", image.height}});
+    json["images"].push_back({{"caption", image.caption},
+                              {"media_type", to_json(image.type)},
+                              {"data", buffers_.add(image.bytes)},
+                              {"width", image.width},
+                              {"height", image.height}});
   }
 }
 

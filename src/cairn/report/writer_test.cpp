@@ -80,7 +80,10 @@ Report full_report() {
                                   {"target", std::nullopt, std::nullopt, ""}},
                        .options_json = R"({"k": 5, "nested": {"b": 1, "a": [null]}})"};
   report.maps = {make_map(testing::plain_map(), {.id = "source", .name = "a b.map"}),
-                 make_map(testing::full_map(), {.id = "target", .name = "full"})};
+                 make_map(testing::full_map(), {.id = "target",
+                                                .name = "full",
+                                                .images = {{2, ImageType::kJpeg, {255, 216, 255}},
+                                                           {0, ImageType::kPng, {137, 80}}}})};
   AlignmentRun run;
   run.name = "base";
   run.summary = {{"status", "aligned"}, {"score", 0.25}, {"iterations", 2.0}, {"reason", {}}};
@@ -288,6 +291,14 @@ TEST(WriteReport, MapsComeThroughTheirBuffers) {
   EXPECT_FLOAT_EQ(poses[11], -0.5F);
   EXPECT_EQ(page.numbers<double>(frames.at("timestamps"), "f64").at(1), 1305031453.374112);
   EXPECT_TRUE(page.document.at("maps").at(0).at("frames").at("frustum").is_null());
+  const Json& images = frames.at("images");
+  ASSERT_EQ(images.size(), 2U);
+  EXPECT_EQ(images.at(0).at("frame"), 2);
+  EXPECT_EQ(images.at(0).at("media_type"), "image/jpeg");
+  EXPECT_EQ(images.at(1).at("media_type"), "image/png");
+  EXPECT_THAT(page.numbers<std::uint8_t>(images.at(0).at("data"), "u8"),
+              ElementsAre(255, 216, 255));
+  EXPECT_TRUE(page.document.at("maps").at(0).at("frames").at("images").is_null());
   EXPECT_TRUE(page.document.at("maps").at(0).at("colors").is_null());
 }
 
@@ -369,6 +380,12 @@ TEST(WriteReport, WhatDoesNotFitTogetherIsRefusedByName) {
     return refusal(report);
   };
   const auto scene = [](Report& r) -> Scene& { return std::get<Scene>(r.sections[0].content); };
+  EXPECT_THAT(broken([](Report& r) { r.maps[1].frames->images[0].frame = 3; }),
+              HasSubstr("map target: an image of frame 3"));
+  EXPECT_THAT(broken([](Report& r) { r.maps[1].frames->images[0].frame = 0; }),
+              HasSubstr("at most one for each of 3 frames"));
+  EXPECT_THAT(broken([](Report& r) { r.maps[1].frames->images[0].bytes.clear(); }),
+              HasSubstr("no bytes of the image of frame 2"));
   EXPECT_THAT(broken([](Report& r) { r.maps[1].id = "source"; }), HasSubstr("Map.id: 'source'"));
   EXPECT_THAT(broken([](Report& r) { r.sections[1].id = "A b"; }), HasSubstr("Section.id: 'A b'"));
   EXPECT_THAT(broken([&](Report& r) { scene(r).target = "x"; }), HasSubstr("no map 'x'"));

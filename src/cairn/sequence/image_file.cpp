@@ -105,28 +105,40 @@ codec::Rows rows_of(const std::filesystem::path& path, const ImageOf& image) {
           .pixels = pixels_of(&image)};
 }
 
-void write_image(const std::filesystem::path& path, const codec::Fault& fault,
-                 const std::string& bytes, Durability durability) {
+// The bytes that `encode` appends; `where` names the image in errors.
+template <class ImageOf, class Encode>
+std::string encoded(const std::filesystem::path& where, const ImageOf& image,
+                    const Encode& encode) {
+  std::string bytes;
+  const codec::Fault fault = encode(rows_of(where, image), bytes);
   if (!fault.empty()) {
-    throw Error(ErrorKind::kStorage, path.string(), "cannot be encoded: " + fault, "an image");
+    throw Error(ErrorKind::kStorage, where.string(), "cannot be encoded: " + fault, "an image");
   }
+  return bytes;
+}
+
+template <class ImageOf>
+std::string encoded_as_jpeg(const std::filesystem::path& where, const ImageOf& image, int quality) {
+  return encoded(where, image, [quality](const codec::Rows& rows, std::string& bytes) {
+    return codec::encode_jpeg(rows, quality, bytes);
+  });
+}
+
+void write_bytes(const std::filesystem::path& path, const std::string& bytes,
+                 Durability durability) {
   write_file(
       path, [&](const ByteSink& sink) { sink(bytes); }, durability);
 }
 
 template <class ImageOf>
 void write_as_png(const std::filesystem::path& path, const ImageOf& image, Durability durability) {
-  std::string bytes;
-  const codec::Fault fault = codec::encode_png(rows_of(path, image), bytes);
-  write_image(path, fault, bytes, durability);
+  write_bytes(path, encoded(path, image, codec::encode_png), durability);
 }
 
 template <class ImageOf>
 void write_as_jpeg(const std::filesystem::path& path, const ImageOf& image, int quality,
                    Durability durability) {
-  std::string bytes;
-  const codec::Fault fault = codec::encode_jpeg(rows_of(path, image), quality, bytes);
-  write_image(path, fault, bytes, durability);
+  write_bytes(path, encoded_as_jpeg(path, image, quality), durability);
 }
 
 }  // namespace
@@ -164,6 +176,10 @@ void write_jpeg(const std::filesystem::path& path, const GrayImage& image, int q
 void write_jpeg(const std::filesystem::path& path, const ColorImage& image, int quality,
                 Durability durability) {
   write_as_jpeg(path, image, quality, durability);
+}
+
+std::string jpeg_bytes(const ColorImage& image, int quality) {
+  return encoded_as_jpeg("image", image, quality);
 }
 
 }  // namespace cairn

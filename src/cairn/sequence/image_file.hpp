@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "cairn/core/file.hpp"
 #include "cairn/sequence/image.hpp"
@@ -39,5 +40,10 @@ void write_jpeg(const std::filesystem::path& path, const GrayImage& image, int q
                 Durability durability = Durability::kAtOnce);
 void write_jpeg(const std::filesystem::path& path, const ColorImage& image, int quality = 95,
                 Durability durability = Durability::kAtOnce);
+
+/// An image as the bytes of a JPEG file.
+/// @param quality 0 to 100
+/// @throws Error (misuse) as write_jpeg()
+std::string jpeg_bytes(const ColorImage& image, int quality = 95);
 
 }  // namespace cairn

@@ -71,6 +71,14 @@ TEST(ImageFile, ReadsJpeg) {
   EXPECT_THAT(gray.values, Each(AllOf(Ge(88), Le(92))));
 }
 
+TEST(ImageFile, JpegInMemoryIsThatOfAFile) {
+  const TemporaryFolder folder;
+  const auto image = pattern<ColorImage>();
+  write_jpeg(folder / "a.jpg", image, 80);
+  EXPECT_EQ(jpeg_bytes(image, 80), read_text(folder / "a.jpg"));
+  EXPECT_LT(jpeg_bytes(image, 20).size(), jpeg_bytes(image, 95).size());
+}
+
 TEST(ImageFile, RefusesWhatIsCutOffAtAnyByte) {
   const TemporaryFolder folder;
   write_png(folder / "a.png", pattern<StoredDepthImage>());
@@ -192,6 +200,9 @@ TEST(ImageFile, WritesOnlyWhatIsAnImage) {
   EXPECT_THROW(write_jpeg(folder / "a.jpg", GrayImage()), Error);
   EXPECT_THROW(write_png(folder / "a.png", ColorImage(2, 2, {1, 2, 3, 4})), Error);
   EXPECT_FALSE(std::filesystem::exists(folder / "a.png"));
+  EXPECT_THROW(jpeg_bytes(ColorImage()), Error);
+  EXPECT_THROW(jpeg_bytes(ColorImage(2, 2, {1, 2, 3, 4})), Error);
+  EXPECT_THROW(jpeg_bytes(ColorImage(65501, 1)), Error) << "more than the format holds";
 }
 
 }  // namespace

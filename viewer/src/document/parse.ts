@@ -8,6 +8,7 @@ import type {
   AnswerSection,
   Chart,
   Column,
+  FrameImage,
   Frames,
   ImagesSection,
   LandmarkCloud,
@@ -136,7 +137,28 @@ function parseFrames(field: Field, buffers: Buffers): Frames {
     frustum: frustum.isNull
       ? null
       : { halfWidth: frustum.get("half_width").number(), halfHeight: frustum.get("half_height").number() },
+    images: parseFrameImages(field.get("images"), buffers, count),
   };
+}
+
+/** How a file of a media type begins. */
+const kSignatures = { "image/png": [0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a], "image/jpeg": [0xff, 0xd8, 0xff] };
+
+function parseFrameImages(field: Field, buffers: Buffers, count: number): Frames["images"] {
+  const images = new Map<number, FrameImage>();
+  for (const image of field.listOrEmpty()) {
+    const frame = image.get("frame").count();
+    if (frame >= count || images.has(frame)) {
+      image.get("frame").fail(`one of ${count} frames that has no other image`);
+    }
+    const mediaType = image.get("media_type").oneOf("image/png", "image/jpeg");
+    const data = buffers.read(image.get("data"), ["u8"]);
+    if (!kSignatures[mediaType].every((byte, i) => data[i] === byte)) {
+      throw new ReportError(`${image.get("data").path}: the bytes are not an ${mediaType}.`);
+    }
+    images.set(frame, { mediaType, data });
+  }
+  return images;
 }
 
 function parseProvenance(field: Field): Provenance {

@@ -30,6 +30,12 @@ export interface Column {
   offset: number;
 }
 
+/** What a frame's camera saw: it fills the frustum. */
+export interface FrameImage {
+  mediaType: "image/png" | "image/jpeg";
+  data: Uint8Array;
+}
+
 export interface Frames {
   count: number;
   /** tx ty tz qw qx qy qz, world_from_camera. */
@@ -38,6 +44,8 @@ export interface Frames {
   timestamps: Float64Array | null;
   /** Tangents of half the views; null if the camera is unknown. */
   frustum: { halfWidth: number; halfHeight: number } | null;
+  /** By frame; those that have one. */
+  images: Map<number, FrameImage>;
 }
 
 export interface LandmarkCloud {

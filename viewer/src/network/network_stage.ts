@@ -18,7 +18,7 @@ import { apply, compose, dequantise, positionOf } from "../math/pose";
 import { CameraLayer, GridLayer } from "../scene/line_layers";
 import type { OrbitState } from "../scene/orbit";
 import { drawAxes, fitCanvas, label } from "../scene/annotations";
-import { pickLandmark, type PickLayer } from "../scene/picking";
+import { distanceToSegment, pickLandmark, type PickLayer } from "../scene/picking";
 import { PointLayer, setMatrix } from "../scene/point_layer";
 import type { RenderService } from "../scene/render_service";
 import type { Palette } from "../theme";
@@ -495,11 +495,4 @@ function boxLines(boxes: Box[], centre: readonly number[]): LineSegments {
   const lines = segments(points.length, null);
   (lines.geometry.getAttribute("position") as BufferAttribute).set(points);
   return lines;
-}
-
-function distanceToSegment(p: [number, number], a: [number, number], b: [number, number]): number {
-  const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-  const along = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy || 1);
-  const t = Math.min(1, Math.max(0, along));
-  return Math.hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy);
 }

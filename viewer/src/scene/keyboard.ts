@@ -10,6 +10,8 @@ export interface KeyTarget {
   toggleRun(index: number): void;
   turn(right: number, down: number): void;
   zoom(factor: number): void;
+  /** Of scenes whose keyframes can be entered. */
+  keyframes?: { toggle(): void; step(by: number): void };
   escape(): boolean;
 }
 
@@ -24,11 +26,13 @@ const kHelp: [string, string][] = [
   ["R", "reset the view"],
   ["Shift + arrows", "turn the view"],
   ["+  −", "zoom"],
-  ["Esc", "close the record, or leave an enlarged view"],
+  ["C", "look through the nearest keyframe’s camera, or leave it"],
+  ["[  ]", "one keyframe back or on"],
+  ["Esc", "leave a keyframe or an enlarged view, or close the record"],
   ["?", "this help"],
   ["Drag", "turn; right or Shift drag moves; two fingers move and zoom"],
   ["Wheel", "zoom, once the view is clicked (or with Ctrl)"],
-  ["Click or tap", "a landmark’s record"],
+  ["Click or tap", "a landmark’s record; a camera’s view"],
 ];
 
 /** The scene that keys act on: the one with the focus, else the one most in view. */
@@ -115,6 +119,12 @@ function onKey(event: KeyboardEvent): void {
     "+": () => scene.zoom(1 / 1.2),
     "=": () => scene.zoom(1 / 1.2),
     "-": () => scene.zoom(1.2),
+    ...(scene.keyframes && {
+      c: () => scene.keyframes?.toggle(),
+      C: () => scene.keyframes?.toggle(),
+      "[": () => scene.keyframes?.step(-1),
+      "]": () => scene.keyframes?.step(1),
+    }),
   };
   const own = Object.prototype.hasOwnProperty.call(actions, event.key) ? actions[event.key] : undefined;
   if (own) {

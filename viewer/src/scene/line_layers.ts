@@ -9,15 +9,22 @@ import {
   LineBasicMaterial,
   LineSegments,
 } from "three";
-import type { Frames, LandmarkCloud } from "../document/report";
-import { apply, compose, cross, poseAt, unit, type Affine } from "../math/pose";
+import type { Frames, LandmarkCloud, Vector3 } from "../document/report";
+import { apply, compose, cross, poseAt, subtract, unit, type Affine } from "../math/pose";
 import { niceBelow } from "../math/format";
 import type { Palette } from "../theme";
+import { frustumOf } from "./keyframes";
+import { distanceToSegment } from "./picking";
 import { setMatrix } from "./point_layer";
 import type { SceneModel } from "./scene_model";
 
 const kMaxMatchLines = 20000;
 const kMaxFrusta = 16;
+/** Edges of a frustum, as pairs of CameraLayer.corners(). */
+export const kFrustumEdges = [0, 1, 2, 3].flatMap((i) => [
+  [0, 1 + i],
+  [1 + i, 1 + ((i + 1) % 4)],
+]);
 
 /** Lines between matched landmarks; of very many, every so manieth is drawn. */
 export class MatchLayer {
@@ -100,16 +107,20 @@ export class MatchLayer {
 export class CameraLayer {
   readonly object = new Group();
   readonly #cloud: LandmarkCloud;
+  readonly #frames: Frames;
+  readonly #depth: number;
   readonly #path: LineBasicMaterial;
   readonly #frusta: LineBasicMaterial;
 
   constructor(cloud: LandmarkCloud, frames: Frames, reach: number) {
     this.#cloud = cloud;
+    this.#frames = frames;
+    this.#depth = 0.07 * reach;
     this.#path = new LineBasicMaterial();
     this.#frusta = new LineBasicMaterial({ transparent: true, opacity: 0.6 });
     this.object.matrixAutoUpdate = false;
     const path = new Line(geometryOf(pathPoints(frames, cloud.origin)), this.#path);
-    const frusta = new LineSegments(geometryOf(frustumLines(frames, cloud.origin, 0.07 * reach)), this.#frusta);
+    const frusta = new LineSegments(geometryOf(this.#frustumLines()), this.#frusta);
     path.frustumCulled = false;
     frusta.frustumCulled = false;
     this.object.add(path, frusta);
@@ -125,6 +136,51 @@ export class CameraLayer {
   setColor(color: string): void {
     this.#path.color = new Color(color);
     this.#frusta.color = new Color(color);
+  }
+
+  /** A frame's eye and the far corners of its frustum, in the map's frame. */
+  corners(frame: number): Vector3[] {
+    const pose = poseAt(this.#frames.poses, frame);
+    const { halfWidth, halfHeight } = frustumOf(this.#frames);
+    const far = [-1, 1, 1, -1].map((x, i): Vector3 => [x * halfWidth, (i < 2 ? -1 : 1) * halfHeight, 1]);
+    return [[0, 0, 0] as const, ...far].map((p) => apply(pose, p.map((v) => v * this.#depth) as unknown as Vector3));
+  }
+
+  /** The frame whose eye or drawn frustum is closest to a place on the screen, within `slack` pixels. */
+  pick(
+    onScreen: (p: Vector3) => [number, number] | null,
+    place: [number, number],
+    slack: number,
+  ): { frame: number; distance: number } | null {
+    let best: { frame: number; distance: number } | null = null;
+    const consider = (frame: number, a: [number, number] | null, b = a) => {
+      const distance = a && b ? distanceToSegment(place, a, b) : Infinity;
+      if (distance <= (best ? best.distance : slack)) {
+        best = { frame, distance };
+      }
+    };
+    const { count, poses } = this.#frames;
+    for (let frame = 0; frame < count; ++frame) {
+      consider(frame, onScreen([poses[7 * frame], poses[7 * frame + 1], poses[7 * frame + 2]]));
+    }
+    for (let frame = 0; frame < count; frame += this.#stride) {
+      const corners = this.corners(frame).map(onScreen);
+      kFrustumEdges.forEach(([a, b]) => consider(frame, corners[a], corners[b]));
+    }
+    return best;
+  }
+
+  get #stride(): number {
+    return Math.max(1, Math.ceil(this.#frames.count / kMaxFrusta));
+  }
+
+  #frustumLines(): number[] {
+    const lines: number[] = [];
+    for (let frame = 0; frame < this.#frames.count; frame += this.#stride) {
+      const corners = this.corners(frame).map((corner) => subtract(corner, this.#cloud.origin));
+      kFrustumEdges.forEach(([a, b]) => lines.push(...corners[a], ...corners[b]));
+    }
+    return lines;
   }
 }
 
@@ -142,27 +198,6 @@ function pathPoints(frames: Frames, origin: readonly number[]): number[] {
     }
   }
   return points;
-}
-
-function frustumLines(frames: Frames, origin: readonly number[], depth: number): number[] {
-  const width = (frames.frustum?.halfWidth ?? 0.55) * depth;
-  const height = (frames.frustum?.halfHeight ?? 0.41) * depth;
-  const corners: [number, number, number][] = [
-    [-width, -height, depth],
-    [width, -height, depth],
-    [width, height, depth],
-    [-width, height, depth],
-  ];
-  const lines: number[] = [];
-  const stride = Math.max(1, Math.ceil(frames.count / kMaxFrusta));
-  for (let i = 0; i < frames.count; i += stride) {
-    const pose = poseAt(frames.poses, i);
-    const inMap = (p: [number, number, number]) => apply(pose, p).map((value, axis) => value - origin[axis]);
-    const eye = inMap([0, 0, 0]);
-    const far = corners.map(inMap);
-    far.forEach((corner, k) => lines.push(...eye, ...corner, ...corner, ...far[(k + 1) % 4]));
-  }
-  return lines;
 }
 
 /** A grid on the landmarks' floor, its cells of a round size. */

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { PerspectiveCamera } from "three";
+import { PerspectiveCamera, Vector3 as Vector } from "three";
 import { cross, dot, unit } from "../math/pose";
 import type { Vector3 } from "../document/report";
 
@@ -71,6 +71,22 @@ export class Orbit {
       distance = Math.max(distance, dot(p, eye) + reach);
     }
     return 1.03 * distance;
+  }
+
+  /**
+   * An orbit that continues the view of `camera`, about the point at distance `ahead` in front of it. What is there
+   * keeps its size; the camera's roll is lost.
+   */
+  continuing(camera: PerspectiveCamera, ahead: number): OrbitState {
+    const forward = camera.getWorldDirection(new Vector()).toArray();
+    const side = (axis: readonly number[]) => -dot(forward, axis as Vector3);
+    const slope = Math.tan((camera.fov * Math.PI) / 360) / Math.tan((kFieldOfView * Math.PI) / 360);
+    return {
+      target: camera.position.toArray().map((v, i) => v + ahead * forward[i]) as [number, number, number],
+      distance: ahead * slope,
+      azimuth: Math.atan2(side(this.#right), -side(this.#forward)),
+      elevation: Math.asin(Math.min(1, Math.max(-1, side(this.up)))),
+    };
   }
 
   place(camera: PerspectiveCamera, state: OrbitState, aspect: number, reach: number): void {

@@ -1,15 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { Color, Matrix4, PerspectiveCamera, Scene, Vector4 } from "three";
+import { Color, Matrix4, PerspectiveCamera, Scene, Vector3 as ThreeVector, Vector4 } from "three";
 import { button, h, s } from "../dom";
-import type { LandmarkCloud, Run, SummaryValue } from "../document/report";
+import type { LandmarkCloud, Run, SummaryValue, Vector3 } from "../document/report";
 import { formatLength, formatNumber, idText } from "../math/format";
-import { apply, compose, dequantise, kIdentity, positionOf, scaleOf, type Affine } from "../math/pose";
+import {
+  apply,
+  compose,
+  dequantise,
+  kIdentity,
+  poseAt,
+  positionOf,
+  scaleOf,
+  subtract,
+  type Affine,
+} from "../math/pose";
 import { symbolPath } from "../charts/shared";
 import { seriesColor, seriesSymbol } from "../series_style";
 import type { Palette } from "../theme";
 import { drawAxes, fitCanvas, label } from "./annotations";
 import { columnOf, columnValue, kNoLevel, levelOf, levelsOf, rampColor } from "./coloring";
-import { CameraLayer, GridLayer, MatchLayer } from "./line_layers";
+import { frustumOf, imageRectangle, keyframeText, lookThrough, pictureOf, type Keyframe } from "./keyframes";
+import { CameraLayer, GridLayer, kFrustumEdges, MatchLayer } from "./line_layers";
 import type { OrbitState } from "./orbit";
 import { pickLandmark, type Pick, type PickLayer } from "./picking";
 import { PointLayer, setMatrix } from "./point_layer";
@@ -21,6 +32,9 @@ import type { ViewState } from "./view_state";
 const kClickSlack = 9;
 const kTouchSlack = 18;
 const kResidualsUpTo = 300_000;
+
+/** What can be under the pointer. */
+export type PanePick = Pick | Keyframe;
 
 export interface Quality {
   /** Picture pixels per CSS pixel. */
@@ -38,6 +52,8 @@ export class Pane {
   readonly tooltip = h("div", { class: "pane-tip", hidden: true });
   readonly maximise: HTMLButtonElement;
   orbit: OrbitState;
+  /** Whether the view is through the keyframe that is entered. */
+  inside = false;
   readonly #model: SceneModel;
   readonly #numbers = h("dl", { class: "pane-numbers" });
   readonly #iteration = h("span", { class: "pane-iteration", "data-number": "iteration", title: "Iteration" });
@@ -55,7 +71,7 @@ export class Pane {
   readonly #residuals: Float32Array | null = null;
   readonly #residualLevels: Uint8Array | null = null;
   #pose: Affine = kIdentity;
-  #hovered: Pick | null = null;
+  #hovered: PanePick | null = null;
   #hintTimer = 0;
   #state: ViewState;
   #colors: Palette;
@@ -226,7 +242,7 @@ export class Pane {
       layer.object.visible = layers[role];
     }
     for (const { role, layer } of this.#cameras) {
-      layer.place(role === "target" ? kIdentity : this.#pose, model.centre);
+      layer.place(this.#poseOf(role), model.centre);
       layer.object.visible = layers.cameras && layers[role];
     }
     this.#grid.object.visible = layers.grid;
@@ -308,8 +324,51 @@ export class Pane {
   #placeCamera(): { width: number; height: number } {
     const width = Math.max(1, this.surface.clientWidth);
     const height = Math.max(1, this.surface.clientHeight);
-    this.#model.orbit.place(this.#camera, this.orbit, width / height, this.#model.reach);
+    const { centre, reach } = this.#model;
+    const entered = this.inside ? this.#state.entered : null;
+    const frames = entered && this.#model.frames(entered.role);
+    if (entered && frames) {
+      const pose = compose(this.#poseOf(entered.role), poseAt(frames.poses, entered.frame));
+      lookThrough(this.#camera, pose, centre, frustumOf(frames), width / height, reach);
+    } else {
+      this.#model.orbit.place(this.#camera, this.orbit, width / height, reach);
+    }
     return { width, height };
+  }
+
+  /** target_from_map as shown. */
+  #poseOf(role: Role): Affine {
+    return role === "source" ? this.#pose : kIdentity;
+  }
+
+  /** The keyframe whose eye is nearest to that of the view, of these maps. */
+  nearestKeyframe(roles: readonly Role[]): Keyframe | null {
+    this.#placeCamera();
+    const eye = this.#camera.position.toArray();
+    let nearest: Keyframe | null = null;
+    let least = Infinity;
+    for (const role of roles) {
+      const frames = this.#model.frames(role);
+      for (let frame = 0; frames && frame < frames.count; ++frame) {
+        const pose = compose(this.#poseOf(role), poseAt(frames.poses, frame));
+        const distance = Math.hypot(...subtract(this.#inScene([pose[3], pose[7], pose[11]]), eye));
+        if (distance < least) {
+          least = distance;
+          nearest = { role, frame };
+        }
+      }
+    }
+    return nearest;
+  }
+
+  /** An orbit that continues the view through a keyframe. */
+  orbitFromHere(): OrbitState {
+    this.#placeCamera();
+    const { orbit, reach } = this.#model;
+    // About the depth of the scene's middle, if that is in front.
+    const ahead = -this.#camera.position.dot(this.#camera.getWorldDirection(new ThreeVector()));
+    const continuing = orbit.continuing(this.#camera, Math.min(2 * reach, Math.max(0.2 * reach, ahead)));
+    return continuing.target.every(Number.isFinite) ? continuing : this.orbit;
   }
 
   draw(service: RenderService, quality: Quality): void {
@@ -373,10 +432,12 @@ export class Pane {
       : positionOf(target, pick.index);
   }
 
+  #inScene(p: Vector3): [number, number, number] {
+    return subtract(p, this.#model.centre);
+  }
+
   #onScreen(pick: Pick, width: number, height: number): [number, number] | null {
-    const { centre } = this.#model;
-    const p = this.positionInTarget(pick);
-    return this.#project([p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]], width, height);
+    return this.#project(this.#inScene(this.positionInTarget(pick)), width, height);
   }
 
   drawOverlay(): void {
@@ -391,6 +452,12 @@ export class Pane {
   #annotate(context: CanvasRenderingContext2D, width: number, height: number, ratio: number): void {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
+    const { selected, entered } = this.#state;
+    if (entered && this.inside) {
+      this.#frameView(context, entered, width, height);
+    } else if (entered) {
+      this.#markKeyframe(context, entered, width, height, true);
+    }
     if (this.#state.layers.grid) {
       drawAxes(context, this.#camera.matrixWorldInverse.elements, height, this.#colors);
       context.font = "12px system-ui, sans-serif";
@@ -398,13 +465,78 @@ export class Pane {
       const cell = formatLength(this.#grid.cell, this.#model.lengthUnit);
       label(context, `Grid ${cell}`, 84, height - 14, this.#colors);
     }
-    const { selected } = this.#state;
     if (selected) {
       this.#markPick(context, selected, width, height, true);
     }
-    if (this.#hovered) {
+    if (this.#hovered && "frame" in this.#hovered) {
+      this.#markKeyframe(context, this.#hovered, width, height, false);
+    } else if (this.#hovered) {
       this.#markPick(context, this.#hovered, width, height, false);
     }
+  }
+
+  /** What the keyframe that is looked through saw, and what lies outside of its view. */
+  #frameView(context: CanvasRenderingContext2D, { role, frame }: Keyframe, width: number, height: number): void {
+    const frames = this.#model.frames(role);
+    if (!frames) {
+      return;
+    }
+    const rectangle = imageRectangle(this.#camera, frustumOf(frames), width, height);
+    const image = this.#state.images ? frames.images.get(frame) : undefined;
+    const picture = image && pictureOf(image, () => this.drawOverlay());
+    context.save();
+    if (picture) {
+      context.globalAlpha = 0.5;
+      context.drawImage(picture, ...rectangle);
+    }
+    context.globalAlpha = 0.6;
+    context.fillStyle = this.#colors.background;
+    context.beginPath();
+    context.rect(0, 0, width, height);
+    context.rect(...rectangle);
+    context.fill("evenodd");
+    context.restore();
+    context.strokeStyle = this.#colors.selection;
+    context.lineWidth = 1.5;
+    context.strokeRect(...rectangle);
+    context.font = "600 12px system-ui, sans-serif";
+    context.fillStyle = this.#colors.ink;
+    const name = this.#keyframeName({ role, frame });
+    const fits = context.measureText(name).width < rectangle[2] - 16;
+    label(context, fits ? name : name.split(" · ")[0], rectangle[0] + 8, rectangle[1] + 18, this.#colors);
+  }
+
+  #markKeyframe(
+    context: CanvasRenderingContext2D,
+    { role, frame }: Keyframe,
+    width: number,
+    height: number,
+    strong: boolean,
+  ): void {
+    const layer = this.#cameras.find((cameras) => cameras.role === role)?.layer;
+    const corners = layer?.corners(frame).map((corner) => this.#mapOnScreen(role, corner, width, height)) ?? [];
+    context.strokeStyle = this.#colors.selection;
+    context.lineWidth = strong ? 2.25 : 1.5;
+    context.beginPath();
+    for (const [a, b] of kFrustumEdges) {
+      const [from, to] = [corners[a], corners[b]];
+      if (from && to) {
+        context.moveTo(...from);
+        context.lineTo(...to);
+      }
+    }
+    context.stroke();
+  }
+
+  /** Where a point of a map's frame is on the screen. */
+  #mapOnScreen(role: Role, p: Vector3, width: number, height: number): [number, number] | null {
+    return this.#project(this.#inScene(apply(this.#poseOf(role), p)), width, height);
+  }
+
+  #keyframeName({ role, frame }: Keyframe): string {
+    const frames = this.#model.frames(role);
+    const map = !this.#model.source ? "Keyframe" : role === "source" ? "Source keyframe" : "Target keyframe";
+    return frames ? `${map} ${keyframeText(frames, frame)}` : map;
   }
 
   #markPick(context: CanvasRenderingContext2D, pick: Pick, width: number, height: number, strong: boolean): void {
@@ -449,7 +581,8 @@ export class Pane {
     return matches ? matches.reduce((count, target) => count + Number(target === targetIndex), 0) : 0;
   }
 
-  pick(x: number, y: number, touch: boolean): Pick | null {
+  /** The landmark or the keyframe that is closer; a landmark whose drawn point is there always is. */
+  pick(x: number, y: number, touch: boolean): PanePick | null {
     const { width, height } = this.#placeCamera();
     const { layers, pointSize } = this.#state;
     const clip = new Matrix4().multiplyMatrices(this.#camera.projectionMatrix, this.#camera.matrixWorldInverse);
@@ -469,12 +602,26 @@ export class Pane {
     if (layers.target) {
       add("target", this.#model.target, kIdentity);
     }
-    return pickLandmark(candidates, x, y, width, height, pointSize / 2 + 1, touch ? kTouchSlack : kClickSlack);
+    const slack = touch ? kTouchSlack : kClickSlack;
+    const landmark = pickLandmark(candidates, x, y, width, height, pointSize / 2 + 1, slack);
+    let picked: PanePick | null = landmark && { role: landmark.role, index: landmark.index };
+    let least = landmark?.distance ?? Infinity;
+    for (const { role, layer } of this.#cameras.filter((cameras) => cameras.layer.object.visible)) {
+      const found = layer.pick((p) => this.#mapOnScreen(role, p, width, height), [x, y], slack);
+      const { entered } = this.#state;
+      const lookedThrough = this.inside && entered?.role === role && entered.frame === found?.frame;
+      if (found && !lookedThrough && found.distance < least) {
+        least = found.distance;
+        picked = { role, frame: found.frame };
+      }
+    }
+    return picked;
   }
 
-  hover(pick: Pick | null, x: number, y: number): void {
-    const same = pick?.role === this.#hovered?.role && pick?.index === this.#hovered?.index;
+  hover(pick: PanePick | null, x: number, y: number): void {
+    const same = JSON.stringify(pick) === JSON.stringify(this.#hovered);
     this.#hovered = pick;
+    this.overlay.style.cursor = pick && "frame" in pick ? "pointer" : "";
     if (!same) {
       this.drawOverlay();
       this.tooltip.textContent = pick ? this.#tipText(pick) : "";
@@ -485,7 +632,10 @@ export class Pane {
     this.tooltip.style.top = `${Math.max(4, y - 34)}px`;
   }
 
-  #tipText(pick: Pick): string {
+  #tipText(pick: PanePick): string {
+    if ("frame" in pick) {
+      return this.#keyframeName(pick);
+    }
     const cloud = pick.role === "source" ? this.#model.source : this.#model.target;
     if (!cloud) {
       return "";

@@ -20,9 +20,17 @@ interface Candidate<R> extends Pick<R> {
   depth: number;
 }
 
+/** Of two points and the line between them, in pixels. */
+export function distanceToSegment(p: [number, number], a: [number, number], b: [number, number]): number {
+  const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+  const along = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy || 1);
+  const t = Math.min(1, Math.max(0, along));
+  return Math.hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy);
+}
+
 /**
  * The landmark under (`x`, `y`) in a view of `width` x `height`: of those whose drawn point is there the nearest to
- * the camera, else the closest within `slack` pixels. One pass over the stored integers; a million take about 20 ms.
+ * the camera, at distance 0, else the closest within `slack` pixels. One pass over the stored integers; a million take about 20 ms.
  */
 export function pickLandmark<R>(
   layers: PickLayer<R>[],
@@ -32,7 +40,7 @@ export function pickLandmark<R>(
   height: number,
   pointRadius: number,
   slack: number,
-): Pick<R> | null {
+): (Pick<R> & { distance: number }) | null {
   let direct: Candidate<R> | null = null;
   let near: Candidate<R> | null = null;
   for (const { role, cloud, clipFromStored } of layers) {
@@ -60,5 +68,5 @@ export function pickLandmark<R>(
     }
   }
   const best = direct ?? near;
-  return best && { role: best.role, index: best.index };
+  return best && { role: best.role, index: best.index, distance: best === direct ? 0 : best.distance };
 }

@@ -21,6 +21,8 @@ import {
   standardViews,
   toolGroup,
 } from "./controls";
+import { KeyframeControls } from "./keyframe_controls";
+import { keyframeText, type Keyframe } from "./keyframes";
 import { listenForKeys } from "./keyboard";
 import { legendContent } from "./legend";
 import type { OrbitState, StandardView } from "./orbit";
@@ -28,7 +30,7 @@ import { Pane, type Quality } from "./pane";
 import type { Pick } from "./picking";
 import { recordContent } from "./record";
 import { RenderService } from "./render_service";
-import { SceneModel } from "./scene_model";
+import { SceneModel, type Role } from "./scene_model";
 import { Timeline } from "./timeline";
 import type { LayerName, ViewState } from "./view_state";
 
@@ -52,6 +54,9 @@ class SceneFigure {
   readonly #shown = new Set<Pane>();
   readonly #state: ViewState;
   readonly #timeline: Timeline | null;
+  /** Maps whose keyframes can be entered, and what enters them. */
+  readonly #roles: Role[];
+  readonly #keyframes: KeyframeControls | null;
   readonly #stage = h("div", { class: "stage" });
   readonly #legend = h("div", { class: "legend" });
   readonly #record = h("div", { class: "record" });
@@ -60,6 +65,8 @@ class SceneFigure {
   #bar: HTMLElement | null = null;
   #linked = true;
   #solo: Pane | null = null;
+  /** The view that had the focus last. */
+  #focused: Pane | null = null;
   #frame = 0;
   #settleTimer = 0;
   #moving = false;
@@ -90,6 +97,8 @@ class SceneFigure {
         model.landmarkCount > 200_000 ? 1.5 : model.landmarkCount > 30_000 ? 2.5 : model.landmarkCount > 6000 ? 3 : 3.5,
       selected: null,
       shown: null,
+      entered: null,
+      images: true,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
     const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
@@ -101,6 +110,20 @@ class SceneFigure {
     this.#timeline =
       model.maxIterations > 0
         ? new Timeline(section.runs, model.maxIterations, model.lengthUnit, (iteration) => this.#goTo(iteration))
+        : null;
+
+    this.#roles = (["source", "target"] as const).filter((role) => model.frames(role));
+    this.#keyframes =
+      this.#roles.length > 0
+        ? new KeyframeControls(model, this.#roles, {
+            enter: (keyframe) => this.#enter(this.#focusedPane(), keyframe),
+            enterNearest: (role) => this.#enterNearest(role ? [role] : this.#roles),
+            leave: () => this.#leave(this.#panes),
+            showImages: (shown) => {
+              this.#state.images = shown;
+              this.#redraw();
+            },
+          })
         : null;
 
     this.element = h("figure", { class: "card scene", "data-scene": section.id, tabindex: -1 });
@@ -169,6 +192,7 @@ class SceneFigure {
       toggleRun: (index) => this.#panes[index] && section.runs.length > 1 && this.#toggle(this.#panes[index]),
       turn: (right, down) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.rotate(orbit, right, down)),
       zoom: (factor) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      ...(this.#keyframes && { keyframes: this.#keyframes }),
       escape: () => this.#escape(),
     });
     this.#view("home");
@@ -227,7 +251,7 @@ class SceneFigure {
         }),
       );
     const { toggle, more } = moreTools();
-    bar.append(toggle, more);
+    bar.append(...(this.#keyframes ? [this.#keyframes.element] : []), toggle, more);
     more.append(toolGroup("Show", ...layers));
     more.append(
       toolGroup("Colour by", this.#colourChooser(), h("label", { class: "check log-check" }, this.#logBox, "log")),
@@ -247,6 +271,13 @@ class SceneFigure {
           link.setAttribute("aria-pressed", String(this.#linked));
           const from = this.#focusedPane();
           this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
+          if (this.#linked && this.#state.entered) {
+            if (from.inside) {
+              this.#enter(from, this.#state.entered);
+            } else {
+              this.#leave(this.#panes);
+            }
+          }
           this.#redraw();
         },
         { class: "chip", "aria-pressed": "true", title: "Turn all views together" },
@@ -413,6 +444,10 @@ class SceneFigure {
   }
 
   #escape(): boolean {
+    if (this.#state.entered) {
+      this.#leave(this.#panes);
+      return true;
+    }
     if (this.#solo) {
       this.#enlarge(this.#solo);
       return true;
@@ -428,7 +463,43 @@ class SceneFigure {
 
   #focusedPane(): Pane {
     const visible = this.#visiblePanes();
-    return visible.find((pane) => pane.element.contains(document.activeElement)) ?? visible[0] ?? this.#panes[0];
+    const focused = visible.find((pane) => pane.element.contains(document.activeElement));
+    return focused ?? visible.find((pane) => pane === this.#focused) ?? visible[0] ?? this.#panes[0];
+  }
+
+  /** Looks through a keyframe's camera, in all views that turn together. */
+  #enter(pane: Pane, keyframe: Keyframe): void {
+    const frames = this.#model.frames(keyframe.role);
+    if (!frames) {
+      return;
+    }
+    const first = !this.#state.entered;
+    this.#state.entered = keyframe;
+    this.#panes.forEach((other) => (other.inside = this.#linked || other === pane));
+    this.#keyframes?.show(keyframe);
+    this.#redraw();
+    announce(`Keyframe ${keyframeText(frames, keyframe.frame)} entered.`);
+    if (first) {
+      pane.hint("Drag to leave");
+    }
+  }
+
+  #enterNearest(roles: readonly Role[]): void {
+    const pane = this.#focusedPane();
+    const nearest = pane.nearestKeyframe(roles);
+    if (nearest) {
+      this.#enter(pane, nearest);
+    }
+  }
+
+  #leave(panes: readonly Pane[]): void {
+    panes.forEach((pane) => (pane.inside = false));
+    if (this.#state.entered && !this.#panes.some((pane) => pane.inside)) {
+      this.#state.entered = null;
+      this.#keyframes?.show(null);
+      announce("Keyframe left.");
+    }
+    this.#redraw();
   }
 
   #view(name: StandardView): void {
@@ -436,13 +507,20 @@ class SceneFigure {
     const pane = this.#focusedPane();
     const aspect = (pane.surface.clientWidth || 3) / (pane.surface.clientHeight || 2);
     const orbit = model.orbit.view(name, model.half, aspect);
-    for (const other of this.#linked || name === "home" ? this.#panes : [pane]) {
+    const turned = this.#linked || name === "home" ? this.#panes : [pane];
+    for (const other of turned) {
       other.orbit = this.#linked ? orbit : copyOrbit(orbit);
     }
-    this.#redraw();
+    this.#leave(turned);
   }
 
   #turn(pane: Pane, change: (orbit: OrbitState) => void): void {
+    if (pane.inside) {
+      const turned = this.#linked ? this.#panes : [pane];
+      const orbit = pane.orbitFromHere();
+      turned.forEach((other) => (other.orbit = orbit));
+      this.#leave(turned);
+    }
     change(pane.orbit);
     if (this.#linked) {
       this.#redraw(true);
@@ -453,9 +531,16 @@ class SceneFigure {
   }
 
   #listen(pane: Pane): void {
+    pane.overlay.addEventListener("focus", () => (this.#focused = pane));
     listenToView(pane, this.#model, {
       turn: (change) => this.#turn(pane, change),
-      select: (pick) => this.#select(pick),
+      select: (pick) => {
+        if (pick && "frame" in pick) {
+          this.#enter(pane, pick);
+        } else {
+          this.#select(pick);
+        }
+      },
       wheelZooms: () => this.#solo !== null || this.#stage.contains(document.activeElement),
     });
   }
@@ -484,7 +569,11 @@ class SceneFigure {
   #refreshSide(): void {
     const stride = Math.max(...this.#panes.map((pane) => pane.matchStride));
     this.#legend.replaceChildren(
-      h("p", { class: "muted small" }, "Click or tap a landmark for its record."),
+      h(
+        "p",
+        { class: "muted small" },
+        `Click or tap a landmark${this.#keyframes ? " or a camera" : " for its record"}.`,
+      ),
       ...legendContent(this.#model, this.#state, palette(), stride > 1 ? `one in ${stride} drawn` : null),
     );
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import type { LandmarkCloud, Run, SceneSection } from "../document/report";
+import type { Frames, LandmarkCloud, Run, SceneSection } from "../document/report";
 import { MatchTimeline } from "../document/matches";
 import { apply, fromRowMajor, kIdentity, meanViews, positionOf, similarityAt, type Affine } from "../math/pose";
 import { quantileSorted } from "../math/statistics";
@@ -51,6 +51,12 @@ export class SceneModel {
 
   get lengthUnit(): "m" | "mapunits" {
     return this.target.lengthUnit;
+  }
+
+  /** Of a map that has keyframes. */
+  frames(role: Role): Frames | null {
+    const frames = (role === "source" ? this.source : this.target)?.frames;
+    return frames && frames.count > 0 ? frames : null;
   }
 
   /** Where the source stands when no run says so: at the truth if that is known. */

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { ColorMode, ColorScale } from "./coloring";
+import type { Keyframe } from "./keyframes";
 import type { Pick } from "./picking";
 import type { ShownPose } from "../shown_pose";
 
@@ -17,4 +18,8 @@ export interface ViewState {
   selected: Pick | null;
   /** A pose in place of that of a run's iteration. */
   shown: ShownPose | null;
+  /** The keyframe that some panes look through. */
+  entered: Keyframe | null;
+  /** Whether to show what it saw. */
+  images: boolean;
 }
