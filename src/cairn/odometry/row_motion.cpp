@@ -30,4 +30,9 @@ RowMotion motion_between(const Rigid3& previous_from_next, double duration_s) {
   return motion;
 }
 
+Rigid3 motion_during(const RowMotion& motion, double duration_s) {
+  const Eigen::Quaterniond turn(rotation_exp(duration_s * motion.turn_rad_s));
+  return {turn, turn * (duration_s * motion.velocity_m_s)};
+}
+
 }  // namespace cairn

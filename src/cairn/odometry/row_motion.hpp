@@ -30,4 +30,7 @@ struct RowMotion {
 /// @param duration_s         positive
 RowMotion motion_between(const Rigid3& previous_from_next, double duration_s);
 
+/// The pose after some time at a constant velocity, in the first camera: the inverse of motion_between().
+Rigid3 motion_during(const RowMotion& motion, double duration_s);
+
 }  // namespace cairn

@@ -52,6 +52,11 @@ TEST(RowMotion, TheVelocityBetweenTwoPosesTakesOneToTheOther) {
              previous_from_next.translation())
                 .norm(),
             1e-12);
+  EXPECT_LT(motion_during(motion, 0.1).difference_to(previous_from_next).norm(), 1e-12);
+  EXPECT_LT((motion_during(motion, 0.05) * motion_during(motion, 0.05))
+                .difference_to(previous_from_next)
+                .norm(),
+            1e-3);
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   }
   std::optional<PoseEstimate> located;
   double radius = 4.0;
-  if (!lost_) {
+  if (!lost_ || bridges(frame)) {
     for (const double window : {15.0, 35.0}) {
       located = locate_by_previous(frame, window);
       if (located) break;
@@ -76,7 +76,6 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   if (!located || located->inlier_count < options_.min_tracked) {
     lost_ = true;
     motion_.reset();
-    between_.reset();
     velocity_.reset();
     report.status = FrameStatus::kLost;
     return report;
@@ -85,7 +84,6 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   report.landmarks = located->inlier_count;
   report.reprojection_errors = reprojection_errors(frame);
 
-  const bool was_lost = lost_;
   lost_ = false;
   if (frame.features.has_depth() && wants_keyframe(frame, located->inlier_count)) {
     make_keyframe(frame);
@@ -94,41 +92,56 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   const Rigid3& reference_pose = graph_.keyframes()[reference_].world_from_camera;
   recorded_.push_back(
       {frame.timestamp_s, reference_, reference_pose.inverse() * frame.world_from_camera});
-  const bool consecutive = previous_ && !was_lost && previous_->number + 1 == frame.number;
-  if (consecutive) {
-    note_motion(frame);
-  } else {
-    motion_.reset();
-    between_.reset();
-    velocity_.reset();
-  }
+  note_motion(frame);
   previous_ = std::move(frame);
   return report;
 }
 
+bool Odometry::Tracker::bridges(const TrackedFrame& frame) const {
+  constexpr double kLongest = 0.3;  // seconds
+  if (!previous_) return false;
+  const double gap_s = frame.timestamp_s - previous_->timestamp_s;
+  return gap_s > 0.0 && (previous_->number + 1 == frame.number || gap_s <= kLongest);
+}
+
 // The mean velocity since the last frame is that half-way between both; extrapolates its change.
 RowMotion Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
-  const double duration_s = previous_ ? frame.timestamp_s - previous_->timestamp_s : 0.0;
-  if (lost_ || !(duration_s > 0.0) || previous_->number + 1 != frame.number) {
-    return frame.features.row_motion();
-  }
+  if (!bridges(frame)) return frame.features.row_motion();
+  const double duration_s = frame.timestamp_s - previous_->timestamp_s;
   RowMotion motion =
       motion_between(previous_->world_from_camera.inverse() * frame.world_from_camera, duration_s);
   motion.readout_s = options_.readout_s;
   motion.rows = map_.image().height;
   if (between_) {
-    motion.velocity_m_s += 0.5 * (motion.velocity_m_s - between_->velocity_m_s);
-    motion.turn_rad_s += 0.5 * (motion.turn_rad_s - between_->turn_rad_s);
+    const double share = duration_s / (duration_s + between_s_);
+    motion.velocity_m_s += share * (motion.velocity_m_s - between_->velocity_m_s);
+    motion.turn_rad_s += share * (motion.turn_rad_s - between_->turn_rad_s);
   }
   return motion;
 }
 
 void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
-  motion_ = previous_->world_from_camera.inverse() * frame.world_from_camera;
-  const double duration_s = frame.timestamp_s - previous_->timestamp_s;
-  if (!(options_.readout_s > 0.0 && duration_s > 0.0)) return;
-  velocity_ = row_motion(frame);
-  between_ = motion_between(*motion_, duration_s);
+  if (!bridges(frame)) {
+    motion_.reset();
+    between_.reset();
+    velocity_.reset();
+    return;
+  }
+  const Rigid3 motion = previous_->world_from_camera.inverse() * frame.world_from_camera;
+  motion_.reset();
+  if (previous_->number + 1 == frame.number) motion_ = motion;
+  velocity_.reset();
+  if (options_.readout_s > 0.0) velocity_ = row_motion(frame);
+  between_s_ = frame.timestamp_s - previous_->timestamp_s;
+  between_ = motion_between(motion, between_s_);
+}
+
+// Across a gap at the last velocity.
+Rigid3 Odometry::Tracker::predicted_pose(const TrackedFrame& frame) const {
+  const Rigid3& last = previous_->world_from_camera;
+  if (motion_) return last * *motion_;
+  if (!between_ || !bridges(frame)) return last;
+  return last * motion_during(*between_, frame.timestamp_s - previous_->timestamp_s);
 }
 
 bool Odometry::Tracker::start(TrackedFrame& frame) {
@@ -171,8 +184,7 @@ void Odometry::Tracker::take(TrackedFrame& frame, std::span<const LandmarkMatch>
 std::optional<PoseEstimate> Odometry::Tracker::locate_by_previous(TrackedFrame& frame,
                                                                   double radius) const {
   if (!previous_) return std::nullopt;
-  const Rigid3 predicted =
-      motion_ ? previous_->world_from_camera * *motion_ : previous_->world_from_camera;
+  const Rigid3 predicted = predicted_pose(frame);
   const Rigid3 camera_from_world = predicted.inverse();
   std::vector<LandmarkIndex> landmarks;
   std::vector<ExpectedAppearance> appearances;

@@ -46,10 +46,13 @@ class Odometry::Tracker {
   PoseEstimate solve(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
   static void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
                    const PoseEstimate& estimate);
+  // Whether the last tracked frame tells how the camera moves: it is the one before, or a short time ago.
+  bool bridges(const TrackedFrame& frame) const;
   // Camera motion during the readout of a frame, from its pose and the preceding ones; the motion assumed by
-  // its features if the previous frame was not tracked.
+  // its features if none bridges().
   RowMotion row_motion(const TrackedFrame& frame) const;
   void note_motion(const TrackedFrame& frame);
+  Rigid3 predicted_pose(const TrackedFrame& frame) const;
   bool wants_keyframe(const TrackedFrame& frame, std::size_t found) const;
   void make_keyframe(TrackedFrame& frame);
   void end_at_last_frame();
@@ -64,6 +67,7 @@ class Odometry::Tracker {
   std::optional<TrackedFrame> previous_;  // the last tracked one
   std::optional<Rigid3> motion_;          // previous_from_next, assumed constant
   std::optional<RowMotion> between_;      // mean velocity from the last frame but one to the last
+  double between_s_ = 0.0;                // the time between them
   std::optional<RowMotion> velocity_;     // at the last frame
   std::uint32_t reference_ = 0;  // keyframe that shares most landmarks with the last tracked frame
   std::size_t reference_found_ = 0;
