@@ -163,31 +163,55 @@ TEST(OdometryPipeline, FollowsAPureRotation) {
 
 // Swings to and fro in place at up to 100 degrees a second. A frame has several poses of the path, so
 // that the speed changes while it is read out.
-TEST(OdometryPipeline, CorrectsARollingShutter) {
-  constexpr double kReadout = 0.03;
-  constexpr int kPosesAFrame = 4;
-  const Rigid3 start = sweep().truth.poses()[0].world_from_camera;
-  std::vector<TimedPose> poses;
-  for (int i = 0; i < 45 * kPosesAFrame; ++i) {
-    const double time = i / (30.0 * kPosesAFrame);
-    const double angle = 0.35 * (1.0 - std::cos(2.0 * std::numbers::pi * 0.8 * time));
-    poses.push_back({time, start * Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0, angle, 0)});
+struct FastTurn {
+  static constexpr double kReadout = 0.03;
+  Recording recording = recorded();
+
+  static Recording recorded() {
+    constexpr int kPosesAFrame = 4;
+    const Rigid3 start = sweep().truth.poses()[0].world_from_camera;
+    std::vector<TimedPose> poses;
+    for (int i = 0; i < 45 * kPosesAFrame; ++i) {
+      const double time = i / (30.0 * kPosesAFrame);
+      const double angle = 0.35 * (1.0 - std::cos(2.0 * std::numbers::pi * 0.8 * time));
+      poses.push_back({time, start * Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0, angle, 0)});
+    }
+    return record(Trajectory(poses), kCamera, 1, kReadout, kPosesAFrame);
   }
-  const Recording recording = record(Trajectory(poses), kCamera, 1, kReadout, kPosesAFrame);
-  const auto bend_of = [&](double readout_s) {
+  // The largest error of a rotation; the frame `dark` is black.
+  double bend(double readout_s, std::size_t dark = 100) const {
+    const auto read = [&](std::size_t i) {
+      FrameImages frame = recording(i);
+      if (i == dark) frame.gray.setTo(0);
+      return frame;
+    };
     MapSequenceOptions options;
     options.odometry.readout_s = readout_s;
-    const MappedSequence mapped = map_of(recording, options);
+    const MappedSequence mapped = map_with(recording, read, options);
     if (readout_s > 0.0) {
-      EXPECT_EQ(mapped.tracked, 45U);
+      EXPECT_EQ(mapped.tracked, dark < recording.frames.size() ? 44U : 45U);
     }
     return error_of(mapped, recording.truth, TrajectoryAlignment::kOrigin).rotation_rad.highest;
-  };
-  const double uncorrected = bend_of(0.0);
-  const double corrected = bend_of(kReadout);
+  }
+};
+
+TEST(OdometryPipeline, CorrectsARollingShutter) {
+  const FastTurn turn;
+  const double uncorrected = turn.bend(0.0);
+  const double corrected = turn.bend(FastTurn::kReadout);
   RecordProperty("uncorrected_mrad", std::to_string(1e3 * uncorrected));
   RecordProperty("corrected_mrad", std::to_string(1e3 * corrected));
   EXPECT_LT(corrected, 0.6 * uncorrected);
+}
+
+// The ninth frame is where the camera turns fastest.
+TEST(OdometryPipeline, CorrectsARollingShutterAfterALostFrame) {
+  const FastTurn turn;
+  const double whole = turn.bend(FastTurn::kReadout);
+  const double bridged = turn.bend(FastTurn::kReadout, 9);
+  RecordProperty("whole_mrad", std::to_string(1e3 * whole));
+  RecordProperty("bridged_mrad", std::to_string(1e3 * bridged));
+  EXPECT_LT(bridged, 1.2 * whole);
 }
 
 TEST(OdometryPipeline, AWhiteWallIsNothingToBeginWith) {
