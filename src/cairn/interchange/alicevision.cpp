@@ -15,8 +15,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn {
 namespace {

@@ -15,10 +15,10 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/interchange/detail/written_frames.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn {
 namespace {

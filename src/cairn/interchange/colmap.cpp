@@ -19,10 +19,10 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/output_folder.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn {
 namespace {

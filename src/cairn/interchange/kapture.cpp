@@ -25,9 +25,9 @@
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/described_observations.hpp"
 #include "cairn/interchange/detail/descriptor_bytes.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/memory_budget.hpp"
 
 namespace cairn {

@@ -17,8 +17,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/plain_text.hpp"
 #include "cairn/interchange/detail/foxglove_messages.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/mcap_file.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/point_columns.hpp"
 #include "cairn/map/operations.hpp"
 

@@ -16,9 +16,9 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/written_frames.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/ply.hpp"
 
 namespace cairn {

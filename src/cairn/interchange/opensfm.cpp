@@ -19,10 +19,10 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/interchange/detail/written_frames.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn {
 namespace {

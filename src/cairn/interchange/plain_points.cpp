@@ -17,10 +17,10 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/npy_array.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/interchange/detail/zip_archive.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/point_columns.hpp"
 
 namespace cairn {
@@ -302,13 +302,6 @@ std::string word_of(std::string_view name) {
   return word;
 }
 
-void remark_losses(const LandmarkMap& map, const MapWriteOptions& options,
-                   const detail::Holdings& holdings, std::string_view format) {
-  if (!options.log) return;
-  const std::string lost = detail::loss_remark(map, holdings, "", format);
-  if (!lost.empty()) options.log({lost, RemarkKind::kLoss});
-}
-
 // None of these formats can hold frames or observations, as their row in the list of formats states; these
 // are not reported as losses.
 constexpr detail::Holdings kPositionsOnly{.timestamps = true,
@@ -580,7 +573,7 @@ void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
     text.clear();
   }
   sink(text);
-  remark_losses(map, options, kPositionsOnly, "XYZ");
+  detail::log_losses(options.log, map, kPositionsOnly, "XYZ");
 }
 
 void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
@@ -602,13 +595,13 @@ void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
   holdings.colors = true;
   holdings.covariances = true;
   holdings.columns = columns;
-  remark_losses(map, options, holdings, "CSV");
+  detail::log_losses(options.log, map, holdings, "CSV");
 }
 
 void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options) {
   sink(detail::npy_bytes("<f8", {map.landmark_count(), 3}, position_bytes(map)));
-  remark_losses(map, options, kPositionsOnly, ".npy");
+  detail::log_losses(options.log, map, kPositionsOnly, ".npy");
 }
 
 void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
@@ -671,7 +664,7 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
   holdings.covariances = true;
   holdings.descriptors = "*";
   holdings.columns = columns;
-  remark_losses(map, options, holdings, ".npz");
+  detail::log_losses(options.log, map, holdings, ".npz");
 }
 
 std::vector<MapFormat> plain_points_formats() {

@@ -26,8 +26,8 @@
 #include "cairn/interchange/detail/described_observations.hpp"
 #include "cairn/interchange/detail/descriptor_bytes.hpp"
 #include "cairn/interchange/detail/float_pose.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/zlib_stream.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/sqlite/database.hpp"
 
 namespace cairn {

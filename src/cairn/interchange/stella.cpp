@@ -17,10 +17,10 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/interchange/detail/losses.hpp"
 #include "cairn/interchange/detail/msgpack.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/interchange/detail/stella_builder.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn {
 namespace {

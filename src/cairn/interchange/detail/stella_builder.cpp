@@ -10,7 +10,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/interchange/detail/losses.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -11,6 +11,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/map/io/binary.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/native.hpp"
 #include "cairn/map/io/pcd.hpp"
 #include "cairn/map/io/ply.hpp"
@@ -20,6 +21,22 @@ namespace {
 
 // Enough bytes for the first keys of a JSON file, which identify the system.
 constexpr std::size_t kProbedBytes = 4096;
+
+// Frames and observations aside, which the format's row says it cannot hold.
+void log_point_losses(const LandmarkMap& map, const MapWriteOptions& options,
+                      std::string_view format) {
+  std::vector<std::string_view> columns;
+  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
+  detail::log_losses(options.log, map,
+                     {.timestamps = true,
+                      .keypoints = true,
+                      .depths = true,
+                      .octaves = true,
+                      .measured = true,
+                      .covariances = true,
+                      .columns = columns},
+                     format);
+}
 
 // A source that returns the bytes already read again, because pipes cannot seek. Skips a byte order mark.
 class PrefixedSource final : public ByteSource {
@@ -282,6 +299,7 @@ const FormatRegistry& native_formats() {
                   const MapReadOptions& options) { return read_ply(*input.source, options); },
        .write_to =
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+             log_point_losses(map, options, "PLY");
              write_ply(map, sink, {.ascii = options.ascii});
            }},
       {.name = "pcd",
@@ -297,6 +315,7 @@ const FormatRegistry& native_formats() {
                   const MapReadOptions& options) { return read_pcd(*input.source, options); },
        .write_to =
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+             log_point_losses(map, options, "PCD");
              write_pcd(map, sink,
                        {.ascii = options.ascii, .double_precision = options.double_precision});
            }},

@@ -73,6 +73,26 @@ TEST(FormatRegistry, EachNativeFormatIsReadBackByItsContent) {
   }
 }
 
+TEST(FormatRegistry, PointCloudsSayWhatTheyCannotHold) {
+  MapTables tables;
+  tables.info.length_unit = LengthUnit::kMetres;
+  tables.landmarks.ids = {LandmarkId{1}};
+  tables.landmarks.positions = {{1, 2, 3}};
+  tables.landmarks.descriptors = DescriptorColumn{"ORB", 2, {1}, {1, 2}};
+  const LandmarkMap map(std::move(tables));
+  for (const char* const name : {"ply", "pcd"}) {
+    std::string remark;
+    MapWriteOptions options;
+    options.log = [&](const Remark& said) {
+      EXPECT_EQ(said.kind, RemarkKind::kLoss);
+      remark = said.text;
+    };
+    native_formats().find(name)->write_to(
+        map, [](std::string_view) {}, options);
+    EXPECT_THAT(remark, HasSubstr("has no place for: unit of length (metres), descriptors"));
+  }
+}
+
 TEST(FormatRegistry, IsExtendedAsAValue) {
   const TemporaryFolder folder;
   const auto file = folder.write("a.txt", "DOTS and more than eight bytes");

@@ -44,4 +44,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
 std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
                         std::string_view format);
 
+/// Sends loss_remark() to the log, if there is one and something is lost.
+void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,
+                std::string_view format);
+
 }  // namespace cairn::detail

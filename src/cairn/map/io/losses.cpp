@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/detail/losses.hpp"
+#include "cairn/map/io/losses.hpp"
 
 #include <algorithm>
 
@@ -63,6 +63,13 @@ std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::s
   if (lost.empty()) return {};
   return fmt::format("{}{}{} has no place for: {}; left out", path, path.empty() ? "" : ": ",
                      format, fmt::join(lost, ", "));
+}
+
+void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,
+                std::string_view format) {
+  if (!log) return;
+  const std::string remark = loss_remark(map, holdings, "", format);
+  if (!remark.empty()) log({remark, RemarkKind::kLoss});
 }
 
 }  // namespace cairn::detail
