@@ -14,8 +14,8 @@ using Matrix4d = Eigen::Matrix<double, 4, 4, Eigen::DontAlign>;
 /// A rotation and a translation, SE(3): `x_in_a = a_from_b * x_in_b`.
 ///
 /// Tangent vectors are (translation, rotation), the first three in metres, the last three in radians. They
-/// act from the left on both parts separately, as in Cairn's pose covariances: `perturbed(x) = Exp(φ)·R, t
-/// + δt`.
+/// act from the left on both parts separately, as in Cairn's pose covariances: perturbed() has the rotation
+/// `Exp(φ)·R` and the translation `t + δt`.
 class Rigid3 {
  public:
   /// The identity.

@@ -13,7 +13,7 @@ namespace cairn {
 /// @throws Error (misuse) for another name
 Camera tum_camera(const std::string& name);
 /// Seconds from the first row of such a camera's colour image to the last; std::nullopt where we could
-/// not measure it (docs/method.md#rolling-shutter).
+/// not measure it (docs/method.md, "Rolling shutter").
 std::optional<double> tum_readout_s(const std::string& name);
 
 /// A camera as a file of its own, beside a sequence of images.
