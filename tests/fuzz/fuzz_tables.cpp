@@ -11,13 +11,13 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text = cairn::testing::text_of(data, size);
   cairn::testing::expect_read_or_refused([&] {
-    std::string once;
     for (const cairn::CsvRow& row : cairn::parse_csv(text, "input")) {
       cairn::Csv csv;
       for (const std::string& cell : row.cells) csv << cell;
       csv.end_row();
-      const std::vector<cairn::CsvRow> again = cairn::parse_csv(csv.text(), "written");
-      if (again.size() != 1 || again[0].cells != row.cells) {
+      // Not first, where a byte order mark would be no part of it.
+      const std::vector<cairn::CsvRow> again = cairn::parse_csv("header\n" + csv.text(), "written");
+      if (again.size() != 2 || again[1].cells != row.cells) {
         cairn::testing::abort_because("a row written and read back differs");
       }
     }
