@@ -45,7 +45,7 @@ std::string file_name(const std::string& path);
 void add_sequence_to(CLI::App& command, const std::string& option, std::string& folder,
                      const std::string& whose);
 
-/// What the frames of a map saw, from its sequence; nothing if no folder was given.
+/// Images of a map's frames, read from its sequence; empty if `folder` is.
 /// @throws Error (input) as report::frame_images()
 std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
                                           const CommonArguments& common);

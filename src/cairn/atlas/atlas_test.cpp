@@ -2,6 +2,7 @@
 #include "cairn/atlas/atlas.hpp"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -47,6 +48,15 @@ class AtlasTest : public ::testing::Test {
   }
   // Of a chain: each is 1 m further on.
   static Similarity3 step() { return Rigid3::from_roll_pitch_yaw({1.0, 0.0, 0.0}, 0.0, 0.0, 0.1); }
+  std::array<NodeId, 3> add_optimised_chain() {
+    const NodeId a = add("a", 1);
+    const NodeId b = add("b", 2);
+    const NodeId c = add("c", 3);
+    again().link_manually(a, b, step(), covariance());
+    again().link_manually(b, c, step(), covariance());
+    again().optimize();
+    return {a, b, c};
+  }
   static Matrix7d covariance() {
     Matrix7d covariance = Matrix7d::Zero();
     for (int i = 0; i < 6; ++i) covariance(i, i) = 1e-4;
@@ -120,12 +130,7 @@ TEST_F(AtlasTest, UpdatesPosesAsMapsAreAdded) {
 }
 
 TEST_F(AtlasTest, UpdatingComputesAllPosesIfALinkWasReplaced) {
-  const NodeId a = add("a", 1);
-  const NodeId b = add("b", 2);
-  const NodeId c = add("c", 3);
-  again().link_manually(a, b, step(), covariance());
-  again().link_manually(b, c, step(), covariance());
-  again().optimize();
+  const auto [a, b, c] = add_optimised_chain();
   again().unlink(b, c);
   const AtlasOptimised updated = again().update_poses();
   EXPECT_EQ(updated.placed, 2U);
@@ -215,12 +220,7 @@ TEST_F(AtlasTest, DoesNotUndoWhatLaterCommandsBuildOn) {
 }
 
 TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
-  const NodeId a = add("a", 1);
-  const NodeId b = add("b", 2);
-  const NodeId c = add("c", 3);
-  again().link_manually(a, b, step(), covariance());
-  again().link_manually(b, c, step(), covariance());
-  again().optimize();
+  const auto [a, b, c] = add_optimised_chain();
   const AtlasState before = atlas().state();
   again().remove(a);
   const AtlasState after = atlas().state();

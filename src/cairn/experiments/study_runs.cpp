@@ -357,10 +357,10 @@ std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const 
   std::map<std::string_view, std::string> tables = {{kRuns, runs_header()},
                                                     {kTimings, timings_header()}};
   for (auto& [name, text] : tables) {
+    const std::string header = text;
     for (const auto& [index, part] : parts) {
       const fs::path path = part.first / name;
       const std::string content = read_file(path);
-      const std::string header = name == kRuns ? runs_header() : timings_header();
       const std::size_t sound = sound_size(content, header, path.string());
       const std::vector<CsvRow> rows = parse_csv(content.substr(0, sound), path.string());
       const std::size_t count = rows.empty() ? 0 : rows.size() - 1;

@@ -7,7 +7,7 @@
 namespace cairn {
 
 /// Allocates all pages of a memory range at once, in half the time of as many page faults. Keeps the content.
-/// Does nothing if the operating system cannot do it.
+/// Has no effect if the operating system does not support it.
 void populate(void* memory, std::size_t bytes);
 
 /// Reserves memory that the caller is about to fill.

@@ -36,11 +36,6 @@ void validate(const PoseGraph& graph, std::span<const NodeExtent> extents) {
   }
 }
 
-// Of an edge's source, in the target's unit.
-double radius_of(const PoseEdge& edge, std::span<const NodeExtent> extents) {
-  return extents[edge.source].radius * edge.target_from_source.scale();
-}
-
 }  // namespace
 
 std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExtent> extents) {
@@ -64,7 +59,7 @@ std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExt
     } else {
       continue;
     }
-    const double length = kExact * radius_of(edge, extents);
+    const double length = kExact * extents[edge.source].radius * edge.target_from_source.scale();
     for (int k = 0; k < 7; ++k) edge.covariance(k, k) += k < 3 ? length * length : kExact * kExact;
     if (Eigen::LLT<Eigen::Matrix<double, 7, 7>>(edge.covariance).info() == Eigen::Success)
       edges.push_back(edge);
@@ -90,14 +85,20 @@ double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent
   return std::sqrt(shift * shift + turn * turn + growth * growth);
 }
 
-double mean_square_disagreement(const Matrix7d& c, double radius) {
+double mean_square_disagreement(const Matrix7d& c, const Similarity3& pose,
+                                const NodeExtent& extent) {
+  const double radius = extent.radius * pose.scale();
   return (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
+}
+
+double mean_square_disagreement(const PoseEdge& edge, std::span<const NodeExtent> extents) {
+  return mean_square_disagreement(edge.covariance, edge.target_from_source, extents[edge.source]);
 }
 
 bool can_agree(const PoseEdge& edge, const Similarity3& target, const Similarity3& source,
                double variance, std::span<const NodeExtent> extents, double agreement) {
   constexpr double kDeviations = 3.0;
-  variance += mean_square_disagreement(edge.covariance, radius_of(edge, extents));
+  variance += mean_square_disagreement(edge, extents);
   return disagreement(target * edge.target_from_source, source, extents[edge.source]) <=
          agreement + kDeviations * std::sqrt(variance);
 }
@@ -119,7 +120,7 @@ std::vector<std::size_t> most_certain_tree(std::size_t root, std::span<const Pos
       const PoseEdge& edge = edges[i];
       const std::size_t other = edge.target + edge.source - node;
       if (reached[other]) continue;
-      queue.emplace(mean_square_disagreement(edge.covariance, radius_of(edge, extents)), i, other);
+      queue.emplace(mean_square_disagreement(edge, extents), i, other);
     }
   };
   reach(root);

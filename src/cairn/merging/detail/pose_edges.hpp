@@ -31,9 +31,12 @@ std::vector<std::size_t> session_numbers(const PoseGraph& graph);
 /// Root mean square distance by which two poses move the node's landmarks apart, in radii.
 double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent);
 
-/// Mean square of disagreement() that a pose's covariance allows.
-/// @param radius of the node, in the unit of the covariance
-double mean_square_disagreement(const Matrix7d& covariance, double radius);
+/// Mean square of disagreement() that the covariance of a node's pose allows.
+double mean_square_disagreement(const Matrix7d& covariance, const Similarity3& pose,
+                                const NodeExtent& extent);
+
+/// The same of an edge.
+double mean_square_disagreement(const PoseEdge& edge, std::span<const NodeExtent> extents);
 
 /// Whether an edge agrees with the poses of its nodes, or may agree after their optimisation: as far as its
 /// covariance and those of the poses allow.

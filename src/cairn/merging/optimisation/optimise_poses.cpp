@@ -102,9 +102,8 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
       double variance = 0.0;
       if (!covariances.empty()) {
         for (const std::size_t node : {target, source}) {
-          variance +=
-              mean_square_disagreement(covariances[node], extents[group.nodes[node]].radius *
-                                                              group.group_from_node[node].scale());
+          variance += mean_square_disagreement(covariances[node], group.group_from_node[node],
+                                               extents[group.nodes[node]]);
         }
       }
       if (can_agree(edge, group.group_from_node[target], group.group_from_node[source], variance,

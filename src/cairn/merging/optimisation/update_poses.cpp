@@ -49,8 +49,7 @@ class Update {
     for (const std::size_t node : group.nodes) is_new_[node] = !before.world_from_node[node];
     for (std::size_t i = 0; i < edges_.size(); ++i) {
       const PoseEdge& edge = edges_[i];
-      deviation_.push_back(std::sqrt(mean_square_disagreement(
-          edge.covariance, extents_[edge.source].radius * edge.target_from_source.scale())));
+      deviation_.push_back(std::sqrt(mean_square_disagreement(edge, extents_)));
       if (!pose_[edge.target] || !pose_[edge.source]) continue;
       use_[i] = before.agrees[edge.link] ? Use::kUsed : Use::kUnused;
       edges_at_[edge.target].push_back(i);
@@ -105,8 +104,7 @@ class Update {
   }
 
   double variance_of(std::size_t node) const {
-    return mean_square_disagreement(covariance_[node],
-                                    extents_[node].radius * pose_[node]->scale());
+    return mean_square_disagreement(covariance_[node], *pose_[node], extents_[node]);
   }
 
   // Uses the unused edges that can agree.
