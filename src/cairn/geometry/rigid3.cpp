@@ -3,15 +3,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn {
+namespace {
+
+// Keeps what a normalisation can return, so that a rotation that is written and read again stays the same.
+Eigen::Quaterniond unit(const Eigen::Quaterniond& rotation) {
+  constexpr double kRounding = 4.0 * std::numeric_limits<double>::epsilon();
+  return std::abs(rotation.squaredNorm() - 1.0) <= kRounding ? rotation : rotation.normalized();
+}
+
+}  // namespace
 
 Rigid3::Rigid3(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation)
-    : rotation_(rotation.normalized()), translation_(translation) {}
+    : rotation_(unit(rotation)), translation_(translation) {}
 
 Rigid3::Rigid3(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation)
     : Rigid3(Eigen::Quaterniond(rotation), translation) {}

@@ -39,6 +39,24 @@ TEST(Rigid3, IsAGroup) {
   }
 }
 
+TEST(Rigid3, KeepsARotationThatItGave) {
+  Random random(3);
+  for (int i = 0; i < 10000; ++i) {
+    const Rigid3 pose = random_rigid(random);
+    EXPECT_EQ(Rigid3(pose.quaternion(), pose.translation()).quaternion().coeffs(),
+              pose.quaternion().coeffs());
+  }
+}
+
+TEST(Rigid3, StaysARotationThroughManyProducts) {
+  Random random(4);
+  Rigid3 product;
+  for (int i = 0; i < 100000; ++i) {
+    product = product * Rigid3(random_rigid(random).quaternion(), Eigen::Vector3d::Zero());
+    ASSERT_NEAR(product.quaternion().squaredNorm(), 1.0, 1e-15);
+  }
+}
+
 TEST(Rigid3, AgreesWithItsMatrix) {
   Random random(2);
   for (int i = 0; i < 100; ++i) {

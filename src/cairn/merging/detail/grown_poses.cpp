@@ -45,6 +45,12 @@ struct Between {
   }
 };
 
+// How a node is joined to its group: the end nearer to the group's first node of the edge that joined two groups.
+struct Joint {
+  std::size_t to = kNoIndex;
+  std::size_t edge = kNoIndex;
+};
+
 // Standard deviations of an edge: translation, rotation and log scale.
 struct Deviations {
   double shift = 0.0;
@@ -88,6 +94,7 @@ class Growth {
         group_of_(extents.size()),
         pose_(extents.size()),
         members_(extents.size()),
+        joints_(extents.size()),
         refined_(extents.size(), kSmallestRefined / 2),
         neighbours_(extents.size()),
         beside_(extents.size()) {
@@ -206,8 +213,8 @@ class Growth {
     return result;
   }
 
-  // Whether two edges give the other's node the same pose, within their uncertainties.
-  bool agree(const Opinion& one, const Opinion& other) const {
+  // Whether two edges give the other's node the same pose, within their uncertainties and the given ones.
+  bool agree(const Opinion& one, const Opinion& other, const Deviations& further = {}) const {
     const Deviations& mine = deviations_[one.edge];
     const Deviations& its = deviations_[other.edge];
     const auto square = [](double x) { return x * x; };
@@ -216,18 +223,56 @@ class Growth {
         square(scale) * (square(mine.shift) + square(its.shift)) +
         (one.in_first - other.in_first).squaredNorm() * (square(mine.turn) + square(mine.growth));
     const double shift = agreement_ * other.first_from_node.scale() * extents_[other.node].radius +
-                         kDeviations * std::sqrt(variance);
+                         kDeviations * std::sqrt(variance + square(further.shift));
     const Eigen::Vector3d said = one.linear * other.in_second + one.first_from_second.translation();
     if ((said - other.in_first).squaredNorm() > square(shift)) return false;
     if (std::abs(one.log_scale - other.log_scale) >
-        agreement_ + kDeviations * std::hypot(mine.growth, its.growth)) {
+        agreement_ + kDeviations * std::hypot(mine.growth, its.growth, further.growth)) {
       return false;
     }
     const double cosine =
         std::abs(one.quaternion.dot(other.quaternion));  // of half the rotation between them
     if (cosine >= least_cosine_) return true;
-    const double turn = agreement_ + kDeviations * std::hypot(mine.turn, its.turn);
+    const double turn = agreement_ + kDeviations * std::hypot(mine.turn, its.turn, further.turn);
     return cosine >= std::cos(std::min(0.5 * turn, kRight));
+  }
+
+  // Adds to `variance` that of the pose of one node relative to another of its group, for a point at `point` in
+  // the group's frame: of the joints between them.
+  void add_drift(std::size_t one, std::size_t other, const Eigen::Vector3d& point,
+                 double group_scale, Deviations& variance) const {
+    std::vector<std::size_t> above;  // `one` and what it is joined to, up to the group's first node
+    for (std::size_t node = one; node != kNoIndex; node = joints_[node].to) above.push_back(node);
+    std::size_t meeting = other;
+    while (meeting != kNoIndex && std::find(above.begin(), above.end(), meeting) == above.end()) {
+      meeting = joints_[meeting].to;
+    }
+    const auto square = [](double x) { return x * x; };
+    for (const std::size_t end : {one, other}) {
+      for (std::size_t node = end; node != meeting && joints_[node].to != kNoIndex;
+           node = joints_[node].to) {
+        const Deviations& joint = deviations_[joints_[node].edge];
+        const std::size_t target = edges_[joints_[node].edge].target;
+        const double away = (pose_[node] * extents_[node].centre - point).squaredNorm();
+        variance.shift +=
+            square(group_scale) * (square(pose_[target].scale() * joint.shift) +
+                                   away * (square(joint.turn) + square(joint.growth)));
+        variance.turn += square(joint.turn);
+        variance.growth += square(joint.growth);
+      }
+    }
+  }
+
+  // How far two edges may disagree because both groups drift between the edges' ends.
+  Deviations drift(const Opinion& one, const Opinion& other) const {
+    const auto end_in_first = [&](const Opinion& opinion) {
+      const PoseEdge& edge = edges_[opinion.edge];
+      return opinion.node == edge.source ? edge.target : edge.source;
+    };
+    Deviations sum;
+    add_drift(end_in_first(one), end_in_first(other), other.in_first, 1.0, sum);
+    add_drift(one.node, other.node, other.in_second, one.first_from_second.scale(), sum);
+    return {std::sqrt(sum.shift), std::sqrt(sum.turn), std::sqrt(sum.growth)};
   }
 
   // The opinion of an edge with this relative pose about the node of another opinion.
@@ -320,10 +365,14 @@ class Growth {
     for (std::size_t i = 1; i < between.proposals.size(); ++i) {
       if (score(i) > score(best)) best = i;
     }
-    // Undecided if two proposals have the same score.
+    // Undecided if two proposals have the same score, unless they differ by no more than the groups drift: a long
+    // loop closes.
     const std::size_t highest = score(best);
     for (std::size_t i = 0; i < between.proposals.size(); ++i) {
-      if (i != best && score(i) == highest) return;
+      if (i == best || score(i) != highest) continue;
+      const Opinion one = opinion(between.proposals[best].edge, first);
+      const Opinion other = opinion(between.proposals[i].edge, first);
+      if (!agree(one, other, drift(one, other))) return;
     }
     std::swap(between.proposals[0], between.proposals[best]);
     queue_.push({highest, between.proposals[0].uncertainty, first, second, between.stamp});
@@ -337,6 +386,16 @@ class Growth {
     return result;
   }
 
+  // Records the edge that joins two groups. `node`, which goes, becomes the end of its group's tree of joints
+  // that hangs on the other group.
+  void record_joint(std::size_t node, Joint joint) {
+    while (node != kNoIndex) {
+      const Joint before = std::exchange(joints_[node], joint);
+      joint = {node, before.edge};
+      node = before.to;
+    }
+  }
+
   void join(std::size_t first, std::size_t second) {
     const Proposal how = between(first, second)->proposals.front();
     const bool second_stays = members_[second].size() > members_[first].size();
@@ -344,6 +403,10 @@ class Growth {
     const std::size_t goes = second_stays ? first : second;
     const Similarity3 stays_from_goes =
         second_stays ? how.first_from_second.inverse() : how.first_from_second;
+    const PoseEdge& edge = edges_[how.edge];
+    const bool source_goes = group_of_[edge.source] == goes;
+    record_joint(source_goes ? edge.source : edge.target,
+                 {source_goes ? edge.target : edge.source, how.edge});
     for (const std::size_t node : members_[goes]) {
       pose_[node] = stays_from_goes * pose_[node];
       group_of_[node] = stays;
@@ -404,6 +467,7 @@ class Growth {
   std::vector<std::size_t> group_of_;              // per node; a group is named by its first node
   std::vector<Similarity3> pose_;                  // per node: in its group's frame
   std::vector<std::vector<std::size_t>> members_;  // per group; empty: it was joined to another
+  std::vector<Joint> joints_;                      // per node; they form one tree per group
   std::vector<std::size_t> refined_;               // per group: its size at its last refinement
   std::vector<std::map<std::size_t, Between>> neighbours_;  // by the lower group, then the higher
   std::vector<std::vector<std::size_t>> beside_;            // per group: those with edges to it

@@ -39,15 +39,14 @@ struct World {
   void link(std::size_t target, std::size_t source, bool with_scale = false) {
     const Similarity3 right = truth[target].inverse() * truth[source];
     Vector6d error;
-    for (int i = 0; i < 6; ++i) error[i] = (i < 3 ? kShift : kTurn) * random.normal();
+    for (int i = 0; i < 6; ++i) error[i] = (i < 3 ? shift : turn) * random.normal();
     PoseLink link;
     link.target = NodeId{10 * target};
     link.source = NodeId{10 * source};
-    const double scale = right.scale() * (with_scale ? std::exp(kTurn * random.normal()) : 1.0);
+    const double scale = right.scale() * (with_scale ? std::exp(turn * random.normal()) : 1.0);
     link.target_from_source = Similarity3(scale, right.rigid().perturbed(error));
     Vector7d variances;
-    variances << kShift * kShift, kShift * kShift, kShift * kShift, kTurn * kTurn, kTurn * kTurn,
-        kTurn * kTurn, kTurn * kTurn;
+    variances << Eigen::Vector3d::Constant(shift * shift), Eigen::Vector4d::Constant(turn * turn);
     const Matrix7d covariance = variances.asDiagonal();
     if (with_scale) link.covariance_with_scale = covariance;
     link.covariance = Matrix6d(covariance.topLeftCorner<6, 6>());
@@ -63,6 +62,8 @@ struct World {
   }
 
   Random random;
+  double shift = kShift;
+  double turn = kTurn;
   std::vector<Similarity3> truth;
   PoseGraph graph;
   std::vector<NodeExtent> extents;
@@ -150,6 +151,41 @@ TEST(OptimisePoses, KeepsNoWrongLinkWhereOthersSpeak) {
       }
     }
     EXPECT_EQ(poses.agrees, expected) << seed;
+  }
+}
+
+// Around a loop of 40 m, odometry drifts by more than one link may be off.
+TEST(OptimisePoses, ClosesALongLoopInSpiteOfItsDrift) {
+  constexpr std::size_t kNodes = 80;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    World world(kNodes, seed);
+    world.shift = 0.01;
+    world.turn = 0.005;
+    for (std::size_t i = 0; i < kNodes; ++i) {
+      const double angle = 6.283185307179586 * static_cast<double>(i) / kNodes;
+      world.truth[i] = Rigid3::from_roll_pitch_yaw(
+          6.4 * Eigen::Vector3d(std::sin(angle), 1.0 - std::cos(angle), 0.0), 0.0, 0.0, angle);
+    }
+    for (std::size_t i = 0; i < kNodes; ++i) world.link(i, (i + 1) % kNodes);
+    const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+    EXPECT_THAT(poses.agrees, ::testing::Each(true)) << seed;
+    for (std::size_t i = 0; i < kNodes; ++i) {
+      ASSERT_TRUE(poses.world_from_node[i]) << seed << ": " << i;
+      // Of a loop whose ends meet, no node is further off than half the way's drift.
+      EXPECT_LT(world.error(poses, i), 1.0) << seed << ": " << i;
+    }
+  }
+}
+
+// The same loop with one wrong link from its last node: nothing says which link is right.
+TEST(OptimisePoses, ClosesNoLoopByAWrongLink) {
+  constexpr std::size_t kNodes = 20;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    World world(kNodes, seed);
+    for (std::size_t i = 0; i + 1 < kNodes; ++i) world.link(i, i + 1);
+    world.wrong_link(0, kNodes - 1);
+    const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
+    EXPECT_FALSE(poses.agrees.back()) << seed;
   }
 }
 
