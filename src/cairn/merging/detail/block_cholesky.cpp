@@ -2,6 +2,7 @@
 #include "cairn/merging/detail/block_cholesky.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 
 #include <Eigen/Cholesky>
@@ -111,6 +112,7 @@ void BlockCholesky::analyse() {
     inherits.insert(inherits.end(), below[j].begin() + 1, below[j].end());
   }
   merge_columns(below, parent);
+  place_updates();
 
   for (std::size_t i = 0; i < places_.size(); ++i) {
     const auto [low, high] = std::minmax(position_[places_[i].first], position_[places_[i].second]);
@@ -171,10 +173,36 @@ void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& b
   }
 }
 
+// Fronts of even and of odd depth have a stack each: a front's update is placed where those of the fronts under its
+// children were, while its children's are still needed.
+void BlockCholesky::place_updates() {
+  std::vector<std::size_t> depth(fronts_.size(), 0);
+  for (std::size_t f = fronts_.size(); f-- > 0;) {
+    if (fronts_[f].parent != kNone) depth[f] = depth[fronts_[f].parent] + 1;
+  }
+  const auto length = [&](const Front& front) {
+    const std::size_t rows = front.rows.size() * static_cast<std::size_t>(size_);
+    return rows * rows;
+  };
+  std::array<std::size_t, 2> tops{};
+  std::array<std::size_t, 2> highest{};
+  for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    std::size_t& top = tops[depth[f] % 2];
+    fronts_[f].update = top;
+    top += length(fronts_[f]);
+    highest[depth[f] % 2] = std::max(highest[depth[f] % 2], top);
+    for (const std::size_t child : fronts_[f].children) {
+      tops[1 - depth[f] % 2] -= length(fronts_[child]);
+    }
+  }
+  for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    if (depth[f] % 2 == 1) fronts_[f].update += highest[0];
+  }
+  updates_.resize(highest[0] + highest[1]);
+}
+
 bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixXd& others) {
-  // Per front: the update of its rows, until its parent adds it. The memory is reused, because allocating it
-  // takes as long as the computation.
-  std::vector<std::vector<double>> updates(fronts_.size());
+  // The update of a front's rows: its lower triangle.
   using Update = Eigen::Map<Eigen::MatrixXd>;
   for (std::size_t f = 0; f < fronts_.size(); ++f) {
     const Front& front = fronts_[f];
@@ -182,12 +210,8 @@ bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixX
     const Index rows = static_cast<Index>(front.rows.size()) * size_;
     Eigen::MatrixXd& own = factors_[f];
     own.setZero(columns + rows, columns);
-    if (!spare_.empty()) {
-      updates[f] = std::move(spare_.back());
-      spare_.pop_back();
-    }
-    updates[f].assign(static_cast<std::size_t>(rows * rows), 0.0);
-    Update update(updates[f].data(), rows, rows);
+    Update update(updates_.data() + front.update, rows, rows);
+    for (Index c = 0; c < rows; ++c) update.col(c).tail(rows - c).setZero();
     for (std::size_t k = 0; k < front.width; ++k) {
       const Index at = static_cast<Index>(k) * size_;
       own.block(at, at, size_, size_) =
@@ -215,7 +239,7 @@ bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixX
     for (const std::size_t child : front.children) {
       const std::vector<Index>& places = fronts_[child].in_parent;
       const auto count = static_cast<Index>(places.size());
-      const Update added(updates[child].data(), count * size_, count * size_);
+      const Update added(updates_.data() + fronts_[child].update, count * size_, count * size_);
       for (Index j = 0; j < count; ++j) {
         const Index to = places[static_cast<std::size_t>(j)];
         const bool to_own = to < static_cast<Index>(front.width);
@@ -224,22 +248,20 @@ bool BlockCholesky::factor(const Eigen::MatrixXd& diagonal, const Eigen::MatrixX
           const double* const source = added.col(j * size_ + c).data();
           const Index column = (to - shift) * size_ + c;
           double* const target = to_own ? own.col(column).data() : update.col(column).data();
-          for (Index i = j; i < count; ++i) {
+          const Index diagonal_at = (to - shift) * size_;
+          for (Index r = c; r < size_; ++r) target[diagonal_at + r] += source[j * size_ + r];
+          for (Index i = j + 1; i < count; ++i) {
             const Index from = i * size_;
             const Index at = (places[static_cast<std::size_t>(i)] - shift) * size_;
             for (Index r = 0; r < size_; ++r) target[at + r] += source[from + r];
           }
         }
       }
-      spare_.push_back(std::move(updates[child]));
     }
     auto top = own.topRows(columns);
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(top);
     if (root.info() != Eigen::Success) return false;
-    if (rows == 0) {
-      spare_.push_back(std::move(updates[f]));
-      continue;
-    }
+    if (rows == 0) continue;
     auto bottom = own.bottomRows(rows);
     top.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(bottom);
     update.selfadjointView<Eigen::Lower>().rankUpdate(bottom, -1.0);

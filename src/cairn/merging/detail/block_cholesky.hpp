@@ -49,12 +49,14 @@ class BlockCholesky {
     std::vector<std::size_t> children;  // ascending
     std::vector<Eigen::Index> in_parent;  // per row: its place among the parent's columns and rows
     std::vector<std::size_t> entries;     // places whose block lies in the columns
+    std::size_t update = 0;               // where its update of its rows begins in updates_
   };
 
   void order();
   void analyse();
   void merge_columns(const std::vector<std::vector<std::size_t>>& below,
                      const std::vector<std::size_t>& parent);
+  void place_updates();
 
   std::size_t blocks_ = 0;
   Eigen::Index size_ = 0;  // of a block
@@ -65,7 +67,7 @@ class BlockCholesky {
   std::vector<Front> fronts_;          // children before parents
   // Per front: its columns of the factor, (columns + rows) x columns.
   std::vector<Eigen::MatrixXd> factors_;
-  std::vector<std::vector<double>> spare_;  // memory that factor() reuses
+  std::vector<double> updates_;  // scratch memory of factor()
 };
 
 }  // namespace cairn
