@@ -15,6 +15,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/placement/probability_text.hpp"
@@ -154,6 +155,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
                {"covariance", nullptr},
                {"landmarks", nullptr},
                {"fused_with_earlier", nullptr},
+               {"bend", nullptr},
                {"unexplained_deviation", nullptr}};
   if (!map.placed) return json;
   json["world_from_map"] = to_json(map.world_from_map->matrix());
@@ -162,6 +164,12 @@ Json map_json(const MergedMap& map, const std::string& name) {
   json["landmarks"] = map.fusion->landmarks;
   json["fused_with_earlier"] = map.fusion->fused;
   json["unexplained_deviation"] = map.fusion->deviation;
+  if (map.bend) {
+    json["bend"] = {{"rotation_deg", degrees(map.bend->rotation_rad)},
+                    {"first_keyframe", map.bend->first.value},
+                    {"last_keyframe", map.bend->last.value},
+                    {"displacement", map.bend->displacement}};
+  }
   return json;
 }
 
@@ -271,8 +279,15 @@ int MergeArguments::run() {
                               names[link.target], names[link.source], sureness(link)));
   }
   if (result.map) {
-    console.print(fmt::format("{} landmarks became {}\n", with_commas(before),
-                              with_commas(result.map->landmark_count())));
+    std::string text = fmt::format("{} landmarks became {}", with_commas(before),
+                                   with_commas(result.map->landmark_count()));
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const auto& bend = result.maps[i].bend;
+      if (bend)
+        text += fmt::format("; {} was bent by {:.1f} deg, mended", names[i],
+                            degrees(bend->rotation_rad));
+    }
+    console.print(text + "\n");
     console.print(adjustment_text(result.adjustment));
     console.print(fmt::format("wrote {}\n", output));
   } else {

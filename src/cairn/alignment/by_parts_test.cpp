@@ -15,79 +15,17 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/bent_maps.hpp"
+
 namespace cairn {
 namespace {
 
-using Look = std::array<std::uint8_t, 32>;
-
-Look random_look(Random& random) {
-  Look look;
-  for (std::uint8_t& byte : look) byte = static_cast<std::uint8_t>(random.index(256));
-  return look;
-}
-
-// As another session sees it.
-Look again(Look look, Random& random) {
-  for (int i = 0; i < 12; ++i) {
-    look[random.index(look.size())] ^= static_cast<std::uint8_t>(1U << random.index(8));
-  }
-  return look;
-}
-
-LandmarkMap with_looks(const LandmarkMap& map, const std::vector<Look>& looks) {
-  MapTables tables = LandmarkMap(map).tables();
-  DescriptorColumn column{"ORB", 32, {}, {}};
-  for (const Look& look : looks) {
-    column.known.push_back(1);
-    column.bytes.insert(column.bytes.end(), look.begin(), look.end());
-  }
-  tables.landmarks.descriptors = std::move(column);
-  return LandmarkMap(std::move(tables));
-}
-
-// Two sessions of one desk whose common landmarks look alike.
-SyntheticPair described_pair(std::uint64_t seed) {
-  SyntheticPair pair = synthetic_pair({.seed = seed, .landmarks = 3600, .frames = 60});
-  Random random(seed);
-  std::vector<Look> of_source;
-  std::vector<Look> of_target;
-  for (std::size_t i = 0; i < pair.source.landmark_count(); ++i) {
-    of_source.push_back(random_look(random));
-  }
-  for (std::size_t i = 0; i < pair.target.landmark_count(); ++i) {
-    of_target.push_back(random_look(random));
-  }
-  for (const auto& [source, target] : pair.shared) {
-    of_target[target.value] = again(of_source[source.value], random);
-  }
-  pair.source = with_looks(pair.source, of_source);
-  pair.target = with_looks(pair.target, of_target);
-  return pair;
-}
-
-// Turned more and more from the first keyframe to the last, about the middle of the map.
-LandmarkMap bent(const LandmarkMap& map, double degrees_bent) {
-  MapTables tables = LandmarkMap(map).tables();
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& position : tables.landmarks.positions) centre += position;
-  centre /= static_cast<double>(tables.landmarks.positions.size());
-  const auto turn = [&](std::uint32_t frame) {
-    const double share =
-        static_cast<double>(frame) / static_cast<double>(tables.frames.ids.size() - 1);
-    return rotation_exp(radians(degrees_bent) * share * Eigen::Vector3d(0.6, 0.0, 0.8));
-  };
-  for (std::uint32_t i = 0; i < tables.landmarks.positions.size(); ++i) {
-    const auto seen = map.observing_frames(LandmarkIndex{i});
-    const auto rotation = turn(seen[(seen.size() - 1) / 2].value);
-    Eigen::Vector3d& position = tables.landmarks.positions[i];
-    position = centre + rotation * (position - centre);
-  }
-  for (std::uint32_t i = 0; i < tables.frames.ids.size(); ++i) {
-    Eigen::Vector3d& position = tables.frames.translations[i];
-    position = centre + turn(i) * (position - centre);
-  }
-  return LandmarkMap(std::move(tables));
-}
+using testing::again;
+using testing::bent;
+using testing::described_pair;
+using testing::Look;
+using testing::random_look;
+using testing::with_looks;
 
 // Landmarks of one thing, and what each looks like.
 struct Thing {
@@ -157,6 +95,61 @@ TEST(ByParts, AgreeOnABentMapAndSayHowFarItBends) {
     EXPECT_NEAR(degrees(parts.bend->rotation_rad), 0.8 * angle, 1.5);
     EXPECT_TRUE(is_aligned_straightened(parts, source, target, {}));
   }
+}
+
+// Of places in the target: those of `map` in this pose against those of the map that is not bent in the true one.
+struct Errors {
+  Errors(const LandmarkMap& map, const Similarity3& pose, const SyntheticPair& truth) {
+    std::vector<double> distances;
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      const Eigen::Vector3d there =
+          truth.target_from_source * truth.source.landmarks().positions[i];
+      distances.push_back((pose * map.landmarks().positions[i] - there).norm());
+    }
+    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+    std::nth_element(distances.begin(), middle, distances.end());
+    median = *middle;
+    for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+      const Rigid3 frame = truth.target_from_source * truth.source.world_from_camera(FrameIndex{i});
+      const Rigid3 error = frame.inverse() * pose.rigid() * map.world_from_camera(FrameIndex{i});
+      largest_turn = std::max(largest_turn, error.angle());
+    }
+  }
+  double median = 0.0;
+  double largest_turn = 0.0;  // of keyframes
+};
+
+TEST(ByParts, StraightenABentMap) {
+  const SyntheticPair pair = described_pair(64);
+  const LandmarkMap crooked = bent(pair.source, 8.0);
+  const PartsAlignment parts = place_by_parts(PreparedMap(crooked), PreparedMap(pair.target), {});
+  ASSERT_TRUE(parts.consensus);
+  ASSERT_EQ(parts.bend->map, MapRole::kSource);
+  const Errors before(crooked, *parts.target_from_source, pair);
+  const Errors after(straightened(crooked, parts), *parts.target_from_source, pair);
+  EXPECT_LT(after.median, 0.3 * before.median);
+  EXPECT_LT(after.largest_turn, 0.5 * before.largest_turn);
+  // The target is bent by as much against the source; what is straightened then is in the target's frame.
+  const PartsAlignment back = place_by_parts(PreparedMap(pair.target), PreparedMap(crooked), {});
+  ASSERT_TRUE(back.consensus);
+  ASSERT_EQ(back.bend->map, MapRole::kTarget);
+  const Errors other(straightened(crooked, back), back.target_from_source->inverse(), pair);
+  EXPECT_LT(other.median, 0.3 * before.median);
+}
+
+TEST(ByParts, StraighteningTurnsCovariancesWithTheirLandmarks) {
+  const SyntheticPair pair = described_pair(64);
+  const LandmarkMap crooked = bent(pair.source, 8.0);
+  const PartsAlignment parts = place_by_parts(PreparedMap(crooked), PreparedMap(pair.target), {});
+  ASSERT_TRUE(parts.consensus);
+  const LandmarkMap straight = straightened(crooked, parts);
+  for (std::uint32_t i = 0; i < straight.landmark_count(); ++i) {
+    const Eigen::Matrix3d& before = crooked.landmarks().covariances[i];
+    const Eigen::Matrix3d& after = straight.landmarks().covariances[i];
+    EXPECT_NEAR(after.trace(), before.trace(), 1e-9 * before.trace());
+    EXPECT_NEAR(after.determinant(), before.determinant(), 1e-9 * before.determinant());
+  }
+  EXPECT_EQ(straight.observation_count(), crooked.observation_count());
 }
 
 TEST(ByParts, AreTheSameForAnyNumberOfThreads) {

@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/placement/map_parts.hpp"
 
 namespace cairn {
 namespace {
@@ -35,6 +37,41 @@ class Straightening {
   std::vector<Similarity3> poses_;
   Eigen::Vector3d centre_;
 };
+
+// Of the map that the parts' bend names.
+Straightening straightening_of(const PartsAlignment& parts, const Eigen::Vector3d& centre) {
+  const MapRole role = parts.bend->map;
+  const auto own = [&](const Similarity3& pose) {
+    return role == MapRole::kSource ? pose : pose.inverse();
+  };
+  const Similarity3 own_from_whole = own(*parts.target_from_source).inverse();
+  std::vector<Similarity3> poses;
+  for (const PartPose& part : parts.parts) {
+    if (part.map == role) poses.push_back(own_from_whole * own(*part.target_from_source));
+  }
+  return {std::move(poses), centre};
+}
+
+// Position of each of a map's keyframes along the map, in parts: the middle of the first is at 0.5.
+std::vector<double> along_parts(const std::vector<FrameIndex>& order, const FrameTable& frames,
+                                const PartsAlignment& parts) {
+  std::vector<double> middles;  // rank of each part's middle keyframe
+  for (const PartPose& part : parts.parts) {
+    if (part.map != parts.bend->map) continue;
+    const auto found = std::find_if(order.begin(), order.end(), [&](FrameIndex frame) {
+      return frames.ids[frame.value] == part.middle;
+    });
+    middles.push_back(static_cast<double>(found - order.begin()));
+  }
+  std::vector<double> along(order.size());
+  for (std::size_t rank = 0; rank < order.size(); ++rank) {
+    const auto place = static_cast<double>(rank);
+    const auto next = std::upper_bound(middles.begin() + 1, middles.end() - 1, place);
+    const auto part = static_cast<double>(next - middles.begin() - 1);
+    along[order[rank].value] = 0.5 + part + (place - *(next - 1)) / (*next - *(next - 1));
+  }
+  return along;
+}
 
 // The straightened landmarks of a map, in the order of the prepared cloud.
 // @param along position of each landmark along the map, in the map's order
@@ -67,19 +104,45 @@ LandmarkCloud straightened(const PreparedCloud& prepared, std::span<const double
 
 }  // namespace
 
+LandmarkMap straightened(const LandmarkMap& map, const PartsAlignment& parts) {
+  const Straightening straightening = straightening_of(parts, centroid(map.landmarks().positions));
+  const std::vector<FrameIndex> order = keyframes_in_order(map);
+  const std::vector<double> along = along_parts(order, map.frames(), parts);
+  std::vector<std::uint32_t> rank(order.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
+  MapTables tables = LandmarkMap(map).tables();
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Similarity3 move = straightening.at(along[i]);
+    auto& q = tables.frames.quaternions[i];
+    const Eigen::Quaterniond turned =
+        move.rigid().quaternion() * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+    q = {turned.w(), turned.x(), turned.y(), turned.z()};
+    tables.frames.translations[i] = move * tables.frames.translations[i];
+  }
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    std::vector<std::uint32_t> ranks;
+    for (const FrameIndex frame : map.observing_frames(LandmarkIndex{i})) {
+      ranks.push_back(rank[frame.value]);
+    }
+    const auto middle = ranks.begin() + static_cast<std::ptrdiff_t>(ranks.size() / 2);
+    if (!ranks.empty()) std::nth_element(ranks.begin(), middle, ranks.end());
+    const Similarity3 move =
+        straightening.at(ranks.empty() ? std::nan("") : along[order[*middle].value]);
+    tables.landmarks.positions[i] = move * tables.landmarks.positions[i];
+    if (!map.has_covariances()) continue;
+    tables.landmarks.covariances[i] =
+        move.scale() * move.scale() *
+        rotated_covariance(tables.landmarks.covariances[i], move.rigid().rotation());
+  }
+  return LandmarkMap(std::move(tables));
+}
+
 bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& source,
                              const PreparedMap& target, const PlaceOptions& options) {
   const MapRole role = parts.bend->map;
   const bool of_source = role == MapRole::kSource;
   const PreparedMap& map = of_source ? source : target;
-  const auto own = [&](const Similarity3& pose) { return of_source ? pose : pose.inverse(); };
-  const Similarity3& whole = *parts.target_from_source;
-  std::vector<Similarity3> poses;
-  for (const PartPose& part : parts.parts) {
-    if (part.map != role) continue;
-    poses.push_back(own(whole).inverse() * own(*part.target_from_source));
-  }
-  const Straightening straightening(std::move(poses), map.cloud().centred()->centre);
+  const Straightening straightening = straightening_of(parts, map.cloud().centred()->centre);
   const PreparedCloud straight(straightened(map.cloud(), map.along(), straightening), options.seed,
                                options.execution.executor, to_string(role));
   PlaceOptions placement = options;
@@ -88,7 +151,7 @@ bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& sou
   placement.execution = options.execution.without_progress();
   PreparedPair pair = of_source ? PreparedPair(straight, target.cloud(), placement)
                                 : PreparedPair(source.cloud(), straight, placement);
-  const PlacementResult placed = pair.settle(whole);
+  const PlacementResult placed = pair.settle(*parts.target_from_source);
   if (placed.verdict != Verdict::kAligned || placed.candidates.empty()) return false;
   const auto& agreement = placed.candidates.front().support.agreement;
   return agreement && agreement->spread >= kDecisiveAgreement;

@@ -2,10 +2,12 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
+#include <deque>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/straightened.hpp"
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
@@ -45,6 +47,19 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
   } else {
     merged.reason = "no pair with another map was tried";
   }
+}
+
+// The parts that show best how a map is bent: of the links that are used, those of which most are aligned separately.
+const PartsAlignment* bend_of(std::size_t map, const MergeResult& result) {
+  const PartsAlignment* best = nullptr;
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    const MapLink& link = result.links[i];
+    if (!result.used[i] || !link.parts || !link.parts->bend) continue;
+    const bool of_source = link.parts->bend->map == MapRole::kSource;
+    if ((of_source ? link.source : link.target) != map) continue;
+    if (best == nullptr || link.parts->aligned > best->aligned) best = &*link.parts;
+  }
+  return best;
 }
 
 }  // namespace
@@ -108,6 +123,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   for (const std::size_t link : poses.tree) result.tree.push_back(link_of[link]);
   const bool any = !poses.tree.empty();
   std::vector<PlacedMap> placed;
+  std::deque<LandmarkMap> straight;
   std::vector<std::size_t> index_of;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     MergedMap& merged = result.maps[i];
@@ -118,7 +134,12 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
     }
     merged.world_from_map = poses.world_from_node[i];
     merged.covariance = poses.covariances[i];
-    placed.push_back({maps[i].map, maps[i].name, *merged.world_from_map, merged.covariance});
+    const LandmarkMap* map = maps[i].map;
+    if (const PartsAlignment* parts = bend_of(i, result)) {
+      merged.bend = parts->bend;
+      map = &straight.emplace_back(straightened(*map, *parts));
+    }
+    placed.push_back({map, maps[i].name, *merged.world_from_map, merged.covariance});
     index_of.push_back(i);
   }
   if (!any) return result;

@@ -11,9 +11,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/bent_maps.hpp"
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
 
@@ -71,6 +73,28 @@ TEST(Merge, AdjustmentMakesResidualsSmallerAndKeepsTheFirstFrame) {
     most = std::max(most, (result.map->frames().translations[merged] - truth).norm());
   }
   EXPECT_LT(most, 0.01);
+}
+
+TEST(Merge, MendsABentMap) {
+  const SyntheticPair maps = testing::described_pair(64);
+  const LandmarkMap crooked = testing::bent(maps.source, 10.0);
+  const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &crooked}};
+  const MergeResult result = merge(inputs);
+  ASSERT_EQ(result.placed(), 2U);
+  ASSERT_TRUE(result.maps[1].bend) << "not aligned by parts: " << result.links[0].reason;
+  EXPECT_FALSE(result.maps[0].bend);
+  EXPECT_NEAR(degrees(result.maps[1].bend->rotation_rad), 8.0, 2.0);
+  // Each keyframe is where the map that is not bent has it.
+  const auto first = static_cast<std::uint32_t>(maps.target.frame_count());
+  for (std::uint32_t i = 0; i < maps.source.frame_count(); ++i) {
+    const Rigid3 truth = maps.target_from_source * maps.source.world_from_camera(FrameIndex{i});
+    const Rigid3 error = truth.inverse() * result.map->world_from_camera(FrameIndex{first + i});
+    EXPECT_LT(degrees(error.angle()), 2.5) << i;
+    EXPECT_LT(error.translation().norm(), 0.03) << i;
+  }
+  // Landmarks of both are found to be the same, as of maps that are not bent.
+  const std::vector<MergeInput> sound = {{"target", &maps.target}, {"source", &maps.source}};
+  EXPECT_GT(result.maps[1].fusion->fused, merge(sound).maps[1].fusion->fused * 8 / 10);
 }
 
 TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {

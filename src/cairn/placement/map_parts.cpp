@@ -10,16 +10,10 @@ namespace {
 
 constexpr double kCutWithin = 0.25;  // of a part, from an even division
 
-// Frames in time order, or by id if a time is unknown.
-std::vector<std::uint32_t> frames_in_order(const LandmarkMap& map, bool by_time) {
-  std::vector<std::uint32_t> order(map.frame_count());
-  std::iota(order.begin(), order.end(), 0U);
-  const FrameTable& frames = map.frames();
-  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    if (by_time) return *frames.timestamps_s[a] < *frames.timestamps_s[b];
-    return frames.ids[a] < frames.ids[b];
-  });
-  return order;
+bool all_have_times(const FrameTable& frames) {
+  return !frames.timestamps_s.empty() &&
+         std::all_of(frames.timestamps_s.begin(), frames.timestamps_s.end(),
+                     [](const auto& time) { return time.has_value(); });
 }
 
 // The ranks in that order of the first, the middle and the last keyframe that observed a landmark.
@@ -31,16 +25,27 @@ struct Observed {
 
 }  // namespace
 
+std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map) {
+  std::vector<FrameIndex> order;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) order.push_back(FrameIndex{i});
+  const FrameTable& frames = map.frames();
+  const bool by_time = all_have_times(frames);
+  std::stable_sort(order.begin(), order.end(), [&](FrameIndex a, FrameIndex b) {
+    if (by_time) return *frames.timestamps_s[a.value] < *frames.timestamps_s[b.value];
+    return frames.ids[a.value] < frames.ids[b.value];
+  });
+  return order;
+}
+
 std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOptions& points,
                                     const CutOptions& options) {
   const std::vector<LandmarkIndex> kept = landmarks_to_align(map, points);
   if (!map.has_observations() || map.frame_count() == 0 || kept.empty()) return {};
   const auto& times = map.frames().timestamps_s;
-  bool by_time = !times.empty();
-  for (std::size_t i = 0; by_time && i < map.frame_count(); ++i) by_time = times[i].has_value();
-  const std::vector<std::uint32_t> order = frames_in_order(map, by_time);
+  const bool by_time = all_have_times(map.frames());
+  const std::vector<FrameIndex> order = keyframes_in_order(map);
   std::vector<std::uint32_t> rank(order.size());
-  for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i]] = i;
+  for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
 
   std::vector<Observed> observed(kept.size());
   std::vector<bool> seen(kept.size());
@@ -93,16 +98,16 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
     const std::uint32_t end =
         i + 1 < begins.size() ? begins[i + 1] : static_cast<std::uint32_t>(order.size());
     MapPart& part = parts.emplace_back();
-    part.first = map.frames().ids[order[begins[i]]];
-    part.last = map.frames().ids[order[end - 1]];
+    part.first = map.frames().ids[order[begins[i]].value];
+    part.last = map.frames().ids[order[end - 1].value];
     std::uint32_t middle = begins[i];
     while (middle + 1 < end && 2 * earlier[middle + 1] < earlier[begins[i]] + earlier[end]) {
       ++middle;
     }
-    part.middle = map.frames().ids[order[middle]];
+    part.middle = map.frames().ids[order[middle].value];
     if (by_time) {
-      part.first_s = *times[order[begins[i]]];
-      part.last_s = *times[order[end - 1]];
+      part.first_s = *times[order[begins[i]].value];
+      part.last_s = *times[order[end - 1].value];
     }
     for (std::uint32_t j = begins[i]; j < end; ++j) part_of[j] = static_cast<std::uint32_t>(i);
   }

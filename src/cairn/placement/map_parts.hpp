@@ -28,9 +28,12 @@ struct CutOptions {
   std::size_t parts = 12;       ///< largest number; at least 1
 };
 
+/// Keyframes in the order of their times or, if one has no time, of their ids.
+std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
+
 /// Cuts a map into parts with about equally many landmarks.
 ///
-/// Orders the keyframes by time or, if one has none, by id. A landmark belongs to the part of the middle
+/// Orders the keyframes as keyframes_in_order(). A landmark belongs to the part of the middle
 /// keyframe of those that observed it. Each cut is where the fewest landmarks were observed on both sides,
 /// within a quarter of a part's landmarks from an even division.
 ///

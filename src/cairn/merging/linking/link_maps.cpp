@@ -38,6 +38,7 @@ MapLink linked(const PreparedMap& target, const PreparedMap& source, AlignOption
   link.target_from_source = alignment.target_from_source;
   link.covariance = alignment.registration.covariance;
   link.covariance_with_scale = alignment.registration.covariance_with_scale;
+  if (alignment.parts && alignment.parts->consensus) link.parts = std::move(alignment.parts);
   return link;
 }
 

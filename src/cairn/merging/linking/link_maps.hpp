@@ -26,6 +26,8 @@ struct MapLink {
   std::optional<Similarity3> target_from_source;
   std::optional<Matrix6d> covariance;
   std::optional<Matrix7d> covariance_with_scale;
+  /// If the maps are aligned by their parts, of which one is bent: see Alignment::parts.
+  std::optional<PartsAlignment> parts = {};
 };
 
 /// The pose graph's link for an aligned pair, with the maps' indices as nodes; std::nullopt for other
