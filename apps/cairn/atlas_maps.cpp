@@ -361,6 +361,7 @@ struct MergeAtlasArguments : AtlasArguments {
     const auto [nodes, merged] = atlas.merge(options, state.commit);
     save_map(merged.map, output, common);
     std::size_t before = 0;
+    std::string bends;
     Json json = head("merge");
     json["commit"] = state.commit.value;
     json["maps"] = Json::array();
@@ -373,7 +374,9 @@ struct MergeAtlasArguments : AtlasArguments {
                               {"covariance", to_json(pose.covariance)},
                               {"landmarks", merged.maps[i].landmarks},
                               {"fused_with_earlier", merged.maps[i].fused},
-                              {"unexplained_deviation", merged.maps[i].deviation}});
+                              {"unexplained_deviation", merged.maps[i].deviation},
+                              {"bend", bend_json(merged.bends[i])}});
+      bends += bend_text(merged.bends[i], state.nodes.at(nodes[i]).name);
     }
     json["left_out"] = Json::array();
     console.print(fmt::format("merged {} of {}, in the frame of {}\n", nodes.size(),
@@ -393,8 +396,8 @@ struct MergeAtlasArguments : AtlasArguments {
                       {"observations", merged.map.observation_count()}};
     json["adjustment"] = adjustment_json(merged.adjustment);
     write_document(json, common);
-    console.print(fmt::format("{} landmarks became {}\n{}wrote {}\n", with_commas(before),
-                              with_commas(merged.map.landmark_count()),
+    console.print(fmt::format("{} landmarks became {}{}\n{}wrote {}\n", with_commas(before),
+                              with_commas(merged.map.landmark_count()), bends,
                               adjustment_text(merged.adjustment), output));
     return nodes.size() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
   }

@@ -15,7 +15,6 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/geometry/angles.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/placement/probability_text.hpp"
@@ -129,6 +128,7 @@ Json MergeArguments::options_json() const {
   return {{"min_probability", options.links.min_probability},
           {"prior_odds", options.links.prior_odds},
           {"effort", options.links.effort},
+          {"straighten", options.placed.straighten},
           {"adjust", options.placed.adjust},
           {"refine_intrinsics", options.placed.adjustment.refine_intrinsics},
           {"min_observations", options.links.points.min_observations}};
@@ -164,12 +164,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
   json["landmarks"] = map.fusion->landmarks;
   json["fused_with_earlier"] = map.fusion->fused;
   json["unexplained_deviation"] = map.fusion->deviation;
-  if (map.bend) {
-    json["bend"] = {{"rotation_deg", degrees(map.bend->rotation_rad)},
-                    {"first_keyframe", map.bend->first.value},
-                    {"last_keyframe", map.bend->last.value},
-                    {"displacement", map.bend->displacement}};
-  }
+  json["bend"] = bend_json(map.bend);
   return json;
 }
 
@@ -282,10 +277,7 @@ int MergeArguments::run() {
     std::string text = fmt::format("{} landmarks became {}", with_commas(before),
                                    with_commas(result.map->landmark_count()));
     for (std::size_t i = 0; i < names.size(); ++i) {
-      const auto& bend = result.maps[i].bend;
-      if (bend)
-        text += fmt::format("; {} was bent by {:.1f} deg, mended", names[i],
-                            degrees(bend->rotation_rad));
+      text += bend_text(result.maps[i].bend, names[i]);
     }
     console.print(text + "\n");
     console.print(adjustment_text(result.adjustment));

@@ -124,18 +124,6 @@ bool is_used(const AtlasState& state, const AtlasLink& link) {
   return link.is_aligned() && agrees != state.agrees.end() && agrees->second;
 }
 
-MapLink map_link(const AtlasLink& link) {
-  return {.target = 0,
-          .source = 0,
-          .kind = link.kind,
-          .verdict = link.verdict,
-          .probability = link.probability,
-          .reason = link.reason,
-          .target_from_source = link.target_from_source,
-          .covariance = link.covariance,
-          .covariance_with_scale = link.covariance_with_scale};
-}
-
 Link held_link(const AtlasState& state, const AtlasLink& link) {
   return {state.nodes.at(link.source).name, state.nodes.at(link.target).name, map_link(link),
           is_used(state, link)};
@@ -662,6 +650,7 @@ Merged merged_of(const AtlasState& state, AtlasMerged found) {
     part.world_from_map = pose.frame_from_node;
     part.covariance = pose.covariance;
     part.fusion = found.merged.maps[i];
+    part.bend = found.merged.bends[i];
   }
   for (const auto& [id, link] : state.links) {
     MapLink plain = map_link(link);
@@ -993,6 +982,7 @@ void bind_reading(AtlasClass& atlas) {
                 "The result also describes the maps that were left out.\n\n"
                 "frame          name of a map of the group; None: the largest group\n"
                 "at             id of a commit: use the atlas as it was after it\n"
+                "straighten     straighten maps that others show to be bent\n"
                 "adjust         optimise all keyframes and landmarks (bundle adjustment); warns if "
                 "the maps\n"
                 "               lack the data"))

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/geometry/angles.hpp"
+
 #include "bindings/text.hpp"
 
 namespace cairn::python {
@@ -84,6 +86,13 @@ void bind_merging(py::module_& module) {
             return self.part.fusion ? self.part.fusion->fused : std::size_t{0};
           },
           "Number of landmarks that were fused with a landmark of an earlier map.")
+      .def_property_readonly(
+          "bend_deg",
+          [](const MergedPart& self) -> std::optional<double> {
+            if (!self.part.bend) return std::nullopt;
+            return degrees(self.part.bend->rotation_rad);
+          },
+          "How far the map was bent, if it was straightened before the fusion; else None.")
       .def("__repr__", [](const MergedPart& self) {
         return decoded(fmt::format("<MergedMap {}: {}>", self.name,
                                    self.part.placed ? "placed" : self.part.reason));
@@ -162,6 +171,7 @@ void bind_merging(py::module_& module) {
            "fuses landmarks\n"
            "that are the same. A map without a link to the largest group is left out, with a "
            "reason.\n\n"
+           "straighten         straighten maps that others show to be bent\n"
            "adjust             optimise all keyframes and landmarks (bundle adjustment); warns if "
            "the\n"
            "                   maps lack the data\n"

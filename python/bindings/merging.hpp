@@ -24,6 +24,7 @@ void add_merge_placed_to(Keywords<Options>& keywords, const Placed& placed) {
   keywords
       .add("fusion_probability",
            [placed](auto& o) -> auto& { return placed(o).fusion.min_probability; })
+      .add("straighten", [placed](auto& o) -> auto& { return placed(o).straighten; })
       .add("adjust", [placed](auto& o) -> auto& { return placed(o).adjust; })
       .add("refine_intrinsics",
            [placed](auto& o) -> auto& { return placed(o).adjustment.refine_intrinsics; })

@@ -274,6 +274,8 @@ class MergedMap:
     def landmarks(self) -> int: ...
     @property
     def fused(self) -> int: ...
+    @property
+    def bend_deg(self) -> Optional[float]: ...
 
 class Link:
     @property
@@ -484,6 +486,7 @@ class Atlas:
         frame: Optional[str] = ...,
         at: Optional[int] = ...,
         fusion_probability: float = ...,
+        straighten: bool = ...,
         adjust: bool = ...,
         refine_intrinsics: bool = ...,
         matching_rounds: int = ...,
@@ -868,6 +871,7 @@ def merge(
     effort: float = ...,
     min_observations: int = ...,
     fusion_probability: float = ...,
+    straighten: bool = ...,
     adjust: bool = ...,
     refine_intrinsics: bool = ...,
     matching_rounds: int = ...,

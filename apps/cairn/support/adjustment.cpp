@@ -3,11 +3,15 @@
 
 #include <fmt/format.h>
 
+#include "cairn/geometry/angles.hpp"
+
 #include "support/map_lists.hpp"
 
 namespace cairn::cli {
 
 void add_adjustment_to(CLI::App& command, MergePlacedOptions& options) {
+  command.add_flag("--straighten,!--no-straighten", options.straighten,
+                   "Straighten maps that others show to be bent. Default: on");
   auto* const adjust = command.add_flag("--adjust,!--no-adjust", options.adjust,
                                         "Bundle-adjust the merged map: minimise the reprojection "
                                         "errors over all keyframes and landmarks");
@@ -15,6 +19,19 @@ void add_adjustment_to(CLI::App& command, MergePlacedOptions& options) {
       .add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
                 "With --adjust: also adjust the cameras' parameters")
       ->needs(adjust);
+}
+
+Json bend_json(const std::optional<MapBend>& bend) {
+  if (!bend) return nullptr;
+  return {{"rotation_deg", degrees(bend->rotation_rad)},
+          {"first_keyframe", bend->first.value},
+          {"last_keyframe", bend->last.value},
+          {"displacement", bend->displacement}};
+}
+
+std::string bend_text(const std::optional<MapBend>& bend, const std::string& name) {
+  if (!bend) return {};
+  return fmt::format("; {} was bent by {:.1f} deg, mended", name, degrees(bend->rotation_rad));
 }
 
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment) {

@@ -12,8 +12,14 @@
 
 namespace cairn::cli {
 
-/// --adjust, --no-adjust and --refine-intrinsics of a command that writes a merged map.
+/// --straighten, --adjust, their negations and --refine-intrinsics, of a command that writes a merged map.
 void add_adjustment_to(CLI::App& command, MergePlacedOptions& options);
+
+/// null where the map was not straightened
+Json bend_json(const std::optional<MapBend>& bend);
+
+/// "; NAME was bent by 2.1 deg, mended"; empty where the map was not straightened.
+std::string bend_text(const std::optional<MapBend>& bend, const std::string& name);
 
 /// null where the map was not adjusted
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment);

@@ -664,6 +664,18 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
   return components.front();
 }
 
+MapLink map_link(const AtlasLink& link) {
+  return {.target = 0,
+          .source = 0,
+          .kind = link.kind,
+          .verdict = link.verdict,
+          .probability = link.probability,
+          .reason = link.reason,
+          .target_from_source = link.target_from_source,
+          .covariance = link.covariance,
+          .covariance_with_scale = link.covariance_with_scale};
+}
+
 AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitId> at) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, options.frame, store_->name());
@@ -676,7 +688,23 @@ AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitI
     maps.push_back(map(node));
     placed.push_back({&maps.back(), node.name, pose.frame_from_node, pose.covariance});
   }
-  return {chosen.nodes, merge_placed(placed, options.placed)};
+  std::vector<MapLink> links;
+  const auto index_of = [&](NodeId id) {
+    return static_cast<std::size_t>(std::lower_bound(chosen.nodes.begin(), chosen.nodes.end(), id) -
+                                    chosen.nodes.begin());
+  };
+  for (const auto& [id, link] : state.links) {
+    const auto agrees = state.agrees.find(id);
+    if (agrees == state.agrees.end() || !agrees->second || !link.is_aligned()) continue;
+    if (!std::binary_search(chosen.nodes.begin(), chosen.nodes.end(), link.target)) continue;
+    MapLink& used = links.emplace_back(map_link(link));
+    used.target = index_of(link.target);
+    used.source = index_of(link.source);
+  }
+  std::stable_sort(links.begin(), links.end(), [](const MapLink& a, const MapLink& b) {
+    return a.probability.value_or(1.0) > b.probability.value_or(1.0);
+  });
+  return {chosen.nodes, merge_placed(placed, links, options.placed)};
 }
 
 namespace {

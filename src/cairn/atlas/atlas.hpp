@@ -77,6 +77,9 @@ struct AtlasMergeOptions {
   MergePlacedOptions placed = {};
 };
 
+/// The link without its maps, whose indices stay 0.
+MapLink map_link(const AtlasLink& link);
+
 struct AtlasMerged {
   std::vector<NodeId> nodes;  ///< in the order of the fusion
   MergedPlaced merged;        ///< of these maps, in that order

@@ -2,12 +2,10 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
-#include <deque>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/straightened.hpp"
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
@@ -47,19 +45,6 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
   } else {
     merged.reason = "no pair with another map was tried";
   }
-}
-
-// The parts that show best how a map is bent: of the links that are used, those of which most are aligned separately.
-const PartsAlignment* bend_of(std::size_t map, const MergeResult& result) {
-  const PartsAlignment* best = nullptr;
-  for (std::size_t i = 0; i < result.links.size(); ++i) {
-    const MapLink& link = result.links[i];
-    if (!result.used[i] || !link.parts || !link.parts->bend) continue;
-    const bool of_source = link.parts->bend->map == MapRole::kSource;
-    if ((of_source ? link.source : link.target) != map) continue;
-    if (best == nullptr || link.parts->aligned > best->aligned) best = &*link.parts;
-  }
-  return best;
 }
 
 }  // namespace
@@ -123,7 +108,6 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   for (const std::size_t link : poses.tree) result.tree.push_back(link_of[link]);
   const bool any = !poses.tree.empty();
   std::vector<PlacedMap> placed;
-  std::deque<LandmarkMap> straight;
   std::vector<std::size_t> index_of;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     MergedMap& merged = result.maps[i];
@@ -134,12 +118,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
     }
     merged.world_from_map = poses.world_from_node[i];
     merged.covariance = poses.covariances[i];
-    const LandmarkMap* map = maps[i].map;
-    if (const PartsAlignment* parts = bend_of(i, result)) {
-      merged.bend = parts->bend;
-      map = &straight.emplace_back(straightened(*map, *parts));
-    }
-    placed.push_back({map, maps[i].name, *merged.world_from_map, merged.covariance});
+    placed.push_back({maps[i].map, maps[i].name, *merged.world_from_map, merged.covariance});
     index_of.push_back(i);
   }
   if (!any) return result;
@@ -148,9 +127,19 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   fusing.fusion.execution = options.execution;
   fusing.fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
   fusing.fusion.log = options.log;
-  MergedPlaced merged = merge_placed(placed, fusing);
-  for (std::size_t i = 0; i < index_of.size(); ++i)
+  std::vector<MapLink> tree;
+  std::vector<std::size_t> place_of(maps.size());
+  for (std::size_t i = 0; i < index_of.size(); ++i) place_of[index_of[i]] = i;
+  for (const std::size_t index : result.tree) {
+    MapLink& link = tree.emplace_back(result.links[index]);
+    link.target = place_of[link.target];
+    link.source = place_of[link.source];
+  }
+  MergedPlaced merged = merge_placed(placed, tree, fusing);
+  for (std::size_t i = 0; i < index_of.size(); ++i) {
     result.maps[index_of[i]].fusion = merged.maps[i];
+    result.maps[index_of[i]].bend = merged.bends[i];
+  }
   result.map = std::move(merged.map);
   result.adjustment = merged.adjustment;
   return result;

@@ -41,7 +41,7 @@ struct MergedMap {
   std::optional<std::size_t> likeliest_link;
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
-  /// How far the map was bent; it was straightened before it was fused.
+  /// How far the map was bent, if it was straightened before the fusion.
   std::optional<MapBend> bend;
   std::optional<MapFusion> fusion;
 };
@@ -64,8 +64,8 @@ struct MergeResult {
 PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result);
 
 /// Merges maps of one place: link_maps(), optimise_poses(), merge_placed(). Only aligned and stated links
-/// place a map; maps without a link to the largest group are left out. A map that is aligned with another by its
-/// parts only is straightened as the other shows it: straightened().
+/// place a map; maps without a link to the largest group are left out. Maps that others show to be bent are
+/// straightened before they are fused.
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
 

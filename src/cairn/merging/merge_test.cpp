@@ -94,7 +94,32 @@ TEST(Merge, MendsABentMap) {
   }
   // Landmarks of both are found to be the same, as of maps that are not bent.
   const std::vector<MergeInput> sound = {{"target", &maps.target}, {"source", &maps.source}};
-  EXPECT_GT(result.maps[1].fusion->fused, merge(sound).maps[1].fusion->fused * 8 / 10);
+  const MergeResult of_sound = merge(sound);
+  EXPECT_GT(result.maps[1].fusion->fused, of_sound.maps[1].fusion->fused * 9 / 10);
+  EXPECT_FALSE(of_sound.maps[1].bend) << degrees(of_sound.maps[1].bend->rotation_rad);
+  MergeOptions options;
+  options.placed.straighten = false;
+  const MergeResult as_it_is = merge(inputs, options);
+  EXPECT_FALSE(as_it_is.maps[1].bend);
+  EXPECT_LT(as_it_is.maps[1].fusion->fused, of_sound.maps[1].fusion->fused * 9 / 10);
+}
+
+TEST(Merge, MendsTheFirstMapIfTheSecondShowsItToBeBent) {
+  const SyntheticPair maps = testing::described_pair(65);
+  const LandmarkMap crooked = testing::bent(maps.source, 6.0);
+  const std::vector<MergeInput> inputs = {{"source", &crooked}, {"target", &maps.target}};
+  const MergeResult result = merge(inputs);
+  ASSERT_EQ(result.placed(), 2U);
+  ASSERT_TRUE(result.maps[0].bend);
+  EXPECT_FALSE(result.maps[1].bend);
+  // Keyframes of the two maps are to each other as they are in truth.
+  const Rigid3 truth = maps.source.world_from_camera(FrameIndex{0}).inverse() *
+                       maps.target_from_source.inverse() *
+                       maps.target.world_from_camera(FrameIndex{0});
+  const auto second = static_cast<std::uint32_t>(crooked.frame_count());
+  const Rigid3 found = result.map->world_from_camera(FrameIndex{0}).inverse() *
+                       result.map->world_from_camera(FrameIndex{second});
+  EXPECT_LT(degrees((truth.inverse() * found).angle()), 2.0);
 }
 
 TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {

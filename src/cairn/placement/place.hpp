@@ -61,7 +61,6 @@ struct PlaceOptions {
   bool use_covariances = true;  ///< in the final refinement; see RefineOptions
   /// A landmark of the result overlaps if the other map has one within this distance. std::nullopt: the
   /// placement's radius.
-  /// placement's own radius.
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< record score and matches of every iteration of the final refinement
 

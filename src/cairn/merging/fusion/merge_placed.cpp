@@ -8,6 +8,7 @@
 
 #include "cairn/adjustment/measurements.hpp"
 #include "cairn/map/io/content_uuid.hpp"
+#include "cairn/merging/fusion/straighten_maps.hpp"
 
 namespace cairn {
 namespace {
@@ -47,17 +48,27 @@ void MergePlacedOptions::validate() const {
   with_adjustment(*this).validate();
 }
 
-MergedPlaced merge_placed(std::span<const PlacedMap> maps, const MergePlacedOptions& options) {
+MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const MapLink> links,
+                          const MergePlacedOptions& options) {
   options.validate();
+  std::vector<PlacedMap> maps(given.begin(), given.end());
+  std::vector<std::optional<MapBend>> bends(maps.size());
+  std::vector<std::optional<StraightenedMap>> straight(maps.size());
+  if (options.straighten) straight = straighten_maps(given, links, options.fusion);
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (!straight[i]) continue;
+    maps[i].map = &straight[i]->map;
+    bends[i] = straight[i]->bend;
+  }
   const std::string defect = options.adjust ? adjustment_defect(maps) : "";
   if (!defect.empty() && options.fusion.log) options.fusion.log("not adjusted: " + defect);
   if (!options.adjust || !defect.empty()) {
     FusionResult fused = fuse_maps(maps, options.fusion);
-    return {with_content_uuid(std::move(fused.map)), std::move(fused.maps), {}};
+    return {with_content_uuid(std::move(fused.map)), std::move(fused.maps), std::move(bends), {}};
   }
   AdjustedFusion fused = fuse_and_adjust(maps, with_adjustment(options));
   return {with_content_uuid(with_provenance(std::move(fused.map), fused.adjustment)),
-          std::move(fused.maps), fused.adjustment};
+          std::move(fused.maps), std::move(bends), fused.adjustment};
 }
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/by_parts.hpp"
 #include "cairn/core/error.hpp"
 
 namespace cairn {
@@ -22,10 +23,12 @@ AlignOptions align_options(const LinkOptions& options) {
   return align;
 }
 
+bool has_free_scale(const PreparedMap& target, const PreparedMap& source) {
+  return target.length_unit() == LengthUnit::kFree || source.length_unit() == LengthUnit::kFree;
+}
+
 MapLink linked(const PreparedMap& target, const PreparedMap& source, AlignOptions options) {
-  const bool free_scale =
-      target.length_unit() == LengthUnit::kFree || source.length_unit() == LengthUnit::kFree;
-  if (free_scale) options.scale = ScaleRange();
+  if (has_free_scale(target, source)) options.scale = ScaleRange();
   Alignment alignment = align(source, target, options);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "merge", "linking was cancelled", "");
@@ -54,6 +57,20 @@ PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options)
 MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
                   const LinkOptions& options) {
   return linked(target, source, align_options(options));
+}
+
+std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
+                                            const LinkOptions& options) {
+  PlaceOptions placement;
+  placement.min_probability = options.min_probability;
+  placement.prior_odds = options.prior_odds;
+  placement.effort = options.effort;
+  if (has_free_scale(target, source)) placement.scale = ScaleRange();
+  placement.seed = options.seed;
+  placement.execution = options.execution.without_progress();
+  PartsAlignment parts = place_by_parts(source, target, placement);
+  if (!parts.consensus) return std::nullopt;
+  return parts;
 }
 
 std::optional<PoseLink> pose_link(const MapLink& link) {

@@ -57,6 +57,10 @@ PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options 
 MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
                   const LinkOptions& options = {});
 
+/// The parts of two maps, which show whether one is bent: place_by_parts(). std::nullopt if they do not agree.
+std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
+                                            const LinkOptions& options = {});
+
 /// Aligns every map with every earlier one, which is the target. Estimates the scale if one of the two has
 /// a free scale. The same input and seed give the same links for any number of threads.
 /// @return one link per pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...

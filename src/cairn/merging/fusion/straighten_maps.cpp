@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/fusion/straighten_maps.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "cairn/alignment/straightened.hpp"
+#include "cairn/map/operations.hpp"
+
+namespace cairn {
+namespace {
+
+// Least growth of the number of fused landmarks: less may be chance.
+constexpr double kLeastGain = 1.005;
+
+// Number of landmarks of the source that are fused with one of the target.
+double fused(const LandmarkMap& target, const LandmarkMap& source, const MapLink& link,
+             FusionOptions options) {
+  PlacedMap placed{&source, "source", *link.target_from_source};
+  if (link.covariance_with_scale) {
+    placed.covariance = *link.covariance_with_scale;
+  } else if (link.covariance) {
+    placed.covariance.topLeftCorner<6, 6>() = *link.covariance;
+  }
+  const std::vector<PlacedMap> both = {{&target, "target", Similarity3()}, placed};
+  options.execution = options.execution.without_progress();
+  options.log = {};
+  return static_cast<double>(fuse_maps(both, options).maps[1].fused);
+}
+
+// In the frame in which the link's pose holds, not that of the parts.
+LandmarkMap straightened_for(const LandmarkMap& map, const PartsAlignment& parts,
+                             const Similarity3& target_from_source) {
+  const Similarity3 own_from_straight =
+      parts.bend->map == MapRole::kSource
+          ? target_from_source.inverse() * *parts.target_from_source
+          : target_from_source * parts.target_from_source->inverse();
+  return transformed(straightened(map, parts), own_from_straight);
+}
+
+}  // namespace
+
+std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
+                                                            std::span<const MapLink> links,
+                                                            const FusionOptions& options) {
+  LinkOptions how;
+  how.seed = options.seed;
+  how.execution = options.execution.without_progress();
+  std::vector<std::optional<PreparedMap>> prepared(maps.size());
+  const auto prepare = [&](std::size_t map) -> const PreparedMap& {
+    if (!prepared[map]) prepared[map].emplace(prepared_to_link(*maps[map].map, how));
+    return *prepared[map];
+  };
+  std::vector<std::optional<StraightenedMap>> straight(maps.size());
+  const auto now = [&](std::size_t map) -> const LandmarkMap& {
+    return straight[map] ? straight[map]->map : *maps[map].map;
+  };
+  std::vector<std::size_t> group(maps.size());
+  std::iota(group.begin(), group.end(), std::size_t{0});
+  for (const MapLink& link : links) {
+    const std::size_t joined = group[link.source];
+    if (joined == group[link.target]) continue;
+    std::replace(group.begin(), group.end(), joined, group[link.target]);
+    if (link.kind != LinkKind::kPlacement) continue;
+    std::optional<PartsAlignment> parts = link.parts;
+    if (!parts) parts = parts_of_pair(prepare(link.target), prepare(link.source), how);
+    if (!parts || !parts->bend || parts->bend->rotation_rad == 0.0) continue;
+    const bool of_source = parts->bend->map == MapRole::kSource;
+    const std::size_t bent = of_source ? link.source : link.target;
+    if (straight[bent]) continue;
+    LandmarkMap map = straightened_for(*maps[bent].map, *parts, *link.target_from_source);
+    const double before = fused(now(link.target), now(link.source), link, options);
+    const double after = fused(of_source ? now(link.target) : map,
+                               of_source ? map : now(link.source), link, options);
+    if (after >= kLeastGain * before) straight[bent] = {std::move(map), *parts->bend};
+  }
+  return straight;
+}
+
+}  // namespace cairn

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cairn/alignment/map_bend.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/merging/fusion/fuse_maps.hpp"
+#include "cairn/merging/linking/link_maps.hpp"
+
+namespace cairn {
+
+struct StraightenedMap {
+  LandmarkMap map;  ///< in the frame of the bent one
+  MapBend bend;     ///< that it had
+};
+
+/// Straightens maps that others show to be bent: straightened(). Places the parts of each pair that is aligned as a
+/// whole, too. A map is straightened, by the first of the pairs that shows it to be bent, if at least 0.5 % more
+/// landmarks can then be fused with the other map of the pair.
+///
+/// @param links of the maps by index: aligned ones, the most certain first; only those that connect maps which earlier ones do not are
+///        used. Their poses stay those of the straightened maps
+/// @return one per map; std::nullopt for a map that stays as it is
+std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
+                                                            std::span<const MapLink> links,
+                                                            const FusionOptions& options = {});
+
+}  // namespace cairn
