@@ -7,6 +7,9 @@
 // takes sessions of different places, bent by up to 10 degrees. One CSV row a pair to stdout.
 //   cairn_bent_maps_benchmark FOLDER PAIRS guesses
 // aligns the pairs of one place, not bent, from guesses 0 to 60 degrees and 0 to 2 m off, and from nowhere.
+//   cairn_bent_maps_benchmark FOLDER PAIRS merge
+// merges each pair, bent by 0 to 10 degrees, with and without straightening, and states how far off the keyframes of
+// the bent map are then.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -23,6 +26,7 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/merge.hpp"
 
 #include "random_pose.hpp"
 #include "session_pairs.hpp"
@@ -111,6 +115,7 @@ struct Case {
   LandmarkMap target;
   std::vector<Eigen::Vector3d> here;   // kept landmarks of the source
   std::vector<Eigen::Vector3d> there;  // and where they are in the target
+  std::vector<Rigid3> keyframes;       // true poses of the source's in the target
 };
 
 Case make_case(const Session& one, const Session& other, double degrees_bent, std::uint64_t seed,
@@ -132,12 +137,16 @@ Case make_case(const Session& one, const Session& other, double degrees_bent, st
               transformed(bend.map, moved_source),
               transformed(target, moved_target),
               {},
+              {},
               {}};
   if (one.place == other.place)
     result.overlap = benchmarks::overlap(landmark_cloud(source), landmark_cloud(target), truth);
   for (const LandmarkIndex i : landmarks_observed(result.source, 2)) {
     result.here.push_back(result.source.landmarks().positions[i.value]);
     result.there.emplace_back(moved_target * (truth * bend.before[i.value]));
+  }
+  for (std::uint32_t i = 0; i < source.frame_count(); ++i) {
+    result.keyframes.push_back(moved_target * truth * source.world_from_camera(FrameIndex{i}));
   }
   return result;
 }
@@ -240,6 +249,40 @@ void tell_guesses(const Case& one, std::uint64_t number) {
   }
 }
 
+void tell_merge(const Case& one, std::uint64_t number) {
+  MergeOptions options;
+  options.seed = number;
+  const std::vector<MergeInput> maps = {{"target", &one.target}, {"source", &one.source}};
+  std::string row =
+      fmt::format("{},{},{:.1f},{:.3f}", number, one.source_place, one.bend, one.overlap);
+  for (const bool straighten : {false, true}) {
+    options.placed.straighten = straighten;
+    const MergeResult merged = merge(maps, options);
+    if (merged.placed() < 2) {
+      row += ",0,,,";
+      continue;
+    }
+    std::vector<double> angles;
+    std::vector<double> distances;
+    const auto first = static_cast<std::uint32_t>(one.target.frame_count());
+    for (std::uint32_t i = 0; i < one.keyframes.size(); ++i) {
+      const Rigid3 error =
+          one.keyframes[i].inverse() * merged.map->world_from_camera(FrameIndex{first + i});
+      angles.push_back(degrees(error.angle()));
+      distances.push_back(error.translation().norm());
+    }
+    const auto median = [](std::vector<double>& values) {
+      std::sort(values.begin(), values.end());
+      return values[values.size() / 2];
+    };
+    const auto& bend = merged.maps[1].bend ? merged.maps[1].bend : merged.maps[0].bend;
+    row += fmt::format(",1,{:.2f},{:.3f},{:.4f}", bend ? degrees(bend->rotation_rad) : 0.0,
+                       median(angles), median(distances));
+  }
+  std::printf("%s\n", row.c_str());
+  std::fflush(stdout);
+}
+
 std::vector<double> numbers_of(const std::string& text) {
   std::vector<double> numbers;
   std::size_t begin = 0;
@@ -257,10 +300,13 @@ int run(const std::vector<std::string>& words) {
   const std::string what = words.size() > 2 ? words[2] : "0,2.5,5,7.5,10";
   const bool strangers = what == "strangers";
   const bool guesses = what == "guesses";
+  const bool merges = what == "merge";
   std::vector<double> bends = {0.0};
-  if (!strangers && !guesses) bends = numbers_of(what);
+  if (!strangers && !guesses) bends = numbers_of(merges ? "0,2.5,5,7.5,10" : what);
   std::puts(
-      guesses
+      merges ? "pair,place,bend_deg,overlap,placed,mended_deg,rotation_deg,translation_m,"
+               "placed_straight,mended_straight_deg,rotation_straight_deg,translation_straight_m"
+      : guesses
           ? "pair,place,overlap,start,guess_deg,guess_m,verdict,rotation_deg,translation_m,right"
           : "pair,source,target,bend_deg,overlap,source_landmarks,target_landmarks,whole,verdict,"
             "consensus,contradictory,parts_aligned,parts,stated_deg,rotation_deg,translation_m,"
@@ -282,6 +328,8 @@ int run(const std::vector<std::string>& words) {
           make_case(sessions[source], sessions[target], bend, number + 1000, strangers ? 0.4 : 0.6);
       if (guesses) {
         tell_guesses(one, number);
+      } else if (merges) {
+        tell_merge(one, number);
       } else {
         tell(one, number);
       }
@@ -295,8 +343,9 @@ int run(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   if (words.size() < 2) {
-    std::fputs("usage: cairn_bent_maps_benchmark FOLDER PAIRS [DEGREES,...|strangers|guesses]\n",
-               stderr);
+    std::fputs(
+        "usage: cairn_bent_maps_benchmark FOLDER PAIRS [DEGREES,...|strangers|guesses|merge]\n",
+        stderr);
     return 2;
   }
   try {

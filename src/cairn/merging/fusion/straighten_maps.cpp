@@ -11,8 +11,8 @@
 namespace cairn {
 namespace {
 
-// Least growth of the number of fused landmarks: less may be chance.
-constexpr double kLeastGain = 1.005;
+// Least growth of the number of fused landmarks: a smaller bend is within the uncertainty of the parts.
+constexpr double kLeastGain = 1.02;
 
 // Number of landmarks of the source that are fused with one of the target.
 double fused(const LandmarkMap& target, const LandmarkMap& source, const MapLink& link,

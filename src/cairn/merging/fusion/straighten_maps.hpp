@@ -18,7 +18,7 @@ struct StraightenedMap {
 };
 
 /// Straightens maps that others show to be bent: straightened(). Places the parts of each pair that is aligned as a
-/// whole, too. A map is straightened, by the first of the pairs that shows it to be bent, if at least 0.5 % more
+/// whole, too. A map is straightened, by the first of the pairs that shows it to be bent, if at least 2 % more
 /// landmarks can then be fused with the other map of the pair.
 ///
 /// @param links of the maps by index: aligned ones, the most certain first; only those that connect maps which earlier ones do not are
