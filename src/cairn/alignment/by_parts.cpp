@@ -79,7 +79,7 @@ Trial trial(const Side& side, const PreparedPart& part, PlaceOptions options) {
   pose.first = part.part.first;
   pose.middle = part.part.middle;
   pose.last = part.part.last;
-  pose.landmarks = part.cloud.size();
+  pose.landmarks = part.part.landmarks.size();
   if (placed.candidates.empty() || !placed.alignment.has_pose()) return result;
   pose.verdict = placed.verdict;
   pose.probability = placed.probability;

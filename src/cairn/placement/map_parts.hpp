@@ -26,6 +26,8 @@ struct MapPart {
 struct CutOptions {
   std::size_t landmarks = 600;  ///< approximate number per part; at least 20
   std::size_t parts = 12;       ///< largest number; at least 1
+  /// Largest number of a part's landmarks that are placed: the most observed ones.
+  std::size_t placed = 1500;
 };
 
 /// Keyframes in the order of their times or, if one has no time, of their ids.

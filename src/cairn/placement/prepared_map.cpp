@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/prepared_map.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <mutex>
 #include <utility>
@@ -8,6 +9,27 @@
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
+namespace {
+
+// The most observed of some landmarks, in their order.
+std::vector<LandmarkIndex> most_observed(const LandmarkMap& map,
+                                         const std::vector<LandmarkIndex>& landmarks,
+                                         std::size_t count) {
+  if (landmarks.size() <= count) return landmarks;
+  std::vector<LandmarkIndex> chosen = landmarks;
+  const auto before = [&](LandmarkIndex a, LandmarkIndex b) {
+    const std::size_t of_a = map.observing_frames(a).size();
+    const std::size_t of_b = map.observing_frames(b).size();
+    return of_a != of_b ? of_a > of_b : a < b;
+  };
+  std::nth_element(chosen.begin(), chosen.begin() + static_cast<std::ptrdiff_t>(count),
+                   chosen.end(), before);
+  chosen.resize(count);
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+}  // namespace
 
 class PreparedMap::Parts {
  public:
@@ -29,8 +51,9 @@ class PreparedMap::Parts {
       along_.push_back(along[landmark.value]);
     }
     for (const MapPart& part : parts_) {
-      clouds_.push_back(
-          landmark_cloud(with_landmarks(map, part.landmarks), options.confidence, options.points));
+      clouds_.push_back(landmark_cloud(
+          with_landmarks(map, most_observed(map, part.landmarks, options.cut.placed)),
+          options.confidence, options.points));
     }
   }
 
