@@ -428,7 +428,7 @@ class Writer {
     out_.begin_array(0);
     out_.text("descs");
     out_.begin_array(of_frame.size());
-    for (const std::uint64_t k : of_frame) write_descriptor(landmark_of_[k]);
+    for (const std::uint64_t k : of_frame) write_descriptor(k);
     out_.text("lm_ids");
     out_.begin_array(of_frame.size());
     for (const std::uint64_t k : of_frame) {
@@ -485,14 +485,42 @@ class Writer {
     return descriptors && descriptors->kind == "ORB" && descriptors->bytes_each == kOrbBytes;
   }
 
-  void write_descriptor(std::uint32_t landmark) {
+  // Whether each landmark has enough observations for its descriptors.
+  bool holds_further() const {
+    const auto& descriptors = map_.landmarks().descriptors;
+    const auto& offsets = map_.observations().offsets;
+    if (!descriptors || !descriptors->has_further()) return true;
+    for (std::uint32_t i = 0; i + 1 < offsets.size(); ++i) {
+      if (2 * (descriptors->count(i) - std::min<std::size_t>(descriptors->count(i), 1)) >
+          offsets[i + 1] - offsets[i]) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  // The descriptor of an observation's landmark. The last observations have the further ones, one each, but
+  // at most half of them, so that the first descriptor still represents the landmark.
+  std::span<const std::uint8_t> descriptor_of(std::uint64_t observation) const {
+    const DescriptorColumn& descriptors = *map_.landmarks().descriptors;
+    const std::uint32_t landmark = landmark_of_[observation];
+    const auto& offsets = map_.observations().offsets;
+    const std::uint64_t further =
+        std::min<std::uint64_t>(std::max<std::size_t>(descriptors.count(landmark), 1) - 1,
+                                (offsets[landmark + 1] - offsets[landmark]) / 2);
+    const std::uint64_t from_end = offsets[landmark + 1] - observation;  // 1 for the last
+    return descriptors.descriptor(landmark, from_end <= further ? from_end : 0);
+  }
+
+  void write_descriptor(std::uint64_t observation) {
     out_.begin_array(kOrbBytes / 4);
+    const std::span<const std::uint8_t> bytes =
+        has_orb() ? descriptor_of(observation) : std::span<const std::uint8_t>();
     for (std::size_t word = 0; word < kOrbBytes / 4; ++word) {
       std::uint32_t value = 0;
-      if (has_orb()) {
-        const auto& bytes = map_.landmarks().descriptors->bytes;
+      if (!bytes.empty()) {
         for (std::size_t j = 0; j < 4; ++j) {
-          value |= std::uint32_t{bytes[landmark * kOrbBytes + 4 * word + j]} << (8 * j);
+          value |= std::uint32_t{bytes[4 * word + j]} << (8 * j);
         }
       }
       out_.whole(value);
@@ -561,6 +589,7 @@ class Writer {
                                     .octaves = true,
                                     .colors = false,
                                     .descriptors = has_orb() ? "ORB" : "",
+                                    .further_descriptors = holds_further(),
                                     .columns = kColumns};
     const std::string lost = detail::loss_remark(map_, holdings, "", "stella_vslam");
     if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});

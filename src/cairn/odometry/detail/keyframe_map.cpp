@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/odometry/detail/noise_estimation.hpp"
 #include "cairn/odometry/detail/residual_limits.hpp"
 
@@ -317,6 +319,29 @@ void KeyframeMap::cull(std::uint32_t newest) {
   }
 }
 
+namespace {
+
+// The landmark's descriptor, and those of its observations that differ most.
+std::vector<std::span<const std::uint8_t>> distinct_views(const LandmarkGraph& graph,
+                                                          const TrackedLandmark& landmark,
+                                                          std::size_t most) {
+  const auto bytes_of = [](const Descriptor& descriptor) {
+    return std::span(reinterpret_cast<const std::uint8_t*>(descriptor.data()), sizeof(Descriptor));
+  };
+  std::vector<std::span<const std::uint8_t>> all = {bytes_of(landmark.descriptor)};
+  for (const KeypointReference& reference : landmark.observations) {
+    const Features& features = graph.keyframes()[reference.keyframe].features;
+    all.push_back(bytes_of(features.descriptors()[reference.keypoint]));
+  }
+  std::vector<std::span<const std::uint8_t>> views;
+  for (const std::size_t i : distinct_descriptors(all, 0, most, DescriptorNorm::kHamming)) {
+    views.push_back(all[i]);
+  }
+  return views;
+}
+
+}  // namespace
+
 LandmarkMap KeyframeMap::to_map(const MapOptions& options,
                                 const std::vector<Eigen::Matrix3d>& covariances) const {
   MapTables tables;
@@ -341,10 +366,8 @@ LandmarkMap KeyframeMap::to_map(const MapOptions& options,
     landmarks.positions.push_back(landmark.position);
     landmarks.covariances.push_back(covariances[i]);
     if (landmarks.descriptors) {
-      landmarks.descriptors->known.push_back(1);
-      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
-      landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
-                                          bytes + sizeof(Descriptor));
+      append_descriptors(*landmarks.descriptors,
+                         distinct_views(graph_, landmark, options.descriptors_each));
     }
     for (const KeypointReference& reference : landmark.observations) {
       const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];
