@@ -485,31 +485,31 @@ class Writer {
     return descriptors && descriptors->kind == "ORB" && descriptors->bytes_each == kOrbBytes;
   }
 
-  // Whether each landmark has enough observations for its descriptors.
+  // Number of a landmark's further descriptors that are written: fewer than half of its observations, so that
+  // readers who choose the medoid choose the first descriptor; and no more than readers keep.
+  std::size_t further_written(std::uint32_t landmark) const {
+    const std::size_t observations = map_.observation_count(LandmarkIndex{landmark});
+    const std::size_t count = map_.landmarks().descriptors->count(landmark);
+    if (count < 2 || observations < 3) return 0;
+    return std::min({count - 1, (observations - 1) / 2, kDistinctViews - 1});
+  }
+
+  // Whether all descriptors of all landmarks are written.
   bool holds_further() const {
     const auto& descriptors = map_.landmarks().descriptors;
-    const auto& offsets = map_.observations().offsets;
     if (!descriptors || !descriptors->has_further()) return true;
-    for (std::uint32_t i = 0; i + 1 < offsets.size(); ++i) {
-      if (2 * (descriptors->count(i) - std::min<std::size_t>(descriptors->count(i), 1)) >
-          offsets[i + 1] - offsets[i]) {
-        return false;
-      }
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      if (descriptors->count(i) > 1 + further_written(i)) return false;
     }
     return true;
   }
 
-  // The descriptor of an observation's landmark. The last observations have the further ones, one each, but
-  // at most half of them, so that the first descriptor still represents the landmark.
+  // The observations after the first have the landmark's further descriptors, one each.
   std::span<const std::uint8_t> descriptor_of(std::uint64_t observation) const {
-    const DescriptorColumn& descriptors = *map_.landmarks().descriptors;
     const std::uint32_t landmark = landmark_of_[observation];
-    const auto& offsets = map_.observations().offsets;
-    const std::uint64_t further =
-        std::min<std::uint64_t>(std::max<std::size_t>(descriptors.count(landmark), 1) - 1,
-                                (offsets[landmark + 1] - offsets[landmark]) / 2);
-    const std::uint64_t from_end = offsets[landmark + 1] - observation;  // 1 for the last
-    return descriptors.descriptor(landmark, from_end <= further ? from_end : 0);
+    const std::uint64_t place = observation - map_.observations().offsets[landmark];
+    return map_.landmarks().descriptors->descriptor(landmark,
+                                                    place <= further_written(landmark) ? place : 0);
   }
 
   void write_descriptor(std::uint64_t observation) {
