@@ -173,8 +173,10 @@ void measure(EnvironmentKind kind, std::uint64_t seed, std::vector<Counts>& coun
       keyframe_of.push_back(FrameIndex{keyframe});
     }
   }
-  const RgbdSimulator again(std::move(place.scene), Trajectory(std::move(poses)),
-                            {.seed = seed + 1}, executor);
+  SimulatorOptions other_noise;
+  other_noise.seed = seed + 1;
+  const RgbdSimulator again(std::move(place.scene), Trajectory(std::move(poses)), other_noise,
+                            executor);
   const FeatureExtractor extractor(camera, FeatureOptions());
   for (std::size_t i = 0; i < keyframe_of.size(); ++i) {
     count(map, keyframe_of[i], again.frame(i, executor), extractor, counts[i % all.size()]);
