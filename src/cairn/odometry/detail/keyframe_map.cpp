@@ -260,7 +260,9 @@ std::uint32_t KeyframeMap::add_keyframe(const TrackedFrame& frame) {
     cut_patch({index, i});
   }
   if (index > 0) merge_known_landmarks(index);
-  graph_.keyframes()[index].features.drop_images();
+  Keyframe& added = graph_.keyframes()[index];
+  added.shown = extractor_.describe_added(added.features);
+  added.features.drop_images();
   return index;
 }
 
@@ -330,8 +332,14 @@ std::vector<std::span<const std::uint8_t>> distinct_views(const LandmarkGraph& g
   };
   std::vector<std::span<const std::uint8_t>> all = {bytes_of(landmark.descriptor)};
   for (const KeypointReference& reference : landmark.observations) {
-    const Features& features = graph.keyframes()[reference.keyframe].features;
-    all.push_back(bytes_of(features.descriptors()[reference.keypoint]));
+    const Keyframe& keyframe = graph.keyframes()[reference.keyframe];
+    const std::size_t corners = keyframe.features.corners();
+    if (reference.keypoint < corners) {
+      all.push_back(bytes_of(keyframe.features.descriptors()[reference.keypoint]));
+    } else if (const std::size_t added = reference.keypoint - corners;
+               added < keyframe.shown.size() && keyframe.shown[added]) {
+      all.push_back(bytes_of(*keyframe.shown[added]));
+    }
   }
   std::vector<std::span<const std::uint8_t>> views;
   for (const std::size_t i : distinct_descriptors(all, 0, most, DescriptorNorm::kHamming)) {
