@@ -4,7 +4,7 @@
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [VARIANT,...]
 // FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit, choose or test, by the
 // places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always), undescribed (maps
-// without descriptors) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
+// without descriptors), one, one_descriptors (shipped and descriptors with one descriptor of a landmark) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART guesses
 // instead refines and judges guesses, from near the true pose to 60 degrees and 2 m off it; one row a guess.
 #include <array>
@@ -116,13 +116,16 @@ struct Variant {
   PoseSearch search;
   bool with_descriptors;
   bool with_views;
+  bool with_further = true;  // descriptors of a landmark, beside the one that represents it
 };
 
-constexpr std::array<Variant, 4> kVariants = {{
+constexpr std::array<Variant, 6> kVariants = {{
     {"shipped", PoseSearch::kWhereNeeded, true, true},
     {"descriptors", PoseSearch::kNever, true, true},
     {"searched", PoseSearch::kAlways, true, true},
     {"undescribed", PoseSearch::kAlways, false, true},
+    {"one", PoseSearch::kWhereNeeded, true, true, false},
+    {"one_descriptors", PoseSearch::kNever, true, true, false},
 }};
 
 void tell(const SessionPair& pair, const Variant& variant, const Executor& executor) {
@@ -135,6 +138,10 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
   LandmarkCloud target = pair.target;
   for (LandmarkCloud* const cloud : {&source, &target}) {
     if (!variant.with_descriptors) cloud->descriptors.reset();
+    if (!variant.with_further && cloud->descriptors) {
+      cloud->descriptors->further_offsets.clear();
+      cloud->descriptors->further.clear();
+    }
     if (!variant.with_views) cloud->views.clear();
   }
   const PlacementResult result = place(source, target, options);

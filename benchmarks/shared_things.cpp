@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <exception>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,6 +21,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/placement/place.hpp"
 
@@ -127,8 +129,14 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
   append(result.positions, added.positions);
   append(result.covariances, added.covariances);
   append(result.weights, added.weights);
-  append(result.descriptors->bytes, added.descriptors->bytes);
-  append(result.descriptors->known, added.descriptors->known);
+  std::vector<std::span<const std::uint8_t>> all;
+  for (std::size_t i = 0; i < added.size(); ++i) {
+    all.clear();
+    for (std::size_t k = 0; k < added.descriptors->count(i); ++k) {
+      all.push_back(added.descriptors->descriptor(i, k));
+    }
+    append_descriptors(*result.descriptors, all);
+  }
   return result;
 }
 

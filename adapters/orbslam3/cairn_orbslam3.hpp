@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <iomanip>
 #include <limits>
@@ -9,8 +10,9 @@
 #include <tuple>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
-// For users of ORB-SLAM3: writes a map in Cairn's text format, version 2. This header stands alone: it includes no
+// For users of ORB-SLAM3: writes a map in Cairn's text format, version 3. This header stands alone: it includes no
 // part of Cairn, and uses only those members of ORB-SLAM3's classes that it calls. Call it in your own code, after
 // the run, for each map of the atlas:
 //
@@ -24,17 +26,59 @@ struct OrbSlam3Image {
   unsigned height = 0;
 };
 
+namespace detail {
+
+using OrbDescriptor = std::array<unsigned char, 32>;
+
+inline int differing_bits(const OrbDescriptor& a, const OrbDescriptor& b) {
+  int count = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (unsigned bits = a[i] ^ b[i]; bits != 0; bits &= bits - 1) ++count;
+  }
+  return count;
+}
+
+/// The first descriptor and up to three others, each time the one that differs most from its nearest among
+/// those chosen.
+inline std::vector<OrbDescriptor> distinct_views(const std::vector<OrbDescriptor>& all) {
+  constexpr std::size_t kMost = 4;
+  std::vector<OrbDescriptor> chosen = {all.front()};
+  std::vector<int> nearest(all.size(), std::numeric_limits<int>::max());
+  while (chosen.size() < kMost) {
+    std::size_t farthest = 0;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const int bits = differing_bits(all[i], chosen.back());
+      if (bits < nearest[i]) nearest[i] = bits;
+      if (nearest[i] > nearest[farthest]) farthest = i;
+    }
+    if (nearest[farthest] == 0) break;
+    chosen.push_back(all[farthest]);
+  }
+  return chosen;
+}
+
+/// @param matrix of bytes, with cols and ptr(row)
+template <class Matrix>
+bool append_descriptor(const Matrix& matrix, int row, std::vector<OrbDescriptor>& descriptors) {
+  if (matrix.cols != 32) return false;
+  OrbDescriptor& descriptor = descriptors.emplace_back();
+  for (std::size_t i = 0; i < descriptor.size(); ++i) descriptor[i] = matrix.ptr(row)[i];
+  return true;
+}
+
+}  // namespace detail
+
 /// @tparam Map has GetAllKeyFrames() and GetAllMapPoints(), containers of pointers. Of a keyframe are used
-///         mnId, mTimeStamp, fx, fy, cx, cy, isBad(), mvKeysUn[i].pt.x, .pt.y, .octave, and GetPoseInverse()
-///         with translation() and unit_quaternion(). Of a map point are used mnId, isBad(), GetWorldPos()(i),
+///         mnId, mTimeStamp, fx, fy, cx, cy, isBad(), mvKeysUn[i].pt.x, .pt.y, .octave, mDescriptors, and
+///         GetPoseInverse() with translation() and unit_quaternion(). Of a map point are used mnId, isBad(), GetWorldPos()(i),
 ///         GetObservations(), a map from keyframes to tuples of indices of which -1 is none, and
-///         GetDescriptor() with ptr() and cols.
+///         GetDescriptor(); both kinds of descriptors with ptr(row) and cols.
 /// @param is_monocular the scale is unknown; without it positions are metres
 template <class Map>
 void write_orbslam3_map(Map& map, const OrbSlam3Image& image, bool is_monocular,
                         std::ostream& out) {
   out << std::setprecision(std::numeric_limits<double>::max_digits10);
-  out << "CAIRN 2\nMETA length_unit " << (is_monocular ? "free" : "metres") << '\n';
+  out << "CAIRN 3\nMETA length_unit " << (is_monocular ? "free" : "metres") << '\n';
   out << "META provenance ORB-SLAM3\nDESCRIPTORS ORB 32\n";
   const auto keyframes = map.GetAllKeyFrames();
   // A camera for each set of numbers; undistorted keypoints have no distortion.
@@ -88,15 +132,20 @@ void write_orbslam3_map(Map& map, const OrbSlam3Image& image, bool is_monocular,
       out << ' ' << observation.first << " - " << keypoint.octave;
     }
     if (!seen.empty()) out << '\n';
-    const auto descriptor = point->GetDescriptor();
-    if (descriptor.cols != 32) continue;
-    out << "DESCRIPTOR " << point->mnId << ' ';
-    constexpr char kDigits[] = "0123456789abcdef";
-    for (int i = 0; i < 32; ++i) {
-      const unsigned char byte = descriptor.ptr()[i];
-      out << kDigits[byte >> 4U] << kDigits[byte & 15U];
+    // What represents the point, and what differs most from it in the keyframes.
+    std::vector<detail::OrbDescriptor> descriptors;
+    if (!detail::append_descriptor(point->GetDescriptor(), 0, descriptors)) continue;
+    for (const auto& [id, observation] : seen) {
+      detail::append_descriptor(observation.second->mDescriptors, observation.first, descriptors);
     }
-    out << '\n';
+    for (const detail::OrbDescriptor& descriptor : detail::distinct_views(descriptors)) {
+      out << "DESCRIPTOR " << point->mnId << ' ';
+      constexpr char kDigits[] = "0123456789abcdef";
+      for (const unsigned char byte : descriptor) {
+        out << kDigits[byte >> 4U] << kDigits[byte & 15U];
+      }
+      out << '\n';
+    }
   }
 }
 

@@ -32,6 +32,11 @@ struct Keypoint {
   } pt;
   int octave;
 };
+struct Descriptors {
+  int cols = 32;
+  std::vector<std::array<unsigned char, 32>> rows;
+  const unsigned char* ptr(int row) const { return rows[static_cast<std::size_t>(row)].data(); }
+};
 struct Keyframe {
   unsigned long mnId = 0;
   double mTimeStamp = 0.0;
@@ -39,24 +44,20 @@ struct Keyframe {
   bool bad = false;
   Pose pose;
   std::vector<Keypoint> mvKeysUn;
+  Descriptors mDescriptors;
   bool isBad() const { return bad; }
   Pose GetPoseInverse() const { return pose; }
-};
-struct Descriptor {
-  int cols = 32;
-  std::array<unsigned char, 32> bytes{};
-  const unsigned char* ptr() const { return bytes.data(); }
 };
 struct MapPoint {
   unsigned long mnId = 0;
   bool bad = false;
   Eigen::Vector3f x = Eigen::Vector3f::Zero();
   std::map<Keyframe*, std::tuple<int, int>> observations;
-  Descriptor descriptor;
+  Descriptors descriptor = {32, {{}}};
   bool isBad() const { return bad; }
   Eigen::Vector3f GetWorldPos() const { return x; }
   std::map<Keyframe*, std::tuple<int, int>> GetObservations() const { return observations; }
-  Descriptor GetDescriptor() const { return descriptor; }
+  Descriptors GetDescriptor() const { return descriptor; }
 };
 struct StandIn {
   std::vector<Keyframe*> keyframes;
@@ -79,11 +80,14 @@ TEST(OrbSlam3, AMapIsWrittenAsCairnReadsIt) {
   bad.mnId = 11;
   bad.bad = true;
   bad.mvKeysUn = second.mvKeysUn;
+  bad.mDescriptors.rows = {{9, 9, 9}};
   MapPoint point;
   point.mnId = 7;
   point.x = {0.5F, -0.25F, 4.0F};
   point.observations = {{&second, {0, -1}}, {&first, {1, -1}}, {&bad, {0, -1}}};
-  point.descriptor.bytes[31] = 0xab;
+  point.descriptor.rows[0][31] = 0xab;
+  first.mDescriptors.rows = {{1, 2, 3}, {4, 5, 6}};
+  second.mDescriptors.rows = {{0xff, 0xff, 0xff}};
   MapPoint gone = point;
   gone.mnId = 8;
   gone.bad = true;
@@ -107,7 +111,12 @@ TEST(OrbSlam3, AMapIsWrittenAsCairnReadsIt) {
   EXPECT_EQ(read.observed_pixels(LandmarkIndex{0})[0], (Pixel{30, 40}));
   EXPECT_THAT(read.observations().keypoints, ElementsAre(1U, 0U));
   EXPECT_THAT(read.observations().octaves, ElementsAre(0, 5));
-  EXPECT_EQ(read.landmarks().descriptors->bytes[31], 0xab);
+  const DescriptorColumn& column = *read.landmarks().descriptors;
+  EXPECT_EQ(column.bytes[31], 0xab);
+  // Of the keyframes that are not bad, the one that differs most first.
+  ASSERT_EQ(column.count(0), 3U);
+  EXPECT_EQ(column.descriptor(0, 1)[0], 0xff);
+  EXPECT_EQ(column.descriptor(0, 2)[0], 4);
   std::ostringstream again;
   write_orbslam3_map(map, {640, 480}, false, again);
   EXPECT_NE(again.str().find("META length_unit metres"), std::string::npos);

@@ -128,8 +128,9 @@ void ConvertArguments::add_to(CLI::App& command) {
              "(default: from the residuals)")
       ->needs(estimate);
 #endif
-  add_number(command, "--format-version", format_version,
-             "Version of the text format, 1 or 2 (default: 1 if it can hold the whole map)");
+  add_number(
+      command, "--format-version", format_version,
+      "Version of the text format, 1, 2 or 3 (default: the lowest that holds the whole map)");
   command.add_flag("--ascii", ascii, "Write PLY and PCD as text instead of binary");
   command.add_flag("--double", double_precision,
                    "PCD: write positions in double precision, which PCL's point types cannot read");
@@ -170,8 +171,9 @@ const MapFormat& ConvertArguments::output_format() const {
     throw Error(ErrorKind::kMisuse, "--format-version", output + " is not in the text format",
                 "an output that ends in .map or .txt");
   }
-  if (format_version && *format_version != 1 && *format_version != 2) {
-    throw Error(ErrorKind::kMisuse, "--format-version", std::to_string(*format_version), "1 or 2");
+  if (format_version && (*format_version < 1 || *format_version > 3)) {
+    throw Error(ErrorKind::kMisuse, "--format-version", std::to_string(*format_version),
+                "1, 2 or 3");
   }
   if (ascii && written->name != "ply" && written->name != "pcd") {
     throw Error(ErrorKind::kMisuse, "--ascii", output + " is neither PLY nor PCD",

@@ -229,8 +229,20 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
   if (map.has_covariances()) add("covariances", "yes");
   if (!map.landmarks().colors.empty()) add("colours", "yes");
   if (const auto& descriptors = map.landmarks().descriptors) {
-    add("descriptors",
-        fmt::format("{}, {} bytes each", descriptors->kind, descriptors->bytes_each));
+    std::string text = fmt::format("{}, {} bytes each", descriptors->kind, descriptors->bytes_each);
+    if (descriptors->has_further()) {
+      std::size_t all = 0;
+      std::size_t described = 0;
+      std::size_t most = 0;
+      for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+        const std::size_t count = descriptors->count(i);
+        all += count;
+        described += count > 0 ? 1 : 0;
+        most = std::max(most, count);
+      }
+      text += fmt::format("; {} of {} landmarks, up to {} of one", all, described, most);
+    }
+    add("descriptors", text);
   }
   std::string columns;
   for (const NamedColumn& column : map.landmarks().columns) {

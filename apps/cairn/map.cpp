@@ -74,6 +74,7 @@ struct MapArguments {
   std::string covariance = "recursive";
   std::size_t min_observations = MapOptions().min_observations;
   bool no_descriptors = false;
+  std::size_t descriptors_each = MapOptions().descriptors_each;
   bool skip_unreadable = false;
   int features = FeatureOptions().count;
 
@@ -168,6 +169,8 @@ void MapArguments::add_to(CLI::App& command) {
              "Leave out landmarks with fewer observations");
   add_number(command, "--features", features, "Number of corners to detect in an image");
   command.add_flag("--no-descriptors", no_descriptors, "Leave out the landmarks' descriptors");
+  add_number(command, "--descriptors-each", descriptors_each,
+             "Largest number of descriptors per landmark, of its most distinct views");
   command.add_flag("--skip-unreadable", skip_unreadable,
                    "Skip missing and damaged images instead of refusing the sequence");
   common.add_to(command);
@@ -264,6 +267,7 @@ MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
   options.map.covariance = parse_covariance(covariance);
   options.map.min_observations = min_observations;
   options.map.descriptors = !no_descriptors;
+  options.map.descriptors_each = descriptors_each;
   if (!mini_map_length.empty()) options.mini_maps = parse_length(mini_map_length);
   options.skip_unreadable = skip_unreadable;
   options.executor = common.executor();
@@ -433,6 +437,7 @@ Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) c
                 {"min_observations", min_observations},
                 {"features", features},
                 {"descriptors", !no_descriptors},
+                {"descriptors_each", descriptors_each},
                 {"skip_unreadable", skip_unreadable}});
   json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
   return json;
@@ -622,6 +627,7 @@ MapAtPosesOptions MapArguments::options_at_poses() const {
   options.map.covariance = parse_covariance(covariance);
   options.map.min_observations = min_observations;
   options.map.descriptors = !no_descriptors;
+  options.map.descriptors_each = descriptors_each;
   options.skip_unreadable = skip_unreadable;
   options.executor = common.executor();
   options.stop = interrupt_requests();

@@ -99,6 +99,21 @@ DescriptorColumn descriptors_of(py::handle given, const std::string& kind, std::
   return column;
 }
 
+void add_further(std::optional<DescriptorColumn>& column, py::handle further, py::handle offsets,
+                 std::size_t count) {
+  if (further.is_none() && offsets.is_none()) return;
+  if (further.is_none() || offsets.is_none() || !column) {
+    throw py::value_error(
+        "further_descriptors: expected together with descriptors and further_descriptor_offsets");
+  }
+  const auto bytes = byte_array(further, "further_descriptors",
+                                {-1, static_cast<py::ssize_t>(column->bytes_each)});
+  column->further.assign(bytes.data(), bytes.data() + bytes.size());
+  const auto begins =
+      id_array(offsets, "further_descriptor_offsets", {static_cast<py::ssize_t>(count) + 1});
+  column->further_offsets.assign(begins.data(), begins.data() + begins.size());
+}
+
 // From an array of n matrices.
 std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count) {
   const auto array = real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3});
@@ -257,7 +272,7 @@ void fill_observations(MapTables& tables, py::handle landmarks, py::handle frame
 }
 
 constexpr const char* kFromArrays =
-    R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, sigmas_px=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
+    R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', further_descriptors=None, further_descriptor_offsets=None, columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, sigmas_px=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
 --
 
 Makes a map from NumPy arrays. Columns that are not given are absent from the map.
@@ -267,6 +282,8 @@ covariances          (n, 3, 3), of the positions; NaN where unknown
 ids                  (n,), distinct; 0, 1, ... if left out
 colors               (n, 3) uint8, red, green and blue; masked where unknown
 descriptors          (n, b) uint8; masked where unknown
+further_descriptors  (m, b) uint8, of other views: those of landmark i are rows
+                     further_descriptor_offsets[i] to below [i + 1] of (n + 1,)
 columns              {name: (n,)}, further numbers per landmark under any name
 cameras              list of Camera
 frame_poses          (f, 4, 4), world_from_camera of the keyframes
@@ -284,6 +301,7 @@ Raises MisuseError or InputError naming the invalid argument or entry.)";
 SharedMap from_arrays(
     const py::object& positions, const py::object& covariances, const py::object& ids,
     const py::object& colors, const py::object& descriptors, const std::string& descriptor_kind,
+    const py::object& further_descriptors, const py::object& further_descriptor_offsets,
     const py::object& columns, const py::object& cameras, const py::object& frame_poses,
     const py::object& frame_ids, const py::object& timestamps_s, const py::object& frame_cameras,
     const py::object& image_names, const py::object& observed_landmarks,
@@ -321,6 +339,7 @@ SharedMap from_arrays(
   }
   if (!descriptors.is_none())
     landmarks.descriptors = descriptors_of(descriptors, descriptor_kind, count);
+  add_further(landmarks.descriptors, further_descriptors, further_descriptor_offsets, count);
   if (!columns.is_none()) {
     if (!py::isinstance<py::dict>(columns))
       throw py::type_error("columns: expected a dictionary of arrays");
@@ -378,6 +397,22 @@ py::object known_descriptors(const SharedMap& map) {
   const py::array bytes =
       view(column->known.data(), {static_cast<py::ssize_t>(column->known.size())}, py::cast(map));
   return bytes.attr("view")("bool");
+}
+
+py::object further_descriptors(const SharedMap& map) {
+  const auto& column = map->landmarks().descriptors;
+  if (!column || !column->has_further()) return py::none();
+  return view(column->further.data(),
+              {static_cast<py::ssize_t>(column->further_offsets.back()),
+               static_cast<py::ssize_t>(column->bytes_each)},
+              py::cast(map));
+}
+
+py::object further_descriptor_offsets(const SharedMap& map) {
+  const auto& column = map->landmarks().descriptors;
+  if (!column || !column->has_further()) return py::none();
+  return view(column->further_offsets.data(),
+              {static_cast<py::ssize_t>(column->further_offsets.size())}, py::cast(map));
 }
 
 py::dict named_columns(const SharedMap& map) {
@@ -669,17 +704,19 @@ void bind_maps(py::module_& module) {
       "Columns are NumPy arrays: read-only views of the map's memory, which they keep alive, or "
       "copies\n"
       "if entries may be unknown. An absent column is None.");
-  map.def_static(
-         "from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
-         py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
-         py::arg("descriptors") = none, py::arg("descriptor_kind") = "", py::arg("columns") = none,
-         py::arg("cameras") = none, py::arg("frame_poses") = none, py::arg("frame_ids") = none,
-         py::arg("timestamps_s") = none, py::arg("frame_cameras") = none,
-         py::arg("image_names") = none, py::arg("observed_landmarks") = none,
-         py::arg("observing_frames") = none, py::arg("pixels") = none, py::arg("keypoints") = none,
-         py::arg("depths") = none, py::arg("octaves") = none, py::arg("sigmas_px") = none,
-         py::arg("length_unit") = "metres", py::arg("world_frame") = none,
-         py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
+  map.def_static("from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
+                 py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
+                 py::arg("descriptors") = none, py::arg("descriptor_kind") = "",
+                 py::arg("further_descriptors") = none,
+                 py::arg("further_descriptor_offsets") = none, py::arg("columns") = none,
+                 py::arg("cameras") = none, py::arg("frame_poses") = none,
+                 py::arg("frame_ids") = none, py::arg("timestamps_s") = none,
+                 py::arg("frame_cameras") = none, py::arg("image_names") = none,
+                 py::arg("observed_landmarks") = none, py::arg("observing_frames") = none,
+                 py::arg("pixels") = none, py::arg("keypoints") = none, py::arg("depths") = none,
+                 py::arg("octaves") = none, py::arg("sigmas_px") = none,
+                 py::arg("length_unit") = "metres", py::arg("world_frame") = none,
+                 py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
       .def("write", &write, py::arg("path"), kept([] {
              std::string text = write_keywords().signature("$self, path");
              return text +
@@ -706,6 +743,12 @@ void bind_maps(py::module_& module) {
             return column ? std::optional(column->kind) : std::nullopt;
           },
           "E.g. 'ORB'; None if absent.")
+      .def_property_readonly("further_descriptors", &further_descriptors,
+                             "(m, bytes) uint8, of further views of the landmarks, those of one "
+                             "landmark after another; a view, or None.")
+      .def_property_readonly("further_descriptor_offsets", &further_descriptor_offsets,
+                             "(n + 1,) uint64: landmark i has the rows from offset i to below "
+                             "offset i + 1 of further_descriptors; a view, or None.")
       .def_property_readonly("columns", &named_columns, "Named columns, (n,) each; views.")
       .def_property_readonly("cameras",
                              [](const SharedMap& self) {

@@ -63,7 +63,8 @@ void add_map_keywords(Keywords<Options>& keywords, const Part& part) {
                                           {{"recursive", LandmarkCovariance::kRecursive},
                                            {"marginal", LandmarkCovariance::kMarginal}});
            })
-      .add("descriptors", [part](auto& o) -> auto& { return part(o).descriptors; });
+      .add("descriptors", [part](auto& o) -> auto& { return part(o).descriptors; })
+      .add("descriptors_each", [part](auto& o) -> auto& { return part(o).descriptors_each; });
 }
 
 struct OdometryKeywords {

@@ -53,6 +53,18 @@ def full_map():
 
 
 class Columns(unittest.TestCase):
+    def test_hold_several_descriptors_of_a_landmark(self):
+        given = dict(positions=np.zeros((2, 3)), descriptors=np.array([[1, 2], [3, 4]], np.uint8), descriptor_kind="ORB")
+        further = np.array([[5, 6], [7, 8], [9, 10]], np.uint8)
+        m = cairn.LandmarkMap.from_arrays(**given, further_descriptors=further, further_descriptor_offsets=[0, 0, 3])
+        np.testing.assert_array_equal(m.further_descriptors, further)
+        np.testing.assert_array_equal(m.further_descriptor_offsets, [0, 0, 3])
+        np.testing.assert_array_equal(m.descriptors, [[1, 2], [3, 4]])
+        with self.assertRaises(ValueError):
+            cairn.LandmarkMap.from_arrays(**given, further_descriptors=further)
+        with self.assertRaises(cairn.InputError):
+            cairn.LandmarkMap.from_arrays(**given, further_descriptors=further, further_descriptor_offsets=[0, 1, 2])
+
     def test_come_back_as_they_were_given(self):
         m = full_map()
         self.assertEqual(len(m), 3)
@@ -65,6 +77,8 @@ class Columns(unittest.TestCase):
         np.testing.assert_array_equal(m.descriptors, np.arange(96, dtype=np.uint8).reshape(3, 32))
         self.assertEqual(m.descriptor_kind, "ORB")
         self.assertTrue(m.known_descriptors.all())
+        self.assertIsNone(m.further_descriptors)
+        self.assertIsNone(m.further_descriptor_offsets)
         np.testing.assert_array_equal(m.columns["weight"], [0.5, np.nan, 2.0])
         np.testing.assert_array_equal(m.frame_ids, [100, 101])
         np.testing.assert_allclose(m.frame_poses, [posed(0.0), posed(0.5)])

@@ -120,6 +120,9 @@ TEST_F(InfoTest, OptionalPartsOfAMapAreListed) {
   const std::string text = answer({"info", "full.map"});
   EXPECT_THAT(text, ContainsRegex("cameras +2\n"));
   EXPECT_THAT(text, ContainsRegex("descriptors +ORB, 2 bytes each\n"));
+  write_map(testing::several_map(), path("several.map"));
+  EXPECT_THAT(answer({"info", "several.map"}),
+              ContainsRegex("descriptors +ORB, 2 bytes each; 5 of 2 landmarks, up to 3 of one\n"));
   EXPECT_THAT(text, ContainsRegex("columns +confidence, never_set\n"));
   EXPECT_THAT(text, ContainsRegex("world frame +desk\n"));
   EXPECT_THAT(text, ContainsRegex("length unit +free\n"));

@@ -78,6 +78,18 @@ inline LandmarkMap full_map() {
   return LandmarkMap(full_tables());
 }
 
+/// As full_tables(), with two further descriptors of the first landmark and one of the third.
+inline MapTables several_tables() {
+  MapTables tables = full_tables();
+  tables.landmarks.descriptors->further_offsets = {0, 2, 2, 3, 3};
+  tables.landmarks.descriptors->further = {0x01, 0xfe, 0x00, 0x00, 0x7f, 0x80};
+  return tables;
+}
+
+inline LandmarkMap several_map() {
+  return LandmarkMap(several_tables());
+}
+
 /// A map that version 1 of the text format holds whole: two frames, three landmarks, of which one
 /// was observed twice, one once and one never.
 inline MapTables plain_tables() {
@@ -194,6 +206,8 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
     one("descriptor size", da->bytes_each, db->bytes_each);
     column("known descriptors", da->known, db->known);
     column("descriptor bytes", da->bytes, db->bytes);
+    column("offsets of further descriptors", da->further_offsets, db->further_offsets);
+    column("further descriptors", da->further, db->further);
   }
   const auto& ca = a.landmarks().columns;
   const auto& cb = b.landmarks().columns;

@@ -178,9 +178,7 @@ class DescriptorReader {
   }
 
   std::optional<DescriptorColumn> choose() const {
-    DescriptorColumn column{"SIFT", kSiftBytes,
-                            std::vector<std::uint8_t>(model_.landmark_count(), 0),
-                            std::vector<std::uint8_t>(model_.landmark_count() * kSiftBytes, 0)};
+    DescriptorColumn column{"SIFT", kSiftBytes, {}, {}};
     bool any = false;
     std::vector<std::span<const std::uint8_t>> of_landmark;
     for (std::size_t i = 0; i < model_.landmark_count(); ++i) {
@@ -189,13 +187,8 @@ class DescriptorReader {
         if (known_[slot] == 0) continue;
         of_landmark.push_back(std::span(bytes_).subspan(slot * kSiftBytes, kSiftBytes));
       }
-      if (of_landmark.empty()) continue;
-      any = true;
-      const auto& chosen =
-          of_landmark[detail::medoid(of_landmark, detail::DescriptorNorm::kSquared)];
-      column.known[i] = 1;
-      std::copy(chosen.begin(), chosen.end(),
-                column.bytes.begin() + static_cast<std::ptrdiff_t>(i * kSiftBytes));
+      any = any || !of_landmark.empty();
+      detail::append_distinct(column, of_landmark, DescriptorNorm::kSquared);
     }
     return any ? std::optional(std::move(column)) : std::nullopt;
   }

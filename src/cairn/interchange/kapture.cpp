@@ -658,7 +658,8 @@ class Reader {
         require_budget(++taken * bytes_each);
       }
     }
-    require_budget((taken + tables_.landmarks.ids.size()) * bytes_each);
+    // Those of all observations, and of each landmark the representative and further ones.
+    require_budget((2 * taken + tables_.landmarks.ids.size()) * bytes_each);
     if (without_file > 0) {
       lost(fmt::format("{} observations by images without keypoints are left out{}", without_file,
                        files_.open(folder + "/keypoints.tar")
@@ -669,7 +670,7 @@ class Reader {
     const std::size_t unknown =
         std::move(observations)
             .fill(tables_, described ? kind_of(*described) : "",
-                  is_binary ? detail::DescriptorNorm::kHamming : detail::DescriptorNorm::kSquared);
+                  is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
     if (unknown > 0) {
       lost(
           fmt::format("{} observations of points without a finite position are left out", unknown));

@@ -30,6 +30,8 @@ using detail::kNpyMagic;
 
 constexpr std::string_view kZipMagic = "PK\x03\x04";
 constexpr std::size_t kMostColumns = 4096;
+constexpr std::string_view kFurther = "further_descriptors";
+constexpr std::string_view kFurtherOffsets = "further_descriptor_offsets";
 
 bool separates(char c) {
   return is_blank(c) || c == ',' || c == ';';
@@ -359,6 +361,8 @@ class NpzReader {
         for (const std::uint64_t i : rows) landmarks.colors.emplace_back(color(array, i));
       } else if (key == "descriptors" && is_row && shape.size() == 2) {
         take_descriptors(array, rows);
+      } else if (key == kFurther || key == kFurtherOffsets) {
+        continue;
       } else if (is_shape({})) {
         NamedColumn column{key, {}};
         for (const std::uint64_t i : rows) {
@@ -371,6 +375,7 @@ class NpzReader {
         left_out.push_back(printable(key));
       }
     }
+    take_further(rows, count);
     if (landmarks.descriptors) landmarks.descriptors->kind = kind;
     if (landmarks.ids.empty()) {
       for (std::size_t i = 0; i < rows.size(); ++i) landmarks.ids.push_back(LandmarkId{i});
@@ -439,6 +444,49 @@ class NpzReader {
       column.bytes.insert(column.bytes.end(), bytes.begin(), bytes.end());
     }
     tables_.landmarks.descriptors = std::move(column);
+  }
+
+  // After the descriptors. @param count of all points, of which `rows` are kept
+  void take_further(const std::vector<std::uint64_t>& rows, std::uint64_t count) {
+    const auto further = arrays_.find(std::string(kFurther));
+    const auto offsets = arrays_.find(std::string(kFurtherOffsets));
+    if (further == arrays_.end() && offsets == arrays_.end()) return;
+    const auto& descriptors = tables_.landmarks.descriptors;
+    const detail::NpyArray& named = further == arrays_.end() ? offsets->second : further->second;
+    const auto require = [&](bool valid, std::string_view what, std::string_view expected) {
+      if (!valid) throw Error(ErrorKind::kInput, named.where(), what, expected);
+    };
+    require(further != arrays_.end() && offsets != arrays_.end() && descriptors,
+            "further descriptors are not complete",
+            fmt::format("the arrays descriptors, {} and {}", kFurther, kFurtherOffsets));
+    const std::size_t each = descriptors->bytes_each;
+    const auto& shape = further->second.shape();
+    require(further->second.item_size() == 1 && shape.size() == 2 && shape[1] == each,
+            fmt::format("shape ({})", fmt::join(shape, ", ")),
+            fmt::format("(M, {}) of uint8, as the descriptors", each));
+    const auto& lengths = offsets->second.shape();
+    require(!offsets->second.is_text() && lengths.size() == 1 && lengths[0] == count + 1,
+            fmt::format("{} of shape ({})", kFurtherOffsets, fmt::join(lengths, ", ")),
+            fmt::format("({})", count + 1));
+    // All points' first; the rows that are kept follow.
+    std::uint64_t last = 0;
+    for (std::uint64_t i = 0; i <= count; ++i) {
+      const std::uint64_t offset = offsets->second.whole(i);
+      require(offset >= last && offset <= shape[0] && (i > 0 || offset == 0),
+              fmt::format("offset {} is {}", i, offset),
+              fmt::format("ascending from 0 to {}", shape[0]));
+      last = offset;
+    }
+    DescriptorColumn& column = *tables_.landmarks.descriptors;
+    column.further_offsets.push_back(0);
+    for (const std::uint64_t i : rows) {
+      const std::uint64_t begin = offsets->second.whole(i);
+      const std::uint64_t end = offsets->second.whole(i + 1);
+      const std::string_view bytes =
+          further->second.data().substr(begin * each, (end - begin) * each);
+      column.further.insert(column.further.end(), bytes.begin(), bytes.end());
+      column.further_offsets.push_back(column.further.size() / each);
+    }
   }
 
   std::map<std::string, std::string> members_;
@@ -640,11 +688,19 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
     add("descriptors", "|u1", {count, descriptors->bytes_each});
     bytes = descriptors->kind;
     add("descriptor_kind", fmt::format("|S{}", descriptors->kind.size()), {});
+    if (descriptors->has_further()) {
+      bytes.assign(descriptors->further.begin(), descriptors->further.end());
+      add("further_descriptors", "|u1",
+          {descriptors->further_offsets.back(), descriptors->bytes_each});
+      for (const std::uint64_t offset : descriptors->further_offsets) append_bytes(bytes, offset);
+      add("further_descriptor_offsets", "<u8", {count + 1});
+    }
   }
   std::vector<std::string_view> columns;
-  constexpr std::array<std::string_view, 10> kTaken = {
-      "positions",   "points", "xyz",         "arr_0",           "ids",
-      "covariances", "colors", "descriptors", "descriptor_kind", "observations"};
+  constexpr std::array<std::string_view, 12> kTaken = {
+      "positions",   "points",       "xyz",         "arr_0",           "ids",
+      "covariances", "colors",       "descriptors", "descriptor_kind", "observations",
+      kFurther,      kFurtherOffsets};
   for (const NamedColumn& column : landmarks.columns) {
     const bool is_taken = std::find(kTaken.begin(), kTaken.end(), column.name) != kTaken.end();
     if (is_taken || column.name.find_first_of("/\\") != std::string::npos) continue;
@@ -663,6 +719,7 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
   holdings.colors = all_colors;
   holdings.covariances = true;
   holdings.descriptors = "*";
+  holdings.further_descriptors = true;
   holdings.columns = columns;
   detail::log_losses(options.log, map, holdings, ".npz");
 }

@@ -22,6 +22,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class PlainPointsTest : public testing::ImportTest {
  protected:
@@ -148,6 +149,16 @@ TEST_F(PlainPointsTest, TablesKeepWhatTheyHavePlaceFor) {
   for (const char* name : {"out.xyz", "out.npy"}) {
     EXPECT_EQ(read(write(map, name)).landmarks().positions, map.landmarks().positions) << name;
   }
+}
+
+TEST_F(PlainPointsTest, ArchivesKeepSeveralDescriptorsOfALandmark) {
+  const LandmarkMap map = testing::several_map();
+  const LandmarkMap back = read(write(map, "out.npz"));
+  EXPECT_EQ(back.landmarks().descriptors->further_offsets,
+            map.landmarks().descriptors->further_offsets);
+  EXPECT_EQ(back.landmarks().descriptors->further, map.landmarks().descriptors->further);
+  EXPECT_THAT(remarks_, Not(Contains(HasSubstr("further"))));
+  EXPECT_THAT(remarks_, Not(Contains(HasSubstr("one entry a point"))));
 }
 
 TEST_F(PlainPointsTest, WritingSaysWhatHasNoPlace) {

@@ -708,8 +708,7 @@ class MapReader {
     const std::string kind = descriptor_kind(database_);
     const bool is_binary = !are_floats() && descriptor_bytes_ <= 64;
     std::move(observations)
-        .fill(tables_, kind,
-              is_binary ? detail::DescriptorNorm::kHamming : detail::DescriptorNorm::kSquared);
+        .fill(tables_, kind, is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
     if (without_depth > 0) {
       graph_.lost(
           fmt::format("{} features without a depth, and with no match that has one, are "

@@ -428,7 +428,7 @@ class Writer {
     out_.begin_array(0);
     out_.text("descs");
     out_.begin_array(of_frame.size());
-    for (const std::uint64_t k : of_frame) write_descriptor(landmark_of_[k]);
+    for (const std::uint64_t k : of_frame) write_descriptor(k);
     out_.text("lm_ids");
     out_.begin_array(of_frame.size());
     for (const std::uint64_t k : of_frame) {
@@ -485,14 +485,42 @@ class Writer {
     return descriptors && descriptors->kind == "ORB" && descriptors->bytes_each == kOrbBytes;
   }
 
-  void write_descriptor(std::uint32_t landmark) {
+  // Number of a landmark's further descriptors that are written: fewer than half of its observations, so that
+  // readers who choose the medoid choose the first descriptor; and no more than readers keep.
+  std::size_t further_written(std::uint32_t landmark) const {
+    const std::size_t observations = map_.observation_count(LandmarkIndex{landmark});
+    const std::size_t count = map_.landmarks().descriptors->count(landmark);
+    if (count < 2 || observations < 3) return 0;
+    return std::min({count - 1, (observations - 1) / 2, kDistinctViews - 1});
+  }
+
+  // Whether all descriptors of all landmarks are written.
+  bool holds_further() const {
+    const auto& descriptors = map_.landmarks().descriptors;
+    if (!descriptors || !descriptors->has_further()) return true;
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      if (descriptors->count(i) > 1 + further_written(i)) return false;
+    }
+    return true;
+  }
+
+  // The observations after the first have the landmark's further descriptors, one each.
+  std::span<const std::uint8_t> descriptor_of(std::uint64_t observation) const {
+    const std::uint32_t landmark = landmark_of_[observation];
+    const std::uint64_t place = observation - map_.observations().offsets[landmark];
+    return map_.landmarks().descriptors->descriptor(landmark,
+                                                    place <= further_written(landmark) ? place : 0);
+  }
+
+  void write_descriptor(std::uint64_t observation) {
     out_.begin_array(kOrbBytes / 4);
+    const std::span<const std::uint8_t> bytes =
+        has_orb() ? descriptor_of(observation) : std::span<const std::uint8_t>();
     for (std::size_t word = 0; word < kOrbBytes / 4; ++word) {
       std::uint32_t value = 0;
-      if (has_orb()) {
-        const auto& bytes = map_.landmarks().descriptors->bytes;
+      if (!bytes.empty()) {
         for (std::size_t j = 0; j < 4; ++j) {
-          value |= std::uint32_t{bytes[landmark * kOrbBytes + 4 * word + j]} << (8 * j);
+          value |= std::uint32_t{bytes[4 * word + j]} << (8 * j);
         }
       }
       out_.whole(value);
@@ -561,6 +589,7 @@ class Writer {
                                     .octaves = true,
                                     .colors = false,
                                     .descriptors = has_orb() ? "ORB" : "",
+                                    .further_descriptors = holds_further(),
                                     .columns = kColumns};
     const std::string lost = detail::loss_remark(map_, holdings, "", "stella_vslam");
     if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});

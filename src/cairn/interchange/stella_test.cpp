@@ -2,6 +2,7 @@
 #include "cairn/interchange/stella.hpp"
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -22,6 +23,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::refusal;
 using testing::reprojection;
 using Json = nlohmann::json;
@@ -211,6 +213,46 @@ TEST_F(StellaTest, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(json.at("keyframes").at("3").at("lm_ids"), Json::array({5, 40}));
   EXPECT_EQ(json.at("landmark_next_id"), 41);
   EXPECT_EQ(json.at("landmarks").at("5").at("1st_keyfrm"), 3);
+}
+
+// A landmark seen in so many keyframes, the first 200 + i with descriptors of bytes i.
+Json seen_often(std::size_t count) {
+  Json json = scene();
+  const Json keyframe = json["keyframes"]["12"];
+  for (std::size_t i = 0; i < count; ++i) {
+    Json& one = json["keyframes"][std::to_string(200 + i)];
+    one = keyframe;
+    one["descs"] = {std::vector<std::uint64_t>(8, i < 3 ? (1U << (8 * i)) - 1U : 7U)};
+    one["lm_ids"] = {40};
+  }
+  return json;
+}
+
+TEST_F(StellaTest, DistinctDescriptorsOfAllKeyframesAreKept) {
+  const LandmarkMap map = read_bytes(bytes_of(seen_often(7)));
+  const DescriptorColumn& column = *map.landmarks().descriptors;
+  ASSERT_EQ(map.landmark_count(), 2U);
+  EXPECT_EQ(column.count(0), 1U) << "both keyframes have the same";
+  ASSERT_EQ(column.count(1), 4U);
+  EXPECT_EQ(column.descriptor(1, 0)[0], 7) << "the medoid";
+  EXPECT_EQ(column.descriptor(1, 1)[1], 255) << "the one that differs most";
+}
+
+TEST_F(StellaTest, SeveralDescriptorsAreSpreadOverTheKeyframes) {
+  const LandmarkMap map = read_bytes(bytes_of(seen_often(7)));
+  const LandmarkMap back = read(write(map, "out.msg"));
+  EXPECT_EQ(back.landmarks().descriptors->bytes, map.landmarks().descriptors->bytes);
+  EXPECT_EQ(back.landmarks().descriptors->further, map.landmarks().descriptors->further);
+  EXPECT_THAT(remarks_, Not(Contains(HasSubstr("further descriptors"))));
+  // Too few keyframes for all of them.
+  MapTables tables = testing::full_tables();
+  tables.frames.cameras.assign(3, CameraIndex{0});
+  tables.landmarks.descriptors =
+      DescriptorColumn{"ORB",           32,
+                       {1, 0, 0, 0},    std::vector<std::uint8_t>(128),
+                       {0, 2, 2, 2, 2}, std::vector<std::uint8_t>(64, 9)};
+  write(LandmarkMap(std::move(tables)), "few.msg");
+  EXPECT_THAT(remarks_, Contains(HasSubstr("further descriptors of a landmark")));
 }
 
 TEST_F(StellaTest, DistortedPixelsReturnThroughTheUndistortedImage) {

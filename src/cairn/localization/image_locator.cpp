@@ -116,9 +116,13 @@ class ImageLocator::Parts {
     for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
       if (column->known[i] == 0) continue;
       indices_.push_back(i);
-      Descriptor descriptor;
-      std::memcpy(descriptor.data(), column->bytes.data() + i * kDescriptorBytes, kDescriptorBytes);
-      descriptors_.push_back(descriptor);
+      for (std::size_t k = 0; k < column->count(i); ++k) {
+        Descriptor descriptor;
+        std::memcpy(descriptor.data(), column->descriptor(i, k).data(), kDescriptorBytes);
+        descriptors_.push_back(descriptor);
+        owners_.push_back(static_cast<std::uint32_t>(begins_.size() - 1));
+      }
+      begins_.push_back(descriptors_.size());
       positions_.push_back(landmarks.positions[i]);
       const bool known =
           !landmarks.covariances.empty() && !std::isnan(landmarks.covariances[i](0, 0));
@@ -190,10 +194,14 @@ class ImageLocator::Parts {
     const auto found = descriptor_kernel::nearest_both_ways(
         bytes_of(features.descriptors()), bytes_of(descriptors_), kDescriptorBytes,
         descriptor_kernel::Norm::kHamming);
-    for (std::uint32_t i = 0; i < found.of_b.size(); ++i) {
-      const auto& corner = found.of_b[i];
+    for (std::uint32_t i = 0; i < positions_.size(); ++i) {
+      descriptor_kernel::Nearest corner;
+      for (std::size_t k = begins_[i]; k < begins_[i + 1]; ++k) {
+        if (found.of_b[k].first < corner.first) corner = found.of_b[k];
+      }
       if (corner.first > kMostBits) continue;
-      pairs.push_back({corner.index, i, corner.first, found.of_a[corner.index].index == i});
+      pairs.push_back(
+          {corner.index, i, corner.first, owners_[found.of_a[corner.index].index] == i});
     }
     std::stable_sort(pairs.begin(), pairs.end(),
                      [](const Pair& a, const Pair& b) { return a.bits < b.bits; });
@@ -286,12 +294,14 @@ class ImageLocator::Parts {
     std::size_t chance = 0;
     std::vector<Pair> best(features.size(), Pair{0, 0, kMostBits + 1, false});
     std::vector<std::uint32_t> near;
-    const auto most_alike = [&](const Descriptor& descriptor) {
+    const auto most_alike = [&](std::size_t landmark) {
       Pair pair{0, 0, kMostBits + 1, false};
-      for (const std::uint32_t corner : near) {
-        const auto bits = static_cast<std::uint32_t>(
-            hamming_distance(features.descriptors()[corner], descriptor));
-        if (bits < pair.bits) pair = {corner, 0, bits, false};
+      for (std::size_t k = begins_[landmark]; k < begins_[landmark + 1]; ++k) {
+        for (const std::uint32_t corner : near) {
+          const auto bits = static_cast<std::uint32_t>(
+              hamming_distance(features.descriptors()[corner], descriptors_[k]));
+          if (bits < pair.bits) pair = {corner, 0, bits, false};
+        }
       }
       return pair;
     };
@@ -308,13 +318,13 @@ class ImageLocator::Parts {
                           [&](std::uint32_t corner) { near.push_back(corner); });
       if (near.empty()) continue;
       ++candidate.visible;
-      Pair pair = most_alike(descriptors_[i]);
+      Pair pair = most_alike(i);
       pair.landmark = i;
       if (pair.bits < best[pair.corner].bits) best[pair.corner] = pair;
       for (std::size_t k = 1; k <= kOthers; ++k) {
         const std::size_t other =
             (i + k * (positions_.size() / (kOthers + 1) + 1)) % positions_.size();
-        if (most_alike(descriptors_[other]).bits <= kMostBits) ++chance;
+        if (most_alike(other).bits <= kMostBits) ++chance;
       }
     }
     candidate.expected = static_cast<double>(chance) / static_cast<double>(kOthers);
@@ -418,7 +428,9 @@ class ImageLocator::Parts {
   double scale_ = 1.0;  // of lengths of the map, to be about metres
   // Of the landmarks with descriptors:
   std::vector<std::uint32_t> indices_;
+  std::vector<std::size_t> begins_ = {0};  // of each one's descriptors, and the end
   std::vector<Descriptor> descriptors_;
+  std::vector<std::uint32_t> owners_;  // of each descriptor
   std::vector<Eigen::Vector3d> positions_;
   std::vector<Eigen::Matrix3d> covariances_;
 };

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
 
 #include "support/textured_wall.hpp"
 
@@ -84,6 +85,37 @@ TEST(ImageLocator, FindsWhereAnImageWasTaken) {
       EXPECT_LT(match.pixel.u, 640.0);
     }
   }
+}
+
+TEST(ImageLocator, FindsLandmarksByAnyOfTheirDescriptors) {
+  // What represents each landmark looks like something else.
+  MapTables tables = wall_tables();
+  DescriptorColumn& column = *tables.landmarks.descriptors;
+  column.further = column.bytes;
+  for (std::uint64_t i = 0; i <= column.known.size(); ++i) column.further_offsets.push_back(i);
+  cv::RNG random(3);
+  for (std::uint8_t& byte : column.bytes) byte = static_cast<std::uint8_t>(random.uniform(0, 256));
+  const LandmarkMap map(std::move(tables));
+  const ImageLocation found = ImageLocator(map, TexturedWall::camera()).locate(image_at(90, 70));
+  ASSERT_TRUE(found.located) << found.reason;
+  const Vector6d off = found.world_from_camera->difference_to(pose_at(90, 70));
+  EXPECT_LT(off.head<3>().norm(), 0.004);
+  EXPECT_FALSE(ImageLocator(with_one_descriptor_each(map), TexturedWall::camera())
+                   .locate(image_at(90, 70))
+                   .located);
+}
+
+TEST(ImageLocator, IsTheSameIfFurtherDescriptorsRepeatTheFirst) {
+  MapTables tables = wall_tables();
+  DescriptorColumn& column = *tables.landmarks.descriptors;
+  column.further = column.bytes;
+  for (std::uint64_t i = 0; i <= column.known.size(); ++i) column.further_offsets.push_back(i);
+  const ImageLocation one =
+      ImageLocator(wall_map(), TexturedWall::camera()).locate(image_at(120, 30));
+  const ImageLocation twice = ImageLocator(LandmarkMap(std::move(tables)), TexturedWall::camera())
+                                  .locate(image_at(120, 30));
+  EXPECT_EQ(one.reason, twice.reason);
+  EXPECT_EQ(one.world_from_camera->matrix(), twice.world_from_camera->matrix());
 }
 
 TEST(ImageLocator, RefusesAnImageOfAnotherPlace) {

@@ -249,6 +249,42 @@ class Checks {
       }
       bytes = end;
     }
+    check_further(descriptors);
+  }
+
+  void check_further(const DescriptorColumn& descriptors) const {
+    const auto& offsets = descriptors.further_offsets;
+    const std::size_t count = tables_.landmarks.ids.size();
+    const auto refuse_offset = [&](std::size_t row) {
+      refuse(MapColumn::kFurtherOffsets, row, "offsets of further descriptors",
+             "do not cut the further descriptors into one range a landmark",
+             "ascending from 0 to their number, one more than there are landmarks");
+    };
+    if (offsets.empty()) {
+      check_size("further descriptor bytes", descriptors.further.size(), 0, false);
+      return;
+    }
+    if (offsets.size() != count + 1 || offsets.front() != 0) refuse_offset(0);
+    const auto unsorted = std::is_sorted_until(offsets.begin(), offsets.end());
+    if (unsorted != offsets.end()) {
+      refuse_offset(static_cast<std::size_t>(unsorted - offsets.begin()));
+    }
+    if (offsets.back() != descriptors.further.size() / descriptors.bytes_each) {
+      refuse_offset(count);
+    }
+    check_size("further descriptor bytes", descriptors.further.size(),
+               offsets.back() * descriptors.bytes_each, false);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::uint64_t further = offsets[i + 1] - offsets[i];
+      if (further > 0 && descriptors.known[i] == 0) {
+        refuse_landmark(MapColumn::kFurtherOffsets, i, "further descriptors without a first one",
+                        "a descriptor that represents the landmark", i);
+      }
+      if (further >= kMostDescriptorsEach) {
+        refuse_landmark(MapColumn::kFurtherOffsets, i, fmt::format("{} descriptors", further + 1),
+                        fmt::format("at most {}", kMostDescriptorsEach), i);
+      }
+    }
   }
 
   void check_named_columns() const {
@@ -418,6 +454,10 @@ void drop_unknown_columns(MapTables& tables) {
     covariances = {};
   }
   drop_if_unknown(tables.landmarks.colors);
+  if (auto& descriptors = tables.landmarks.descriptors;
+      descriptors && descriptors->further.empty()) {
+    descriptors->further_offsets.clear();
+  }
   drop_if_unknown(tables.observations.keypoints);
   drop_if_unknown(tables.observations.depths);
   drop_if_unknown(tables.observations.octaves);

@@ -60,14 +60,34 @@ struct Color {
 
 /// Limits on a landmark's data. They bound the memory that a small file can claim.
 inline constexpr std::size_t kMostDescriptorBytes = 4096;
+inline constexpr std::size_t kMostDescriptorsEach = 16;
 inline constexpr std::size_t kMostNamedColumns = 512;
 
-/// One descriptor per landmark, all of one kind and size.
+/// The landmarks' descriptors, all of one kind and size. A landmark has none, or one that represents it,
+/// and then perhaps further ones, of other views.
 struct DescriptorColumn {
   std::string kind;                 ///< e.g. "ORB"
   std::size_t bytes_each = 0;       ///< 1 to kMostDescriptorBytes
   std::vector<std::uint8_t> known;  ///< per landmark: 1 if it has a descriptor
   std::vector<std::uint8_t> bytes;  ///< bytes_each per landmark, zero if unknown
+  /// Landmark i's further descriptors are rows [further_offsets[i], further_offsets[i + 1]) of `further`.
+  /// Empty if no landmark has any.
+  std::vector<std::uint64_t> further_offsets = {};
+  std::vector<std::uint8_t> further = {};  ///< bytes_each per row
+
+  bool has_further() const { return !further_offsets.empty(); }
+  /// Number of a landmark's descriptors, at most kMostDescriptorsEach.
+  std::size_t count(std::size_t landmark) const {
+    if (known[landmark] == 0) return 0;
+    if (!has_further()) return 1;
+    return 1 + static_cast<std::size_t>(further_offsets[landmark + 1] - further_offsets[landmark]);
+  }
+  /// Bytes of a landmark's k-th descriptor, k < count(landmark). The first represents the landmark.
+  std::span<const std::uint8_t> descriptor(std::size_t landmark, std::size_t k) const {
+    if (k == 0) return std::span(bytes).subspan(landmark * bytes_each, bytes_each);
+    return std::span(further).subspan(
+        static_cast<std::size_t>(further_offsets[landmark] + k - 1) * bytes_each, bytes_each);
+  }
 };
 
 /// A number per landmark, with a user's name; NaN if unknown.
@@ -155,6 +175,8 @@ enum class MapColumn : std::uint8_t {
   kPixelSigmas = 28,
   kGeoReference = 29,
   kGnss = 30,
+  kFurtherOffsets = 31,
+  kFurtherDescriptors = 32,
 };
 
 /// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of

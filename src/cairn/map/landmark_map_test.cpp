@@ -177,7 +177,29 @@ TEST(LandmarkMap, RefusesBrokenLandmarks) {
 }
 
 TEST(LandmarkMap, RefusesBrokenDescriptorsAndNamedColumns) {
+  constexpr const char* kRanges =
+      "offsets of further descriptors: do not cut the further descriptors into one range a "
+      "landmark; expected ascending from 0 to their number, one more than there are landmarks";
+  const auto further = [](std::vector<std::uint64_t> offsets, std::size_t bytes) {
+    return [=](MapTables& t) {
+      t.landmarks.descriptors->further_offsets = offsets;
+      t.landmarks.descriptors->further.assign(bytes, 1);
+    };
+  };
   expect_refused({
+      {"further without offsets", further({}, 2),
+       "further descriptor bytes: 2 entries; expected 0, one a row"},
+      {"too few offsets", further({0, 1, 1, 1}, 2), kRanges},
+      {"offsets from 1", further({1, 1, 1, 1, 1}, 2), kRanges},
+      {"offsets that descend", further({0, 1, 0, 1, 1}, 2), kRanges},
+      {"offsets beyond the end", further({0, 2, 2, 2, 2}, 2), kRanges},
+      {"half a further descriptor", further({0, 1, 1, 1, 1}, 3),
+       "further descriptor bytes: 3 entries; expected 2, one a row"},
+      {"further without a first", further({0, 0, 1, 1, 1}, 2),
+       "landmark 10: further descriptors without a first one; expected a descriptor that "
+       "represents the landmark"},
+      {"too many", further({0, 16, 16, 16, 16}, 32),
+       "landmark 30: 17 descriptors; expected at most 16"},
       {"known short", [](MapTables& t) { t.landmarks.descriptors->known.pop_back(); },
        "landmark descriptors: 3 entries; expected 4, one a row"},
       {"no bytes", [](MapTables& t) { t.landmarks.descriptors->bytes_each = 0; },
@@ -440,6 +462,30 @@ TEST(LandmarkMap, KeepsDescriptorsAndNamedColumnsInWhichNothingIsKnown) {
   ASSERT_TRUE(map.landmarks().descriptors.has_value());
   EXPECT_EQ(map.landmarks().descriptors->kind, "ORB");
   EXPECT_NE(map.column("never_set"), nullptr);
+}
+
+TEST(LandmarkMap, GivesEachOfSeveralDescriptors) {
+  const LandmarkMap map(testing::several_tables());
+  const DescriptorColumn& column = *map.landmarks().descriptors;
+  const auto bytes = [&](std::size_t landmark, std::size_t k) {
+    const auto found = column.descriptor(landmark, k);
+    return std::vector<int>(found.begin(), found.end());
+  };
+  EXPECT_TRUE(column.has_further());
+  EXPECT_EQ(column.count(0), 3U);
+  EXPECT_EQ(bytes(0, 0), (std::vector<int>{0x00, 0xff}));
+  EXPECT_EQ(bytes(0, 1), (std::vector<int>{0x01, 0xfe}));
+  EXPECT_EQ(bytes(0, 2), (std::vector<int>{0x00, 0x00}));
+  EXPECT_EQ(column.count(1), 0U);
+  EXPECT_EQ(column.count(2), 2U);
+  EXPECT_EQ(bytes(2, 1), (std::vector<int>{0x7f, 0x80}));
+  EXPECT_EQ(full_map().landmarks().descriptors->count(0), 1U);
+}
+
+TEST(LandmarkMap, HasOneFormWithoutFurtherDescriptors) {
+  MapTables tables = full_tables();
+  tables.landmarks.descriptors->further_offsets.assign(5, 0);
+  EXPECT_THAT(LandmarkMap(std::move(tables)), EqualsMap(full_map()));
 }
 
 TEST(LandmarkMap, HasOneFormWithoutLandmarks) {

@@ -108,7 +108,27 @@ DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
     result.bytes.insert(result.bytes.end(), begin,
                         begin + static_cast<std::ptrdiff_t>(descriptors.bytes_each));
   }
+  if (!descriptors.has_further()) return result;
+  result.further_offsets.reserve(rows.size() + 1);
+  result.further_offsets.push_back(0);
+  for (const std::uint32_t row : rows) {
+    for (std::size_t k = 1; k < descriptors.count(row); ++k) {
+      const auto further = descriptors.descriptor(row, k);
+      result.further.insert(result.further.end(), further.begin(), further.end());
+    }
+    result.further_offsets.push_back(result.further.size() / descriptors.bytes_each);
+  }
+  if (result.further.empty()) result.further_offsets.clear();
   return result;
+}
+
+LandmarkMap with_one_descriptor_each(const LandmarkMap& map) {
+  MapTables tables = copied_tables(map);
+  if (auto& descriptors = tables.landmarks.descriptors) {
+    descriptors->further_offsets.clear();
+    descriptors->further.clear();
+  }
+  return LandmarkMap(std::move(tables));
 }
 
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count) {

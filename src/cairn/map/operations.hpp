@@ -18,9 +18,12 @@ namespace cairn {
 /// Landmarks with at least `count` observations; all if the map has no observations.
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
 
-/// Rows of a descriptor column, in the given order.
+/// Rows of a descriptor column, with their further descriptors, in the given order.
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows);
+
+/// The map with one descriptor per landmark, the one that represents it.
+LandmarkMap with_one_descriptor_each(const LandmarkMap& map);
 
 /// Only these landmarks, in the given order, with their observations and all frames.
 /// @throws Error (misuse) for an index out of range, (input) for a duplicate one

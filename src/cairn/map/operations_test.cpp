@@ -366,5 +366,29 @@ TEST(WithCamera, GivesAllFramesTheOneCamera) {
   EXPECT_THAT(map, EqualsMap(LandmarkMap(std::move(expected))));
 }
 
+TEST(WithLandmarks, KeepsTheirFurtherDescriptors) {
+  const LandmarkMap map = testing::several_map();
+  const std::vector<LandmarkIndex> kept = {LandmarkIndex{3}, LandmarkIndex{2}, LandmarkIndex{0}};
+  const LandmarkMap some = with_landmarks(map, kept);
+  const DescriptorColumn& column = *some.landmarks().descriptors;
+  EXPECT_EQ(column.further_offsets, (std::vector<std::uint64_t>{0, 0, 1, 3}));
+  EXPECT_EQ(column.further, (std::vector<std::uint8_t>{0x7f, 0x80, 0x01, 0xfe, 0x00, 0x00}));
+  const std::vector<LandmarkIndex> last = {LandmarkIndex{3}};
+  EXPECT_FALSE(with_landmarks(map, last).landmarks().descriptors->has_further());
+}
+
+TEST(Transformed, KeepsFurtherDescriptors) {
+  const LandmarkMap moved = transformed(testing::several_map(), Rigid3());
+  EXPECT_EQ(moved.landmarks().descriptors->further,
+            testing::several_map().landmarks().descriptors->further);
+}
+
+TEST(WithOneDescriptorEach, KeepsThoseThatRepresentTheLandmarks) {
+  MapTables expected = full_tables();
+  expected.info.uuid.reset();
+  EXPECT_THAT(with_one_descriptor_each(testing::several_map()),
+              EqualsMap(LandmarkMap(std::move(expected))));
+}
+
 }  // namespace
 }  // namespace cairn

@@ -154,12 +154,36 @@ cv::Point2f refined(const cv::Mat& image, int x, int y) {
   return {dx, dy};
 }
 
+// Sets the corners' directions. @param corners at least kBorder from the edges
+// @return a row of bytes for each
+cv::Mat described(const cv::Mat& image, std::vector<cv::KeyPoint>& corners) {
+  for (cv::KeyPoint& corner : corners) {
+    corner.octave = 0;  // of the pyramid that ORB makes of this level: one level
+    corner.size = 2 * kPatchRadius + 1;
+    constexpr float kDegrees = 57.29577951F;
+    const float angle =
+        patch_angle(image, static_cast<int>(corner.pt.x), static_cast<int>(corner.pt.y)) * kDegrees;
+    corner.angle = angle < 0.0F ? angle + 360.0F : angle;
+  }
+  cv::Mat rows;
+  cv::ORB::create(static_cast<int>(corners.size()), 1.2F, 1, kBorder - 1)
+      ->compute(image, corners, rows);
+  return rows;
+}
+
+Descriptor descriptor_of(const cv::Mat& rows, std::size_t i) {
+  Descriptor descriptor;
+  std::memcpy(descriptor.data(), rows.ptr(static_cast<int>(i)), sizeof(descriptor));
+  return descriptor;
+}
+
 }  // namespace
 
 Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
                    std::vector<cv::Mat> pyramid, cv::Mat depth_m)
     : keypoints_(std::move(keypoints)),
       descriptors_(std::move(descriptors)),
+      corners_(keypoints_.size()),
       pyramid_(std::move(pyramid)),
       depth_m_(std::move(depth_m)),
       has_depth_(!depth_m_.empty()),
@@ -392,18 +416,9 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
     for (cv::KeyPoint& corner : corners) {
       corner.pt.x += static_cast<float>(kBorder);
       corner.pt.y += static_cast<float>(kBorder);
-      corner.octave = 0;  // of the pyramid that ORB makes of this level: one level
-      corner.size = 2 * kPatchRadius + 1;
-      constexpr float kDegrees = 57.29577951F;
-      const float angle =
-          patch_angle(level_image, static_cast<int>(corner.pt.x), static_cast<int>(corner.pt.y)) *
-          kDegrees;
-      corner.angle = angle < 0.0F ? angle + 360.0F : angle;
     }
     if (corners.empty()) continue;
-    cv::Mat rows;
-    cv::ORB::create(static_cast<int>(corners.size()), 1.2F, 1, kBorder - 1)
-        ->compute(level_image, corners, rows);
+    const cv::Mat rows = described(level_image, corners);
     const double scale_x = static_cast<double>(size_.width) / level_image.cols;
     const double scale_y = static_cast<double>(size_.height) / level_image.rows;
     for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -420,12 +435,36 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       keypoint.read_depth_m = depth_at(depth_m, keypoint.raw);
       keypoint.depth_m = keypoint.read_depth_m;
       keypoints.push_back(keypoint);
-      Descriptor descriptor;
-      std::memcpy(descriptor.data(), rows.ptr(static_cast<int>(i)), sizeof(descriptor));
-      descriptors.push_back(descriptor);
+      descriptors.push_back(descriptor_of(rows, i));
     }
   }
   return {std::move(keypoints), std::move(descriptors), std::move(pyramid), depth_m};
+}
+
+std::vector<std::optional<Descriptor>> FeatureExtractor::describe_added(
+    const Features& features) const {
+  const std::span added = features.keypoints().subspan(features.corners());
+  std::vector<std::optional<Descriptor>> descriptors(added.size());
+  for (std::size_t level = 0; level < features.pyramid().size(); ++level) {
+    const cv::Mat& image = features.pyramid()[level];
+    std::vector<cv::KeyPoint> points;
+    std::vector<std::size_t> place;
+    for (std::size_t i = 0; i < added.size(); ++i) {
+      if (added[i].octave != level) continue;
+      // To whole pixels, where corners are before they are refined.
+      const double x = std::round((added[i].raw.u + 0.5) * image.cols / size_.width - 0.5);
+      const double y = std::round((added[i].raw.v + 0.5) * image.rows / size_.height - 0.5);
+      if (x < kBorder || y < kBorder || x >= image.cols - kBorder || y >= image.rows - kBorder) {
+        continue;
+      }
+      points.emplace_back(static_cast<float>(x), static_cast<float>(y), 1.0F);
+      place.push_back(i);
+    }
+    if (points.empty()) continue;
+    const cv::Mat rows = described(image, points);
+    for (std::size_t i = 0; i < place.size(); ++i) descriptors[place[i]] = descriptor_of(rows, i);
+  }
+  return descriptors;
 }
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -54,6 +55,8 @@ class Features {
   std::span<const Keypoint> keypoints() const { return keypoints_; }
   std::span<const Descriptor> descriptors() const { return descriptors_; }
   std::size_t size() const { return keypoints_.size(); }
+  /// Number of corners; the keypoints after these were added.
+  std::size_t corners() const { return corners_; }
   /// Whether there was a depth image.
   bool has_depth() const { return has_depth_; }
 
@@ -111,6 +114,7 @@ class Features {
 
   std::vector<Keypoint> keypoints_;
   std::vector<Descriptor> descriptors_;
+  std::size_t corners_ = 0;
   std::vector<cv::Mat> pyramid_;
   cv::Mat depth_m_;
   bool has_depth_ = false;
@@ -146,6 +150,10 @@ class FeatureExtractor {
   /// @param gray 8 bit, of the camera's size
   /// @param depth_m 32-bit float of the same size, 0 if unknown; or empty
   Features extract(const cv::Mat& gray, const cv::Mat& depth_m) const;
+
+  /// Descriptors of what the image shows at the keypoints that were added to its corners; std::nullopt near its
+  /// edges. The features must still have their images.
+  std::vector<std::optional<Descriptor>> describe_added(const Features& features) const;
 
   const Pinhole& pinhole() const { return pinhole_; }
   /// Pixel size of a pyramid level, in pixels of the image.

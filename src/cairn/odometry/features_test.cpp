@@ -114,6 +114,29 @@ TEST(FeatureExtractor, FindsNothingWhereNothingIs) {
   EXPECT_EQ(FeatureExtractor(tiny, {}).extract(textured({20, 20}, 4), {}).size(), 0U);
 }
 
+TEST(FeatureExtractor, DescribesAddedKeypointsByWhatTheImageShowsThere) {
+  const FeatureExtractor extractor(kPlain, {});
+  Features features = extractor.extract(textured({320, 240}, 5), {});
+  const std::size_t corners = features.corners();
+  ASSERT_EQ(corners, features.size());
+  // The corners themselves once more, and one at the edge.
+  std::vector<Keypoint> again(features.keypoints().begin(), features.keypoints().end());
+  Keypoint at_edge = again.front();
+  at_edge.raw = {3.0, 100.0};
+  again.push_back(at_edge);
+  features.add(again, std::vector<Descriptor>(again.size()));
+  EXPECT_EQ(features.corners(), corners);
+  const auto shown = extractor.describe_added(features);
+  ASSERT_EQ(shown.size(), corners + 1);
+  EXPECT_FALSE(shown.back());
+  // Refinement moves some to a neighbouring pixel.
+  std::size_t same = 0;
+  for (std::size_t i = 0; i < corners; ++i) {
+    same += shown[i] && *shown[i] == features.descriptors()[i] ? 1 : 0;
+  }
+  EXPECT_GT(same, corners * 7 / 10);
+}
+
 TEST(FeatureExtractor, FindsTheSameCornersInAShiftedImage) {
   const cv::Mat large = textured({360, 280}, 5);
   const FeatureExtractor extractor(kPlain, {.levels = 1});

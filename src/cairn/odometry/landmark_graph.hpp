@@ -29,6 +29,9 @@ struct Keyframe {
   /// One entry per keypoint.
   std::vector<std::optional<LandmarkIndex>> landmarks;
   std::vector<bool> depth_disagrees;
+  /// Of the keypoints that are no corners, whose `features` descriptors are copies of their landmarks':
+  /// what the image shows there; std::nullopt if unknown.
+  std::vector<std::optional<Descriptor>> shown = {};
 };
 
 /// A keypoint of a keyframe, matched with a landmark.

@@ -27,8 +27,13 @@ void OdometryOptions::validate() const {
 }
 
 void MapOptions::validate() const {
-  if (min_observations >= 1) return;
-  throw Error(ErrorKind::kMisuse, "MapOptions.min_observations", "0", "at least 1");
+  if (min_observations < 1) {
+    throw Error(ErrorKind::kMisuse, "MapOptions.min_observations", "0", "at least 1");
+  }
+  if (descriptors_each < 1 || descriptors_each > kMostDescriptorsEach) {
+    throw Error(ErrorKind::kMisuse, "MapOptions.descriptors_each",
+                fmt::format("{}", descriptors_each), fmt::format("1 to {}", kMostDescriptorsEach));
+  }
 }
 
 Odometry::Odometry(const Camera& camera, const OdometryOptions& options)

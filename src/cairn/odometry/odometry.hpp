@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/odometry/features.hpp"
 #include "cairn/odometry/sensor_model.hpp"
@@ -59,6 +60,8 @@ struct MapOptions {
   std::size_t min_observations = 1;  ///< leaves out landmarks with fewer; at least 1
   LandmarkCovariance covariance = LandmarkCovariance::kRecursive;
   bool descriptors = true;
+  /// Largest number of descriptors per landmark, of its most distinct views; 1 to kMostDescriptorsEach.
+  std::size_t descriptors_each = kDistinctViews;
 
   /// @throws Error (misuse) naming the field
   void validate() const;

@@ -29,6 +29,7 @@ struct Columns {
   std::size_t padded = 0;
   std::size_t words = 0;
   std::vector<std::uint32_t> values;
+  std::vector<std::uint32_t> owners;  // padded; empty: each descriptor has its own
 
   const std::uint32_t* word(std::size_t k) const { return values.data() + k * padded; }
 };
@@ -126,7 +127,7 @@ struct SquaredBytes {
   }
 };
 
-template <class Norm>
+template <class Norm, bool kOwned>
 void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
   const Words d;
   const std::size_t lanes = hn::Lanes(d);
@@ -136,6 +137,7 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
   HWY_ALIGN std::uint32_t firsts[kPadding];
   HWY_ALIGN std::uint32_t seconds[kPadding];
   HWY_ALIGN std::uint32_t indices[kPadding];
+  const auto owner_of = [&](std::uint32_t j) { return kOwned && j < b.count ? b.owners[j] : j; };
   const Word none = hn::Set(d, Nearest::kNone);
   const Word count = hn::Set(d, static_cast<std::uint32_t>(b.count));
   for (std::size_t i = 0; i < a.count; ++i) {
@@ -144,12 +146,20 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
     Word first = none;
     Word second = none;
     Word index = none;
+    [[maybe_unused]] Word owner = none;
     for (std::size_t j = 0; j < b.padded; j += lanes) {
       const Word place = hn::Iota(d, static_cast<std::uint32_t>(j));
       const Word difference =
           hn::IfThenElse(hn::Lt(place, count), Norm::difference(query.data(), b, j), none);
       const auto nearer = hn::Lt(difference, first);
-      second = hn::Min(second, hn::Max(first, difference));
+      const Word loser = hn::Max(first, difference);
+      if constexpr (kOwned) {
+        const Word here_owned = hn::LoadU(d, b.owners.data() + j);
+        second = hn::IfThenElse(hn::Eq(owner, here_owned), second, hn::Min(second, loser));
+        owner = hn::IfThenElse(nearer, here_owned, owner);
+      } else {
+        second = hn::Min(second, loser);
+      }
       first = hn::Min(first, difference);
       index = hn::IfThenElse(nearer, place, index);
       const Word known = hn::LoadU(d, column_first.data() + j);
@@ -163,13 +173,17 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
     hn::Store(index, d, indices);
     Nearest& nearest = result.of_a[i];
     for (std::size_t lane = 0; lane < lanes; ++lane) {
-      nearest.second = std::min(nearest.second, std::max(nearest.first, firsts[lane]));
-      nearest.second = std::min(nearest.second, seconds[lane]);
       if (firsts[lane] < nearest.first ||
           (firsts[lane] == nearest.first && indices[lane] < nearest.index)) {
         nearest.first = firsts[lane];
         nearest.index = indices[lane];
       }
+    }
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+      // A lane whose nearest has another owner has nothing nearer of another owner than that.
+      const bool is_other = kOwned ? owner_of(indices[lane]) != owner_of(nearest.index)
+                                   : indices[lane] != nearest.index;
+      nearest.second = std::min(nearest.second, is_other ? firsts[lane] : seconds[lane]);
     }
   }
   for (std::size_t j = 0; j < b.count; ++j) {
@@ -178,8 +192,12 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
 }
 
 void compare_any(const Columns& a, const Columns& b, Norm norm, NearestBothWays& result) {
-  if (norm == Norm::kHamming) return compare<Hamming>(a, b, result);
-  return compare<SquaredBytes>(a, b, result);
+  const bool owned = !b.owners.empty();
+  if (norm == Norm::kHamming) {
+    return owned ? compare<Hamming, true>(a, b, result) : compare<Hamming, false>(a, b, result);
+  }
+  return owned ? compare<SquaredBytes, true>(a, b, result)
+               : compare<SquaredBytes, false>(a, b, result);
 }
 
 }  // namespace
@@ -214,9 +232,14 @@ Columns columns_of(std::span<const std::uint8_t> rows, std::size_t bytes_each, N
 }  // namespace
 
 NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
-                                  std::size_t bytes_each, Norm norm) {
+                                  std::size_t bytes_each, Norm norm,
+                                  std::span<const std::uint32_t> owners_of_b) {
   const Columns of_a = columns_of(a, bytes_each, norm);
-  const Columns of_b = columns_of(b, bytes_each, norm);
+  Columns of_b = columns_of(b, bytes_each, norm);
+  if (!owners_of_b.empty()) {
+    of_b.owners.assign(owners_of_b.begin(), owners_of_b.end());
+    of_b.owners.resize(of_b.padded, Nearest::kNone);
+  }
   NearestBothWays result;
   result.of_a.resize(of_a.count);
   result.of_b.resize(of_b.count);

@@ -18,9 +18,10 @@ enum class Norm {
 struct Nearest {
   static constexpr std::uint32_t kNone = 0xffffffffU;
 
-  std::uint32_t index = kNone;   ///< of the nearest; the first of equals
-  std::uint32_t first = kNone;   ///< its distance
-  std::uint32_t second = kNone;  ///< distance of the second nearest; kNone if there is none
+  std::uint32_t index = kNone;  ///< of the nearest; the first of equals
+  std::uint32_t first = kNone;  ///< its distance
+  /// Distance of the second nearest, or of the nearest one of another owner; kNone if there is none.
+  std::uint32_t second = kNone;
 };
 
 struct NearestBothWays {
@@ -31,7 +32,10 @@ struct NearestBothWays {
 /// Compares each descriptor of a with each of b, exactly, with vector instructions; the result is the same
 /// for every instruction set.
 /// @param a, b  rows of `bytes_each` bytes
+/// @param owners_of_b one per row of b, if several rows are of one landmark; rows of one owner do not
+///                    compete for `second`. Empty: each row has its own.
 NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
-                                  std::size_t bytes_each, Norm norm);
+                                  std::size_t bytes_each, Norm norm,
+                                  std::span<const std::uint32_t> owners_of_b = {});
 
 }  // namespace cairn::descriptor_kernel

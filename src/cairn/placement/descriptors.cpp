@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <limits>
 #include <string_view>
 
 namespace cairn {
@@ -25,9 +26,12 @@ Descriptors::Descriptors(const LandmarkCloud& cloud, std::size_t sample)
   for (std::uint32_t i = 0; i < std::min(sample, cloud.size()); ++i) {
     if (column.known[i] == 0) continue;
     landmarks_.push_back(i);
-    values_.resize(values_.size() + words_, 0);
-    std::memcpy(&values_[values_.size() - words_], column.bytes.data() + i * column.bytes_each,
-                column.bytes_each);
+    for (std::size_t k = 0; k < column.count(i); ++k) {
+      values_.resize(values_.size() + words_, 0);
+      std::memcpy(&values_[values_.size() - words_], column.descriptor(i, k).data(),
+                  column.bytes_each);
+    }
+    begins_.push_back(begins_.back() + column.count(i));
   }
 }
 
@@ -47,6 +51,22 @@ std::uint32_t squared_difference(std::span<const std::uint64_t> a,
     sum += static_cast<std::uint32_t>(difference * difference);
   }
   return sum;
+}
+
+std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descriptors& b,
+                               std::size_t j) {
+  const std::size_t each = a.words_each();
+  const auto of_a = a.words(i);
+  const auto of_b = b.words(j);
+  auto least = std::numeric_limits<std::uint32_t>::max();
+  for (std::size_t p = 0; p < of_a.size(); p += each) {
+    for (std::size_t q = 0; q < of_b.size(); q += each) {
+      const auto x = of_a.subspan(p, each);
+      const auto y = of_b.subspan(q, each);
+      least = std::min(least, a.binary() ? differing_bits(x, y) : squared_difference(x, y));
+    }
+  }
+  return least;
 }
 
 }  // namespace cairn

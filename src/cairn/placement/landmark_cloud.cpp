@@ -44,6 +44,31 @@ std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const Landm
   return views;
 }
 
+// After the other columns.
+void validate_further(const DescriptorColumn& descriptors, std::string_view name) {
+  const auto& offsets = descriptors.further_offsets;
+  const auto require = [&](bool valid, std::string_view what, std::string_view expected) {
+    if (!valid) throw Error(ErrorKind::kMisuse, name, what, expected);
+  };
+  if (offsets.empty()) {
+    require(descriptors.further.empty(), "further descriptors without offsets", "both or neither");
+    return;
+  }
+  const std::size_t count = descriptors.known.size();
+  require(offsets.size() == count + 1 && offsets.front() == 0 &&
+              std::is_sorted(offsets.begin(), offsets.end()) &&
+              offsets.back() == descriptors.further.size() / descriptors.bytes_each &&
+              offsets.back() * descriptors.bytes_each == descriptors.further.size(),
+          fmt::format("{} offsets of further descriptors of {} landmarks", offsets.size(), count),
+          "ascending from 0 to their number, one more than there are landmarks");
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint64_t further = offsets[i + 1] - offsets[i];
+    require(further == 0 || (descriptors.known[i] != 0 && further < kMostDescriptorsEach),
+            fmt::format("{} further descriptors of landmark {}", further, i),
+            fmt::format("fewer than {}, and only if the first is known", kMostDescriptorsEach));
+  }
+}
+
 }  // namespace
 
 void LandmarkCloud::validate(std::string_view name) const {
@@ -64,6 +89,7 @@ void LandmarkCloud::validate(std::string_view name) const {
     require(descriptors->bytes_each >= 1 && descriptors->bytes_each <= kMostDescriptorBytes,
             fmt::format("descriptors of {} bytes", descriptors->bytes_each),
             fmt::format("1 to {} bytes", kMostDescriptorBytes));
+    validate_further(*descriptors, name);
   }
   for (std::size_t i = 0; i < size(); ++i) {
     require(are_coordinates(positions[i]),

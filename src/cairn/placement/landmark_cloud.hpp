@@ -31,15 +31,15 @@ struct LandmarkCloud {
   std::vector<double> weights;
   /// A few representative keyframes; empty if unknown.
   std::vector<LandmarkView> views;
-  /// One entry per landmark; std::nullopt if unknown.
+  /// One row per landmark; std::nullopt if unknown.
   std::optional<DescriptorColumn> descriptors;
 
   std::size_t size() const { return positions.size(); }
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }
 
   /// @throws Error (misuse) for columns of different lengths, numbers that are not finite, negative
-  ///        weights, views of missing landmarks, and descriptors of 0 or more than kMostDescriptorBytes
-  ///        bytes
+  ///        weights, views of missing landmarks, descriptors of 0 or more than kMostDescriptorBytes
+  ///        bytes, and further descriptors that no landmark has
   /// @param name of the cloud, for the message
   void validate(std::string_view name) const;
 };

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -37,6 +38,25 @@ TEST(LandmarkCloud, RefusesDescriptorsOfNoBytesAndOfTooMany) {
                 AllOf(HasSubstr("source"), HasSubstr(std::to_string(bytes) + " bytes"),
                       HasSubstr("1 to 4096")));
   }
+}
+
+TEST(LandmarkCloud, RefusesBrokenFurtherDescriptors) {
+  const auto message = [](std::vector<std::uint64_t> offsets, std::size_t bytes) {
+    LandmarkCloud cloud = with_descriptors_of(2);
+    cloud.descriptors->known[1] = 0;
+    cloud.descriptors->further_offsets = std::move(offsets);
+    cloud.descriptors->further.resize(bytes);
+    return testing::refusal(ErrorKind::kMisuse, [&] { cloud.validate("source"); });
+  };
+  EXPECT_EQ(message({0, 1, 1, 2}, 4), "");
+  EXPECT_THAT(message({}, 4), HasSubstr("further descriptors without offsets"));
+  EXPECT_THAT(message({0, 1, 1}, 2), HasSubstr("3 offsets of further descriptors of 3 landmarks"));
+  EXPECT_THAT(message({1, 1, 1, 2}, 4), HasSubstr("ascending from 0"));
+  EXPECT_THAT(message({0, 2, 1, 2}, 4), HasSubstr("ascending from 0"));
+  EXPECT_THAT(message({0, 1, 1, 3}, 4), HasSubstr("ascending from 0"));
+  EXPECT_THAT(message({0, 1, 1, 1}, 3), HasSubstr("ascending from 0"));
+  EXPECT_THAT(message({0, 0, 1, 1}, 2), HasSubstr("1 further descriptors of landmark 1"));
+  EXPECT_THAT(message({0, 16, 16, 16}, 32), HasSubstr("16 further descriptors of landmark 0"));
 }
 
 TEST(LandmarkCloud, RefusesWhatIsNoPositionAndNoCovariance) {

@@ -10,6 +10,7 @@
 
 #include "cairn/core/hash.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/placement/detail/spatial_groups.hpp"
 
 namespace cairn {
@@ -66,6 +67,10 @@ void reorder(std::vector<Value>& column, std::span<const std::uint32_t> order) {
 }
 
 void reorder(DescriptorColumn& column, std::span<const std::uint32_t> order) {
+  if (column.has_further()) {
+    column = descriptor_rows(column, order);  // rows vary in size
+    return;
+  }
   reorder(column.known, order);
   std::vector<std::uint8_t> kept(column.bytes_each);
   const auto row = [&](std::size_t i) { return column.bytes.data() + i * column.bytes_each; };

@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/refine.hpp"
@@ -48,6 +50,31 @@ TEST(PreparedCloud, HoldsEachLandmarkOnceCentredAndSaysWhichItIs) {
   std::vector<std::uint32_t> all(order.size());
   std::iota(all.begin(), all.end(), 0U);
   EXPECT_EQ(order, all);
+}
+
+TEST(PreparedCloud, OrdersFurtherDescriptorsWithTheirLandmarks) {
+  LandmarkCloud cloud = landmark_cloud(two_maps().source);
+  DescriptorColumn column{"ORB", 2, {}, {}};
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const std::vector<std::vector<std::uint8_t>> rows(
+        i % 4, {static_cast<std::uint8_t>(i % 256), static_cast<std::uint8_t>(i / 256)});
+    append_descriptors(column,
+                       std::vector<std::span<const std::uint8_t>>(rows.begin(), rows.end()));
+  }
+  cloud.descriptors = column;
+  const PreparedCloud prepared(cloud);
+  const DescriptorColumn& ordered = *prepared.landmarks().descriptors;
+  std::size_t moved = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const std::uint32_t before = prepared.order()[i];
+    moved += before != i ? 1 : 0;
+    ASSERT_EQ(ordered.count(i), column.count(before));
+    for (std::size_t k = 0; k < ordered.count(i); ++k) {
+      EXPECT_EQ(ordered.descriptor(i, k)[0], before % 256);
+      EXPECT_EQ(ordered.descriptor(i, k)[1], before / 256);
+    }
+  }
+  EXPECT_GT(moved, cloud.size() / 2);
 }
 
 TEST(PreparedCloud, PutsWeightyLandmarksFirst) {

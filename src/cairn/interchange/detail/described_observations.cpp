@@ -2,28 +2,9 @@
 #include "cairn/interchange/detail/described_observations.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <limits>
 
 namespace cairn::detail {
-namespace {
-
-std::uint64_t difference(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
-                         DescriptorNorm norm) {
-  std::uint64_t sum = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    if (norm == DescriptorNorm::kHamming) {
-      sum += static_cast<std::uint64_t>(std::popcount(static_cast<std::uint8_t>(a[i] ^ b[i])));
-    } else {
-      const int by = int{a[i]} - int{b[i]};
-      sum += static_cast<std::uint64_t>(by * by);
-    }
-  }
-  return sum;
-}
-
-}  // namespace
-
 std::size_t medoid(std::span<const std::span<const std::uint8_t>> descriptors,
                    DescriptorNorm norm) {
   constexpr std::size_t kMost = 64;
@@ -32,13 +13,26 @@ std::size_t medoid(std::span<const std::span<const std::uint8_t>> descriptors,
   std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
   for (std::size_t i = 0; i < descriptors.size(); ++i) {
     std::uint64_t sum = 0;
-    for (const auto& other : descriptors) sum += difference(descriptors[i], other, norm);
+    for (const auto& other : descriptors) sum += descriptor_difference(descriptors[i], other, norm);
     if (sum < least) {
       least = sum;
       best = i;
     }
   }
   return best;
+}
+
+void append_distinct(DescriptorColumn& column,
+                     std::span<const std::span<const std::uint8_t>> descriptors,
+                     DescriptorNorm norm) {
+  std::vector<std::span<const std::uint8_t>> chosen;
+  if (!descriptors.empty()) {
+    for (const std::size_t i :
+         distinct_descriptors(descriptors, medoid(descriptors, norm), kDistinctViews, norm)) {
+      chosen.push_back(descriptors[i]);
+    }
+  }
+  append_descriptors(column, chosen);
 }
 
 void DescribedObservations::add(const Entry& entry, std::span<const std::uint8_t> descriptor) {
@@ -93,8 +87,7 @@ std::size_t DescribedObservations::fill(MapTables& tables, const std::string& ki
     table.octaves.push_back(entry.octave);
   }
   if (bytes_each_ > 0) {
-    DescriptorColumn column{kind, bytes_each_, std::vector<std::uint8_t>(ids.size(), 0),
-                            std::vector<std::uint8_t>(ids.size() * bytes_each_, 0)};
+    DescriptorColumn column{kind, bytes_each_, {}, {}};
     std::vector<std::span<const std::uint8_t>> of_landmark;
     for (std::size_t row = 0; row < ids.size(); ++row) {
       of_landmark.clear();
@@ -102,11 +95,7 @@ std::size_t DescribedObservations::fill(MapTables& tables, const std::string& ki
         if (known_[entry_of[k]] == 0) continue;
         of_landmark.push_back(std::span(bytes_).subspan(entry_of[k] * bytes_each_, bytes_each_));
       }
-      if (of_landmark.empty()) continue;
-      const auto& chosen = of_landmark[medoid(of_landmark, norm)];
-      column.known[row] = 1;
-      std::copy(chosen.begin(), chosen.end(),
-                column.bytes.begin() + static_cast<std::ptrdiff_t>(row * bytes_each_));
+      append_distinct(column, of_landmark, norm);
     }
     if (std::find(column.known.begin(), column.known.end(), 1) != column.known.end()) {
       tables.landmarks.descriptors = std::move(column);

@@ -8,20 +8,21 @@
 #include <string>
 #include <vector>
 
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn::detail {
-
-/// Measure of the difference between two descriptors.
-enum class DescriptorNorm {
-  kHamming,  ///< bits that differ
-  kSquared,  ///< sum of squared differences of bytes
-};
 
 /// Index of the descriptor with the smallest sum of differences to the others (the first, if several tie).
 /// Considers only the first 64.
 /// @param descriptors not empty, all of one size
 std::size_t medoid(std::span<const std::span<const std::uint8_t>> descriptors, DescriptorNorm norm);
+
+/// Appends a row to a column: of the descriptors of one landmark's observations the medoid(), which
+/// represents it, and those of the most distinct views; unknown if there is none.
+void append_distinct(DescriptorColumn& column,
+                     std::span<const std::span<const std::uint8_t>> descriptors,
+                     DescriptorNorm norm);
 
 /// Collects observations keyframe by keyframe, with their keypoints' data, and orders them by landmark.
 class DescribedObservations {
@@ -42,8 +43,8 @@ class DescribedObservations {
   void add(const Entry& entry, std::span<const std::uint8_t> descriptor);
   std::vector<Entry>& entries() { return entries_; }
 
-  /// Fills the observations, those of each landmark in the order of frames, and the landmarks' descriptors,
-  /// each the medoid() of its observations'.
+  /// Fills the observations, those of each landmark in the order of frames, and the landmarks' descriptors
+  /// by append_distinct().
   /// @param tables contain the landmarks' ids, ascending
   /// @return number of observations left out because the map does not have their landmark
   std::size_t fill(MapTables& tables, const std::string& kind, DescriptorNorm norm) &&;

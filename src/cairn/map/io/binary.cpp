@@ -57,7 +57,7 @@ struct Layout {
   std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
 };
 
-constexpr std::array<Layout, 30> kLayouts = {{
+constexpr std::array<Layout, 32> kLayouts = {{
     {"world frame", Per::kFile, 0},
     {"gravity", Per::kFile, 24},
     {"uuid", Per::kFile, 0},
@@ -88,8 +88,10 @@ constexpr std::array<Layout, 30> kLayouts = {{
     {"sigmas", Per::kObservation, 8},
     {"georeference", Per::kFile, 88},
     {"GNSS positions", Per::kFrame, 32},
+    {"further offsets", Per::kOffset, 8},
+    {"further descriptors", Per::kFile, 0},
 }};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kGnss));
+static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kFurtherDescriptors));
 
 constexpr std::size_t index_of(MapColumn column) {
   return static_cast<std::size_t>(column) - 1;
@@ -591,6 +593,31 @@ class BinaryReader {
     }
     expect_section(MapColumn::kKnownDescriptors, has(MapColumn::kDescriptorKind) ? 1 : 0);
     expect_section(MapColumn::kDescriptors, bytes_each);
+    read_further(bytes_each);
+  }
+
+  // LandmarkMap checks the order of the offsets.
+  void read_further(std::uint64_t bytes_each) {
+    std::uint64_t bytes = 0;
+    if (has(MapColumn::kFurtherOffsets)) {
+      const Section& found = section(MapColumn::kFurtherOffsets);
+      if (!has(MapColumn::kDescriptorKind)) {
+        refuse(found.begin, MapColumn::kFurtherOffsets, "no kind of descriptors", "section 16");
+      }
+      const auto rows = load<std::uint64_t>(found.bytes.data() + found.bytes.size() - 8);
+      // A file without further descriptors has no offsets of them. A size of 0 is refused later.
+      const std::uint64_t most = bytes_.size() / std::max<std::uint64_t>(bytes_each, 1);
+      if (rows == 0 || rows > most) {
+        refuse(found.begin + found.bytes.size() - 8, MapColumn::kFurtherOffsets,
+               fmt::format("{} further descriptors", rows),
+               fmt::format("1 to {} in a file of {} bytes", most, bytes_.size()));
+      }
+      bytes = rows * bytes_each;
+      DescriptorColumn& descriptors = *tables_.landmarks.descriptors;
+      copy(MapColumn::kFurtherOffsets, descriptors.further_offsets);
+      copy(MapColumn::kFurtherDescriptors, descriptors.further);
+    }
+    expect_section(MapColumn::kFurtherDescriptors, bytes);
   }
 
   void read_named_columns() {
@@ -648,6 +675,7 @@ class BinaryWriter {
     plan_landmarks();
     plan_observations();
     plan_places();
+    plan_further_descriptors();
   }
 
   void write() {
@@ -882,6 +910,13 @@ class BinaryWriter {
         }
       }
     });
+  }
+
+  void plan_further_descriptors() {
+    const auto& descriptors = map_.landmarks().descriptors;
+    if (!descriptors) return;
+    plan_rows(MapColumn::kFurtherOffsets, descriptors->further_offsets);
+    plan_rows(MapColumn::kFurtherDescriptors, descriptors->further);
   }
 
   const LandmarkMap& map_;

@@ -36,6 +36,7 @@ using testing::full_map;
 using testing::full_tables;
 using ::testing::HasSubstr;
 using testing::plain_map;
+using testing::several_map;
 using ::testing::StartsWith;
 using testing::TemporaryFolder;
 
@@ -125,6 +126,7 @@ std::vector<std::pair<const char*, LandmarkMap>> example_maps() {
   };
   return {
       {"everything", full_map()},
+      {"several descriptors of a landmark", several_map()},
       {"what version 1 holds", plain_map()},
       {"nothing", LandmarkMap()},
       {"frames only", changed([](MapTables& t) {
@@ -397,9 +399,9 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
   expect_refused({
-      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 30"},
-      {uuid_entry(0, 31), at_number + "31 is no section; expected 1 to 30"},
-      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 30", kHuge)},
+      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 32"},
+      {uuid_entry(0, 33), at_number + "33 is no section; expected 1 to 32"},
+      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 32", kHuge)},
       {uuid_entry(0, 2), at_number + "2 (gravity) occurs twice" + once},
       {uuid_entry(0, 1), at_number + "1 (world frame) stands below 2" + once},
       {uuid_entry(8, uuid + 8),
@@ -460,6 +462,56 @@ TEST(ReadBinary, RefusesAMissingSection) {
   EXPECT_THAT(refusal(without(full_map(), MapColumn::kColumnNames)),
               HasSubstr("column values: 64 bytes; expected 0: 4 times 0"));
   EXPECT_THAT(read(without(full_map(), MapColumn::kCovariances)).has_covariances(), false);
+}
+
+TEST(ReadBinary, RefusesBrokenFurtherDescriptors) {
+  const File intact(several_map());
+  const auto at = [&](MapColumn column, std::uint64_t offset) {
+    return fmt::format("desk.cairn: byte {}: ", intact.begin(column) + offset);
+  };
+  const auto refused = [&](MapColumn column, std::uint64_t offset, std::uint64_t value) {
+    File file(several_map());
+    file.set(file.begin(column) + offset, value);
+    return refusal(file.sealed());
+  };
+  const std::uint64_t size = binary(several_map()).size();
+  const std::string most =
+      fmt::format(" further descriptors; expected 1 to {} in a file of {} bytes", size / 2, size);
+  const std::string last = at(MapColumn::kFurtherOffsets, 32) + "further offsets: ";
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 32, kHuge), last + fmt::format("{}", kHuge) + most);
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 32, kHuge / 2 + 1),
+            last + fmt::format("{}", kHuge / 2 + 1) + most);
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 32, 0), last + "0" + most);
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 32, 4),
+            at(MapColumn::kFurtherDescriptors, 0) +
+                "further descriptors: 6 bytes; expected 8: 1 times 8");
+  const std::string ranges =
+      "further offsets: offsets of further descriptors: do not cut the further descriptors into "
+      "one range a landmark; expected ascending from 0 to their number, one more than there are "
+      "landmarks";
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 0, 1), at(MapColumn::kFurtherOffsets, 0) + ranges);
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 8, kHuge),
+            at(MapColumn::kFurtherOffsets, 16) + ranges);
+  EXPECT_EQ(refused(MapColumn::kFurtherOffsets, 16, 3),
+            at(MapColumn::kFurtherOffsets, 8) +
+                "further offsets: landmark 10: further descriptors without a first one; expected "
+                "a descriptor that represents the landmark");
+  EXPECT_THAT(refusal(without(several_map(), MapColumn::kFurtherOffsets)),
+              HasSubstr("further descriptors: 6 bytes; expected 0"));
+  EXPECT_THAT(refusal(without(several_map(), MapColumn::kFurtherDescriptors)),
+              HasSubstr("further descriptors: 0 bytes; expected 6"));
+  EXPECT_THAT(refusal(without(several_map(), MapColumn::kDescriptorKind)),
+              HasSubstr("known descriptors: 4 bytes; expected 0"));
+  File none(several_map());
+  none.set<std::uint32_t>(none.begin(MapColumn::kDescriptorKind), 0);
+  EXPECT_THAT(refusal(none.sealed()), StartsWith("desk.cairn: byte "));
+}
+
+TEST(ReadBinary, RefusesEveryTruncationOfSeveralDescriptors) {
+  const std::string whole = binary(several_map());
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    EXPECT_NE(refusal(whole.substr(0, size)), "accepted") << size;
+  }
 }
 
 TEST(ReadBinary, RefusesBrokenTexts) {

@@ -17,7 +17,7 @@ namespace cairn {
 
 struct MapWriteOptions {
   std::string format = {};                 ///< name of a MapFormat; empty: by the path's ending
-  std::optional<int> native_version = {};  ///< std::nullopt: 1 if it can hold the whole map, else 2
+  std::optional<int> native_version = {};  ///< std::nullopt: the lowest that holds the map
   bool ascii = false;                      ///< PLY and PCD: text instead of binary
   bool double_precision =
       false;  ///< PCD: positions as doubles, which PCL's point types cannot read

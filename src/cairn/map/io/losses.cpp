@@ -39,6 +39,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   if (landmarks.descriptors && holdings.descriptors != "*" &&
       holdings.descriptors != landmarks.descriptors->kind) {
     lost.push_back("descriptors " + printable(landmarks.descriptors->kind));
+  } else if (landmarks.descriptors && landmarks.descriptors->has_further()) {
+    add(!holdings.further_descriptors, "further descriptors of a landmark");
   }
   for (const NamedColumn& column : landmarks.columns) {
     const bool held = std::find(holdings.columns.begin(), holdings.columns.end(), column.name) !=

@@ -28,6 +28,7 @@ struct Holdings {
   bool georeference = false;
   bool gnss = false;                               ///< GNSS positions of frames
   std::string_view descriptors = {};               ///< the kind that it can hold; "*": any
+  bool further_descriptors = false;                ///< several descriptors of a landmark
   std::span<const std::string_view> columns = {};  ///< names of columns that it can hold
 };
 

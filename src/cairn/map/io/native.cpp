@@ -411,11 +411,12 @@ class NativeReader {
     } else if (version_ == 0 && record == "CAIRN") {
       read_version(fields);
       return;
-    } else if (version_ == 2 && record[0] == '#') {
+    } else if (version_ >= 2 && record[0] == '#') {
       return;
-    } else if (version_ != 2 || !read_extra(record, fields)) {
-      fields.refuse_line(fmt::format("unknown record {}", printable(record)),
-                         version_ == 2 ? "a record of version 2" : "FRAME or LANDMARK");
+    } else if (version_ < 2 || !read_extra(record, fields)) {
+      fields.refuse_line(
+          fmt::format("unknown record {}", printable(record)),
+          version_ >= 2 ? fmt::format("a record of version {}", version_) : "FRAME or LANDMARK");
     }
     fields.expect_end(record);
     if (version_ == 0) version_ = 1;
@@ -423,9 +424,11 @@ class NativeReader {
 
   void read_version(Fields& fields) {
     const std::uint64_t version = fields.unsigned_integer("version");
-    if (version != 2) fields.refuse(fmt::format("format version {}", version), "2");
+    if (version != 2 && version != 3) {
+      fields.refuse(fmt::format("format version {}", version), "2 or 3");
+    }
     fields.expect_end("CAIRN");
-    version_ = 2;
+    version_ = static_cast<int>(version);
   }
 
   void read_frame(Fields& fields) {
@@ -468,7 +471,7 @@ class NativeReader {
 
   void read_covariance(Fields& fields) {
     auto& covariances = tables_.landmarks.covariances;
-    if (version_ == 2 && fields.take_unknown()) {
+    if (version_ >= 2 && fields.take_unknown()) {
       covariances.emplace_back(Eigen::Matrix3d::Constant(kNan));
       return;
     }
@@ -483,7 +486,7 @@ class NativeReader {
 
   void read_observations(Fields& fields) {
     ObservationTable& observations = tables_.observations;
-    const bool unknown = version_ == 2 && fields.take_unknown();
+    const bool unknown = version_ >= 2 && fields.take_unknown();
     if (tables_.landmarks.ids.size() == 1) observations_unknown_ = unknown;
     if (unknown != observations_unknown_) {
       fields.refuse_line("some observation counts are '-' and some are not",
@@ -519,7 +522,7 @@ class NativeReader {
     return found->second;
   }
 
-  // ---- version 2
+  // ---- versions 2 and 3
 
   bool read_extra(std::string_view record, Fields& fields) {
     if (record == "META") {
@@ -731,13 +734,16 @@ class NativeReader {
     require_budget(fields);
     descriptors->known.resize(row + 1);
     descriptors->bytes.resize((row + 1) * descriptors->bytes_each);
-    refuse_second(descriptors->known[row] != 0, fields);
+    const bool is_further = descriptors->known[row] != 0;
+    refuse_second(is_further && version_ < 3, fields);
     const std::string_view hex = fields.word("descriptor");
     if (hex.size() != 2 * descriptors->bytes_each) {
       fields.refuse(fmt::format("{} hexadecimal digits", hex.size()),
                     fmt::format("{}, two a byte", 2 * descriptors->bytes_each));
     }
-    std::uint8_t* const bytes = descriptors->bytes.data() + row * descriptors->bytes_each;
+    std::uint8_t* const bytes = is_further
+                                    ? room_for_further(row, fields)
+                                    : descriptors->bytes.data() + row * descriptors->bytes_each;
     for (std::size_t i = 0; i < descriptors->bytes_each; ++i) {
       const int high = hex_value(hex[2 * i]);
       const int low = hex_value(hex[2 * i + 1]);
@@ -745,6 +751,19 @@ class NativeReader {
       bytes[i] = static_cast<std::uint8_t>(high * 16 + low);
     }
     descriptors->known[row] = 1;
+  }
+
+  // For one more descriptor of the last landmark. Until the end, there are offsets only up to this landmark.
+  std::uint8_t* room_for_further(std::size_t row, const Fields& fields) {
+    DescriptorColumn& descriptors = *tables_.landmarks.descriptors;
+    const std::size_t rows = descriptors.further.size() / descriptors.bytes_each;
+    descriptors.further_offsets.resize(row + 1, rows);
+    if (rows - descriptors.further_offsets[row] + 1 >= kMostDescriptorsEach) {
+      fields.refuse_line("too many descriptors of one landmark",
+                         fmt::format("at most {}", kMostDescriptorsEach));
+    }
+    descriptors.further.resize(descriptors.further.size() + descriptors.bytes_each);
+    return descriptors.further.data() + rows * descriptors.bytes_each;
   }
 
   void read_detail(Fields& fields) {
@@ -799,8 +818,10 @@ class NativeReader {
   // Bytes of the descriptors and named columns of all landmarks so far.
   std::uint64_t room_of_columns() const {
     const LandmarkTable& landmarks = tables_.landmarks;
-    const std::uint64_t each = sizeof(double) * landmarks.columns.size() +
-                               (landmarks.descriptors ? landmarks.descriptors->bytes_each : 0);
+    const auto& descriptors = landmarks.descriptors;
+    std::uint64_t each = sizeof(double) * landmarks.columns.size();
+    if (descriptors) each += descriptors->bytes_each;
+    if (descriptors && descriptors->has_further()) each += sizeof(std::uint64_t);
     return landmarks.ids.size() * each;
   }
 
@@ -840,6 +861,10 @@ class NativeReader {
     if (auto& descriptors = landmarks.descriptors) {
       descriptors->known.resize(landmarks.ids.size());
       descriptors->bytes.resize(landmarks.ids.size() * descriptors->bytes_each);
+      if (descriptors->has_further()) {
+        descriptors->further_offsets.resize(landmarks.ids.size() + 1,
+                                            descriptors->further.size() / descriptors->bytes_each);
+      }
     }
     if (observations_unknown_) observations.offsets = {};
     return LandmarkMap(std::move(tables_),
@@ -894,14 +919,14 @@ class NativeWriter {
   NativeWriter(const LandmarkMap& map, const ByteSink& sink) : map_(map), sink_(sink) {}
 
   void write(int version, const Progress& progress) {
-    if (version == 2) write_head();
+    if (version >= 2) write_head(version);
     for (std::size_t i = 0; i < map_.frame_count(); ++i) {
       write_frame(i);
-      if (version == 2) write_frame_extras(i);
+      if (version >= 2) write_frame_extras(i);
     }
     for (std::size_t i = 0; i < map_.landmark_count(); ++i) {
       write_landmark(i);
-      if (version == 2) write_landmark_extras(i);
+      if (version >= 2) write_landmark_extras(i);
       constexpr std::size_t kReportEvery = 1 << 16;
       if (progress && i % kReportEvery == 0) {
         progress(static_cast<double>(i) / static_cast<double>(map_.landmark_count()));
@@ -947,8 +972,8 @@ class NativeWriter {
     end_line();
   }
 
-  void write_head() {
-    line("CAIRN", std::uint64_t{2});
+  void write_head(int version) {
+    line("CAIRN", static_cast<std::uint64_t>(version));
     const MapInfo& info = map_.info();
     if (info.length_unit == LengthUnit::kFree) {
       line("META", std::string_view("length_unit"), std::string_view("free"));
@@ -1055,14 +1080,15 @@ class NativeWriter {
       line("COLOR", id, std::uint64_t{color.red}, std::uint64_t{color.green},
            std::uint64_t{color.blue});
     }
-    if (const auto& descriptors = landmarks.descriptors;
-        descriptors && descriptors->known[i] != 0) {
+    if (const auto& descriptors = landmarks.descriptors) {
       std::string hex;
-      for (std::size_t k = 0; k < descriptors->bytes_each; ++k) {
-        const std::uint8_t byte = descriptors->bytes[i * descriptors->bytes_each + k];
-        hex += {kHexDigits[byte >> 4], kHexDigits[byte & 15]};
+      for (std::size_t k = 0; k < descriptors->count(i); ++k) {
+        hex.clear();
+        for (const std::uint8_t byte : descriptors->descriptor(i, k)) {
+          hex += {kHexDigits[byte >> 4], kHexDigits[byte & 15]};
+        }
+        line("DESCRIPTOR", id, std::string_view(hex));
       }
-      line("DESCRIPTOR", id, std::string_view(hex));
     }
     for (const NamedColumn& column : landmarks.columns) {
       if (!std::isnan(column.values[i])) {
@@ -1160,14 +1186,19 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
 void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<int> version,
                   const Progress& progress) {
   const auto loss = version_1_loss(map);
-  if (version && *version != 1 && *version != 2) {
-    throw Error(ErrorKind::kMisuse, "version", std::to_string(*version), "1 or 2");
+  const auto& descriptors = map.landmarks().descriptors;
+  const bool has_further = descriptors && descriptors->has_further();
+  const int least = has_further ? 3 : loss ? 2 : 1;
+  const int chosen = version.value_or(least);
+  if (chosen < 1 || chosen > 3) {
+    throw Error(ErrorKind::kMisuse, "version", std::to_string(chosen), "1, 2 or 3");
   }
-  if (version == 1 && loss) {
-    throw Error(ErrorKind::kMisuse, "version 1 of the text format", "would lose " + *loss,
-                "version 2");
+  if (chosen < least) {
+    throw Error(ErrorKind::kMisuse, fmt::format("version {} of the text format", chosen),
+                "would lose " + (chosen == 1 ? *loss : "the landmarks' further descriptors"),
+                fmt::format("version {}", least));
   }
-  NativeWriter(map, sink).write(version.value_or(loss ? 2 : 1), progress);
+  NativeWriter(map, sink).write(chosen, progress);
 }
 
 }  // namespace cairn

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// Reads Cairn's text format, version 1 or 2 (docs/formats.md).
+/// Reads Cairn's text format, version 1, 2 or 3 (docs/formats.md).
 /// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_native(ByteSource& source, const MapReadOptions& options = {});
 
@@ -17,8 +17,8 @@ LandmarkMap read_native(ByteSource& source, const MapReadOptions& options = {});
 std::optional<std::string> version_1_loss(const LandmarkMap& map);
 
 /// Writes Cairn's text format.
-/// @param version 1 or 2; std::nullopt: 1 if it can hold the whole map, else 2
-/// @throws Error (misuse) if version 1 is requested but cannot hold the map
+/// @param version 1, 2 or 3; std::nullopt: the lowest that can hold the whole map
+/// @throws Error (misuse) if the requested version cannot hold the map
 void write_native(const LandmarkMap& map, const ByteSink& sink,
                   std::optional<int> version = std::nullopt, const Progress& progress = {});
 

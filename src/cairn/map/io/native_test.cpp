@@ -45,6 +45,7 @@ using ::testing::IsEmpty;
 using ::testing::Le;
 using testing::plain_map;
 using testing::plain_tables;
+using testing::several_map;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 using testing::TemporaryFolder;
@@ -570,8 +571,8 @@ TEST(ReadNative, SaysThatAFileMayNotBeRead) {
 
 TEST(ReadNative, RefusesOtherVersions) {
   expect_refused({
-      {"CAIRN 3\n", "desk.map:1: field 2 (version): format version 3; expected 2"},
-      {"CAIRN 1\n", "desk.map:1: field 2 (version): format version 1; expected 2"},
+      {"CAIRN 4\n", "desk.map:1: field 2 (version): format version 4; expected 2 or 3"},
+      {"CAIRN 1\n", "desk.map:1: field 2 (version): format version 1; expected 2 or 3"},
       {"CAIRN two\n",
        "desk.map:1: field 2 (version): 'two' is not one; expected an unsigned integer of at most "
        "64 bits"},
@@ -1031,9 +1032,77 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
 }
 
 TEST(WriteNative, RefusesVersionsThatDoNotExist) {
-  for (const int version : {0, 3, -1}) {
+  for (const int version : {0, 4, -1}) {
     EXPECT_EQ(refusal([&] { written(plain_map(), version); }, ErrorKind::kMisuse),
-              fmt::format("version: {}; expected 1 or 2", version));
+              fmt::format("version: {}; expected 1, 2 or 3", version));
+  }
+}
+
+// ---- several descriptors of a landmark
+
+TEST(WriteNative, WritesSeveralDescriptorsOneBelowTheOtherInVersion3) {
+  const std::string text = written(several_map());
+  EXPECT_THAT(text, StartsWith("CAIRN 3\n"));
+  EXPECT_THAT(text, HasSubstr("\nDESCRIPTOR 30 00ff\nDESCRIPTOR 30 01fe\nDESCRIPTOR 30 0000\n"));
+  EXPECT_THAT(read(text), EqualsMap(several_map()));
+  // All else is as in version 2.
+  std::string alike = written(full_map(), 3);
+  EXPECT_THAT(alike, StartsWith("CAIRN 3\n"));
+  alike[6] = '2';
+  EXPECT_EQ(alike, written(full_map()));
+  EXPECT_THAT(read(written(full_map(), 3)), EqualsMap(full_map()));
+}
+
+TEST(WriteNative, RefusesVersionsThatLoseFurtherDescriptors) {
+  EXPECT_EQ(refusal([] { written(several_map(), 2); }, ErrorKind::kMisuse),
+            "version 2 of the text format: would lose the landmarks' further descriptors; expected "
+            "version 3");
+  MapTables tables = plain_tables();
+  tables.landmarks.descriptors =
+      DescriptorColumn{"ORB", 1, {1, 0, 0}, {1, 0, 0}, {0, 1, 1, 1}, {2}};
+  EXPECT_EQ(refusal([&] { written(LandmarkMap(tables), 1); }, ErrorKind::kMisuse),
+            "version 1 of the text format: would lose the landmarks' descriptors; expected version "
+            "3");
+}
+
+TEST(ReadNative, ReadsFurtherDescriptorsOfAnyLandmark) {
+  const std::string head = "CAIRN 3\nDESCRIPTORS ORB 1\n";
+  const LandmarkMap map = read(head +
+                               "LANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - -\nDESCRIPTOR 2 0a\n"
+                               "COLOR 2 1 2 3\nDESCRIPTOR 2 0b\nLANDMARK 3 0 0 0 - -\n"
+                               "DESCRIPTOR 3 0c\nLANDMARK 4 0 0 0 - -\n");
+  const DescriptorColumn& column = *map.landmarks().descriptors;
+  EXPECT_THAT(column.known, ElementsAre(0, 1, 1, 0));
+  EXPECT_THAT(column.bytes, ElementsAre(0, 0x0a, 0x0c, 0));
+  EXPECT_THAT(column.further_offsets, ElementsAre(0, 0, 1, 1, 1));
+  EXPECT_THAT(column.further, ElementsAre(0x0b));
+  EXPECT_EQ(column.count(0), 0U);
+  EXPECT_EQ(column.count(1), 2U);
+  EXPECT_EQ(column.count(2), 1U);
+}
+
+TEST(ReadNative, RefusesASecondDescriptorInVersion2AndTooManyInVersion3) {
+  const auto with = [](int version, std::size_t count) {
+    std::string text = fmt::format("CAIRN {}\nDESCRIPTORS ORB 1\nLANDMARK 1 0 0 0 - -\n", version);
+    for (std::size_t i = 0; i < count; ++i) text += fmt::format("DESCRIPTOR 1 {:02x}\n", i);
+    return text;
+  };
+  EXPECT_EQ(refusal(with(2, 2)), "desk.map:5: the same is said above already; expected it once");
+  EXPECT_EQ(read(with(3, kMostDescriptorsEach)).landmarks().descriptors->count(0),
+            kMostDescriptorsEach);
+  EXPECT_EQ(refusal(with(3, kMostDescriptorsEach + 1)),
+            "desk.map:20: too many descriptors of one landmark; expected at most 16");
+  EXPECT_EQ(refusal(with(3, 2) + "DESCRIPTOR 1 0g\n"),
+            "desk.map:6: field 3 (descriptor): not hexadecimal; expected digits 0-9 and a-f");
+  EXPECT_EQ(refusal("CAIRN 3\nPOINT 1\n"),
+            "desk.map:2: unknown record 'POINT'; expected a record of version 3");
+}
+
+TEST(ReadNative, RefusesEveryLineOfSeveralDescriptorsThatIsCut) {
+  const std::string whole = written(several_map());
+  for (std::size_t size = whole.find("DESCRIPTOR 30"); size + 1 < whole.size(); ++size) {
+    if (whole[size - 1] == '\n') continue;  // whole lines
+    EXPECT_NE(refusal(whole.substr(0, size)), "") << size;
   }
 }
 

@@ -26,7 +26,7 @@ constexpr int kRounds = 12;
 constexpr double kAlikeByChance = 0.02;  // share of random pairs whose descriptors count as alike
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-// Descriptor distances, and the largest of one landmark's descriptors.
+// Distances of best pairs of descriptors, and the largest of one landmark's.
 class Likeness {
  public:
   Likeness(const DescriptorColumn& first, const DescriptorColumn& second, std::uint64_t seed)
@@ -61,15 +61,14 @@ class Likeness {
  private:
   double distance(std::uint32_t first, std::uint32_t second) const {
     if (binary_) return differing_bits(first_, first, second_, second);
-    const std::size_t size = first_.bytes_each;
-    const std::uint8_t* a = first_.bytes.data() + first * size;
-    const std::uint8_t* b = second_.bytes.data() + second * size;
-    double sum = 0.0;
-    for (std::size_t i = 0; i < size; ++i) {
-      const int difference = int{a[i]} - int{b[i]};
-      sum += difference * difference;
-    }
-    return sum;
+    return least_difference(first_, first, second_, second, [](auto a, auto b) {
+      double sum = 0.0;
+      for (std::size_t i = 0; i < a.size(); ++i) {
+        const int difference = int{a[i]} - int{b[i]};
+        sum += difference * difference;
+      }
+      return sum;
+    });
   }
 
   const DescriptorColumn& first_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include <Eigen/LU>
@@ -12,7 +13,9 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/merging/detail/association.hpp"
+#include "cairn/placement/descriptors.hpp"
 
 namespace cairn {
 namespace {
@@ -72,6 +75,8 @@ class Fusion {
             bool known, double probability, double variance);
   void append(std::size_t m, std::uint32_t i, const WorldLandmarks& world);
   void take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark);
+  void take_further(const DescriptorColumn& theirs, std::uint32_t i, std::uint32_t landmark);
+  void set_further();
   void set_columns();
   void set_observations();
   void set_info();
@@ -88,6 +93,8 @@ class Fusion {
   std::vector<std::uint8_t> known_;  // whether all parts have a covariance
   bool has_colors_ = false;
   std::vector<std::uint32_t> best_observed_;  // observations of the part that gave the descriptor
+  bool has_further_ = false;                  // a map with several of a landmark
+  std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
   std::vector<std::uint32_t> first_frame_;               // by map
   std::vector<std::uint32_t> from_map_;
@@ -107,8 +114,10 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
     if (!descriptors) continue;
     auto& kept = tables_.landmarks.descriptors;
     if (!kept) kept = DescriptorColumn{descriptors->kind, descriptors->bytes_each, {}, {}};
-    if ((kept->kind != descriptors->kind || kept->bytes_each != descriptors->bytes_each) &&
-        options_.log) {
+    const bool fits =
+        kept->kind == descriptors->kind && kept->bytes_each == descriptors->bytes_each;
+    has_further_ = has_further_ || (fits && descriptors->has_further());
+    if (!fits && options_.log) {
       options_.log(
           fmt::format("{}: its descriptors ({}, {} bytes) are left out: a map has one kind",
                       placed.name, printable(descriptors->kind), descriptors->bytes_each));
@@ -186,6 +195,7 @@ void Fusion::add(std::size_t m) {
       append(m, i, world);
     }
   }
+  if (has_further_) set_further();
 }
 
 // Information-weighted mean, with the covariance of a mixture: with the association's probability the pair is
@@ -226,11 +236,13 @@ void Fusion::append(std::size_t m, std::uint32_t i, const WorldLandmarks& world)
     landmarks.descriptors->bytes.resize(landmarks.descriptors->bytes.size() +
                                         landmarks.descriptors->bytes_each);
     best_observed_.push_back(0);
+    if (has_further_) descriptors_.emplace_back();
   }
   take_looks(m, i, landmark);
 }
 
-// Colour: the first known one. Descriptor: that of the part with the most observations.
+// Colour: the first known one. Descriptor: that of the part with the most observations; if a map has several
+// of a landmark, also the most distinct of all parts.
 void Fusion::take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark) {
   const LandmarkMap& map = *maps_[m].map;
   LandmarkTable& landmarks = tables_.landmarks;
@@ -242,12 +254,51 @@ void Fusion::take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark) 
   DescriptorColumn& ours = *landmarks.descriptors;
   if (theirs->kind != ours.kind || theirs->bytes_each != ours.bytes_each) return;
   const auto observed = static_cast<std::uint32_t>(map.observation_count(LandmarkIndex{i}));
-  if (ours.known[landmark] != 0 && observed <= best_observed_[landmark]) return;
-  ours.known[landmark] = 1;
-  best_observed_[landmark] = observed;
-  const auto size = static_cast<std::ptrdiff_t>(ours.bytes_each);
-  const auto from = theirs->bytes.begin() + static_cast<std::ptrdiff_t>(i) * size;
-  std::copy(from, from + size, ours.bytes.begin() + static_cast<std::ptrdiff_t>(landmark) * size);
+  if (ours.known[landmark] == 0 || observed > best_observed_[landmark]) {
+    ours.known[landmark] = 1;
+    best_observed_[landmark] = observed;
+    const auto from = theirs->descriptor(i, 0);
+    std::copy(from.begin(), from.end(),
+              ours.bytes.begin() + static_cast<std::ptrdiff_t>(landmark * ours.bytes_each));
+  }
+  if (has_further_) take_further(*theirs, i, landmark);
+}
+
+void Fusion::take_further(const DescriptorColumn& theirs, std::uint32_t i, std::uint32_t landmark) {
+  std::vector<std::uint8_t>& all = descriptors_[landmark];
+  const bool is_first = all.empty();
+  for (std::size_t k = 0; k < theirs.count(i); ++k) {
+    const auto bytes = theirs.descriptor(i, k);
+    all.insert(all.end(), bytes.begin(), bytes.end());
+  }
+  if (is_first) return;
+  const DescriptorColumn& ours = *tables_.landmarks.descriptors;
+  std::vector<std::span<const std::uint8_t>> rows = {
+      std::span(ours.bytes).subspan(landmark * ours.bytes_each, ours.bytes_each)};
+  for (std::size_t at = 0; at < all.size(); at += ours.bytes_each) {
+    rows.push_back(std::span(all).subspan(at, ours.bytes_each));
+  }
+  const DescriptorNorm norm =
+      is_binary(ours.kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  std::vector<std::uint8_t> kept;
+  for (const std::size_t row : distinct_descriptors(rows, 0, kDistinctViews, norm)) {
+    kept.insert(kept.end(), rows[row].begin(), rows[row].end());
+  }
+  all = std::move(kept);
+}
+
+// Of all landmarks so far; the first of each is its representative.
+void Fusion::set_further() {
+  DescriptorColumn& ours = *tables_.landmarks.descriptors;
+  ours.further_offsets.assign(1, 0);
+  ours.further.clear();
+  for (const std::vector<std::uint8_t>& all : descriptors_) {
+    if (!all.empty()) {
+      ours.further.insert(ours.further.end(),
+                          all.begin() + static_cast<std::ptrdiff_t>(ours.bytes_each), all.end());
+    }
+    ours.further_offsets.push_back(ours.further.size() / ours.bytes_each);
+  }
 }
 
 void Fusion::add_frames(std::size_t m) {

@@ -13,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -331,6 +332,69 @@ TEST(FuseMaps, FusesNothingThatLooksDifferent) {
   const std::size_t fused = fuse_maps(maps).maps[1].fused;
   EXPECT_GT(fused, alike * 9 / 10);
   EXPECT_LT(fused, alike * 12 / 10);
+}
+
+// As with_descriptors(), with further ones of each landmark, of these seeds.
+LandmarkMap with_further(const LandmarkMap& map, const std::vector<std::uint64_t>& seeds,
+                         const std::vector<std::vector<std::uint64_t>>& further) {
+  MapTables tables = with_descriptors(map, seeds).tables();
+  DescriptorColumn& column = *tables.landmarks.descriptors;
+  column.further_offsets.push_back(0);
+  for (const auto& of_landmark : further) {
+    for (const std::uint64_t seed : of_landmark) {
+      Random random(seed);
+      for (int i = 0; i < 32; ++i) {
+        column.further.push_back(static_cast<std::uint8_t>(random.index(256)));
+      }
+    }
+    column.further_offsets.push_back(column.further.size() / 32);
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(FuseMaps, KeepsTheDescriptorsOfBothAndFusesWhatAnyPairShows) {
+  const Sessions two = sessions(10);
+  std::vector<std::uint64_t> source(two.maps.source.landmark_count());
+  std::vector<std::uint64_t> target(two.maps.target.landmark_count());
+  std::vector<std::vector<std::uint64_t>> further(source.size());
+  for (std::size_t i = 0; i < source.size(); ++i) source[i] = 1'000'000 + i;
+  for (std::size_t i = 0; i < target.size(); ++i) target[i] = 2'000'000 + i;
+  // Only a further descriptor of the source shows that both are one landmark.
+  for (const auto& [in_source, in_target] : two.maps.shared) {
+    further[in_source.value] = {3'000'000 + in_source.value, target[in_target.value]};
+  }
+  const LandmarkMap s = with_further(two.maps.source, source, further);
+  const LandmarkMap t = with_descriptors(two.maps.target, target);
+  const std::vector<PlacedMap> maps = {{&t, "t", {}}, {&s, "s", two.maps.target_from_source}};
+  const FusionResult result = fuse_maps(maps);
+  EXPECT_GT(result.maps[1].fused, two.maps.shared.size() * 9 / 10);
+  const DescriptorColumn& column = *result.map.landmarks().descriptors;
+  const std::vector<double>& parts = values(result.map, kFusedColumn);
+  std::size_t of_both = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    EXPECT_LE(column.count(i), kDistinctViews);
+    if (parts[i] > 1.0 && column.count(i) == 3) ++of_both;  // the shared one only once
+  }
+  EXPECT_GT(of_both, result.maps[1].fused * 9 / 10);
+  // A landmark that only the source has keeps its own.
+  for (std::uint32_t i = 0; i < source.size(); ++i) {
+    const auto found = std::find_if(two.maps.shared.begin(), two.maps.shared.end(),
+                                    [&](const auto& shared) { return shared.first.value == i; });
+    if (found == two.maps.shared.end()) EXPECT_EQ(s.landmarks().descriptors->count(i), 1U);
+  }
+}
+
+TEST(FuseMaps, GivesOneDescriptorEachIfNoMapHasMore) {
+  const Sessions two = sessions(10);
+  const auto described = [](const LandmarkMap& map, std::uint64_t first) {
+    std::vector<std::uint64_t> seeds(map.landmark_count());
+    for (std::size_t i = 0; i < seeds.size(); ++i) seeds[i] = first + i;
+    return with_descriptors(map, seeds);
+  };
+  const LandmarkMap s = described(two.maps.source, 1);
+  const LandmarkMap t = described(two.maps.target, 1'000'000);
+  const std::vector<PlacedMap> maps = {{&t, "t", {}}, {&s, "s", two.maps.target_from_source}};
+  EXPECT_FALSE(fuse_maps(maps).map.landmarks().descriptors->has_further());
 }
 
 TEST(FuseMaps, RefusesNoMapsAndOptionsOutOfRange) {

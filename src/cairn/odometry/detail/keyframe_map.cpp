@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/odometry/detail/noise_estimation.hpp"
 #include "cairn/odometry/detail/residual_limits.hpp"
 
@@ -258,7 +260,9 @@ std::uint32_t KeyframeMap::add_keyframe(const TrackedFrame& frame) {
     cut_patch({index, i});
   }
   if (index > 0) merge_known_landmarks(index);
-  graph_.keyframes()[index].features.drop_images();
+  Keyframe& added = graph_.keyframes()[index];
+  added.shown = extractor_.describe_added(added.features);
+  added.features.drop_images();
   return index;
 }
 
@@ -317,6 +321,35 @@ void KeyframeMap::cull(std::uint32_t newest) {
   }
 }
 
+namespace {
+
+// The landmark's descriptor, and those of its observations that differ most.
+std::vector<std::span<const std::uint8_t>> distinct_views(const LandmarkGraph& graph,
+                                                          const TrackedLandmark& landmark,
+                                                          std::size_t most) {
+  const auto bytes_of = [](const Descriptor& descriptor) {
+    return std::span(reinterpret_cast<const std::uint8_t*>(descriptor.data()), sizeof(Descriptor));
+  };
+  std::vector<std::span<const std::uint8_t>> all = {bytes_of(landmark.descriptor)};
+  for (const KeypointReference& reference : landmark.observations) {
+    const Keyframe& keyframe = graph.keyframes()[reference.keyframe];
+    const std::size_t corners = keyframe.features.corners();
+    if (reference.keypoint < corners) {
+      all.push_back(bytes_of(keyframe.features.descriptors()[reference.keypoint]));
+    } else if (const std::size_t added = reference.keypoint - corners;
+               added < keyframe.shown.size() && keyframe.shown[added]) {
+      all.push_back(bytes_of(*keyframe.shown[added]));
+    }
+  }
+  std::vector<std::span<const std::uint8_t>> views;
+  for (const std::size_t i : distinct_descriptors(all, 0, most, DescriptorNorm::kHamming)) {
+    views.push_back(all[i]);
+  }
+  return views;
+}
+
+}  // namespace
+
 LandmarkMap KeyframeMap::to_map(const MapOptions& options,
                                 const std::vector<Eigen::Matrix3d>& covariances) const {
   MapTables tables;
@@ -341,10 +374,8 @@ LandmarkMap KeyframeMap::to_map(const MapOptions& options,
     landmarks.positions.push_back(landmark.position);
     landmarks.covariances.push_back(covariances[i]);
     if (landmarks.descriptors) {
-      landmarks.descriptors->known.push_back(1);
-      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(landmark.descriptor.data());
-      landmarks.descriptors->bytes.insert(landmarks.descriptors->bytes.end(), bytes,
-                                          bytes + sizeof(Descriptor));
+      append_descriptors(*landmarks.descriptors,
+                         distinct_views(graph_, landmark, options.descriptors_each));
     }
     for (const KeypointReference& reference : landmark.observations) {
       const Keyframe& keyframe = graph_.keyframes()[reference.keyframe];

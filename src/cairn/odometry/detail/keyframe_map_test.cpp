@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
 #include "support/textured_wall.hpp"
@@ -104,6 +105,52 @@ TEST_F(KeyframeMapTest, GivesItsLandmarksAsAMap) {
   MapOptions twice;
   twice.min_observations = 2;
   EXPECT_EQ(map_.to_map(twice, covariances).landmark_count(), 0U);
+}
+
+TEST_F(KeyframeMapTest, GivesEachLandmarkTheDescriptorsOfItsDistinctViews) {
+  constexpr std::uint32_t kKeyframes = 6;
+  for (std::uint32_t i = 0; i < kKeyframes; ++i) {
+    TrackedFrame frame = frame_at(i, static_cast<int>(8 * i));
+    // The sensor's noise changes what a corner looks like.
+    cv::Mat image = wall_.gray(static_cast<int>(8 * i));
+    cv::Mat noise(image.size(), CV_8SC1);
+    cv::RNG(i + 1).fill(noise, cv::RNG::NORMAL, 0, 10);
+    cv::add(image, noise, image, cv::noArray(), CV_8U);
+    frame.features = map_.extractor().extract(image, TexturedWall::depth_m());
+    frame.landmarks.assign(frame.features.size(), std::nullopt);
+    if (i > 0) {
+      const ExpectedLandmarks expected = map_.expected_in(frame);
+      const auto matches = map_.match_corners(frame, expected, 8.0);
+      const auto more = map_.find_without_corners(frame, expected, matches);
+      for (const LandmarkMatch& match : matches) frame.landmarks[match.keypoint] = match.landmark;
+      for (const LandmarkMatch& match : more) frame.landmarks[match.keypoint] = match.landmark;
+    }
+    map_.add_keyframe(frame);
+  }
+  const std::vector<Eigen::Matrix3d> covariances(map_.graph().landmarks().size(),
+                                                 1e-4 * Eigen::Matrix3d::Identity());
+  const LandmarkMap map = map_.to_map({}, covariances);
+  const DescriptorColumn& column = *map.landmarks().descriptors;
+  std::size_t often = 0;
+  std::size_t several = 0;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const std::size_t observations = map.observation_count(LandmarkIndex{i});
+    EXPECT_LE(column.count(i), std::min(observations, kDistinctViews));
+    EXPECT_GE(column.count(i), 1U);
+    often += observations >= 3 ? 1 : 0;
+    several += observations >= 3 && column.count(i) >= 3 ? 1 : 0;
+  }
+  EXPECT_GT(often, map.landmark_count() / 4);
+  // Three or more where there are so many observations; at an edge of the image, the view is unknown.
+  EXPECT_GT(several, often * 9 / 10);
+  MapOptions one;
+  one.descriptors_each = 1;
+  EXPECT_EQ(map_.to_map(one, covariances).landmarks().descriptors->bytes, column.bytes);
+  EXPECT_FALSE(map_.to_map(one, covariances).landmarks().descriptors->has_further());
+  for (const std::size_t each : {std::size_t{0}, kMostDescriptorsEach + 1}) {
+    one.descriptors_each = each;
+    EXPECT_THROW(one.validate(), Error);
+  }
 }
 
 TEST(IsNewView, IsFarEnoughAwayOrTurned) {

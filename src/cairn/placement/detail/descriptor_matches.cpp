@@ -14,29 +14,73 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kMostPairs = std::size_t{1} << 26;  // of descriptors that are compared
+constexpr std::size_t kMostPairs = std::size_t{1} << 26;     // of landmarks that are compared
+constexpr std::size_t kMostRowPairs = std::size_t{1} << 28;  // the same, if landmarks have several
+constexpr std::uint32_t kNone = descriptor_kernel::Nearest::kNone;
 constexpr double kThing = 0.25;  // radius of an object that may occur twice, in extents of a map
 constexpr std::uint32_t kMostBits = 4;  // a match differs in at most one of so many bits
 // Square of Lowe's ratio.
 constexpr double kMostRatio = 0.85 * 0.85;
 
-// Rows of the known descriptors among the first landmarks.
+// Rows of the known descriptors among the first landmarks, and the landmark of each.
 struct Rows {
   std::vector<std::uint32_t> landmarks;
   std::vector<std::uint8_t> bytes;
+  bool has_several = false;  // rows of one landmark
 };
 
-Rows rows_of(const LandmarkCloud& cloud, std::size_t first) {
+// @param most number of descriptors of a landmark
+Rows rows_of(const LandmarkCloud& cloud, std::size_t first, std::size_t most) {
   const DescriptorColumn& column = *cloud.descriptors;
   Rows rows;
   for (std::uint32_t i = 0; i < std::min(first, cloud.size()); ++i) {
-    if (column.known[i] == 0) continue;
-    rows.landmarks.push_back(i);
-    const auto begin = column.bytes.begin() + static_cast<std::ptrdiff_t>(i * column.bytes_each);
-    rows.bytes.insert(rows.bytes.end(), begin,
-                      begin + static_cast<std::ptrdiff_t>(column.bytes_each));
+    const std::size_t count = std::min(column.count(i), most);
+    for (std::size_t k = 0; k < count; ++k) {
+      rows.landmarks.push_back(i);
+      const auto bytes = column.descriptor(i, k);
+      rows.bytes.insert(rows.bytes.end(), bytes.begin(), bytes.end());
+    }
+    rows.has_several = rows.has_several || count > 1;
   }
   return rows;
+}
+
+// Rows of both clouds with as many descriptors of each landmark as kMostRowPairs allows.
+std::pair<Rows, Rows> affordable_rows(const LandmarkCloud& source, std::size_t source_count,
+                                      const LandmarkCloud& target, std::size_t target_count) {
+  for (std::size_t most = kMostDescriptorsEach;; --most) {
+    std::pair<Rows, Rows> rows = {rows_of(source, source_count, most),
+                                  rows_of(target, target_count, most)};
+    const std::size_t pairs = rows.first.landmarks.size() * rows.second.landmarks.size();
+    if (pairs <= kMostRowPairs || most == 1) return rows;
+  }
+}
+
+// A landmark's nearest landmark in the other cloud, by its best row.
+struct NearestLandmark {
+  std::uint32_t landmark = kNone;
+  std::uint32_t first = kNone;   // difference
+  std::uint32_t second = kNone;  // of the nearest other landmark
+};
+
+// One per landmark of the cloud, of which `rows` are the rows.
+std::vector<NearestLandmark> by_landmark(std::span<const descriptor_kernel::Nearest> nearest,
+                                         const Rows& rows, const Rows& others, std::size_t count) {
+  std::vector<NearestLandmark> result(count);
+  for (std::size_t i = 0; i < nearest.size(); ++i) {
+    if (nearest[i].index == kNone) continue;
+    NearestLandmark& best = result[rows.landmarks[i]];
+    const std::uint32_t there = others.landmarks[nearest[i].index];
+    if (nearest[i].first < best.first) {
+      // What was nearest competes only if it is another landmark.
+      const std::uint32_t former = best.landmark == there ? best.second : best.first;
+      best = {there, nearest[i].first, std::min(former, nearest[i].second)};
+    } else {
+      best.second =
+          std::min(best.second, there == best.landmark ? nearest[i].second : nearest[i].first);
+    }
+  }
+  return result;
 }
 
 // Numbers of landmarks to compare: all, or equal numbers of both clouds within kMostPairs.
@@ -67,21 +111,25 @@ DescriptorMatches::DescriptorMatches(const CentredPair& pair) {
   if (!have_like_descriptors(pair.source(), pair.target())) return;
   possible_ = true;
   const auto [source_count, target_count] = affordable(pair.source().size(), pair.target().size());
-  const Rows source = rows_of(pair.source(), source_count);
-  const Rows target = rows_of(pair.target(), target_count);
+  const auto [source, target] =
+      affordable_rows(pair.source(), source_count, pair.target(), target_count);
   const std::size_t bytes_each = pair.source().descriptors->bytes_each;
   const bool binary = is_binary(pair.source().descriptors->kind);
   using descriptor_kernel::Norm;
   const auto nearest = descriptor_kernel::nearest_both_ways(
-      source.bytes, target.bytes, bytes_each, binary ? Norm::kHamming : Norm::kSquaredBytes);
-  for (std::uint32_t i = 0; i < nearest.of_a.size(); ++i) {
-    const auto& there = nearest.of_a[i];
-    if (there.index >= nearest.of_b.size() || nearest.of_b[there.index].index != i) continue;
+      source.bytes, target.bytes, bytes_each, binary ? Norm::kHamming : Norm::kSquaredBytes,
+      target.has_several ? std::span<const std::uint32_t>(target.landmarks)
+                         : std::span<const std::uint32_t>());
+  const auto of_source = by_landmark(nearest.of_a, source, target, pair.source().size());
+  const auto of_target = by_landmark(nearest.of_b, target, source, pair.target().size());
+  for (std::uint32_t i = 0; i < of_source.size(); ++i) {
+    const NearestLandmark& there = of_source[i];
+    if (there.landmark == kNone || of_target[there.landmark].landmark != i) continue;
     const bool distinct =
         binary ? kMostBits * there.first <= 8 * bytes_each
                : static_cast<double>(there.first) <= kMostRatio * static_cast<double>(there.second);
     if (!distinct) continue;
-    matches_.push_back({source.landmarks[i], target.landmarks[there.index], there.first});
+    matches_.push_back({i, there.landmark, there.first});
   }
   std::stable_sort(matches_.begin(), matches_.end(),
                    [](const DescriptorMatch& a, const DescriptorMatch& b) {

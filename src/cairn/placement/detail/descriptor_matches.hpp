@@ -20,9 +20,9 @@ struct DescriptorMatch {
 
 /// Landmarks of two clouds that are probably the same by their descriptors alone.
 ///
-/// Matches are mutual nearest neighbours. Binary descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are
+/// Matches are mutual nearest neighbours; two landmarks are as far apart as their best pair of descriptors. Binary descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are
 /// compared by Hamming distance and may differ in at most a quarter of their bits. Others are compared by
-/// the Euclidean distance of their bytes, at most 0.85 times that of the second nearest (Lowe 2004).
+/// the Euclidean distance of their bytes, at most 0.85 times that of the second nearest landmark (Lowe 2004).
 class DescriptorMatches {
  public:
   /// No matches if the clouds have no descriptors of one kind and length.

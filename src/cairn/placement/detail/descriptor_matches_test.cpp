@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/placement/detail/descriptor_matches.hpp"
 
+#include <algorithm>
+#include <limits>
+#include <span>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 
 namespace cairn {
 namespace {
@@ -115,6 +120,115 @@ TEST(DescriptorMatches, AreNoneOfDifferentKinds) {
   const DescriptorMatches matches(centred);
   EXPECT_FALSE(matches.possible());
   EXPECT_TRUE(matches.all().empty());
+}
+
+// ---- several descriptors of a landmark
+
+// 1 to 4 of each landmark, of few values, so that many are near and equal ones are frequent.
+LandmarkCloud described_cloud(std::size_t count, const std::string& kind, std::uint64_t seed) {
+  Random random(seed);
+  LandmarkCloud cloud;
+  cloud.descriptors = DescriptorColumn{kind, 4, {}, {}};
+  for (std::size_t i = 0; i < count; ++i) {
+    cloud.positions.emplace_back(random.uniform(0, 4), random.uniform(0, 3), random.uniform(0, 2));
+    std::vector<std::vector<std::uint8_t>> rows(random.index(5));
+    for (auto& row : rows) {
+      for (int j = 0; j < 4; ++j) row.push_back(static_cast<std::uint8_t>(40 * random.index(6)));
+    }
+    append_descriptors(*cloud.descriptors,
+                       std::vector<std::span<const std::uint8_t>>(rows.begin(), rows.end()));
+  }
+  return cloud;
+}
+
+// The difference of the best pair, by looking at all.
+std::uint32_t least_of_all(const LandmarkCloud& a, std::uint32_t i, const LandmarkCloud& b,
+                           std::uint32_t j, DescriptorNorm norm) {
+  auto least = std::numeric_limits<std::uint32_t>::max();
+  for (std::size_t p = 0; p < a.descriptors->count(i); ++p) {
+    for (std::size_t q = 0; q < b.descriptors->count(j); ++q) {
+      least = std::min(
+          least, static_cast<std::uint32_t>(descriptor_difference(
+                     a.descriptors->descriptor(i, p), b.descriptors->descriptor(j, q), norm)));
+    }
+  }
+  return least;
+}
+
+TEST(DescriptorMatches, AreByTheBestPairOfSeveralDescriptors) {
+  constexpr auto kNone = std::numeric_limits<std::uint32_t>::max();
+  for (const std::string kind : {"ORB", "SIFT"}) {
+    const bool binary = kind == "ORB";
+    const auto norm = binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+    std::size_t found = 0;
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      const LandmarkCloud a = described_cloud(60, kind, seed);
+      const LandmarkCloud b = described_cloud(50, kind, 100 + seed);
+      const CentredPair centred(a, b);
+      const DescriptorMatches matches(centred);
+      found += matches.all().size();
+      for (const DescriptorMatch& match : matches.all()) {
+        const std::uint32_t least = least_of_all(a, match.source, b, match.target, norm);
+        EXPECT_EQ(match.difference, least);
+        std::uint32_t second = kNone;
+        for (std::uint32_t j = 0; j < b.size(); ++j) {
+          if (j != match.target) {
+            second = std::min(second, least_of_all(a, match.source, b, j, norm));
+          }
+        }
+        for (std::uint32_t i = 0; i < a.size(); ++i) {
+          EXPECT_GE(least_of_all(a, i, b, match.target, norm), least);
+        }
+        EXPECT_GE(second, least);
+        if (binary) {
+          EXPECT_LE(4 * least, 32U);
+        } else {
+          EXPECT_LE(least, 0.85 * 0.85 * second);
+        }
+      }
+      // None is missing whose partners are each other's nearest, with no equal.
+      for (std::uint32_t i = 0; i < a.size(); ++i) {
+        for (std::uint32_t j = 0; j < b.size(); ++j) {
+          const std::uint32_t least = least_of_all(a, i, b, j, norm);
+          std::uint32_t other = kNone;
+          std::uint32_t back = kNone;
+          for (std::uint32_t k = 0; k < b.size(); ++k) {
+            if (k != j) other = std::min(other, least_of_all(a, i, b, k, norm));
+          }
+          for (std::uint32_t k = 0; k < a.size(); ++k) {
+            if (k != i) back = std::min(back, least_of_all(a, k, b, j, norm));
+          }
+          const bool distinct = binary ? 4 * least <= 32 : least <= 0.85 * 0.85 * other;
+          if (least == kNone || least >= other || least >= back || !distinct) continue;
+          EXPECT_TRUE(std::any_of(
+              matches.all().begin(), matches.all().end(),
+              [&](const DescriptorMatch& m) { return m.source == i && m.target == j; }));
+        }
+      }
+    }
+    EXPECT_GT(found, 20U) << kind;
+  }
+}
+
+TEST(DescriptorMatches, AreTheSameIfTheFurtherDescriptorsRepeatTheFirst) {
+  for (const std::string kind : {"ORB", "SIFT"}) {
+    const Clouds pair = clouds(40, 300, kind);
+    Clouds twice = pair;
+    for (LandmarkCloud* const cloud : {&twice.source, &twice.target}) {
+      DescriptorColumn& column = *cloud->descriptors;
+      column.further = column.bytes;
+      for (std::uint64_t i = 0; i <= cloud->size(); ++i) column.further_offsets.push_back(i);
+    }
+    const CentredPair once_centred(pair.source, pair.target);
+    const CentredPair twice_centred(twice.source, twice.target);
+    const DescriptorMatches once(once_centred);
+    const DescriptorMatches again(twice_centred);
+    ASSERT_EQ(once.all().size(), again.all().size()) << kind;
+    for (std::size_t i = 0; i < once.all().size(); ++i) {
+      EXPECT_EQ(once.all()[i].source, again.all()[i].source);
+      EXPECT_EQ(once.all()[i].target, again.all()[i].target);
+    }
+  }
 }
 
 }  // namespace

@@ -68,8 +68,7 @@ std::optional<bool> LookComparison::alike(std::uint32_t source,
 }
 
 std::uint32_t LookComparison::Both::difference(std::size_t i, std::size_t j) const {
-  return source.binary() ? differing_bits(source.words(i), target.words(j))
-                         : squared_difference(source.words(i), target.words(j));
+  return least_difference(source, i, target, j);
 }
 
 std::uint32_t LookComparison::Both::least_but(std::size_t i,

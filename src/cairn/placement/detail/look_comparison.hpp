@@ -17,7 +17,8 @@ namespace cairn {
 ///
 /// A landmark of the source resembles its partners, the candidates in the target, if its smallest
 /// descriptor distance to them beats that to Likeness::kOthers times as many other landmarks of the target.
-/// These are a run of one random order, from a random start for each source landmark. For unrelated
+/// Two landmarks differ by the distance of their best pair of descriptors.
+/// The others are a run of one random order, from a random start for each source landmark. For unrelated
 /// landmarks the probability is at most 1 / (kOthers + 1) (ties count as dissimilar), for any descriptor
 /// and without a threshold.
 class LookComparison {

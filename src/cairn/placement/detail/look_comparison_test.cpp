@@ -97,6 +97,35 @@ TEST(LookComparison, OfSeveralPartnersTheOneThatLooksMostAlikeCounts) {
   EXPECT_NEAR(share_alike(cloud, again, kCount - 8, 9), kChance, 5.0 * std::sqrt(kChance / kCount));
 }
 
+// The same landmarks with `count` further descriptors each, of which one in `own` is its own of `cloud`.
+LandmarkCloud with_further(LandmarkCloud cloud, std::size_t count, std::size_t own) {
+  Random random(5);
+  DescriptorColumn& column = *cloud.descriptors;
+  column.further_offsets.push_back(0);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    for (std::size_t k = 0; k < count; ++k) {
+      for (std::size_t j = 0; j < kBytes; ++j) {
+        const auto byte = static_cast<std::uint8_t>(random.index(256));
+        column.further.push_back(k == own ? column.bytes[i * kBytes + j] : byte);
+      }
+    }
+    column.further_offsets.push_back(column.further.size() / kBytes);
+  }
+  return cloud;
+}
+
+TEST(LookComparison, ComparesTheBestPairOfSeveralDescriptors) {
+  for (const std::string kind : {"ORB", "SIFT"}) {
+    // What represents the source's landmarks shows something else.
+    const LandmarkCloud cloud = wall(1, kind);
+    LandmarkCloud source = with_further(cloud, 3, 1);
+    source.descriptors->bytes = wall(9, kind).descriptors->bytes;
+    const LandmarkCloud target = with_further(seen_again(cloud), 2, 2);
+    EXPECT_GT(share_alike(source, target, 0), 0.97) << kind;
+    EXPECT_NEAR(share_alike(source, target, 1), kChance, 5.0 * std::sqrt(kChance / kCount)) << kind;
+  }
+}
+
 TEST(LookComparison, IsUnknownWhereADescriptorIs) {
   LandmarkCloud source = wall(1);
   LandmarkCloud target = seen_again(source);
