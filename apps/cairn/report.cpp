@@ -39,6 +39,8 @@ struct ReportArguments {
   std::vector<std::string> results;
   std::string title;
   std::string sequence;
+  std::string source_sequence;
+  std::string target_sequence;
 
   void add_to(CLI::App& command);
   int run();
@@ -60,6 +62,8 @@ void ReportArguments::add_to(CLI::App& command) {
   add_text(command, "-o,--output", common.report_path, "HTML file to write. Required", "FILE");
   add_text(command, "--title", title, "Title of the report", "TEXT");
   add_sequence_to(command, "--sequence", sequence, "a map that is shown alone");
+  add_sequence_to(command, "--source-sequence", source_sequence, "the source map of one result");
+  add_sequence_to(command, "--target-sequence", target_sequence, "the target map of one result");
   common.add_to(command);
   command.footer(
       "Reads the maps that a result names; leaves out maps that are missing or were changed.\n"
@@ -93,14 +97,20 @@ void check_matches(const SavedResult& result, const ReportedPair& pair) {
   }
 }
 
+// Folders of the sequences that maps were built from; empty if not given.
+struct Sequences {
+  std::string map;  ///< of the map, if a map is all that is shown
+  std::string source;
+  std::string target;
+};
+
 // One report being put together from several files.
 class Assembly {
  public:
-  /// @param sequence of the map, if a map is all that is shown; may be empty
-  Assembly(report::Report report, const CommonArguments& common, std::string sequence, bool several)
+  Assembly(report::Report report, const CommonArguments& common, Sequences sequences, bool several)
       : report_(std::move(report)),
         common_(common),
-        sequence_(std::move(sequence)),
+        sequences_(std::move(sequences)),
         several_(several) {}
 
   void add_file(const std::string& path);
@@ -126,6 +136,7 @@ class Assembly {
                                   const SavedResult& result);
   void remark(std::string text);
   void refuse_sequence(const std::string& path) const;
+  void refuse_pair_sequences(const std::string& path) const;
   void add_input(const std::string& role, Json description) {
     report_.provenance.inputs.push_back(reported_input(role, std::move(description)));
   }
@@ -136,7 +147,7 @@ class Assembly {
 
   report::Report report_;
   const CommonArguments& common_;
-  std::string sequence_;
+  Sequences sequences_;
   bool several_;
   std::size_t count_ = 0;
   Json inputs_ = Json::array();
@@ -160,9 +171,13 @@ bool looks_like_json(const std::string& path) {
 
 void Assembly::add_file(const std::string& path) {
   ++count_;
-  if (several_) refuse_sequence(path);
+  if (several_) {
+    refuse_sequence(path);
+    refuse_pair_sequences(path);
+  }
   if (std::filesystem::is_directory(path)) {
     refuse_sequence(path);
+    refuse_pair_sequences(path);
     add_experiment(path);
     return;
   }
@@ -172,6 +187,7 @@ void Assembly::add_file(const std::string& path) {
   }
   inputs_.push_back(describe_file(path, common_));
   if (!looks_like_json(path)) {
+    refuse_pair_sequences(path);
     add_single_map(path);
     return;
   }
@@ -193,15 +209,22 @@ void Assembly::add_file(const std::string& path) {
 }
 
 void Assembly::refuse_sequence(const std::string& path) const {
-  if (sequence_.empty()) return;
+  if (sequences_.map.empty()) return;
   throw Error(ErrorKind::kMisuse, "--sequence", "given with " + printable(path), "one map alone");
+}
+
+void Assembly::refuse_pair_sequences(const std::string& path) const {
+  if (sequences_.source.empty() && sequences_.target.empty()) return;
+  throw Error(ErrorKind::kMisuse,
+              sequences_.source.empty() ? "--target-sequence" : "--source-sequence",
+              "given with " + printable(path), "the JSON of one 'cairn align' alone");
 }
 
 void Assembly::add_single_map(const std::string& path) {
   const LoadedMap loaded = load_map(path, common_);
   add_input(role("map"), loaded.description);
   report::add_map(report_, loaded.map, file_name(path), prefix(),
-                  images_of(loaded.map, sequence_, common_));
+                  images_of(loaded.map, sequences_.map, common_));
   if (several_) return;
   if (report_.title.empty()) report_.title = file_name(path);
   report_.subtitle = fmt::format("{} landmarks seen from {} keyframes", loaded.map.landmark_count(),
@@ -255,7 +278,11 @@ void Assembly::add_alignment(const std::string& text, const std::string& path) {
   pair.initial = saved.initial;
   pair.truth = saved.truth;
   pair.results = saved.results;
-  if (source && target) check_matches(saved, pair);
+  if (source && target) {
+    check_matches(saved, pair);
+    pair.source_images = images_of(source->map, sequences_.source, common_);
+    pair.target_images = images_of(target->map, sequences_.target, common_);
+  }
   add_pair(report_, pair, prefix());
   for (const auto& [name, description] : saved.inputs) add_input(role(name), description);
   options_[path] = saved.options;
@@ -354,7 +381,8 @@ int ReportArguments::run() {
     throw Error(ErrorKind::kMisuse, "--output", "not given", "the HTML file to write");
   }
   require_outputs(common);
-  Assembly assembly(begin_report(title, common), common, sequence, results.size() > 1);
+  Assembly assembly(begin_report(title, common), common,
+                    {sequence, source_sequence, target_sequence}, results.size() > 1);
   for (const std::string& path : results) assembly.add_file(path);
   assembly.finish();
   write_report(assembly.report(), common);

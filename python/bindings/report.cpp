@@ -5,6 +5,9 @@
 
 #include <fmt/format.h>
 
+#ifdef CAIRN_HAS_SEQUENCE
+#include "cairn/report/frame_images.hpp"
+#endif
 #include "cairn/report/machine.hpp"
 #include "cairn/report/pair_sections.hpp"
 #include "cairn/report/viewer_page.hpp"
@@ -35,10 +38,25 @@ std::string subtitle_of(const std::vector<SharedAlignment>& results) {
   return text;
 }
 
+using Folder = std::optional<std::filesystem::path>;
+
+std::vector<report::FrameImage> images_of([[maybe_unused]] const LandmarkMap& map,
+                                          const Folder& sequence) {
+  if (!sequence) return {};
+#ifdef CAIRN_HAS_SEQUENCE
+  return report::frame_images(map, *sequence);
+#else
+  throw Error(ErrorKind::kMisuse, "sequence", "cairn was built without reading images",
+              "the CMake option CAIRN_WITH_OPENCV");
+#endif
+}
+
 void add_pair(report::Report& report, const LandmarkMap& source, const LandmarkMap& target,
-              const std::vector<SharedAlignment>& results,
-              const std::optional<Similarity3>& truth) {
+              const std::vector<SharedAlignment>& results, const std::optional<Similarity3>& truth,
+              const Folder& source_sequence, const Folder& target_sequence) {
   report::ShownPair pair;
+  pair.source_images = images_of(source, source_sequence);
+  pair.target_images = images_of(target, target_sequence);
   pair.source = &source;
   pair.target = &target;
   pair.unit = target.info().length_unit;
@@ -55,12 +73,16 @@ void add_pair(report::Report& report, const LandmarkMap& source, const LandmarkM
 
 Page make_page(const SharedMap& source, const SharedMap& target,
                const std::vector<SharedAlignment>& results, const py::object& truth,
-               const std::optional<std::string>& title) {
+               const std::optional<std::string>& title, const Folder& source_sequence,
+               const Folder& target_sequence) {
   for (const SharedAlignment& result : results) {
     if (result == nullptr) throw py::type_error("results: None; expected an Alignment");
   }
   if (target == nullptr && !results.empty()) {
     throw Error(ErrorKind::kMisuse, "target", "None", "the target map beside results");
+  }
+  if (target == nullptr && target_sequence) {
+    throw Error(ErrorKind::kMisuse, "target", "None", "the target map beside target_sequence");
   }
   std::optional<Similarity3> true_pose;
   if (!truth.is_none()) true_pose = similarity_of(truth, "truth");
@@ -74,9 +96,9 @@ Page make_page(const SharedMap& source, const SharedMap& target,
       report.provenance.options_json = results.front()->options_json;
     }
     if (target == nullptr) {
-      report::add_map(report, *source, "map");
+      report::add_map(report, *source, "map", {}, images_of(*source, source_sequence));
     } else {
-      add_pair(report, *source, *target, results, true_pose);
+      add_pair(report, *source, *target, results, true_pose, source_sequence, target_sequence);
     }
     Page page{report.title, {}};
     report::write_report(report, report::viewer_page(),
@@ -119,10 +141,13 @@ void bind_report(py::module_& module) {
   module.def(
       "report", &make_page, py::arg("source"), py::arg("target") = py::none(),
       py::arg("results") = py::tuple(), py::kw_only(), py::arg("truth") = py::none(),
-      py::arg("title") = py::none(),
-      "report(source, target=None, results=(), *, truth=None, title=None)\n--\n\n"
+      py::arg("title") = py::none(), py::arg("source_sequence") = py::none(),
+      py::arg("target_sequence") = py::none(),
+      "report(source, target=None, results=(), *, truth=None, title=None, source_sequence=None, "
+      "target_sequence=None)\n--\n\n"
       "Makes a page that shows one map, or the alignments of two. Shows each iteration of results\n"
-      "from align(trace=True), and pose errors with `truth` (4x4, target_from_source).");
+      "from align(trace=True), and pose errors with `truth` (4x4, target_from_source). With the\n"
+      "folder of the RGB-D sequence that a map was built from, shows what its keyframes saw.");
   module.def(
       "has_viewer", &report::has_viewer,
       "has_viewer()\n--\n\nWhether this build can make reports (CMake option CAIRN_WITH_VIEWER).");

@@ -923,6 +923,8 @@ def report(
     *,
     truth: Optional[ArrayLike] = ...,
     title: Optional[str] = ...,
+    source_sequence: Optional[_Path] = ...,
+    target_sequence: Optional[_Path] = ...,
 ) -> Report: ...
 def has_viewer() -> bool: ...
 def simulate(

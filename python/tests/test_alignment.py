@@ -244,6 +244,12 @@ class Reports(unittest.TestCase):
     def test_of_one_map_need_nothing_else(self):
         self.assertIn("html", cairn.report(PAIR.source).html)
 
+    def test_sequences_of_the_maps_are_read(self):
+        with self.assertRaisesRegex(cairn.Error, "nowhere"):
+            cairn.report(PAIR.source, source_sequence="nowhere")
+        with self.assertRaisesRegex(cairn.Error, "target"):
+            cairn.report(PAIR.source, target_sequence="nowhere")
+
     def test_results_of_other_maps_are_refused(self):
         result = cairn.align(PAIR.source, PAIR.target, trace=True)
         small = cairn.synthetic_map(landmarks=20)

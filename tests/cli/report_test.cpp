@@ -262,6 +262,13 @@ TEST_F(WrittenReportTest, ShowsWhatKeyframesSaw) {
   EXPECT_EQ(images.at(0).at("media_type"), "image/jpeg");
   EXPECT_THAT(report.numbers<std::uint8_t>(images.at(0).at("data"), "u8").at(1), 0xd8);
 
+  answer(align({"--json", "a.json"}));
+  answer({"report", "a.json", "--source-sequence", "all", "--target-sequence", "some", "-o",
+          "later.html"});
+  const Json saved = page("later.html").document.at("maps");
+  EXPECT_EQ(saved.at(0).at("frames").at("images").size(), 20U);
+  EXPECT_EQ(saved.at(1).at("frames").at("images").size(), 3U);
+
   answer({"report", "source.map", "--sequence", "some", "-o", "one.html"});
   EXPECT_EQ(page("one.html").document.at("maps").at(0).at("frames").at("images").size(), 3U);
   answer({"report", "source.map", "-o", "none.html"});
@@ -279,6 +286,13 @@ TEST_F(WrittenReportTest, RefusesASequenceThatFitsNoMap) {
                  {"--source-sequence", "--report"});
   expect_refusal({"report", "source.map", "target.map", "--sequence", "later", "-o", "r.html"},
                  kWrongUsage, {"--sequence", "source.map", "one map alone"});
+  expect_refusal({"report", "source.map", "--target-sequence", "later", "-o", "r.html"},
+                 kWrongUsage, {"--target-sequence", "source.map", "cairn align"});
+  answer(align({"--json", "a.json"}));
+  expect_refusal({"report", "a.json", "a.json", "--source-sequence", "later", "-o", "r.html"},
+                 kWrongUsage, {"--source-sequence", "a.json", "alone"});
+  expect_refusal({"report", "a.json", "--source-sequence", "later", "-o", "r.html"}, kBadInput,
+                 {"later", "keyframe"});
   EXPECT_FALSE(std::filesystem::exists(path("r.html")));
 }
 #endif

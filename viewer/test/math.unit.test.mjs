@@ -186,12 +186,40 @@ test("an orbit continues the view through a keyframe, with what is ahead at its 
   const ahead = camera.position.clone().addScaledVector(forward, 4);
   const size = (by) => 1 / (by.position.distanceTo(ahead) * Math.tan((by.fov * Math.PI) / 360));
   const before = size(camera);
+  const right = new Vector3(1, 0, 0).applyQuaternion(camera.quaternion);
   const state = orbit.continuing(camera, 4);
   orbit.place(camera, state, 1.5, 10);
   const after = camera.getWorldDirection(new Vector3());
   near(after.distanceTo(forward), 0, 1e-9);
+  near(new Vector3(1, 0, 0).applyQuaternion(camera.quaternion).distanceTo(right), 0, 1e-9);
   near(new Vector3(...state.target).distanceTo(ahead), 0, 1e-9);
   near(size(camera), before, 1e-9);
+});
+
+test("in a rolled view too, what is dragged follows the pointer", () => {
+  const orbit = new Orbit([0, 0, 1], [1, 0, 0]);
+  for (const roll of [0, 0.7, Math.PI / 2, -2.5]) {
+    const screen = (state, p) => {
+      const camera = new PerspectiveCamera();
+      orbit.place(camera, state, 1, 10);
+      return new Vector3(...p).project(camera);
+    };
+    for (const [gesture, sign] of [["rotate", [-1, 1]], ["pan", [1, 1]]]) {
+      for (const [dx, dy] of [[1e-4, 0], [0, 1e-4]]) {
+        const state = { target: [0, 0, 0], distance: 5, azimuth: 0.4, elevation: 0, roll };
+        // In front of what is looked at, so that turning moves it with the pointer.
+        const eye = new PerspectiveCamera();
+        orbit.place(eye, state, 1, 10);
+        const point = eye.position.clone().multiplyScalar(0.2).toArray();
+        const before = screen(state, point);
+        orbit[gesture](state, sign[0] * dx, sign[1] * dy);
+        const moved = screen(state, point).sub(before);
+        const along = (moved.x * dx - moved.y * dy) / Math.hypot(dx, dy);
+        const across = Math.abs(moved.x * dy + moved.y * dx) / Math.hypot(dx, dy);
+        assert.ok(along > 0 && across < 1e-3 * along, `${gesture} at ${roll}: ${along} along, ${across} across`);
+      }
+    }
+  }
 });
 
 test("places in a graph keep their proportions and stand apart", () => {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Runs the tests of one kind with Node's own runner: node test/run.mjs unit | browser [REPORT.html]
+// Runs the tests of one kind with Node's own runner: node test/run.mjs unit | browser [REPORT.html]. Of a report that is
+// given is tested what must hold of any.
 import { spawnSync } from "node:child_process";
 import { readdirSync } from "node:fs";
 import { dirname, join, resolve } from "node:path";

@@ -604,7 +604,8 @@ export function networkSample() {
   const maps = names.map((name, i) => {
     const points = seen.slice(...shown[i]).map((p) => p.map((value) => value + 0.006 * normal(rng)));
     const back = optimised[i] ? inverse(optimised[i]) : { q: [1, 0, 0, 0], t: [0, 0, 0] };
-    const map = mapOf(`map-${i}`, name, points.map((p) => move(back, p)), writer, rng, { frames: 14, colors: false });
+    const images = i === 0 ? [0, 5].map((frame) => ({ frame, media_type: "image/png", data: writer.add(new Uint8Array(png(64, 48))) })) : undefined;
+    const map = mapOf(`map-${i}`, name, points.map((p) => move(back, p)), writer, rng, { frames: 14, colors: false, images });
     const poses = cameraPath(14, 0.15 * i - 0.2, rng);
     for (let k = 0; k < 14; ++k) {
       const one = { t: [...poses.slice(7 * k, 7 * k + 3)], q: [...poses.slice(7 * k + 3, 7 * k + 7)] };

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
+#include <queue>
 #include <utility>
 
 #include <fmt/format.h>
@@ -75,20 +77,29 @@ std::vector<Similarity3> chained_poses(std::span<const NetworkMap> maps,
   std::stable_sort(order.begin(), order.end(), [](const auto* a, const auto* b) {
     return a->probability.value_or(1.0) > b->probability.value_or(1.0);
   });
-  for (bool grown = true; grown;) {
-    grown = false;
-    for (const NetworkEdge* const edge : order) {
-      if (placed[edge->target] == placed[edge->source]) continue;
-      if (placed[edge->target]) {
-        poses[edge->source] = poses[edge->target] * *edge->target_from_source;
-        placed[edge->source] = true;
-      } else {
-        poses[edge->target] = poses[edge->source] * edge->target_from_source->inverse();
-        placed[edge->target] = true;
-      }
-      grown = true;
-      break;
-    }
+  // Ranks of the links that end at each map, and of those with an end that is placed: the surest first.
+  std::vector<std::vector<std::size_t>> at_map(maps.size());
+  for (std::size_t rank = 0; rank < order.size(); ++rank) {
+    at_map[order[rank]->target].push_back(rank);
+    at_map[order[rank]->source].push_back(rank);
+  }
+  std::priority_queue<std::size_t, std::vector<std::size_t>, std::greater<>> next;
+  const auto offer_links_of = [&](std::size_t map) {
+    for (const std::size_t rank : at_map[map]) next.push(rank);
+  };
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (placed[i]) offer_links_of(i);
+  }
+  while (!next.empty()) {
+    const NetworkEdge& edge = *order[next.top()];
+    next.pop();
+    if (placed[edge.target] && placed[edge.source]) continue;
+    const bool forward = placed[edge.target];
+    const std::size_t added = forward ? edge.source : edge.target;
+    poses[added] = forward ? poses[edge.target] * *edge.target_from_source
+                           : poses[edge.source] * edge.target_from_source->inverse();
+    placed[added] = true;
+    offer_links_of(added);
   }
   return poses;
 }

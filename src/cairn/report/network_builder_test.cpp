@@ -76,6 +76,22 @@ TEST(MakeNetwork, ChainsTheSurestUsedLinks) {
   EXPECT_NEAR(network.nodes[2].group_from_node[1].translation().x(), 2.003, 1e-12);
 }
 
+TEST(MakeNetwork, ChainsAlongManyLinksInEitherDirection) {
+  constexpr std::size_t kMaps = 20000;
+  std::vector<NetworkMap> maps;
+  std::vector<NetworkEdge> edges;
+  for (std::size_t i = 0; i < kMaps; ++i) {
+    maps.push_back(placed("", shift(0.0)));
+    if (i == 0) continue;
+    // The surest links are the farthest from the frame.
+    const double probability = 0.5 + 0.4 * static_cast<double>(i) / kMaps;
+    edges.push_back(i % 2 == 0 ? edge(i - 1, i, shift(1.0), probability)
+                               : edge(i, i - 1, shift(-1.0), probability));
+  }
+  const Network network = make_network(maps, edges);
+  EXPECT_NEAR(network.nodes.back().group_from_node[1].translation().x(), kMaps - 1.0, 1e-6);
+}
+
 TEST(MakeNetwork, AGroupIsNamedByItsFrame) {
   Row row;
   row.maps.push_back(placed("e", shift(0.0), 4));

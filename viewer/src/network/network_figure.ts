@@ -17,6 +17,8 @@ import {
   standardViews,
   toolGroup,
 } from "../scene/controls";
+import { KeyframeControls, type EnterableMap } from "../scene/keyframe_controls";
+import { keyframeText, type Keyframe } from "../scene/keyframes";
 import { listenForKeys } from "../scene/keyboard";
 import type { OrbitState, StandardView } from "../scene/orbit";
 import { RenderService } from "../scene/render_service";
@@ -55,6 +57,7 @@ class NetworkFigure {
   readonly #record = h("div", { class: "record" });
   readonly #slider: HTMLInputElement;
   readonly #play: HTMLButtonElement;
+  readonly #keyframes: KeyframeControls<number>;
   readonly #stageName = h("output", { class: "iteration stage-name" });
   #frame = 0;
   #settleTimer = 0;
@@ -81,6 +84,8 @@ class NetworkFigure {
       hidden: new Set(),
       pointSize: model.landmarkCount > 200_000 ? 1.25 : model.landmarkCount > 30_000 ? 1.75 : 2.5,
       selected: null,
+      entered: null,
+      images: true,
     };
     const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
     const choose = (selection: Selection | null) => this.#select(selection);
@@ -101,6 +106,16 @@ class NetworkFigure {
       this.#goTo(Number(this.#slider.value) / kStepsPerStage);
     });
     this.#play = button("Play", () => this.#toggle(), { class: "play", "aria-label": "Play from before to after" });
+
+    this.#keyframes = new KeyframeControls(this.#enterable(), {
+      enter: (keyframe) => this.#enter(keyframe),
+      enterNearest: (role) => this.#enterNearest(role),
+      leave: () => this.#leave(),
+      showImages: (shown) => {
+        this.#view.images = shown;
+        this.#redraw();
+      },
+    });
 
     const has3d = section.nodes.some((node) => node.cloud && node.group !== null);
     this.element = h("figure", { class: "card scene network", "data-scene": section.id, tabindex: -1 });
@@ -159,7 +174,7 @@ class NetworkFigure {
   #toolbar(): HTMLElement {
     const model = this.#model;
     const { toggle, more } = moreTools();
-    const bar = h("div", { class: "toolbar" }, toggle, more);
+    const bar = h("div", { class: "toolbar" }, this.#keyframes.element, toggle, more);
     const has: Record<NetworkLayer, boolean> = {
       landmarks: true,
       cameras: model.nodes.some((node) => node.cloud?.frames),
@@ -191,8 +206,7 @@ class NetworkFigure {
         }),
       );
       chooser.addEventListener("change", () => {
-        model.showGroup(Number(chooser.value));
-        this.#stage.showGroup();
+        this.#showGroup(Number(chooser.value));
         this.#refreshSide();
         this.#lookFrom("home");
       });
@@ -275,8 +289,7 @@ class NetworkFigure {
     this.#view.selected = selection;
     const group = selection?.kind === "node" ? this.#model.nodes[selection.index].group : null;
     if (group !== null && group !== this.#model.group) {
-      this.#model.showGroup(group);
-      this.#stage.showGroup();
+      this.#showGroup(group);
       this.#redraw();
     }
     this.#refreshSide();
@@ -287,6 +300,13 @@ class NetworkFigure {
     } else if (selection?.kind === "node") {
       announce(this.#model.nodes[selection.index].name);
     }
+  }
+
+  #showGroup(group: number): void {
+    this.#model.showGroup(group);
+    this.#view.entered = null;
+    this.#keyframes.offer(this.#enterable());
+    this.#stage.showGroup();
   }
 
   #refreshSide(): void {
@@ -375,6 +395,52 @@ class NetworkFigure {
     this.#redraw();
   }
 
+  // Keyframes
+
+  #enterable(): EnterableMap<number>[] {
+    return this.#model.shownNodes().flatMap((role) => {
+      const frames = this.#model.frames(role);
+      return frames ? [{ role, name: this.#model.nodes[role].name, frames }] : [];
+    });
+  }
+
+  /** Looks through a keyframe's camera; its record says whose it is. */
+  #enter(keyframe: Keyframe<number>): void {
+    const frames = this.#model.frames(keyframe.role);
+    if (!frames) {
+      return;
+    }
+    const first = !this.#view.entered;
+    this.#view.entered = keyframe;
+    this.#keyframes.show(keyframe);
+    this.#select({ kind: "node", index: keyframe.role, frame: keyframe.frame });
+    this.#stage.moveTo();
+    this.#redraw();
+    announce(`Keyframe ${keyframeText(frames, keyframe.frame)} of ${this.#model.nodes[keyframe.role].name} entered.`);
+    if (first) {
+      this.#stage.hint("Drag to leave");
+    }
+  }
+
+  #enterNearest(node: number | null): void {
+    const shown = this.#model.shownNodes().filter((index) => !this.#view.hidden.has(index));
+    const nearest = this.#stage.nearestKeyframe(node === null ? shown : [node]);
+    if (nearest) {
+      this.#enter(nearest);
+    }
+  }
+
+  #leave(): void {
+    if (!this.#view.entered) {
+      return;
+    }
+    this.#view.entered = null;
+    this.#keyframes.show(null);
+    this.#stage.moveTo();
+    this.#redraw();
+    announce("Keyframe left.");
+  }
+
   // Stages
 
   #goTo(stage: number): void {
@@ -426,12 +492,22 @@ class NetworkFigure {
     const stage = this.#stage;
     const model = this.#model;
     const turn = (change: (orbit: OrbitState) => void) => {
+      if (this.#view.entered) {
+        stage.orbit = stage.orbitFromHere();
+        this.#leave();
+      }
       change(stage.orbit);
       this.#redraw(true);
     };
     listenToView(stage, model, {
       turn,
-      select: (selection) => this.#select(selection),
+      select: (selection) => {
+        if (selection?.kind === "node" && selection.frame !== undefined) {
+          this.#enter({ role: selection.index, frame: selection.frame });
+        } else {
+          this.#select(selection);
+        }
+      },
       wheelZooms: () => stage.surface.contains(document.activeElement),
     });
     listenForKeys({
@@ -454,7 +530,12 @@ class NetworkFigure {
       },
       turn: (right, down) => turn((orbit) => model.orbit.rotate(orbit, right, down)),
       zoom: (factor) => turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      keyframes: this.#keyframes,
       escape: () => {
+        if (this.#view.entered) {
+          this.#leave();
+          return true;
+        }
         const had = this.#view.selected !== null;
         if (had) {
           this.#select(null);
@@ -503,6 +584,7 @@ class NetworkFigure {
     const { surface } = this.#stage;
     const aspect = (surface.clientWidth || 3) / (surface.clientHeight || 2);
     this.#stage.orbit = this.#model.orbit.view(name, this.#model.half, aspect);
+    this.#leave();
     this.#redraw();
   }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { interpolateTurbo } from "d3-scale-chromatic";
-import type { LandmarkCloud, LinkUse, NetworkLink, NetworkNode, NetworkSection } from "../document/report";
+import type { Frames, LandmarkCloud, LinkUse, NetworkLink, NetworkNode, NetworkSection } from "../document/report";
 import { rampColor } from "../scene/coloring";
 import { lowest, rangeAlong } from "../scene/extent";
 import { Orbit } from "../scene/orbit";
@@ -84,6 +84,12 @@ export class NetworkModel {
   /** Nodes of the shown group that have landmarks. */
   shownNodes(): number[] {
     return this.nodes.flatMap((_, index) => (this.isShown(index) ? [index] : []));
+  }
+
+  /** Of a shown map that has keyframes. */
+  frames(index: number): Frames | null {
+    const frames = this.isShown(index) ? this.nodes[index].cloud?.frames : null;
+    return frames && frames.count > 0 ? frames : null;
   }
 
   get landmarkCount(): number {

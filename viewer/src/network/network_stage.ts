@@ -12,10 +12,20 @@ import {
   Vector4,
 } from "three";
 import { h } from "../dom";
-import type { Box, NetworkThing } from "../document/report";
+import type { Box, NetworkThing, Vector3 } from "../document/report";
 import { formatLength, idText } from "../math/format";
-import { apply, compose, dequantise, positionOf } from "../math/pose";
-import { CameraLayer, GridLayer } from "../scene/line_layers";
+import { apply, compose, dequantise, poseAt, positionOf } from "../math/pose";
+import {
+  depthOfMiddle,
+  drawKeyframe,
+  frustumOf,
+  imageRectangle,
+  keyframeText,
+  lookThrough,
+  nearestKeyframe,
+  type Keyframe,
+} from "../scene/keyframes";
+import { CameraLayer, GridLayer, kFrustumEdges } from "../scene/line_layers";
 import type { OrbitState } from "../scene/orbit";
 import { drawAxes, fitCanvas, label } from "../scene/annotations";
 import { distanceToSegment, pickLandmark, type PickLayer } from "../scene/picking";
@@ -33,6 +43,10 @@ export interface NetworkView {
   hidden: Set<number>;
   pointSize: number;
   selected: Selection | null;
+  /** The keyframe, of the map with index `role`, that the view is through. */
+  entered: Keyframe<number> | null;
+  /** Whether to show what it saw. */
+  images: boolean;
 }
 
 export const kThingColors: Record<NetworkThing["kind"], [string, string]> = {
@@ -76,6 +90,7 @@ export class NetworkStage {
   #things = new Map<number, LineSegments>();
   #grid: GridLayer;
   #colors: Palette;
+  #hovered: Keyframe<number> | null = null;
   #hintTimer = 0;
 
   constructor(model: NetworkModel, view: NetworkView, colors: Palette, previewStride: number) {
@@ -96,6 +111,7 @@ export class NetworkStage {
     this.#cameras.clear();
     this.#links.clear();
     this.#things.clear();
+    this.#hovered = null;
     for (const index of model.shownNodes()) {
       const { cloud } = model.nodes[index];
       if (!cloud) {
@@ -167,7 +183,7 @@ export class NetworkStage {
     }
     for (const [index, line] of this.#links) {
       const link = model.links[index];
-      line.visible = this.#showsLink(index);
+      line.visible = this.#showsPlan() && this.#showsLink(index);
       setEnds(
         line,
         this.#inScene(model.centreOf(link.target, stage)),
@@ -180,6 +196,11 @@ export class NetworkStage {
     this.#grid.object.visible = layers.grid;
     const name = model.section.stages[Math.round(stage)] ?? "";
     this.overlay.setAttribute("aria-label", `3D view of ${this.#points.size} maps. ${name}.`);
+  }
+
+  /** Links and centres say how maps hang together; over what a keyframe saw they would hide it. */
+  #showsPlan(): boolean {
+    return this.#view.entered === null;
   }
 
   #showsLink(index: number): boolean {
@@ -201,8 +222,34 @@ export class NetworkStage {
   #placeCamera(): { width: number; height: number } {
     const width = Math.max(1, this.surface.clientWidth);
     const height = Math.max(1, this.surface.clientHeight);
-    this.#model.orbit.place(this.#camera, this.orbit, width / height, this.#model.reach);
+    const { entered, stage } = this.#view;
+    const { centre, reach } = this.#model;
+    const frames = entered && this.#model.frames(entered.role);
+    if (entered && frames) {
+      const pose = compose(this.#model.pose(entered.role, stage), poseAt(frames.poses, entered.frame));
+      lookThrough(this.#camera, pose, centre, frustumOf(frames), width / height, reach);
+    } else {
+      this.#model.orbit.place(this.#camera, this.orbit, width / height, reach);
+    }
     return { width, height };
+  }
+
+  /** The keyframe whose eye is nearest to that of the view, of these maps. */
+  nearestKeyframe(nodes: readonly number[]): Keyframe<number> | null {
+    this.#placeCamera();
+    const placed = nodes.flatMap((role) => {
+      const frames = this.#model.frames(role);
+      return frames ? [{ role, frames, pose: this.#model.pose(role, this.#view.stage) }] : [];
+    });
+    return nearestKeyframe(placed, this.#camera, this.#model.centre);
+  }
+
+  /** An orbit that continues the view through a keyframe. */
+  orbitFromHere(): OrbitState {
+    this.#placeCamera();
+    const { orbit, reach } = this.#model;
+    const continuing = orbit.continuing(this.#camera, depthOfMiddle(this.#camera, reach));
+    return continuing.target.every(Number.isFinite) ? continuing : this.orbit;
   }
 
   draw(service: RenderService, resolution: number, preview: boolean): void {
@@ -265,6 +312,7 @@ export class NetworkStage {
     const model = this.#model;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
+    this.#annotateKeyframe(context, width, height);
     if (layers.grid) {
       drawAxes(context, this.#camera.matrixWorldInverse.elements, height, this.#colors);
       const text = `Grid ${formatLength(this.#grid.cell, model.lengthUnit)}`;
@@ -272,7 +320,7 @@ export class NetworkStage {
       context.fillStyle = this.#colors.muted;
       label(context, text, 84, height - 14, this.#colors);
     }
-    if (layers.links || layers.rejected) {
+    if (this.#showsPlan() && (layers.links || layers.rejected)) {
       for (const index of model.shownNodes()) {
         const at = hidden.has(index) ? null : this.#project(this.#inScene(model.centreOf(index, stage)), width, height);
         if (at) {
@@ -305,7 +353,10 @@ export class NetworkStage {
     }
     context.strokeStyle = this.#colors.selection;
     context.lineWidth = 2.5;
-    if (selected?.kind === "link" && this.#links.has(selected.index)) {
+    if (this.#hovered) {
+      this.#outline(context, this.#hovered, width, height);
+    }
+    if (selected?.kind === "link" && this.#links.has(selected.index) && this.#showsPlan()) {
       const ends = this.#linkOnScreen(selected.index, width, height);
       if (ends) {
         context.setLineDash(counts(model.links[selected.index]) ? [] : [7, 5]);
@@ -324,7 +375,7 @@ export class NetworkStage {
           ? this.#frameOnScreen(selected.index, selected.frame, width, height)
           : selected.landmark !== undefined && cloud
             ? this.#project(this.#inScene(apply(pose, positionOf(cloud, selected.landmark))), width, height)
-            : this.#project(this.#inScene(model.centreOf(selected.index, stage)), width, height);
+            : this.#showsPlan() && this.#project(this.#inScene(model.centreOf(selected.index, stage)), width, height);
       if (at) {
         context.beginPath();
         context.arc(at[0], at[1], 10, 0, 2 * Math.PI);
@@ -337,6 +388,43 @@ export class NetworkStage {
         context.strokeRect(at[0] - 30, at[1] - 12, 60, 24);
       }
     }
+  }
+
+  /** What the keyframe that is looked through saw. */
+  #annotateKeyframe(context: CanvasRenderingContext2D, width: number, height: number): void {
+    const { entered, images } = this.#view;
+    const frames = entered && this.#model.frames(entered.role);
+    if (!entered || !frames) {
+      return;
+    }
+    drawKeyframe(
+      context,
+      imageRectangle(this.#camera, frustumOf(frames), width, height),
+      { width, height },
+      {
+        image: images ? frames.images.get(entered.frame) : undefined,
+        name: `${this.#model.nodes[entered.role].name} ${keyframeText(frames, entered.frame)}`,
+      },
+      this.#colors,
+      () => this.drawOverlay(),
+    );
+  }
+
+  /** Draws the edges of a keyframe's frustum. */
+  #outline(context: CanvasRenderingContext2D, { role, frame }: Keyframe<number>, width: number, height: number): void {
+    const pose = this.#model.pose(role, this.#view.stage);
+    const corners = this.#cameras.get(role)?.corners(frame) ?? [];
+    const places = corners.map((corner) => this.#project(this.#inScene(apply(pose, corner)), width, height));
+    context.lineWidth = 1.5;
+    context.beginPath();
+    for (const [a, b] of kFrustumEdges) {
+      const [from, to] = [places[a], places[b]];
+      if (from && to) {
+        context.moveTo(...from);
+        context.lineTo(...to);
+      }
+    }
+    context.stroke();
   }
 
   /** What is at a place of the view: a camera, a change, a link, or a landmark. */
@@ -361,16 +449,24 @@ export class NetworkStage {
         offer(this.#project(this.#inScene(middle), width, height), { kind: "thing", index });
       }
     }
-    if (layers.links || layers.rejected) {
+    if (this.#showsPlan() && (layers.links || layers.rejected)) {
       for (const index of model.shownNodes().filter((node) => !hidden.has(node))) {
         offer(this.#project(this.#inScene(model.centreOf(index, stage)), width, height), { kind: "node", index });
       }
     }
     if (layers.cameras) {
-      for (const index of this.#cameras.keys()) {
-        const count = hidden.has(index) ? 0 : (model.nodes[index].cloud?.frames?.count ?? 0);
-        for (let frame = 0; frame < count; ++frame) {
-          offer(this.#frameOnScreen(index, frame, width, height), { kind: "node", index, frame });
+      const { entered } = this.#view;
+      for (const [index, layer] of this.#cameras) {
+        if (hidden.has(index)) {
+          continue;
+        }
+        const pose = model.pose(index, stage);
+        const onScreen = (p: Vector3) => this.#project(this.#inScene(apply(pose, p)), width, height);
+        const found = layer.pick(onScreen, [x, y], nearest);
+        const lookedThrough = entered?.role === index && entered.frame === found?.frame;
+        if (found && !lookedThrough && found.distance < nearest) {
+          nearest = found.distance;
+          best = { kind: "node", index, frame: found.frame };
         }
       }
     }
@@ -379,7 +475,7 @@ export class NetworkStage {
     }
     nearest = kLinkSlack[way];
     for (const index of this.#links.keys()) {
-      const ends = this.#showsLink(index) ? this.#linkOnScreen(index, width, height) : null;
+      const ends = this.#showsPlan() && this.#showsLink(index) ? this.#linkOnScreen(index, width, height) : null;
       const distance = ends ? distanceToSegment([x, y], ends[0], ends[1]) : Infinity;
       if (distance < nearest) {
         nearest = distance;
@@ -403,6 +499,13 @@ export class NetworkStage {
   }
 
   hover(selection: Selection | null, x: number, y: number): void {
+    const frame = selection?.kind === "node" ? selection.frame : undefined;
+    const hovered = selection && frame !== undefined ? { role: selection.index, frame } : null;
+    if (JSON.stringify(hovered) !== JSON.stringify(this.#hovered)) {
+      this.#hovered = hovered;
+      this.overlay.style.cursor = hovered ? "pointer" : "";
+      this.drawOverlay();
+    }
     this.tooltip.textContent = selection ? this.#tipText(selection) : "";
     this.tooltip.hidden = selection === null;
     const room = this.surface.clientWidth - this.tooltip.offsetWidth - 8;
@@ -419,8 +522,8 @@ export class NetworkStage {
       return model.section.things[selection.index].name;
     }
     const { name, cloud } = model.nodes[selection.index];
-    if (selection.frame !== undefined) {
-      return `${name} · keyframe ${idText(cloud?.frames?.ids ?? null, selection.frame)}`;
+    if (selection.frame !== undefined && cloud?.frames) {
+      return `${name} · keyframe ${keyframeText(cloud.frames, selection.frame)}`;
     }
     return selection.landmark === undefined
       ? name

@@ -1,40 +1,45 @@
 // SPDX-License-Identifier: BSD-3-Clause
+import type { Frames } from "../document/report";
 import { button, h } from "../dom";
 import { formatCount } from "../math/format";
 import { toolGroup } from "./controls";
 import { keyframeText, type Keyframe } from "./keyframes";
-import type { Role, SceneModel } from "./scene_model";
 
-interface KeyframeActions {
-  enter(keyframe: Keyframe): void;
+/** A map whose keyframes can be entered. */
+export interface EnterableMap<R> {
+  role: R;
+  name: string;
+  frames: Frames;
+}
+
+interface KeyframeActions<R> {
+  enter(keyframe: Keyframe<R>): void;
   /** Enters the keyframe nearest to the eye, of any map if `role` is null. */
-  enterNearest(role: Role | null): void;
+  enterNearest(role: R | null): void;
   leave(): void;
   showImages(shown: boolean): void;
 }
 
 /** Chooses the keyframe to look through, and leaves it. */
-export class KeyframeControls {
+export class KeyframeControls<R> {
   readonly element: HTMLElement;
-  readonly #model: SceneModel;
-  readonly #actions: KeyframeActions;
+  readonly #actions: KeyframeActions<R>;
   readonly #maps = h("select", { "aria-label": "Map of the keyframe" });
   readonly #slider = h("input", { type: "range", class: "frame-slider", min: 0, value: 0, "aria-label": "Keyframe" });
   readonly #output = h("output", { class: "frame-output" });
   readonly #toggle = button("Enter", () => this.toggle(), { title: "Key C" });
   readonly #image: HTMLButtonElement;
-  #role: Role;
-  #entered: Keyframe | null = null;
+  #offered: readonly EnterableMap<R>[] = [];
+  /** Which of them the slider is of. */
+  #shown = 0;
+  #entered: Keyframe<R> | null = null;
 
-  constructor(model: SceneModel, roles: readonly Role[], actions: KeyframeActions) {
-    this.#model = model;
+  constructor(maps: readonly EnterableMap<R>[], actions: KeyframeActions<R>) {
     this.#actions = actions;
-    this.#role = roles[0];
-    this.#maps.append(...roles.map((role) => h("option", { value: role }, role === "source" ? "Source" : "Target")));
     this.#maps.addEventListener("change", () => {
-      this.#role = this.#maps.value as Role;
+      this.#shown = this.#maps.selectedIndex;
       if (this.#entered) {
-        actions.enterNearest(this.#role);
+        actions.enterNearest(this.#offered[this.#shown].role);
       } else {
         this.show(null);
       }
@@ -49,10 +54,9 @@ export class KeyframeControls {
       },
       { class: "chip", "aria-pressed": "true", title: "Show what the keyframe saw" },
     );
-    const hasImages = roles.some((role) => (model.frames(role)?.images.size ?? 0) > 0);
     this.element = toolGroup(
       "Keyframe",
-      roles.length > 1 ? this.#maps : null,
+      this.#maps,
       button("‹", () => this.step(-1), {
         class: "quiet frame-step",
         "aria-label": "Previous keyframe",
@@ -61,22 +65,34 @@ export class KeyframeControls {
       this.#slider,
       button("›", () => this.step(1), { class: "quiet frame-step", "aria-label": "Next keyframe", title: "Key ]" }),
       this.#output,
-      hasImages ? this.#image : null,
+      this.#image,
       this.#toggle,
     );
     this.element.classList.add("frame-tools");
+    this.offer(maps);
+  }
+
+  /** Offers the keyframes of these maps, none of which is entered. */
+  offer(maps: readonly EnterableMap<R>[]): void {
+    this.#offered = maps;
+    this.#shown = 0;
+    this.#maps.replaceChildren(...maps.map(({ name }, index) => h("option", { value: index }, name)));
+    this.#maps.hidden = maps.length < 2;
+    this.#image.hidden = maps.every(({ frames }) => frames.images.size === 0);
+    this.element.hidden = maps.length === 0;
     this.show(null);
   }
 
   /** Shows which keyframe is entered, if any. */
-  show(entered: Keyframe | null): void {
+  show(entered: Keyframe<R> | null): void {
     this.#entered = entered;
-    this.#role = entered?.role ?? this.#role;
-    const frames = this.#model.frames(this.#role);
+    const index = entered ? this.#offered.findIndex(({ role }) => role === entered.role) : -1;
+    this.#shown = index < 0 ? this.#shown : index;
+    const frames = this.#offered[this.#shown]?.frames;
     if (!frames) {
       return;
     }
-    this.#maps.value = this.#role;
+    this.#maps.selectedIndex = this.#shown;
     this.#slider.max = String(frames.count - 1);
     if (entered) {
       this.#slider.value = String(entered.frame);
@@ -90,6 +106,9 @@ export class KeyframeControls {
   }
 
   toggle(): void {
+    if (this.#offered.length === 0) {
+      return;
+    }
     if (this.#entered) {
       this.#actions.leave();
     } else {
@@ -103,6 +122,9 @@ export class KeyframeControls {
   }
 
   #enter(frame: number): void {
-    this.#actions.enter({ role: this.#role, frame: Math.min(Number(this.#slider.max), Math.max(0, frame)) });
+    const map = this.#offered[this.#shown];
+    if (map) {
+      this.#actions.enter({ role: map.role, frame: Math.min(map.frames.count - 1, Math.max(0, frame)) });
+    }
   }
 }

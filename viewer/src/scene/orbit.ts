@@ -12,9 +12,15 @@ export interface OrbitState {
   distance: number;
   azimuth: number;
   elevation: number;
+  /** By which the view is turned about its direction, as after a keyframe; 0: up is up. */
+  roll: number;
 }
 
 export type StandardView = "home" | "top" | "front" | "side";
+
+function clampedElevation(elevation: number): number {
+  return Math.min(kMaxElevation, Math.max(-kMaxElevation, elevation));
+}
 
 /** Turns an orbit about `up` into cameras, and gestures into changes of the orbit. */
 export class Orbit {
@@ -43,7 +49,7 @@ export class Orbit {
       front: [0, 0],
       side: [-90 * degrees, 0],
     }[name];
-    const state: OrbitState = { target: [0, 0, 0], distance: 1, azimuth: angles[0], elevation: angles[1] };
+    const state: OrbitState = { target: [0, 0, 0], distance: 1, azimuth: angles[0], elevation: angles[1], roll: 0 };
     state.distance = this.fittingDistance(state, half, aspect);
     return state;
   }
@@ -58,11 +64,20 @@ export class Orbit {
     return [0, 1, 2].map((i) => a * this.#forward[i] + b * this.#right[i] + c * this.up[i]) as [number, number, number];
   }
 
+  /** Where the view's right and top point. */
+  #screenAxes(state: OrbitState): { right: Vector3; above: Vector3 } {
+    const eye = this.#eyeDirection(state);
+    const level = unit(cross(this.up, eye)) ?? this.#right;
+    const upright = cross(eye, level);
+    const [cosine, sine] = [Math.cos(state.roll), Math.sin(state.roll)];
+    const mix = (a: number, b: number) => level.map((value, i) => a * value + b * upright[i]) as unknown as Vector3;
+    return { right: mix(cosine, sine), above: mix(-sine, cosine) };
+  }
+
   /** The distance from which a box about the target, given by half its sizes, just fills the view. */
   fittingDistance(state: OrbitState, half: Vector3, aspect: number): number {
     const eye = this.#eyeDirection(state);
-    const side = unit(cross(this.up, eye)) ?? this.#right;
-    const above = cross(eye, side);
+    const { right: side, above } = this.#screenAxes(state);
     const slope = Math.tan((kFieldOfView * Math.PI) / 360);
     let distance = 0;
     for (let corner = 0; corner < 8; ++corner) {
@@ -75,18 +90,23 @@ export class Orbit {
 
   /**
    * An orbit that continues the view of `camera`, about the point at distance `ahead` in front of it. What is there
-   * keeps its size; the camera's roll is lost.
+   * keeps its size.
    */
   continuing(camera: PerspectiveCamera, ahead: number): OrbitState {
     const forward = camera.getWorldDirection(new Vector()).toArray();
     const side = (axis: readonly number[]) => -dot(forward, axis as Vector3);
     const slope = Math.tan((camera.fov * Math.PI) / 360) / Math.tan((kFieldOfView * Math.PI) / 360);
-    return {
+    const state: OrbitState = {
       target: camera.position.toArray().map((v, i) => v + ahead * forward[i]) as [number, number, number],
       distance: ahead * slope,
       azimuth: Math.atan2(side(this.#right), -side(this.#forward)),
-      elevation: Math.asin(Math.min(1, Math.max(-1, side(this.up)))),
+      elevation: clampedElevation(Math.asin(Math.min(1, Math.max(-1, side(this.up))))),
+      roll: 0,
     };
+    const across = new Vector(1, 0, 0).applyQuaternion(camera.quaternion).toArray() as Vector3;
+    const axes = this.#screenAxes(state);
+    state.roll = Math.atan2(dot(across, axes.above), dot(across, axes.right));
+    return state;
   }
 
   place(camera: PerspectiveCamera, state: OrbitState, aspect: number, reach: number): void {
@@ -102,20 +122,21 @@ export class Orbit {
       state.target[2] + eye[2] * state.distance,
     );
     camera.lookAt(...state.target);
+    camera.rotateZ(state.roll);
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
   }
 
+  /** Turns about the vertical and up or down, so that what is dragged follows the pointer in a rolled view, too. */
   rotate(state: OrbitState, right: number, down: number): void {
-    state.azimuth += right;
-    state.elevation = Math.min(kMaxElevation, Math.max(-kMaxElevation, state.elevation + down));
+    const [cosine, sine] = [Math.cos(state.roll), Math.sin(state.roll)];
+    state.azimuth += right * cosine - down * sine;
+    state.elevation = clampedElevation(state.elevation + right * sine + down * cosine);
   }
 
   /** Moves the target so that the picture follows the pointer; distances in pane heights. */
   pan(state: OrbitState, right: number, down: number): void {
-    const eye = this.#eyeDirection(state);
-    const side = unit(cross(this.up, eye)) ?? this.#right;
-    const above = cross(eye, side);
+    const { right: side, above } = this.#screenAxes(state);
     const scale = 2 * state.distance * Math.tan((kFieldOfView * Math.PI) / 360);
     for (let i = 0; i < 3; ++i) {
       state.target[i] += scale * (-right * side[i] + down * above[i]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { Color, Matrix4, PerspectiveCamera, Scene, Vector3 as ThreeVector, Vector4 } from "three";
+import { Color, Matrix4, PerspectiveCamera, Scene, Vector4 } from "three";
 import { button, h, s } from "../dom";
 import type { LandmarkCloud, Run, SummaryValue, Vector3 } from "../document/report";
 import { formatLength, formatNumber, idText } from "../math/format";
@@ -19,7 +19,16 @@ import { seriesColor, seriesSymbol } from "../series_style";
 import type { Palette } from "../theme";
 import { drawAxes, fitCanvas, label } from "./annotations";
 import { columnOf, columnValue, kNoLevel, levelOf, levelsOf, rampColor } from "./coloring";
-import { frustumOf, imageRectangle, keyframeText, lookThrough, pictureOf, type Keyframe } from "./keyframes";
+import {
+  depthOfMiddle,
+  drawKeyframe,
+  frustumOf,
+  imageRectangle,
+  keyframeText,
+  lookThrough,
+  nearestKeyframe,
+  type Keyframe,
+} from "./keyframes";
 import { CameraLayer, GridLayer, kFrustumEdges, MatchLayer } from "./line_layers";
 import type { OrbitState } from "./orbit";
 import { pickLandmark, type Pick, type PickLayer } from "./picking";
@@ -344,30 +353,18 @@ export class Pane {
   /** The keyframe whose eye is nearest to that of the view, of these maps. */
   nearestKeyframe(roles: readonly Role[]): Keyframe | null {
     this.#placeCamera();
-    const eye = this.#camera.position.toArray();
-    let nearest: Keyframe | null = null;
-    let least = Infinity;
-    for (const role of roles) {
+    const placed = roles.flatMap((role) => {
       const frames = this.#model.frames(role);
-      for (let frame = 0; frames && frame < frames.count; ++frame) {
-        const pose = compose(this.#poseOf(role), poseAt(frames.poses, frame));
-        const distance = Math.hypot(...subtract(this.#inScene([pose[3], pose[7], pose[11]]), eye));
-        if (distance < least) {
-          least = distance;
-          nearest = { role, frame };
-        }
-      }
-    }
-    return nearest;
+      return frames ? [{ role, frames, pose: this.#poseOf(role) }] : [];
+    });
+    return nearestKeyframe(placed, this.#camera, this.#model.centre);
   }
 
   /** An orbit that continues the view through a keyframe. */
   orbitFromHere(): OrbitState {
     this.#placeCamera();
     const { orbit, reach } = this.#model;
-    // About the depth of the scene's middle, if that is in front.
-    const ahead = -this.#camera.position.dot(this.#camera.getWorldDirection(new ThreeVector()));
-    const continuing = orbit.continuing(this.#camera, Math.min(2 * reach, Math.max(0.2 * reach, ahead)));
+    const continuing = orbit.continuing(this.#camera, depthOfMiddle(this.#camera, reach));
     return continuing.target.every(Number.isFinite) ? continuing : this.orbit;
   }
 
@@ -481,29 +478,14 @@ export class Pane {
     if (!frames) {
       return;
     }
-    const rectangle = imageRectangle(this.#camera, frustumOf(frames), width, height);
-    const image = this.#state.images ? frames.images.get(frame) : undefined;
-    const picture = image && pictureOf(image, () => this.drawOverlay());
-    context.save();
-    if (picture) {
-      context.globalAlpha = 0.5;
-      context.drawImage(picture, ...rectangle);
-    }
-    context.globalAlpha = 0.6;
-    context.fillStyle = this.#colors.background;
-    context.beginPath();
-    context.rect(0, 0, width, height);
-    context.rect(...rectangle);
-    context.fill("evenodd");
-    context.restore();
-    context.strokeStyle = this.#colors.selection;
-    context.lineWidth = 1.5;
-    context.strokeRect(...rectangle);
-    context.font = "600 12px system-ui, sans-serif";
-    context.fillStyle = this.#colors.ink;
-    const name = this.#keyframeName({ role, frame });
-    const fits = context.measureText(name).width < rectangle[2] - 16;
-    label(context, fits ? name : name.split(" · ")[0], rectangle[0] + 8, rectangle[1] + 18, this.#colors);
+    drawKeyframe(
+      context,
+      imageRectangle(this.#camera, frustumOf(frames), width, height),
+      { width, height },
+      { image: this.#state.images ? frames.images.get(frame) : undefined, name: this.#keyframeName({ role, frame }) },
+      this.#colors,
+      () => this.drawOverlay(),
+    );
   }
 
   #markKeyframe(

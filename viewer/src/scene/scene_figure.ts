@@ -56,7 +56,7 @@ class SceneFigure {
   readonly #timeline: Timeline | null;
   /** Maps whose keyframes can be entered, and what enters them. */
   readonly #roles: Role[];
-  readonly #keyframes: KeyframeControls | null;
+  readonly #keyframes: KeyframeControls<Role> | null;
   readonly #stage = h("div", { class: "stage" });
   readonly #legend = h("div", { class: "legend" });
   readonly #record = h("div", { class: "record" });
@@ -113,9 +113,13 @@ class SceneFigure {
         : null;
 
     this.#roles = (["source", "target"] as const).filter((role) => model.frames(role));
+    const enterable = this.#roles.flatMap((role) => {
+      const frames = model.frames(role);
+      return frames ? [{ role, name: role === "source" ? "Source" : "Target", frames }] : [];
+    });
     this.#keyframes =
-      this.#roles.length > 0
-        ? new KeyframeControls(model, this.#roles, {
+      enterable.length > 0
+        ? new KeyframeControls(enterable, {
             enter: (keyframe) => this.#enter(this.#focusedPane(), keyframe),
             enterNearest: (role) => this.#enterNearest(role ? [role] : this.#roles),
             leave: () => this.#leave(this.#panes),

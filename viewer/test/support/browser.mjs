@@ -16,7 +16,12 @@ const isDriverRemark = (text) => text.includes("GL Driver Message") && text.incl
 
 /** Opens a report from its file and notes everything a clean page must not do. */
 export async function openReport(browser, path, options = {}) {
-  const context = await browser.newContext({ viewport: { width: 1360, height: 900 }, acceptDownloads: true, ...options });
+  const context = await browser.newContext({
+    viewport: { width: 1000, height: 700 },
+    acceptDownloads: true,
+    permissions: ["clipboard-read", "clipboard-write"],
+    ...options,
+  });
   context.setDefaultTimeout(180_000); // a busy machine draws in software, and not at once
   const page = await context.newPage();
   const complaints = [];
@@ -35,12 +40,36 @@ export async function openReport(browser, path, options = {}) {
   });
   const start = Date.now();
   await page.goto(url);
-  await page.waitForSelector("html[data-state=ready], html[data-state=error]", { state: "attached", timeout: 60_000 });
-  return { page, context, complaints, requests, openMs: Date.now() - start };
+  await up(page);
+  return { page, context, complaints, requests, viewport: page.viewportSize(), openMs: Date.now() - start };
+}
+
+function up(page) {
+  return page.waitForSelector("html[data-state=ready], html[data-state=error]", { state: "attached", timeout: 60_000 });
+}
+
+/** Loads an open report anew, as it was when it was opened. */
+export async function reload({ page, viewport }) {
+  await page.emulateMedia({ media: null });
+  await page.setViewportSize(viewport);
+  await page.evaluate(() => {
+    localStorage.clear();
+    scrollTo({ top: 0, behavior: "instant" });
+  });
+  await page.reload();
+  await up(page);
 }
 
 /** Waits until the first scene has drawn its final picture and rests. */
 export async function settled(page) {
+  // A scene far from the window is not drawn.
+  await page.evaluate(() => {
+    const scene = document.querySelector("[data-scene]");
+    const { top, bottom } = scene.getBoundingClientRect();
+    if (top > innerHeight || bottom < 0) {
+      scene.scrollIntoView({ behavior: "instant" });
+    }
+  });
   await page.waitForTimeout(260);
   await page.waitForFunction(() => document.querySelector("[data-scene]").dataset.drawn === "full", null, { timeout: 60_000 });
 }
