@@ -42,6 +42,7 @@ RIGHT = {"rotation_deg": 2.0, "scale_percent": 3.0, "displacement_percent": 5.0}
 # TUM's calibration of fr1. COLMAP puts the centre of the first pixel at (0.5, 0.5).
 FR1 = ("FULL_OPENCV", [517.306408, 516.469215, 318.643040 + 0.5, 255.313989 + 0.5,
                        0.262383, -0.953104, -0.005358, 0.002628, 1.163314, 0.0, 0.0, 0.0])
+LARGEST_DISTORTION = 2.0  # COLMAP refuses images of a camera with a larger parameter; its default is 1
 TUM = ["desk", "xyz", "rpy"]
 LARGEST_TIME_DIFFERENCE = 0.01  # between an image and its true pose, seconds
 RATE = 8             # images per second that are split into even and odd
@@ -230,7 +231,7 @@ def reconstruct(options, name, images, camera):
             folder / "matcher.log")
         run([options.colmap, "mapper", *database, "--image_path", folder / "images", "--output_path", folder / "sparse",
              "--Mapper.num_threads", threads, "--Mapper.ba_refine_focal_length", 0, "--Mapper.ba_refine_extra_params",
-             0], folder / "mapper.log", allowed=(0, 1))
+             0, "--Mapper.max_extra_param", LARGEST_DISTORTION], folder / "mapper.log", allowed=(0, 1))
         models = {path.name: model_figures(options, path) for path in sorted((folder / "sparse").iterdir())}
         best = max(models, key=lambda part: models[part]["images"], default=None)
         if best is not None and models[best]["images"] * 2 < len(images):
