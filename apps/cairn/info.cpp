@@ -276,6 +276,11 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
     add("GNSS positions",
         fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
   }
+  if (const auto& points = map.info().control_points; !points.empty()) {
+    std::size_t views = 0;
+    for (const ControlPoint& point : points) views += point.views.size();
+    add("control points", fmt::format("{}, {} views", points.size(), views));
+  }
   if (map.info().uuid) add("uuid", *map.info().uuid);
   for (const std::string& step : map.info().provenance) add("provenance", step);
   if (const auto& q = findings.reprojection_px) {
@@ -353,6 +358,7 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   }
   const auto gnss = map.frames().gnss.known();
   json["gnss_positions"] = std::count(gnss.begin(), gnss.end(), 1);
+  json["control_points"] = map.info().control_points.size();
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();

@@ -35,7 +35,8 @@ TEST_F(InfoTest, CountsWhatTheMapHoldsAndWarnsOfTheRest) {
 TEST_F(InfoTest, SaysWhereOnTheEarthTheMapIs) {
   // A unit of two metres; the landmark is 5 m east, 7 m north and 9 m above the origin.
   write("placed.map",
-        "CAIRN 2\nMETA georeference 47.37 8.54 408 2 1 0 0 0 1 1 1\nFRAME 1 0 0 0 1 0 0 0\n"
+        "CAIRN 2\nMETA georeference 47.37 8.54 408 2 1 0 0 0 1 1 1\nMETA control_point 47 8 - "
+        "nail\nMETA control_view 1 2 a.jpg\nFRAME 1 0 0 0 1 0 0 0\n"
         "FRAME 2 0 0 0 1 0 0 0\nGNSS 2 47.37 8.54 410 -\nLANDMARK 3 2 3 4 - 2 1 0 0 2 0 0\n");
   const std::string text = answer({"info", "placed.map"});
   EXPECT_THAT(text, ContainsRegex("georeference +latitude 47.3700000, longitude 8.5400000, "
@@ -48,6 +49,8 @@ TEST_F(InfoTest, SaysWhereOnTheEarthTheMapIs) {
   EXPECT_EQ(json.at("georeference").at("latitude_deg"), 47.37);
   EXPECT_NEAR(json.at("georeference").at("centre").at("altitude_m").get<double>(), 417.0, 1e-3);
   EXPECT_EQ(json.at("gnss_positions"), 1);
+  EXPECT_THAT(text, ContainsRegex("control points +1, 1 views"));
+  EXPECT_EQ(json.at("control_points"), 1);
   write_plain();
   EXPECT_EQ(document({"info", "plain.map"}).at("georeference"), nullptr);
 }

@@ -31,7 +31,9 @@ inline MapTables full_tables() {
       Eigen::Vector3d(0.0, 0.6, 0.8),
       "123e4567-e89b-12d3-a456-426614174000",
       std::vector<std::string>{"made by hand", " 100 % of it\n"},
-      GeoReference{{47.37, 8.54, 408.0}, 2.5, {0.6, 0.0, 0.8000004, 0.0}, {1.0, -2.0, 0.1}}};
+      GeoReference{{47.37, 8.54, 408.0}, 2.5, {0.6, 0.0, 0.8000004, 0.0}, {1.0, -2.0, 0.1}},
+      {{"nail 1", 47.3702, 8.5401, 409.25, {{"rgb/1.png", {12.5, -0.0}}, {" b%.png", {0.1, 3e5}}}},
+       {"\n", -0.0, 180.0, std::nullopt, {}}}};
   tables.cameras = {
       {CameraId{5}, "PINHOLE", 640, 480, {517.3, 516.5, 318.6, 255.3}},
       {CameraId{2}, "OPENCV_FISHEYE", 320, 240, {190.0, 191.0, 160.0, 120.0, 0.01, -0.002, 0, 0}}};
@@ -184,6 +186,7 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   one("georeference", a.info().georeference, b.info().georeference);
   one("uuid", a.info().uuid, b.info().uuid);
   column("provenance", a.info().provenance, b.info().provenance);
+  column("control points", a.info().control_points, b.info().control_points);
   column("cameras", a.cameras(), b.cameras());
 
   column("frame ids", a.frames().ids, b.frames().ids);

@@ -243,6 +243,9 @@ Solved Adjustment::run() {
   solve.max_num_iterations = options_.max_iterations;
   solve.num_threads = 1;  // sums in a fixed order
   solve.logging_type = ceres::SILENT;
+  // No residual holds the scale of a group without depths, only the damping does, which is inverse to this. With the
+  // default the normal equations become singular to rounding, and Ceres prints that.
+  solve.max_trust_region_radius = 1e8;
   StopWhenAsked stop(options_.execution, options_.max_iterations);
   solve.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;

@@ -246,12 +246,12 @@ TEST_F(McapTest, SameMapsAreSameBytes) {
 TEST_F(McapTest, SaysWhatIsLeftOut) {
   write(testing::full_map(), "full.mcap");
   ASSERT_EQ(remarks_.size(), 1U);
-  EXPECT_EQ(
-      remarks_[0],
-      "MCAP has no place for: name of the world frame, direction of gravity, georeference, UUID, "
-      "provenance, 2 cameras, names of images, GNSS positions, colours, descriptors 'ORB', 5 "
-      "observations, ids of "
-      "landmarks, of which some exceed 32 bits, poses of 1 frames without a time; left out");
+  EXPECT_EQ(remarks_[0],
+            "MCAP has no place for: name of the world frame, direction of gravity, georeference, 2 "
+            "control points, UUID, "
+            "provenance, 2 cameras, names of images, GNSS positions, colours, descriptors 'ORB', 5 "
+            "observations, ids of "
+            "landmarks, of which some exceed 32 bits, poses of 1 frames without a time; left out");
   const McapRecording recording = testing::read_mcap(testing::read_text(folder_ / "full.mcap"));
   EXPECT_EQ(recording.of_topic("/tf").size(), 2U) << "of the keyframes with a time";
   const Cloud cloud(recording.of_topic("/landmarks").at(0));

@@ -42,6 +42,9 @@ struct ImageFrame {
   Pixel pixel(double x, double y) const {
     return {x * size() + (width - 1.0) / 2.0, y * size() + (height - 1.0) / 2.0};
   }
+  std::pair<double, double> normalized(const Pixel& pixel) const {
+    return {(pixel.u - (width - 1.0) / 2.0) / size(), (pixel.v - (height - 1.0) / 2.0) / size()};
+  }
 };
 
 // std::nullopt for a projection that Cairn has no model for.
@@ -119,6 +122,65 @@ class Reader {
       read_track(*line, lines.line_number());
     }
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
+  }
+
+  void read_control_points() {
+    if (sources_.control_points == nullptr) return;
+    const std::string& name = sources_.control_points->name();
+    const nlohmann::json json = detail::read_json(*sources_.control_points);
+    const JsonValue all(json, name + ": ");
+    const JsonValue points = all.at("points").array();
+    std::size_t unplaced = 0;
+    for (std::size_t i = 0; i < points.json().size(); ++i) {
+      const JsonValue json_point = points.at(i);
+      if (!json_point.has("position")) {
+        ++unplaced;
+        continue;
+      }
+      const JsonValue position = json_point.at("position");
+      ControlPoint point;
+      point.name = json_point.at("id").text();
+      point.latitude_deg = position.at("latitude").number();
+      point.longitude_deg = position.at("longitude").number();
+      if (position.has("altitude")) point.altitude_m = position.at("altitude").number();
+      const JsonValue views = json_point.at("observations").array();
+      for (std::size_t j = 0; j < views.json().size(); ++j) {
+        const JsonValue view = views.at(j);
+        const auto shot = shots_.find(view.at("shot_id").text());
+        if (shot == shots_.end() || !view.has("projection")) continue;
+        const JsonValue projection = view.at("projection").array();
+        point.views.push_back({shot->first, shot->second.image.pixel(projection.at(0).number(),
+                                                                     projection.at(1).number())});
+      }
+      tables_.info.control_points.push_back(std::move(point));
+    }
+    if (unplaced > 0) {
+      detail::log_remark(options_.log, name,
+                         fmt::format("{} control points without a position are left out", unplaced),
+                         RemarkKind::kLoss);
+    }
+  }
+
+  void read_control_list() {
+    if (sources_.control_list == nullptr) return;
+    LineReader lines(*sources_.control_list);
+    bool is_head = true;
+    const std::size_t first = tables_.info.control_points.size();
+    while (const auto line = lines.next()) {
+      const std::string_view text = trimmed(*line);
+      if (text.empty() || text.front() == '#') continue;
+      if (!is_head) {
+        read_control_line(text, lines.line_number(), first);
+        continue;
+      }
+      is_head = false;
+      if (text == "WGS84") continue;
+      detail::log_remark(options_.log, sources_.control_list->name(),
+                         fmt::format("control points in {} are left out; those in WGS84 are read",
+                                     printable(text)),
+                         RemarkKind::kLoss);
+      return;
+    }
   }
 
   LandmarkMap finish() && {
@@ -258,6 +320,53 @@ class Reader {
       };
       landmarks.colors.emplace_back(Color{channel(0), channel(1), channel(2)});
     }
+  }
+
+  // Longitude, latitude, altitude, u, v and an image. Lines of one place are of one point.
+  void read_control_line(std::string_view text, std::uint64_t line_number, std::size_t first) {
+    const auto refuse = [&](std::string_view field, std::string_view what,
+                            std::string_view expected) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: {}", sources_.control_list->name(), line_number, field), what,
+                  expected);
+    };
+    const auto next = [&](std::string_view field) {
+      if (text.empty()) refuse(field, "the line ends before it", "one field more");
+      const std::size_t end = std::min(text.find_first_of(" \t"), text.size());
+      const std::string_view word = text.substr(0, end);
+      text = trimmed(text.substr(end));
+      return word;
+    };
+    const auto number = [&](std::string_view field) {
+      const std::string_view word = next(field);
+      const auto value = parse_number(word);
+      if (!value) refuse(field, printable(word) + " is not a number", "a finite decimal number");
+      return *value;
+    };
+    ControlPoint point;
+    point.longitude_deg = number("longitude");
+    point.latitude_deg = number("latitude");
+    const std::string_view altitude = next("altitude");
+    if (altitude != "NaN" && altitude != "nan") {
+      point.altitude_m = parse_number(altitude);
+      if (!point.altitude_m) {
+        refuse("altitude", printable(altitude) + " is not a number", "metres or NaN");
+      }
+    }
+    const double u = number("u");
+    const double v = number("v");
+    const std::string image(next("image"));
+    auto& points = tables_.info.control_points;
+    auto found = std::find_if(
+        points.begin() + static_cast<std::ptrdiff_t>(first), points.end(), [&](const auto& other) {
+          return other.longitude_deg == point.longitude_deg &&
+                 other.latitude_deg == point.latitude_deg && other.altitude_m == point.altitude_m;
+        });
+    if (found == points.end()) {
+      point.name = fmt::format("unnamed-{}", points.size() - first);
+      found = points.insert(points.end(), std::move(point));
+    }
+    if (shots_.contains(image)) found->views.push_back({image, Pixel{u, v}});
   }
 
   // image, track, feature, x, y and more, apart by tabs.
@@ -446,9 +555,10 @@ class Writer {
                                static_cast<double>(camera.height)};
         text_ += names_[frames[j].value];
         text_ += fmt::format("\t{}\t{}\t", map_.landmarks().ids[i].value, keypoints[first + j]);
-        append_number(text_, (pixels[j].u - (image.width - 1.0) / 2.0) / image.size());
+        const auto [x, y] = image.normalized(pixels[j]);
+        append_number(text_, x);
         text_ += '\t';
-        append_number(text_, (pixels[j].v - (image.height - 1.0) / 2.0) / image.size());
+        append_number(text_, y);
         text_ += '\t';
         // OpenSfM's adjustment weights a feature by its size: four pixels, which is typical.
         append_number(text_, 4.0 / image.size());
@@ -457,6 +567,31 @@ class Writer {
       }
     }
     sink(text_);
+  }
+
+  void write_control_points(const ByteSink& sink) const {
+    std::unordered_map<std::string_view, std::uint32_t> frames;
+    for (std::uint32_t i = 0; i < names_.size(); ++i) frames.emplace(names_[i], i);
+    nlohmann::json points = nlohmann::json::array();
+    for (const ControlPoint& point : map_.info().control_points) {
+      nlohmann::json position = {{"latitude", point.latitude_deg},
+                                 {"longitude", point.longitude_deg}};
+      if (point.altitude_m) position["altitude"] = *point.altitude_m;
+      nlohmann::json views = nlohmann::json::array();
+      for (const ControlPoint::View& view : point.views) {
+        const auto found = frames.find(view.image_name);
+        if (found == frames.end()) continue;
+        const Camera& camera = map_.cameras()[map_.frames().cameras[found->second]->value];
+        const ImageFrame image{static_cast<double>(camera.width),
+                               static_cast<double>(camera.height)};
+        const auto [x, y] = image.normalized(view.pixel);
+        views.push_back({{"shot_id", view.image_name}, {"projection", {x, y}}});
+      }
+      points.push_back({{"id", point.name}, {"position", position}, {"observations", views}});
+    }
+    sink(nlohmann::json{{"points", points}}.dump(1, ' ', false,
+                                                 nlohmann::json::error_handler_t::replace) +
+         "\n");
   }
 
   void remark() const {
@@ -470,7 +605,8 @@ class Writer {
     const detail::Holdings holdings{.timestamps = true,
                                     .keypoints = true,
                                     .georeference = is_georeferenced(),
-                                    .gnss = is_georeferenced()};
+                                    .gnss = is_georeferenced(),
+                                    .control_points = true};
     const std::string lost = detail::loss_remark(map_, holdings, path_.string(), "OpenSfM");
     if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
   }
@@ -551,15 +687,25 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
                 "is there already, and belongs to " + path.string() + " by its name",
                 "a folder without it");
   }
+  const fs::path control_points = path.parent_path() / "ground_control_points.json";
+  const bool has_control_points = !map.info().control_points.empty();
+  if (has_control_points && fs::exists(control_points, ignored)) {
+    throw Error(ErrorKind::kStorage, control_points.string(),
+                "is there already, and would be overwritten", "a folder without it");
+  }
   writer.remark();  // before writing, because the caller may refuse the loss
   // The tracks first, so that a reconstruction never exists without them.
   if (has_tracks) {
     write_file(tracks, [&](const ByteSink& sink) { writer.write_tracks(sink); });
   }
   try {
+    if (has_control_points) {
+      write_file(control_points, [&](const ByteSink& sink) { writer.write_control_points(sink); });
+    }
     write_file(path, [&](const ByteSink& sink) { writer.write_reconstruction(sink); });
   } catch (...) {
     if (has_tracks) fs::remove(tracks, ignored);
+    if (has_control_points) fs::remove(control_points, ignored);
     throw;
   }
 }
@@ -588,6 +734,8 @@ LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std:
   }
   reader.read(all.at(static_cast<std::size_t>(*index)));
   reader.read_tracks();
+  reader.read_control_points();
+  reader.read_control_list();
   return std::move(reader).finish();
 }
 
@@ -608,10 +756,17 @@ std::vector<MapFormat> opensfm_formats() {
                [](const MapInput& input, const MapReadOptions& options) {
                  OpenSfmSources sources;
                  sources.reconstruction = input.source;
-                 const fs::path tracks = input.path.parent_path() / "tracks.csv";
-                 std::error_code ignored;
-                 std::optional<FileReader> file;
-                 if (fs::exists(tracks, ignored)) sources.tracks = &file.emplace(tracks);
+                 const auto beside = [&](const char* name, std::optional<FileReader>& file) {
+                   const fs::path path = input.path.parent_path() / name;
+                   std::error_code ignored;
+                   return fs::exists(path, ignored) ? &file.emplace(path) : nullptr;
+                 };
+                 std::optional<FileReader> tracks;
+                 std::optional<FileReader> control_points;
+                 std::optional<FileReader> control_list;
+                 sources.tracks = beside("tracks.csv", tracks);
+                 sources.control_points = beside("ground_control_points.json", control_points);
+                 sources.control_list = beside("gcp_list.txt", control_list);
                  return read_opensfm(sources, input.part, options);
                },
            .write = [](const LandmarkMap& map, const fs::path& path,

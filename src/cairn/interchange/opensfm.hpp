@@ -17,6 +17,8 @@ namespace cairn {
 struct OpenSfmSources {
   ByteSource* reconstruction = nullptr;  ///< required
   ByteSource* tracks = nullptr;          ///< tracks.csv, the observations; null if missing
+  ByteSource* control_points = nullptr;  ///< ground_control_points.json; null if missing
+  ByteSource* control_list = nullptr;    ///< gcp_list.txt, more control points; null if missing
 };
 
 /// Reads a reconstruction of an OpenSfM file (docs/formats.md): shots become frames, numbered from 0 in the
@@ -26,9 +28,10 @@ struct OpenSfmSources {
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part = {},
                          const MapReadOptions& options = {});
 
-/// Writes a reconstruction and, if the map has observations, tracks.csv in the same folder.
+/// Writes a reconstruction and, if the map has any, its observations and control points in the same folder, as
+/// tracks.csv and ground_control_points.json.
 /// @throws Error (input) naming a frame without a camera, duplicate image names, or a camera model that
-///        OpenSfM lacks, (storage) if tracks.csv exists
+///        OpenSfM lacks, (storage) if tracks.csv exists, or ground_control_points.json that would be written
 void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
                    const MapWriteOptions& options = {});
 

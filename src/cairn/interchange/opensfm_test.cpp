@@ -163,6 +163,64 @@ TEST_F(OpenSfmTest, TheGeoreferenceIsWrittenOfAMapInItsFrame) {
   }
 }
 
+// In pixels of a camera of 200 x 100: (0.08, 0.16) is (115.5, 81.5).
+constexpr std::string_view kControlPoints = R"({"points": [
+  {"id": "nail 1", "position": {"latitude": 47.25, "longitude": 8.5, "altitude": 402.5},
+   "observations": [{"shot_id": "b.jpg", "projection": [0.08, 0.16]},
+                    {"shot_id": "c.jpg", "projection": [0, 0]}]},
+  {"id": "2", "position": {"latitude": -47, "longitude": 8}, "observations": []},
+  {"id": "unplaced", "observations": []}]})";
+
+TEST_F(OpenSfmTest, ControlPointsTravelWithTheMap) {
+  folder_.write("ground_control_points.json", kControlPoints);
+  const LandmarkMap map = read();
+  EXPECT_THAT(losses_, Contains(HasSubstr("1 control points without a position are left out")));
+  const ControlPoint nail{"nail 1", 47.25, 8.5, 402.5, {{"b.jpg", {115.5, 81.5}}}};
+  const ControlPoint second{"2", -47.0, 8.0, std::nullopt, {}};
+  ASSERT_THAT(map.info().control_points, ElementsAre(nail, second));
+
+  const std::filesystem::path out = folder_ / "out/reconstruction.json";
+  std::filesystem::create_directories(out.parent_path());
+  losses_.clear();
+  all_formats().write(map, out, {.log = log()});
+  EXPECT_THAT(losses_, ElementsAre());
+  EXPECT_EQ(all_formats().read(out).info().control_points, map.info().control_points);
+
+  std::filesystem::remove(folder_ / "out/tracks.csv");
+  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { all_formats().write(map, out); }),
+              HasSubstr("ground_control_points.json: is there already"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/tracks.csv"));
+}
+
+TEST_F(OpenSfmTest, ControlPointsOfAListAreReadInWgs84) {
+  folder_.write("gcp_list.txt",
+                "# surveyed\nWGS84\n8.5 47.25 402.5 12.5 40 b.jpg\n\n8.5 47.5 NaN 3 4 c.jpg\n"
+                "8.5 47.25 402.5 7 8\ta.jpg more\n");
+  const ControlPoint both{
+      "unnamed-0", 47.25, 8.5, 402.5, {{"b.jpg", {12.5, 40.0}}, {"a.jpg", {7.0, 8.0}}}};
+  const ControlPoint elsewhere{"unnamed-1", 47.5, 8.5, std::nullopt, {}};
+  EXPECT_THAT(read().info().control_points, ElementsAre(both, elsewhere));
+
+  folder_.write("gcp_list.txt", "WGS84 UTM 32N\n400000 5200000 402.5 12.5 40 b.jpg\n");
+  EXPECT_THAT(read().info().control_points, ElementsAre());
+  EXPECT_THAT(losses_, Contains(HasSubstr("control points in 'WGS84 UTM 32N' are left out")));
+}
+
+TEST_F(OpenSfmTest, BrokenControlPointsAreRefused) {
+  folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 high 12.5 40 b.jpg\n");
+  EXPECT_THAT(refused(), HasSubstr("gcp_list.txt:2: altitude: 'high' is not a number"));
+  folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 402.5 12.5 40\n");
+  EXPECT_THAT(refused(), HasSubstr("gcp_list.txt:2: image: the line ends before it"));
+  folder_.write("gcp_list.txt", "WGS84\n8.5 97.25 402.5 12.5 40 b.jpg\n");
+  EXPECT_THAT(refused(), HasSubstr("control point 'unnamed-0': latitude 97.25 is out of range"));
+  std::filesystem::remove(folder_ / "gcp_list.txt");
+  folder_.write("ground_control_points.json",
+                R"({"points": [{"id": "a", "position": {"latitude": "47", "longitude": 8}}]})");
+  EXPECT_THAT(refused(), HasSubstr("points/0/position/latitude: is of type string"));
+  folder_.write("ground_control_points.json", R"({"points": {}})");
+  EXPECT_THAT(refused(), HasSubstr("ground_control_points.json"));
+}
+
 TEST_F(OpenSfmTest, APlaceThatIsNoneIsRefused) {
   const auto text = [](std::string_view latitude) {
     return fmt::format(

@@ -97,6 +97,16 @@ TEST(GeoReference, PartsOfAMapKeepIt) {
   EXPECT_EQ(with_georeference(map, std::nullopt).info().georeference, std::nullopt);
 }
 
+TEST(ControlPoints, StayWhereTheyAreOnTheEarth) {
+  MapTables tables = testing::plain_tables();
+  tables.info.georeference = GeoReference{kZurich};
+  tables.info.control_points = {{"nail", 47.0, 8.0, 4.0, {{"a.jpg", {1.0, 2.0}}}}};
+  const LandmarkMap map(std::move(tables));
+  const LandmarkMap moved = transformed(map, Similarity3(2.0, Rigid3()));
+  EXPECT_EQ(moved.info().control_points, map.info().control_points);
+  EXPECT_EQ(in_enu_frame(moved).info().control_points, map.info().control_points);
+}
+
 TEST(GeoReference, AMapRefusesWhatIsNone) {
   const auto refused = [](const auto& change) {
     MapTables tables = testing::plain_tables();
@@ -115,6 +125,20 @@ TEST(GeoReference, AMapRefusesWhatIsNone) {
               t.info.georeference->quaternion = {2, 0, 0, 0};
             }),
             "georeference: quaternion of norm 2; expected norm 1 within 1e-3");
+  EXPECT_EQ(refused([](MapTables& t) {
+              t.info.control_points = {{"nail", 47.0, 181.0, std::nullopt, {}}};
+            }),
+            std::string("control point 'nail': longitude 181 is out of range") + kPlace);
+  EXPECT_EQ(refused([](MapTables& t) { t.info.control_points.emplace_back(); }),
+            "control point '': has no name; expected a name");
+  EXPECT_EQ(refused([](MapTables& t) {
+              t.info.control_points = {{"nail", 47.0, 8.0, 4.0, {{"", {1.0, 2.0}}}}};
+            }),
+            "control point 'nail': is seen by an image without a name; expected a name");
+  EXPECT_EQ(refused([](MapTables& t) {
+              t.info.control_points = {{"nail", 47.0, 8.0, 4.0, {{"a.jpg", {1.0, NAN}}}}};
+            }),
+            "control point 'nail': pixel is not finite in 'a.jpg'; expected finite coordinates");
   EXPECT_EQ(refused([](MapTables& t) { t.info.georeference->translation.x() = 2e9; }),
             "georeference: translation (2000000000, 0, 0) is beyond the limit; expected numbers "
             "from -1e9 to 1e9");

@@ -141,6 +141,27 @@ class Checks {
              fmt::format("{} is not a unit vector", text_of(*gravity)), "norm 1 within 1e-3");
     }
     if (tables_.info.georeference) check_georeference(*tables_.info.georeference);
+    for (std::size_t i = 0; i < tables_.info.control_points.size(); ++i) check_control_point(i);
+  }
+
+  void check_control_point(std::size_t row) const {
+    const ControlPoint& point = tables_.info.control_points[row];
+    const auto refuse_it = [&](std::string_view what, std::string_view expected) {
+      refuse(MapColumn::kControlPoints, row, "control point " + printable(point.name), what,
+             expected);
+    };
+    if (point.name.empty()) refuse_it("has no name", "a name");
+    const GeodeticPosition position{point.latitude_deg, point.longitude_deg,
+                                    point.altitude_m.value_or(0.0)};
+    if (const std::string defect = geodetic_defect(position); !defect.empty()) {
+      refuse_it(defect, kExpectedGeodetic);
+    }
+    for (const ControlPoint::View& view : point.views) {
+      if (view.image_name.empty()) refuse_it("is seen by an image without a name", "a name");
+      if (!std::isfinite(view.pixel.u) || !std::isfinite(view.pixel.v)) {
+        refuse_it("pixel is not finite in " + printable(view.image_name), "finite coordinates");
+      }
+    }
   }
 
   void check_georeference(const GeoReference& georeference) const {

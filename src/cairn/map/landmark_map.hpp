@@ -17,6 +17,7 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/control_point.hpp"
 #include "cairn/map/georeference.hpp"
 #include "cairn/map/optional_column.hpp"
 
@@ -36,6 +37,7 @@ struct MapInfo {
   std::optional<std::string> uuid;
   std::vector<std::string> provenance;  ///< steps that produced the map, oldest first
   std::optional<GeoReference> georeference = {};
+  std::vector<ControlPoint> control_points = {};
 };
 
 /// Keyframes in columns. The optional columns are empty or have one entry per frame.
@@ -177,6 +179,7 @@ enum class MapColumn : std::uint8_t {
   kGnss = 30,
   kFurtherOffsets = 31,
   kFurtherDescriptors = 32,
+  kControlPoints = 33,
 };
 
 /// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of

@@ -57,7 +57,7 @@ struct Layout {
   std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
 };
 
-constexpr std::array<Layout, 32> kLayouts = {{
+constexpr std::array<Layout, 33> kLayouts = {{
     {"world frame", Per::kFile, 0},
     {"gravity", Per::kFile, 24},
     {"uuid", Per::kFile, 0},
@@ -90,8 +90,9 @@ constexpr std::array<Layout, 32> kLayouts = {{
     {"GNSS positions", Per::kFrame, 32},
     {"further offsets", Per::kOffset, 8},
     {"further descriptors", Per::kFile, 0},
+    {"control points", Per::kFile, 0},
 }};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kFurtherDescriptors));
+static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kControlPoints));
 
 constexpr std::size_t index_of(MapColumn column) {
   return static_cast<std::size_t>(column) - 1;
@@ -450,6 +451,7 @@ class BinaryReader {
       std::memcpy(info.gravity.emplace().data(), section(MapColumn::kGravity).bytes.data(), 24);
     }
     if (has(MapColumn::kGeoReference)) read_georeference();
+    read_control_points();
     for (Cursor texts(*this, MapColumn::kProvenance); !texts.at_end();) {
       info.provenance.push_back(texts.text("a text"));
       if (info.provenance.back().empty()) {
@@ -470,6 +472,22 @@ class BinaryReader {
     result.scale = load<double>(bytes + 24);
     std::memcpy(result.quaternion.data(), bytes + 32, sizeof result.quaternion);
     std::memcpy(result.translation.data(), bytes + 64, 24);
+  }
+
+  void read_control_points() {
+    for (Cursor bytes(*this, MapColumn::kControlPoints); !bytes.at_end();) {
+      ControlPoint& point = tables_.info.control_points.emplace_back();
+      point.latitude_deg = bytes.number<double>("latitude");
+      point.longitude_deg = bytes.number<double>("longitude");
+      const auto altitude = bytes.number<std::uint64_t>("altitude");
+      if (altitude != kUnknownBits) point.altitude_m = std::bit_cast<double>(altitude);
+      point.name = bytes.text("name");
+      for (auto views = bytes.number<std::uint32_t>("number of images"); views > 0; --views) {
+        const auto u = bytes.number<double>("u");
+        const auto v = bytes.number<double>("v");
+        point.views.push_back({bytes.text("image"), Pixel{u, v}});
+      }
+    }
   }
 
   void read_gnss() {
@@ -676,6 +694,7 @@ class BinaryWriter {
     plan_observations();
     plan_places();
     plan_further_descriptors();
+    plan_control_points();
   }
 
   void write() {
@@ -890,6 +909,31 @@ class BinaryWriter {
   }
 
   // Georeference and GNSS positions.
+  void plan_control_points() {
+    const auto& points = map_.info().control_points;
+    std::uint64_t size = 0;
+    for (const ControlPoint& point : points) {
+      size += 3 * 8 + size_of_text(point.name) + 4;
+      for (const ControlPoint::View& view : point.views) {
+        size += 2 * 8 + size_of_text(view.image_name);
+      }
+    }
+    plan(MapColumn::kControlPoints, size, [this, &points] {
+      for (const ControlPoint& point : points) {
+        put(point.latitude_deg);
+        put(point.longitude_deg);
+        put(point.altitude_m.value_or(kUnknownNumber));
+        put_text(point.name);
+        put(static_cast<std::uint32_t>(point.views.size()));
+        for (const ControlPoint::View& view : point.views) {
+          put(view.pixel.u);
+          put(view.pixel.v);
+          put_text(view.image_name);
+        }
+      }
+    });
+  }
+
   void plan_places() {
     if (const auto& georeference = map_.info().georeference) {
       plan(MapColumn::kGeoReference, 88, [this, &georeference] {

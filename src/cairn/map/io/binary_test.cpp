@@ -399,9 +399,9 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
   expect_refused({
-      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 32"},
-      {uuid_entry(0, 33), at_number + "33 is no section; expected 1 to 32"},
-      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 32", kHuge)},
+      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 33"},
+      {uuid_entry(0, 34), at_number + "34 is no section; expected 1 to 33"},
+      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 33", kHuge)},
       {uuid_entry(0, 2), at_number + "2 (gravity) occurs twice" + once},
       {uuid_entry(0, 1), at_number + "1 (world frame) stands below 2" + once},
       {uuid_entry(8, uuid + 8),
@@ -598,6 +598,14 @@ TEST(ReadBinary, RefusesBrokenFrames) {
       {[](File& f) { f.fill(MapColumn::kTimestamps, kUnknownBits); },
        byte_of(MapColumn::kTimestamps) +
            "timestamps: nothing is known in it; expected the section left out"},
+      {setting(MapColumn::kControlPoints, 0, 91.0),
+       byte_of(MapColumn::kControlPoints) + "control points: control point 'nail 1': latitude 91 "
+                                            "is out of range; expected degrees from "
+                                            "-90 to 90 and -180 to 180, metres from -1e9 to 1e9"},
+      {setting<std::uint32_t>(MapColumn::kControlPoints, 24, 1000),
+       byte_of(MapColumn::kControlPoints, 28) +
+           fmt::format("control points: name: the section ends after {} bytes; expected 1000 bytes",
+                       File(full_map()).size(MapColumn::kControlPoints) - 28)},
       {setting(MapColumn::kGnss, 24, -1.0),
        byte_of(MapColumn::kGnss) + "GNSS positions: frame 7: GNSS accuracy -1; expected a positive "
                                    "number of metres, at most 1e9"},

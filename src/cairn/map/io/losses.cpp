@@ -27,6 +27,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   add(map.info().world_frame.has_value(), "name of the world frame");
   add(map.info().gravity.has_value(), "direction of gravity");
   add(map.info().georeference.has_value() && !holdings.georeference, "georeference");
+  add(!map.info().control_points.empty() && !holdings.control_points,
+      fmt::format("{} control points", map.info().control_points.size()));
   add(map.info().uuid.has_value(), "UUID");
   add(!map.info().provenance.empty(), "provenance");
   add(!holdings.frames && map.frame_count() > 0, fmt::format("{} frames", map.frame_count()));

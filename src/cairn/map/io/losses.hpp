@@ -26,7 +26,8 @@ struct Holdings {
   bool covariances = false;
   bool length_unit = false;
   bool georeference = false;
-  bool gnss = false;                               ///< GNSS positions of frames
+  bool gnss = false;  ///< GNSS positions of frames
+  bool control_points = false;
   std::string_view descriptors = {};               ///< the kind that it can hold; "*": any
   bool further_descriptors = false;                ///< several descriptors of a landmark
   std::span<const std::string_view> columns = {};  ///< names of columns that it can hold

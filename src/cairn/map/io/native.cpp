@@ -573,6 +573,17 @@ class NativeReader {
       refuse_second(info.georeference.has_value(), fields);
       info.georeference = georeference(fields);
       georeference_line_ = line_;
+    } else if (key == "control_point") {
+      info.control_points.push_back(control_point(fields));
+      control_point_lines_.push_back(line_);
+    } else if (key == "control_view") {
+      if (info.control_points.empty()) {
+        fields.refuse_line("no control point stands above", "META control_point before it");
+      }
+      const double u = fields.number("u");
+      const double v = fields.number("v");
+      info.control_points.back().views.push_back(
+          {unescaped(fields.rest("image"), fields), Pixel{u, v}});
     } else if (key == "uuid") {
       refuse_second(info.uuid.has_value(), fields);
       info.uuid = unescaped(fields.rest("uuid"), fields);
@@ -580,7 +591,8 @@ class NativeReader {
       info.provenance.push_back(unescaped(fields.rest("provenance"), fields));
     } else {
       fields.refuse(printable(key) + " is no key",
-                    "length_unit, world_frame, gravity, georeference, uuid or provenance");
+                    "length_unit, world_frame, gravity, georeference, control_point, control_view, "
+                    "uuid or provenance");
     }
   }
 
@@ -602,6 +614,15 @@ class NativeReader {
     const double z = fields.number("tz");
     result.translation = {x, y, z};
     return result;
+  }
+
+  static ControlPoint control_point(Fields& fields) {
+    ControlPoint point;
+    point.latitude_deg = fields.number("latitude");
+    point.longitude_deg = fields.number("longitude");
+    if (!fields.take_unknown()) point.altitude_m = fields.number("altitude");
+    point.name = unescaped(fields.rest("name"), fields);
+    return point;
   }
 
   void read_camera(Fields& fields) {
@@ -878,6 +899,8 @@ class NativeReader {
         return fmt::format("{}:{}: fields 3-5 (x y z)", source_.name(), gravity_line_);
       case MapColumn::kGeoReference:
         return fmt::format("{}:{}", source_.name(), georeference_line_);
+      case MapColumn::kControlPoints:
+        return fmt::format("{}:{}", source_.name(), control_point_lines_[row]);
       case MapColumn::kGnss:
         return fmt::format("{}:{}", source_.name(), gnss_lines_[row]);
       case MapColumn::kQuaternions:
@@ -905,6 +928,7 @@ class NativeReader {
   std::size_t measured_ = 0;  // the same for MEASURED
   std::uint64_t gravity_line_ = 0;
   std::uint64_t georeference_line_ = 0;
+  std::vector<std::uint64_t> control_point_lines_;
   std::vector<std::uint64_t> gnss_lines_;  // one per frame, up to the last with a GNSS record
   RowLines frame_lines_;
   RowLines landmark_lines_;
@@ -972,6 +996,22 @@ class NativeWriter {
     end_line();
   }
 
+  void write_control_point(const ControlPoint& point) {
+    buffer_ += "META control_point";
+    field(point.latitude_deg, point.longitude_deg);
+    if (point.altitude_m) {
+      field(*point.altitude_m);
+    } else {
+      buffer_ += " -";
+    }
+    field(std::string_view(escaped(point.name)));
+    end_line();
+    for (const ControlPoint::View& view : point.views) {
+      line("META", std::string_view("control_view"), view.pixel.u, view.pixel.v,
+           std::string_view(escaped(view.image_name)));
+    }
+  }
+
   void write_head(int version) {
     line("CAIRN", static_cast<std::uint64_t>(version));
     const MapInfo& info = map_.info();
@@ -994,6 +1034,7 @@ class NativeWriter {
       field(georeference->scale, q[0], q[1], q[2], q[3], t.x(), t.y(), t.z());
       end_line();
     }
+    for (const ControlPoint& point : info.control_points) write_control_point(point);
     if (info.uuid) text("uuid", *info.uuid);
     for (const std::string& step : info.provenance) text("provenance", step);
     for (const Camera& camera : map_.cameras()) {
@@ -1160,6 +1201,7 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
   if (info.world_frame) return "the name of the world frame";
   if (info.gravity) return "the direction of gravity";
   if (info.georeference) return "the georeference";
+  if (!info.control_points.empty()) return "the control points";
   if (info.uuid) return "the UUID";
   if (!info.provenance.empty()) return "the provenance";
   if (!map.cameras().empty()) return "the cameras";

@@ -606,8 +606,7 @@ TEST(ReadNative, RefusesBrokenMeta) {
       {meta("META"), fmt::format("desk.map:2: field 2 (key): {}", kMissing)},
       {meta("META colour red"),
        "desk.map:2: field 2 (key): 'colour' is no key; expected length_unit, world_frame, gravity, "
-       "georeference, "
-       "uuid or provenance"},
+       "georeference, control_point, control_view, uuid or provenance"},
       {meta("META length_unit feet"),
        "desk.map:2: field 3 (length_unit): 'feet' is no unit of length; expected metres or free"},
       {meta("META length_unit free free"),
@@ -630,6 +629,13 @@ TEST(ReadNative, RefusesBrokenMeta) {
        "-180 to 180, metres from -1e9 to 1e9"},
       {meta("META georeference 47 8 400 1 1 0 0 0 0 0 0\nMETA georeference 0 0 0 1 1 0 0 0 0 0 0"),
        fmt::format("desk.map:3: {}", kSecond)},
+      {meta("META control_view 1 2 a.jpg"),
+       "desk.map:2: no control point stands above; expected META control_point before it"},
+      {meta("META control_point 47 8 -"), fmt::format("desk.map:2: field 6 (name): {}", kMissing)},
+      {meta("META uuid a\nMETA control_point 47 8 1e10 nail"),
+       "desk.map:3: control point 'nail': altitude 10000000000 is out of range; expected degrees "
+       "from "
+       "-90 to 90 and -180 to 180, metres from -1e9 to 1e9"},
       {meta("META provenance"), fmt::format("desk.map:2: field 3 (provenance): {}", kMissing)},
   });
   for (const std::string_view text : {"%", "a%", "a%2", "%2 b", "%g0", "%0g", "%%25", "100 %"}) {
@@ -810,6 +816,10 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "META world_frame desk\n"
       "META gravity 0 0.6 0.8\n"
       "META georeference 47.37 8.54 408 2.5 0.6 0 0.8000004 0 1 -2 0.1\n"
+      "META control_point 47.3702 8.5401 409.25 nail 1\n"
+      "META control_view 12.5 -0 rgb/1.png\n"
+      "META control_view 0.1 300000 %20b%25.png\n"
+      "META control_point -0 180 - %0a\n"
       "META uuid 123e4567-e89b-12d3-a456-426614174000\n"
       "META provenance made by hand\n"
       "META provenance %20100 %25 of it%0a\n"
@@ -961,6 +971,10 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
       {"the direction of gravity",
        [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0.0, 0.0, -1.0); }},
       {"the georeference", [](MapTables& t) { t.info.georeference = GeoReference(); }},
+      {"the control points",
+       [](MapTables& t) {
+         t.info.control_points = {{"nail", 47.0, 8.0, std::nullopt, {}}};
+       }},
       {"the UUID", [](MapTables& t) { t.info.uuid = "a"; }},
       {"the provenance", [](MapTables& t) { t.info.provenance = {"a"}; }},
       {"the cameras",

@@ -445,6 +445,25 @@ void Fusion::set_observations() {
   }
 }
 
+// A point of one name and place is the same one.
+void add_control_points(const std::vector<ControlPoint>& more, std::vector<ControlPoint>& all) {
+  for (const ControlPoint& point : more) {
+    const auto same = std::find_if(all.begin(), all.end(), [&](const ControlPoint& other) {
+      return other.name == point.name && other.latitude_deg == point.latitude_deg &&
+             other.longitude_deg == point.longitude_deg && other.altitude_m == point.altitude_m;
+    });
+    if (same == all.end()) {
+      all.push_back(point);
+      continue;
+    }
+    for (const ControlPoint::View& view : point.views) {
+      if (std::find(same->views.begin(), same->views.end(), view) == same->views.end()) {
+        same->views.push_back(view);
+      }
+    }
+  }
+}
+
 void Fusion::set_info() {
   const MapInfo& first = maps_.front().map->info();
   MapInfo& info = tables_.info;
@@ -458,6 +477,7 @@ void Fusion::set_info() {
       info.georeference =
           m == 0 ? *theirs.georeference : theirs.georeference->moved(maps_[m].world_from_map);
     }
+    add_control_points(theirs.control_points, info.control_points);
     for (const std::string& line : theirs.provenance) {
       info.provenance.push_back(fmt::format("{}: {}", maps_[m].name, line));
     }

@@ -256,6 +256,29 @@ TEST(FuseMaps, KnowsItsPlaceOnTheEarthFromTheFirstMapThatDoes) {
   EXPECT_NEAR(found.altitude_m, expected.altitude_m, 1e-7);
 }
 
+TEST(FuseMaps, KeepsTheControlPointsOfAllMaps) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 8});
+  const auto with = [](LandmarkMap map, std::vector<ControlPoint> points) {
+    MapTables tables = std::move(map).tables();
+    tables.info.control_points = std::move(points);
+    return LandmarkMap(std::move(tables));
+  };
+  const ControlPoint::View a{"a.jpg", {1.0, 2.0}};
+  const ControlPoint::View b{"b.jpg", {3.0, 4.0}};
+  const ControlPoint nail{"nail", 47.0, 8.0, 400.0, {a}};
+  const ControlPoint higher{"nail", 47.0, 8.0, 401.0, {b}};
+  const ControlPoint cross{"cross", 47.1, 8.0, std::nullopt, {}};
+  const LandmarkMap first = with(pair.target, {nail});
+  const LandmarkMap second = with(pair.source, {cross, {"nail", 47.0, 8.0, 400.0, {b, a}}, higher});
+  const auto points =
+      fuse_maps(std::vector<PlacedMap>{{&first, "target", {}},
+                                       {&second, "source", pair.target_from_source}})
+          .map.info()
+          .control_points;
+  const ControlPoint both{"nail", 47.0, 8.0, 400.0, {a, b}};
+  EXPECT_THAT(points, ::testing::ElementsAre(both, cross, higher));
+}
+
 TEST(FuseMaps, IsTheSameForAnyNumberOfThreads) {
   const Sessions two = sessions(7);
   FusionOptions options;
