@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/memory.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/binary.hpp"
 #include "cairn/map/io/camera_file.hpp"
@@ -70,7 +71,9 @@ void write(const SharedMap& map, const std::filesystem::path& path, const py::kw
 
 template <class Id>
 std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t count) {
-  std::vector<Id> ids(count);
+  std::vector<Id> ids;
+  reserve_populated(ids, count);
+  ids.resize(count);
   if (given.is_none()) {
     for (std::size_t i = 0; i < count; ++i) ids[i] = Id{i};
     return ids;
@@ -117,10 +120,11 @@ void add_further(std::optional<DescriptorColumn>& column, py::handle further, py
 // From an array of n matrices.
 std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count) {
   const auto array = real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3});
-  std::vector<Eigen::Matrix3d> matrices(count);
+  std::vector<Eigen::Matrix3d> matrices;
+  reserve_populated(matrices, count);
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   for (std::size_t i = 0; i < count; ++i)
-    matrices[i] = Eigen::Map<const RowMajor>(array.data() + 9 * i);
+    matrices.emplace_back(Eigen::Map<const RowMajor>(array.data() + 9 * i));
   return matrices;
 }
 

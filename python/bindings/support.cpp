@@ -13,6 +13,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/memory.hpp"
+
 namespace cairn::python {
 namespace {
 
@@ -215,7 +217,10 @@ py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
 
 std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view name) {
   const auto array = real_array(value, name, {-1, 3});
-  std::vector<Eigen::Vector3d> positions(static_cast<std::size_t>(array.shape(0)));
+  const auto count = static_cast<std::size_t>(array.shape(0));
+  std::vector<Eigen::Vector3d> positions;
+  reserve_populated(positions, count);
+  positions.resize(count);
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
   if (!positions.empty()) {
     std::copy_n(array.data(), 3 * positions.size(), positions.front().data());
