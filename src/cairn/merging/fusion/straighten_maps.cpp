@@ -48,8 +48,12 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
   how.seed = options.seed;
   how.execution = options.execution.without_progress();
   std::vector<std::optional<PreparedMap>> prepared(maps.size());
+  // Smaller parts than where the maps are not aligned: the pose is known, and the bend shows in three or more.
   const auto prepare = [&](std::size_t map) -> const PreparedMap& {
-    if (!prepared[map]) prepared[map].emplace(prepared_to_link(*maps[map].map, how));
+    if (!prepared[map]) {
+      prepared[map].emplace(*maps[map].map,
+                            PrepareOptions{.cut = {.landmarks = 300}, .seed = how.seed});
+    }
     return *prepared[map];
   };
   std::vector<std::optional<StraightenedMap>> straight(maps.size());
