@@ -99,7 +99,7 @@ TEST(LookComparison, OfSeveralPartnersTheOneThatLooksMostAlikeCounts) {
 
 // The same landmarks with `count` further descriptors each, of which one in `own` is its own of `cloud`.
 LandmarkCloud with_further(LandmarkCloud cloud, std::size_t count, std::size_t own) {
-  Random random(5);
+  Random random(count);
   DescriptorColumn& column = *cloud.descriptors;
   column.further_offsets.push_back(0);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
