@@ -323,7 +323,7 @@ def pose_errors(estimate, truth, source):
 
 
 class Place:
-    """Models of one place by their names, each with its similarity to the place's true poses."""
+    """Models of one place by their names, and the similarities to the true poses of those that can be judged."""
 
     def __init__(self, name):
         self.name, self.models, self.fits, self.pairs = name, {}, {}, []
@@ -335,11 +335,15 @@ class Place:
                 self.models[part] = model
 
     def fit(self, true_poses, offset=(np.eye(3), np.zeros(3))):
-        for part, model in list(self.models.items()):
-            self.fits[part] = similarity(model.poses, true_poses, offset)
-            if self.fits[part] is None:
-                print(f"{self.name}-{part}: too few cameras have a true pose", file=sys.stderr)
-                del self.models[part]
+        """A model cannot be judged if it is itself farther from the truth than a right pose may be."""
+        for part, model in self.models.items():
+            fit = similarity(model.poses, true_poses, offset)
+            distance = fit and 100 * fit["distance"] / fit["scale"] / model.viewing_distance
+            if fit and fit["deg"] <= RIGHT["rotation_deg"] and 0 <= distance <= RIGHT["displacement_percent"]:
+                self.fits[part] = fit
+                continue
+            what = f"RMS {fit['deg']:.2f} degrees, {distance:.1f} % from the true poses" if fit else "too few true poses"
+            print(f"{self.name}-{part}: COLMAP's model cannot be judged: {what}", file=sys.stderr)
 
 
 def simulated_place(options, environment, seed, layout):
@@ -410,8 +414,8 @@ def own_pairs(options, place):
     for parts in place.pairs:
         names = [f"{place.name}-{part}" for part in parts]
         row = {"kind": "one place", "place": place.name, "source": parts[0], "target": parts[1]}
-        if any(part not in place.models for part in parts):
-            yield row | {"status": "no model"}
+        if any(part not in place.fits for part in parts):
+            yield row | {"status": "no truth"}
             continue
         source, target = (place.models[part] for part in parts)
         if set(source.poses) & set(target.poses):
@@ -421,7 +425,7 @@ def own_pairs(options, place):
         row |= {"truth_rotation_deg": math.hypot(fits[0]["deg"], fits[1]["deg"]),
                 "truth_centre_percent": 100 * math.hypot(*(fit["distance"] / fit["scale"] / model.viewing_distance
                                                            for fit, model in zip(fits, (source, target))))}
-        for descriptors in (True, False):
+        for descriptors in options.descriptors:
             result = align(options, source, target, names, descriptors)
             judged = row | {"descriptors": "SIFT" if descriptors else "none", "status": result["status"],
                             "probability": result["probability"], "seconds": result["duration_s"]}
@@ -445,7 +449,7 @@ def strange_pairs(options, places):
     for (one, part, source), (other, other_part, target) in itertools.combinations(chosen, 2):
         if one == other:
             continue
-        for descriptors in (True, False):
+        for descriptors in options.descriptors:
             result = align(options, source, target, [f"{one}-{part}", f"{other}-{other_part}"], descriptors)
             yield {"kind": "different places", "source": f"{one} {part}", "target": f"{other} {other_part}",
                    "descriptors": "SIFT" if descriptors else "none", "status": result["status"],
@@ -459,6 +463,8 @@ def summary(rows):
     largest = lambda chosen, name: max((row[name] for row in chosen), default=math.nan)
     for descriptors in ("SIFT", "none"):
         own = [row for row in rows if row["kind"] == "one place" and row.get("descriptors") == descriptors]
+        if not own:
+            continue
         strange = [row for row in rows if row["kind"] == "different places" and row["descriptors"] == descriptors]
         accepted = [row for row in own if row["status"] == "aligned"]
         right = [row for row in accepted if row["right"]]
@@ -467,7 +473,7 @@ def summary(rows):
         print("  largest errors of right ones: " + ", ".join(f"{name} {largest(right, name):.2f}" for name in RIGHT))
         print("  uncertainty of the truth, largest: "
               + ", ".join(f"{name} {largest(own, name):.2f}" for name in ("truth_rotation_deg", "truth_centre_percent")))
-    print(f"no model for {sum(row.get('status') == 'no model' for row in rows)} pairs")
+    print(f"pairs without two models that can be judged: {sum(row.get('status') == 'no truth' for row in rows)}")
     for kind in ("merged", "adjusted"):
         merged = [row for row in rows if row.get("merge") == kind]
         if not merged:
@@ -503,6 +509,8 @@ def main():
     parser.add_argument("--strangers", nargs="*", default=["even", "later", "desk-even"],
                         help="sets whose models are aligned with those of other places (default: %(default)s)")
     parser.add_argument("--adjust", action="store_true", help="also merge with --adjust")
+    parser.add_argument("--no-bare", dest="descriptors", action="store_const", const=(True,), default=(True, False),
+                        help="align with descriptors only")
     parser.add_argument("--least-right", type=int, default=0, help="least number of right poses, with descriptors")
     parser.add_argument("--csv", type=pathlib.Path, help="table of all pairs (default: pairs.csv in the work folder)")
     options = parser.parse_args()
