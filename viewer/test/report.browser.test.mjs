@@ -9,8 +9,6 @@ import { drawing, findColor, launch, openReport, reload, settled } from "./suppo
 import { kSamples, writePage } from "./sample.mjs";
 
 const kSourceLight = [0, 158, 115];
-/** For what depends on the width. Elsewhere a view of half the pixels does, which are drawn in software. */
-const kWide = { viewport: { width: 1400, height: 900 } };
 const kPhone = { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, deviceScaleFactor: 2 };
 const folder = mkdtempSync(join(tmpdir(), "cairn-viewer-"));
 let browser;
@@ -615,7 +613,7 @@ const cutOff = (page) =>
 
 for (const [name, width] of [["answer", 1400], ["answer", 390], ["small", 1400], ["small", 390], ["network", 1400], ["network", 390]]) {
   test(`nothing of the ${name} sample is cut off at ${width} pixels`, async () => {
-    await withReport(sampleFile(name), width < 500 ? kPhone : kWide, async ({ page }) => {
+    await withReport(sampleFile(name), width < 500 ? kPhone : {}, async ({ page }) => {
       await scrollThrough(page);
       assert.deepEqual(await cutOff(page), []);
       // Words are not broken where they could stand on a line of their own.
@@ -645,7 +643,7 @@ for (const [name, width] of [["answer", 1400], ["answer", 390], ["small", 1400],
 
 test("the whole figure fits the window, and the slider covers no view", async () => {
   for (const name of ["answer", "network"]) {
-    await withReport(sampleFile(name), kWide, async ({ page }) => {
+    await withReport(sampleFile(name), {}, async ({ page }) => {
       await page.locator("[data-scene]").first().scrollIntoViewIfNeeded();
       await settled(page);
       const places = await page.evaluate(() => {
@@ -668,7 +666,7 @@ test("the whole figure fits the window, and the slider covers no view", async ()
 });
 
 test("without a record there is no empty panel beside the views", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const widths = () => page.evaluate(() => [document.querySelector(".stage").clientWidth, document.querySelector(".scene").clientWidth]);
     const [stage, scene] = await widths();
     assert.ok(stage >= scene - 2, `${stage} of ${scene}`);
@@ -678,7 +676,7 @@ test("without a record there is no empty panel beside the views", async () => {
 });
 
 test("what is switched off looks off, not disabled", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const chip = page.locator("[data-layer=matches]").first();
     const looks = () => chip.evaluate((element) => {
       const style = getComputedStyle(element);
@@ -697,7 +695,7 @@ test("what is switched off looks off, not disabled", async () => {
 });
 
 test("the answer comes first: verdict in words, probability, reason, pose, deviations", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const answer = page.locator(".answer");
     const verdict = answer.locator(".verdict");
     assert.match(await verdict.innerText(), /Aligned[^]*99\.9960 %[^]*412 of 700 landmarks match/);
@@ -725,7 +723,7 @@ test("the answer comes first: verdict in words, probability, reason, pose, devia
 });
 
 test("the pose is copied with all its digits, and the page reads it as given", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const copied = async (name) => {
       await page.locator(".answer").getByRole("button", { name }).click();
       return (await page.evaluate(() => navigator.clipboard.readText())).trim().split(/\s+/).map(Number);
@@ -742,7 +740,7 @@ test("the pose is copied with all its digits, and the page reads it as given", a
 });
 
 test("a candidate is chosen by the keyboard, in the answer or over the view, and both follow", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     await scrollThrough(page);
     await page.locator("[data-scene]").first().scrollIntoViewIfNeeded();
     await settled(page);
@@ -773,7 +771,7 @@ test("a candidate is chosen by the keyboard, in the answer or over the view, and
 });
 
 test("curves start at zero unless another axis is chosen", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     await scrollThrough(page);
     const ticks = () => page.locator("#section-flat .chart-svg g[aria-label='y-axis tick label'] text").allTextContents();
     assert.ok((await ticks()).includes("0"), (await ticks()).join());
@@ -787,7 +785,7 @@ test("curves start at zero unless another axis is chosen", async () => {
 });
 
 test("paper has every chart and view within its width, in light colours, and nothing folded away", async () => {
-  for (const scheme of [kWide, { ...kWide, colorScheme: "dark" }]) {
+  for (const scheme of [{}, { colorScheme: "dark" }]) {
     await withReport(sampleFile("answer"), scheme, async ({ page }) => {
       const theme = await page.getAttribute("html", "data-theme");
       // Neither scrolled to nor drawn before.
@@ -828,7 +826,7 @@ test("paper has every chart and view within its width, in light colours, and not
 });
 
 test("colours of text stand out from what is behind them, in light and dark", async () => {
-  for (const scheme of [kWide, { ...kWide, colorScheme: "dark" }]) {
+  for (const scheme of [{}, { colorScheme: "dark" }]) {
     await withReport(sampleFile("answer"), scheme, async ({ page }) => {
       const low = await page.evaluate(() => {
         const numbers = (color) => color.match(/[\d.]+/g).map(Number);
@@ -858,7 +856,7 @@ test("colours of text stand out from what is behind them, in light and dark", as
 });
 
 test("every control can be reached and pressed without a mouse", async () => {
-  await withReport(sampleFile("answer"), kWide, async ({ page }) => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const wanted = await page.evaluate(() => [...document.querySelectorAll("button, select, input:not([type=radio]), a[href], summary")]
       .filter((element) => element.offsetParent !== null && !element.disabled).length);
     const seen = await page.evaluate(() => window.reached_ = new Set());
@@ -919,7 +917,7 @@ test("without WebGL the page says so and the rest works", async () => {
 });
 
 test("a network: the slider moves maps, and one selection shows in graph, matrix and record", async () => {
-  await withReport(sampleFile("network"), kWide, async ({ page }) => {
+  await withReport(sampleFile("network"), {}, async ({ page }) => {
     await scrollThrough(page);
     await page.evaluate(() => scrollTo({ top: 0, behavior: "instant" }));
     await settled(page);
@@ -967,7 +965,7 @@ test("a network: the slider moves maps, and one selection shows in graph, matrix
 });
 
 test("a click in the 3D view of a network picks a map or a link", async () => {
-  await withReport(sampleFile("network"), kWide, async ({ page }) => {
+  await withReport(sampleFile("network"), {}, async ({ page }) => {
     await page.locator(".pane-surface").first().scrollIntoViewIfNeeded();
     await settled(page);
     const surface = page.locator(".pane-overlay").first();
@@ -981,7 +979,7 @@ test("a click in the 3D view of a network picks a map or a link", async () => {
 });
 
 test("a keyframe of a network is entered, shows what it saw, moves with its map and is left", async () => {
-  await withReport(sampleFile("network"), kWide, async ({ page }) => {
+  await withReport(sampleFile("network"), {}, async ({ page }) => {
     await page.locator(".stage").first().scrollIntoViewIfNeeded();
     await settled(page);
     const outside = await drawing(page);

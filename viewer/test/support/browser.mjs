@@ -17,7 +17,7 @@ const isDriverRemark = (text) => text.includes("GL Driver Message") && text.incl
 /** Opens a report from its file and notes everything a clean page must not do. */
 export async function openReport(browser, path, options = {}) {
   const context = await browser.newContext({
-    viewport: { width: 1000, height: 700 },
+    viewport: { width: 1400, height: 900 },
     acceptDownloads: true,
     permissions: ["clipboard-read", "clipboard-write"],
     ...options,
