@@ -35,6 +35,7 @@ class OrderedResult {
 
   std::size_t size() const { return count_; }
   bool full() const { return count_ == out_.size(); }
+  static void sort() {}  // nanoflann 1.5 calls it; the neighbours are sorted at any time
 
   // The tree drops what is not nearer than this. The margin lets ties through to addPoint, also where
   // the tree's own lower bounds are rounded up.
@@ -88,7 +89,7 @@ std::size_t KdTree::size() const {
 std::size_t KdTree::nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
   if (size() == 0 || out.empty()) return 0;
   OrderedResult result(out);
-  index_->tree.findNeighbors(result, query.data(), nanoflann::SearchParams());
+  index_->tree.findNeighbors(result, query.data(), {});  // of a type that nanoflann 1.5 renamed
   return result.size();
 }
 
