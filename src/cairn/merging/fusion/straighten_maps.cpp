@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cairn/alignment/straightened.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -13,6 +14,8 @@ namespace {
 
 // Least growth of the number of fused landmarks: a smaller bend is within the uncertainty of the parts.
 constexpr double kLeastGain = 1.02;
+// Bends are not measured more exactly; radians.
+constexpr double kLeastBend = radians(1.5);
 
 // Number of landmarks of the source that are fused with one of the target.
 double fused(const LandmarkMap& target, const LandmarkMap& source, const MapLink& link,
@@ -69,7 +72,7 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     if (link.kind != LinkKind::kPlacement) continue;
     std::optional<PartsAlignment> parts = link.parts;
     if (!parts) parts = parts_of_pair(prepare(link.target), prepare(link.source), how);
-    if (!parts || !parts->bend || parts->bend->rotation_rad == 0.0) continue;
+    if (!parts || !parts->bend || parts->bend->rotation_rad < kLeastBend) continue;
     const bool of_source = parts->bend->map == MapRole::kSource;
     const std::size_t bent = of_source ? link.source : link.target;
     if (straight[bent]) continue;

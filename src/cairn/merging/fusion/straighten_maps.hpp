@@ -18,11 +18,11 @@ struct StraightenedMap {
 };
 
 /// Straightens maps that others show to be bent: straightened(). Places the parts of each pair that is aligned as a
-/// whole, too. A map is straightened, by the first of the pairs that shows it to be bent, if at least 2 % more
+/// whole, too. A map is straightened by the first pair that shows it to be bent by 1.5° or more, if at least 2 % more
 /// landmarks can then be fused with the other map of the pair.
 ///
-/// @param links of the maps by index: aligned ones, the most certain first; only those that connect maps which earlier ones do not are
-///        used. Their poses stay those of the straightened maps
+/// @param links aligned ones of the maps by index, the most certain first. Only those that connect maps which earlier
+///        ones do not are used. Their poses stay those of the straightened maps
 /// @return one per map; std::nullopt for a map that stays as it is
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
                                                             std::span<const MapLink> links,
