@@ -506,7 +506,7 @@ def main():
     names = {f"{environment}-{seed}": (environment, seed, layout) for environment, seed, layout in PLACES}
     parser.add_argument("--places", nargs="*", choices=list(names), default=list(names),
                         help="simulated places (default: all)")
-    parser.add_argument("--strangers", nargs="*", default=["even", "later", "desk-even"],
+    parser.add_argument("--strangers", nargs="*", default=["even", "later", "desk-even", "xyz-even", "rpy-even"],
                         help="sets whose models are aligned with those of other places (default: %(default)s)")
     parser.add_argument("--adjust", action="store_true", help="also merge with --adjust")
     parser.add_argument("--no-bare", dest="descriptors", action="store_const", const=(True,), default=(True, False),
