@@ -45,7 +45,7 @@ export async function openReport(browser, path, options = {}) {
 }
 
 function up(page) {
-  return page.waitForSelector("html[data-state=ready], html[data-state=error]", { state: "attached", timeout: 60_000 });
+  return page.waitForSelector("html[data-state=ready], html[data-state=error]", { state: "attached", timeout: 180_000 });
 }
 
 /** Loads an open report anew, as it was when it was opened. */
@@ -71,7 +71,7 @@ export async function settled(page) {
     }
   });
   await page.waitForTimeout(260);
-  await page.waitForFunction(() => document.querySelector("[data-scene]").dataset.drawn === "full", null, { timeout: 60_000 });
+  await page.waitForFunction(() => document.querySelector("[data-scene]").dataset.drawn === "full", null, { timeout: 180_000 });
 }
 
 /** Pixels of a pane that differ from its background, and a number that changes when the picture does. */
