@@ -265,7 +265,8 @@ TEST_F(UsageTest, FrameRangeMustBeOne) {
 TEST_F(UsageTest, OptionsThatTheOutputFormatDoesNotHaveAreRefused) {
   expect_refusal({"convert", "a.map", "b.ply", "--format-version", "1"}, kWrongUsage,
                  {"--format-version", "b.ply"});
-  expect_refusal({"convert", "a.map", "b.map", "--format-version", "3"}, kWrongUsage, {"1 or 2"});
+  expect_refusal({"convert", "a.map", "b.map", "--format-version", "4"}, kWrongUsage,
+                 {"1, 2 or 3"});
   expect_refusal({"convert", "a.map", "b.map", "--ascii"}, kWrongUsage, {"--ascii", "b.map"});
 }
 
