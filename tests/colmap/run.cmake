@@ -18,7 +18,7 @@ if(NOT colmap OR NOT no_numpy EQUAL 0)
 endif()
 file(REMOVE_RECURSE "${WORK}")
 execute_process(COMMAND "${PYTHON}" "${SCRIPT}" --cairn "${CAIRN}" --work "${WORK}" --colmap "${colmap}" --images 15
-                        --places desk-61 --strangers --least-right 1
+                        --places desk-61 --no-bare --strangers --least-right 1
                 RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
 if(NOT result EQUAL 0)
   message(FATAL_ERROR "exit code ${result}\n${output}")
