@@ -390,6 +390,8 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const File intact(full_map());
   const std::uint64_t uuid = intact.begin(MapColumn::kUuid);
   const std::uint64_t checksum = binary(full_map()).size() - 16;
+  const std::uint64_t end = File(full_map()).begin(MapColumn::kControlPoints) +
+                            File(full_map()).size(MapColumn::kControlPoints);
   const std::uint64_t room = checksum - uuid;
   const auto uuid_entry = [](std::uint64_t offset, std::uint64_t value) {
     return [=](File& f) { f.set(f.entry(MapColumn::kUuid) + offset, value); };
@@ -418,7 +420,7 @@ TEST(ReadBinary, RefusesABrokenTable) {
       {[=](File& f) { f.bytes().insert(checksum, 8, '\0'); },
        fmt::format("byte {}: sections: bytes that belong to no section; expected the checksum at "
                    "byte {}",
-                   checksum, checksum)},
+                   end, checksum)},
   });
 }
 

@@ -818,7 +818,7 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
       "META georeference 47.37 8.54 408 2.5 0.6 0 0.8000004 0 1 -2 0.1\n"
       "META control_point 47.3702 8.5401 409.25 nail 1\n"
       "META control_view 12.5 -0 rgb/1.png\n"
-      "META control_view 0.1 300000 %20b%25.png\n"
+      "META control_view 0.1 3e+05 %20b%25.png\n"
       "META control_point -0 180 - %0a\n"
       "META uuid 123e4567-e89b-12d3-a456-426614174000\n"
       "META provenance made by hand\n"
