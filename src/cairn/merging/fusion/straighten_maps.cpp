@@ -14,8 +14,8 @@ namespace {
 
 // Least growth of the number of fused landmarks: a smaller bend is within the uncertainty of the parts.
 constexpr double kLeastGain = 1.02;
-// Bends are not measured more exactly; radians.
-constexpr double kLeastBend = radians(1.5);
+// Parts of a straight mini-map may seem bent by 1.6 degrees.
+constexpr double kLeastBend = radians(2.0);
 
 // Number of landmarks of the source that are fused with one of the target.
 double fused(const LandmarkMap& target, const LandmarkMap& source, const MapLink& link,

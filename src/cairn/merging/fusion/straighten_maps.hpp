@@ -18,7 +18,7 @@ struct StraightenedMap {
 };
 
 /// Straightens maps that others show to be bent: straightened(). Places the parts of each pair that is aligned as a
-/// whole, too. A map is straightened by the first pair that shows it to be bent by 1.5° or more, if at least 2 % more
+/// whole, too. A map is straightened by the first pair that shows it to be bent by 2° or more, if at least 2 % more
 /// landmarks can then be fused with the other map of the pair.
 ///
 /// @param links aligned ones of the maps by index, the most certain first. Only those that connect maps which earlier
