@@ -119,11 +119,6 @@ const AtlasNode& node_named(Atlas& atlas, const AtlasState& state, const std::st
                                           names.size() < state.nodes.size() ? ", ..." : ""));
 }
 
-bool is_used(const AtlasState& state, const AtlasLink& link) {
-  const auto agrees = state.agrees.find(link.id);
-  return link.is_aligned() && agrees != state.agrees.end() && agrees->second;
-}
-
 Link held_link(const AtlasState& state, const AtlasLink& link) {
   return {state.nodes.at(link.source).name, state.nodes.at(link.target).name, map_link(link),
           is_used(state, link)};

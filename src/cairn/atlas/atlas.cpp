@@ -664,6 +664,11 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
   return components.front();
 }
 
+bool is_used(const AtlasState& state, const AtlasLink& link) {
+  const auto agrees = state.agrees.find(link.id);
+  return link.is_aligned() && agrees != state.agrees.end() && agrees->second;
+}
+
 MapLink map_link(const AtlasLink& link) {
   return {.target = 0,
           .source = 0,
@@ -694,8 +699,7 @@ AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitI
                                     chosen.nodes.begin());
   };
   for (const auto& [id, link] : state.links) {
-    const auto agrees = state.agrees.find(id);
-    if (agrees == state.agrees.end() || !agrees->second || !link.is_aligned()) continue;
+    if (!is_used(state, link)) continue;
     if (!std::binary_search(chosen.nodes.begin(), chosen.nodes.end(), link.target)) continue;
     MapLink& used = links.emplace_back(map_link(link));
     used.target = index_of(link.target);

@@ -77,6 +77,9 @@ struct AtlasMergeOptions {
   MergePlacedOptions placed = {};
 };
 
+/// Whether a link is aligned and agreed with the poses when they were last optimised.
+bool is_used(const AtlasState& state, const AtlasLink& link);
+
 /// The link without its maps, whose indices stay 0.
 MapLink map_link(const AtlasLink& link);
 
