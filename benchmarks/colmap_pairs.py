@@ -24,6 +24,7 @@ errors are computed here from what COLMAP reads. Finished steps are kept in the 
 Exit code 1 if a wrong pose is accepted, or fewer right ones than --least-right.
 """
 import argparse
+import contextlib
 import csv
 import itertools
 import json
@@ -32,6 +33,8 @@ import os
 import pathlib
 import re
 import shutil
+import sqlite3
+import struct
 import subprocess
 import sys
 import time
@@ -200,16 +203,33 @@ def project(camera, points):
         r = x * x + y * y
         radial = (1 + r * (k1 + r * (k2 + r * k3))) / (1 + r * (k4 + r * (k5 + r * k6)))
         x, y = (x * radial + 2 * p1 * x * y + p2 * (r + 2 * x * x), y * radial + p1 * (r + 2 * y * y) + 2 * p2 * x * y)
+    elif model == "SIMPLE_RADIAL":
+        radial = 1 + values[3] * (x * x + y * y)
+        x, y, values = x * radial, y * radial, values[[0, 0, 1, 2]]
     elif model != "PINHOLE":
-        sys.exit(f"camera model {model}; expected PINHOLE or FULL_OPENCV")
+        sys.exit(f"camera model {model}; expected PINHOLE, SIMPLE_RADIAL or FULL_OPENCV")
     return np.stack([values[0] * x + values[2], values[1] * y + values[3]], axis=1)
 
 
-def reconstruct(options, name, images, camera):
+def reconstruct(options, name, images, camera, refine=False, alike=None):
     """COLMAP's largest model of these images, with at least half of them; None if it makes none. Their names in the model
-    state sequence and time, so they are alike in all models."""
+    state sequence and time, so they are alike in all models. `refine`: the camera is only where COLMAP begins. `alike`
+    names a model of the same images, whose features and matches are used."""
     folder = options.work / "models" / name
     model, values = camera
+
+    database = ["--database_path", folder / "database.db"]
+    threads = options.threads
+
+    def match_features():
+        run([options.colmap, "feature_extractor", *database, "--image_path", folder / "images",
+             "--ImageReader.single_camera", 1, "--ImageReader.camera_model", model, "--ImageReader.camera_params",
+             ",".join(map(repr, values)), "--SiftExtraction.use_gpu", 0, "--SiftExtraction.num_threads", threads,
+             "--SiftExtraction.first_octave", options.first_octave, "--SiftExtraction.max_num_features",
+             options.features], folder / "extractor.log")
+        run([options.colmap, "sequential_matcher", *database, "--SiftMatching.use_gpu", 0, "--SiftMatching.num_threads",
+             threads, "--SequentialMatching.overlap", 8, "--SequentialMatching.quadratic_overlap", 0],
+            folder / "matcher.log")
 
     def make():
         shutil.rmtree(folder / "images", ignore_errors=True)
@@ -219,19 +239,15 @@ def reconstruct(options, name, images, camera):
         for path in images:
             (folder / "images" / image_name(path)).symlink_to(path.resolve())
         started = time.monotonic()
-        database = ["--database_path", folder / "database.db"]
-        threads = options.threads
-        run([options.colmap, "feature_extractor", *database, "--image_path", folder / "images",
-             "--ImageReader.single_camera", 1, "--ImageReader.camera_model", model, "--ImageReader.camera_params",
-             ",".join(map(repr, values)), "--SiftExtraction.use_gpu", 0, "--SiftExtraction.num_threads", threads,
-             "--SiftExtraction.first_octave", options.first_octave, "--SiftExtraction.max_num_features",
-             options.features], folder / "extractor.log")
-        run([options.colmap, "sequential_matcher", *database, "--SiftMatching.use_gpu", 0, "--SiftMatching.num_threads",
-             threads, "--SequentialMatching.overlap", 8, "--SequentialMatching.quadratic_overlap", 0],
-            folder / "matcher.log")
+        if alike:
+            shutil.copy(options.work / "models" / alike / "database.db", folder / "database.db")
+            set_camera(folder / "database.db", model, values)
+        else:
+            match_features()
         run([options.colmap, "mapper", *database, "--image_path", folder / "images", "--output_path", folder / "sparse",
-             "--Mapper.num_threads", threads, "--Mapper.ba_refine_focal_length", 0, "--Mapper.ba_refine_extra_params",
-             0, "--Mapper.max_extra_param", LARGEST_DISTORTION], folder / "mapper.log", allowed=(0, 1))
+             "--Mapper.num_threads", threads, "--Mapper.ba_refine_focal_length", int(refine),
+             "--Mapper.ba_refine_extra_params", int(refine), "--Mapper.max_extra_param", LARGEST_DISTORTION],
+            folder / "mapper.log", allowed=(0, 1))
         models = {path.name: model_figures(options, path) for path in sorted((folder / "sparse").iterdir())}
         best = max(models, key=lambda part: models[part]["images"], default=None)
         if best is not None and models[best]["images"] * 2 < len(images):
@@ -243,6 +259,14 @@ def reconstruct(options, name, images, camera):
         print(f"{name}: COLMAP registers less than half of the images: {done['models']}", file=sys.stderr)
         return None
     return Model(options, folder / "sparse" / done["part"], folder / "text")
+
+
+def set_camera(database, model, values):
+    """Changes the camera of all images in COLMAP's database."""
+    numbers = {"PINHOLE": 1, "SIMPLE_RADIAL": 2, "FULL_OPENCV": 6}
+    with contextlib.closing(sqlite3.connect(database)) as connection, connection:
+        connection.execute("UPDATE cameras SET model = ?, params = ?",
+                           (numbers[model], struct.pack(f"<{len(values)}d", *values)))
 
 
 def image_name(path):

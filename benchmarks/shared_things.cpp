@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the verdict makes of different places in which one thing stands, and of pairs as they are.
-//   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs]]
+//   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]
 // FOLDER holds sessions as benchmarks/placement_sessions.sh makes them; NUMBERS is "150" or "150-300". "things" (the
 // default) takes two maps of different places and puts into both what two sessions of a third saw
 // within 0.2 to 0.7 m of a landmark: any pose that is aligned is wrong. "pairs" leaves maps as they are,
-// every other pair of one place. One CSV row a pair to stdout.
+// every other pair of one place. "deformed" frees the scale and judges pairs also up to a smooth deformation, both by
+// descriptors alone. One CSV row a pair to stdout.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -17,6 +18,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/deformed.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
@@ -140,39 +142,60 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
   return result;
 }
 
-void tell(const SessionPair& pair, double thing) {
+// The verdict up to a deformation; empty if there clearly is none.
+std::string_view verdict_deformed(const PreparedCloud& source, const PreparedCloud& target,
+                                  const PlacementResult& placed, const PlaceOptions& options) {
+  std::vector<Similarity3> starts;
+  for (const PlacementCandidate& candidate : placed.candidates) {
+    starts.push_back(candidate.similarity());
+  }
+  const DeformablePair pair(source, target);
+  const auto pose = pair.fit(starts);
+  if (!pose || pose->residual > DeformedPose::kClear) return {};
+  return to_string(pair.judge(*pose, options).verdict);
+}
+
+void tell(const SessionPair& pair, double thing, bool deformed) {
   PlaceOptions options;
   options.seed = pair.number;
-  const PlacementResult result = place(pair.source, pair.target, options);
+  if (deformed) {
+    options.scale = ScaleRange();
+    options.search = PoseSearch::kNever;
+  }
+  const PreparedCloud source(pair.source, options.seed);
+  const PreparedCloud target(pair.target, options.seed);
+  const PlacementResult result = PreparedPair(source, target, options).place();
   PoseError error{0.0, 0.0};
   if (pair.same_place() && thing == 0.0 && result.alignment.has_pose()) {
     error = pose_error(result.alignment.target_from_source, pair.truth, pair.source.positions);
   }
   const bool right = pair.same_place() && thing == 0.0 && result.alignment.has_pose() &&
                      degrees(error.rotation_rad) <= 5.0 && error.translation <= 0.05;
-  fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{}\n", pair.number,
+  fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{}\n", pair.number,
              pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
              pair.target.size(), to_string(result.verdict), result.probability,
              degrees(error.rotation_rad), error.translation, right ? 1 : 0, result.around.in_front,
-             result.around.agree, result.around.behind);
+             result.around.agree, result.around.behind,
+             deformed ? verdict_deformed(source, target, result, options) : "");
   std::fflush(stdout);
 }
 
 void run(int argc, char** argv) {
-  if (argc < 3 || argc > 5) {
+  if (argc < 3 || argc > 6) {
     throw Error(ErrorKind::kMisuse, "arguments", std::to_string(argc - 1),
-                "FOLDER NUMBERS [fit|choose|test [things|pairs]]");
+                "FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]");
   }
   const std::string folder = argv[1];
   const auto part = benchmarks::session_part(argc > 3 ? argv[3] : "test");
   const bool things = argc <= 4 || std::string(argv[4]) != "pairs";
+  const bool deformed = argc > 5 && std::string(argv[5]) == "deformed";
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
-      "rotation_deg,translation_m,right,in_front,agree,behind\n");
+      "rotation_deg,translation_m,right,in_front,agree,behind,deformed\n");
   benchmarks::for_each_session_pair(
       folder, benchmarks::pair_numbers(argv[2]), part, [&](const SessionPair& pair) {
-        if (!things) return tell(pair, 0.0);
+        if (!things) return tell(pair, 0.0, deformed);
         if (pair.same_place()) return;
         Random random = Random(pair.number).fork(99);
         const auto thing = draw_thing(sessions, random);
@@ -183,7 +206,8 @@ void run(int argc, char** argv) {
         const auto share = [](const Thing& one, const LandmarkCloud& in) {
           return static_cast<double>(one.cloud.size()) / static_cast<double>(in.size());
         };
-        tell(with, std::min(share((*thing)[0], with.source), share((*thing)[1], with.target)));
+        tell(with, std::min(share((*thing)[0], with.source), share((*thing)[1], with.target)),
+             deformed);
       });
 }
 

@@ -55,6 +55,7 @@ struct AlignArguments {
   bool no_verdict = false;
   bool by_parts = false;
   bool no_parts = false;
+  bool no_deformation = false;
   AlignOptions alignment;  // but for what `options` hold
   std::vector<const CLI::Option*> of_icp_alone;
   std::vector<const CLI::Option*> of_guesses;  // a search has none of these
@@ -182,6 +183,10 @@ void AlignArguments::add_to(CLI::App& command) {
                 "Never align parts (default: if large maps with descriptors are not aligned as a "
                 "whole, their parts are tried)")
       ->excludes(parts);
+  command.add_flag(
+      "--no-deformation", no_deformation,
+      "With --scale: never align up to a smooth deformation (default: with descriptors, "
+      "states it, and aligns maps that fit no other way)");
   command.add_flag("--no-verdict", no_verdict,
                    "Skip the verdict and print the method's pose, which may be wrong");
   for (const char* const name : {"--initial", "--initial-matrix"}) {
@@ -273,6 +278,7 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"parts", by_parts   ? "always"
                     : no_parts ? "never"
                                : "where_refused"},
+          {"deformation", !no_deformation},
           {"min_probability", no_verdict ? Json(nullptr) : Json(alignment.min_probability)},
           {"gravity", gravity},
           {"estimate_scale", estimate_scale},
@@ -617,6 +623,7 @@ int AlignArguments::run_pairs() {
   check_options();
   if (by_parts) alignment.parts = PartsUse::kAlways;
   if (no_parts) alignment.parts = PartsUse::kNever;
+  alignment.deformation = !no_deformation;
   alignment.points = point_options;
   alignment.overlap_radius = options.overlap_radius;
   alignment.seed = common.seed;
@@ -660,6 +667,7 @@ int AlignArguments::run() {
   alignment.judge = !no_verdict;
   if (by_parts) alignment.parts = PartsUse::kAlways;
   if (no_parts) alignment.parts = PartsUse::kNever;
+  alignment.deformation = !no_deformation;
   alignment.points = point_options;
   alignment.overlap_radius = options.overlap_radius;
   alignment.trace = options.trace || !common.report_path.empty();

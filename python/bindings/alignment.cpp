@@ -8,6 +8,7 @@
 
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/placement/probability_text.hpp"
 
 #include "bindings/maps.hpp"
@@ -480,6 +481,24 @@ void bind_candidate(py::module_& module) {
 
 void bind_result(py::module_& module) {
   using Result = AlignmentResult;
+  py::class_<MapDeformation>(module, "MapDeformation",
+                             "Smooth deformation of two maps of free scale against each other.")
+      .def_readonly("matches", &MapDeformation::matches,
+                    "Number of descriptor matches that agree with it.")
+      .def_property_readonly(
+          "rotation_deg", [](const MapDeformation& self) { return degrees(self.rotation_rad); },
+          "Largest rotation between the local poses of two landmarks.")
+      .def_readonly("scale_ratio", &MapDeformation::scale_ratio,
+                    "Largest ratio of their local scales.")
+      .def_readonly(
+          "displacement", &MapDeformation::displacement,
+          "Root mean square distance of the matches under the single pose, in the target's "
+          "unit.")
+      .def("__repr__", [](const MapDeformation& self) {
+        return fmt::format("MapDeformation(rotation_deg={:.2f}, scale_ratio={:.3f}, matches={})",
+                           degrees(self.rotation_rad), self.scale_ratio, self.matches);
+      });
+
   py::class_<Result, SharedAlignment> result(module, "Alignment", "Result of aligning two maps.");
   result
       .def_property_readonly(
@@ -532,6 +551,11 @@ void bind_result(py::module_& module) {
       .def_property_readonly(
           "registration", [](const Result& self) { return self.alignment().registration; },
           "Score, iterations and matches of the estimate.")
+      .def_property_readonly(
+          "deformation", [](const Result& self) { return self.alignment().deformation; },
+          "How the maps are deformed against each other, if they clearly are (with scale=True); "
+          "None "
+          "otherwise.")
       .def_property_readonly(
           "overlap",
           [](const Result& self) { return overlap_of(self.alignment().registration.overlap); },

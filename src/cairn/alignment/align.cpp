@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/by_parts.hpp"
+#include "cairn/alignment/deformed.hpp"
 #include "cairn/alignment/straightened.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -242,40 +243,106 @@ bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
   });
 }
 
-// Makes the pose that the parts agree on the result.
-void take_consensus(const PreparedMap& source, const PreparedMap& target,
-                    const AlignOptions& options, Alignment& alignment) {
-  const PartsAlignment& parts = *alignment.parts;
-  const Similarity3& pose = *parts.target_from_source;
-  RefineOptions held;
-  held.initial = pose.rigid();
-  if (options.scale) held.scale = pose.scale();
-  held.hold = true;
-  held.overlap_radius = options.overlap_radius;
-  if (!held.overlap_radius && alignment.radius > 0.0) held.overlap_radius = alignment.radius;
-  held.execution = options.execution.without_progress();
-  RegistrationResult result = refine(source.cloud(), target.cloud(), held);
+// The result for a pose that is not refined.
+RegistrationResult held(const PreparedMap& source, const PreparedMap& target,
+                        const AlignOptions& options, const Similarity3& pose,
+                        Alignment& alignment) {
+  RefineOptions refinement;
+  refinement.initial = pose.rigid();
+  if (options.scale) refinement.scale = pose.scale();
+  refinement.hold = true;
+  refinement.overlap_radius = options.overlap_radius;
+  if (!refinement.overlap_radius && alignment.radius > 0.0) {
+    refinement.overlap_radius = alignment.radius;
+  }
+  refinement.execution = options.execution.without_progress();
+  RegistrationResult result = refine(source.cloud(), target.cloud(), refinement);
   result.initial_score = alignment.registration.initial_score;
   result.iterations = alignment.registration.iterations;
   result.history = std::move(alignment.registration.history);
   result.unobservable.clear();
-  result.covariance = parts.covariance;
-  result.covariance_with_scale.reset();
-  alignment.registration = std::move(result);
+  return result;
+}
+
+// Makes a pose the aligned one. The candidates for the maps as they are share the remaining probability.
+void take_aligned(const Similarity3& pose, double probability, Alignment& alignment) {
   alignment.verdict = Verdict::kAligned;
-  alignment.reason = fmt::format("{} and agree up to a bend: {}; as a whole: {}", parts_text(parts),
-                                 bend_text(*parts.bend, target.length_unit()), alignment.reason);
-  alignment.probability = parts.probability;
-  // The candidates for the whole maps share the remaining probability.
+  alignment.probability = probability;
   for (PlacementCandidate& candidate : alignment.candidates) {
-    candidate.probability *= 1.0 - parts.probability;
+    candidate.probability *= 1.0 - probability;
   }
   PlacementCandidate own;
   own.target_from_source = pose.rigid();
   own.scale = pose.scale();
-  own.probability = parts.probability;
+  own.probability = probability;
   alignment.candidates.insert(alignment.candidates.begin(), own);
   alignment.estimate = alignment.target_from_source = pose;
+}
+
+// Makes the pose that the parts agree on the result.
+void take_consensus(const PreparedMap& source, const PreparedMap& target,
+                    const AlignOptions& options, Alignment& alignment) {
+  const PartsAlignment& parts = *alignment.parts;
+  RegistrationResult result = held(source, target, options, *parts.target_from_source, alignment);
+  result.covariance = parts.covariance;
+  result.covariance_with_scale.reset();
+  alignment.registration = std::move(result);
+  alignment.reason = fmt::format("{} and agree up to a bend: {}; as a whole: {}", parts_text(parts),
+                                 bend_text(*parts.bend, target.length_unit()), alignment.reason);
+  take_aligned(*parts.target_from_source, parts.probability, alignment);
+}
+
+// "the maps are deformed against each other: directions differ by up to 3.1 deg, lengths by up to 12 % (...)".
+std::string deformation_text(const MapDeformation& deformation) {
+  return fmt::format(
+      "the maps are deformed against each other: directions differ by up to {:.1f} deg, lengths by "
+      "up to {:.0f} % ({} descriptor matches agree)",
+      degrees(deformation.rotation_rad), 100.0 * (deformation.scale_ratio - 1.0),
+      deformation.matches);
+}
+
+void widen(RegistrationResult& result, const Matrix7d& spread) {
+  if (result.covariance) *result.covariance += spread.topLeftCorner<6, 6>();
+  if (result.covariance_with_scale) *result.covariance_with_scale += spread;
+}
+
+// Makes the single pose of deformed maps the result.
+void take_deformed(const PreparedMap& source, const PreparedMap& target,
+                   const AlignOptions& options, const DeformedPose& pose, PlacementResult placed,
+                   Alignment& alignment) {
+  RegistrationResult result = held(source, target, options, pose.target_from_source, alignment);
+  result.covariance = placed.alignment.covariance;
+  result.covariance_with_scale = placed.alignment.covariance_with_scale;
+  widen(result, pose.spread);
+  alignment.registration = std::move(result);
+  alignment.reason = fmt::format("{}; as deformed: {}; undeformed: {}",
+                                 deformation_text(pose.figures), placed.reason, alignment.reason);
+  take_aligned(pose.target_from_source, placed.probability, alignment);
+}
+
+// Maps of free scale, as from images alone, may be deformed: states by how much, and judges them as deformed.
+void judge_deformed(const PreparedMap& source, const PreparedMap& target,
+                    const AlignOptions& options, Alignment& alignment) {
+  if (!alignment.verdict || !options.deformation || !options.scale || options.time_limit_s) return;
+  std::vector<Similarity3> starts;
+  for (const PlacementCandidate& candidate : alignment.candidates) {
+    starts.push_back(candidate.similarity());
+  }
+  const DeformablePair pair(source.cloud(), target.cloud());
+  const std::optional<DeformedPose> found = pair.fit(starts);
+  if (!found || found->residual > DeformedPose::kClear) return;
+  if (alignment.verdict == Verdict::kAligned) {
+    alignment.deformation = found->figures;
+    alignment.reason += "; " + deformation_text(found->figures);
+    widen(alignment.registration, found->spread);
+    return;
+  }
+  PlaceOptions placement = placement_of(options);
+  placement.execution = options.execution.without_progress();
+  PlacementResult placed = pair.judge(*found, placement);
+  if (placed.verdict != Verdict::kAligned || !placed.alignment.covariance) return;
+  alignment.deformation = found->figures;
+  take_deformed(source, target, options, *found, std::move(placed), alignment);
 }
 
 // Judges a result by placing the maps' parts separately.
@@ -390,6 +457,7 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
     const PreparedMap from = prepared(source, options);
     const PreparedMap to = prepared(target, options);
     Alignment alignment = aligned(from.cloud(), to.cloud(), options);
+    judge_deformed(from, to, options, alignment);
     judge_by_parts(from, to, options, alignment);
     return alignment;
   });
@@ -400,6 +468,7 @@ Alignment align(const PreparedMap& source, const PreparedMap& target, const Alig
   require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
   return timed(options, [&] {
     Alignment alignment = aligned(source.cloud(), target.cloud(), options);
+    judge_deformed(source, target, options, alignment);
     judge_by_parts(source, target, options, alignment);
     return alignment;
   });

@@ -52,6 +52,9 @@ struct AlignOptions {
   double prior_odds = 1.0;
   bool one_to_one = false;  ///< kRobust, from a prior pose: match each target landmark at most once
   PartsUse parts = PartsUse::kWhereRefused;  ///< kRobust, for maps
+  /// For maps with descriptors and a free scale: also align them up to a smooth deformation (DeformablePair), and
+  /// state the deformation of aligned ones. No effect with a time limit.
+  bool deformation = true;
   bool judge =
       true;  ///< false: no verdict, and no pose counts as aligned; the result has only the estimate
   /// Work of the search, as a multiple of the default's; from 1/16 to 64.
@@ -90,6 +93,9 @@ struct Alignment {
   double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if not judged
   /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
   std::optional<PartsAlignment> parts;
+  /// How the maps are deformed against each other, if they clearly are; covariances then include the deviations of
+  /// the landmarks' local poses from the single one. std::nullopt if not tested.
+  std::optional<MapDeformation> deformation;
   bool cut_short = false;     ///< the time limit ended the work; see PlacementResult
   bool deterministic = true;  ///< false with a time limit
   double duration_s = 0.0;    ///< wall time of the whole call

@@ -178,6 +178,14 @@ Json parts_json(const std::optional<PartsAlignment>& parts) {
           {"poses", std::move(list)}};
 }
 
+Json deformation_json(const std::optional<MapDeformation>& deformation) {
+  if (!deformation) return nullptr;
+  return {{"matches", deformation->matches},
+          {"rotation_deg", degrees(deformation->rotation_rad)},
+          {"scale_ratio", deformation->scale_ratio},
+          {"displacement", deformation->displacement}};
+}
+
 Json repetition_json(const std::optional<RepeatedMatches>& repetition) {
   if (!repetition) return nullptr;
   return {{"first_iteration", repetition->cycle.first},
@@ -387,6 +395,14 @@ std::optional<PartsAlignment> parts_of(const JsonField& field) {
   return parts;
 }
 
+std::optional<MapDeformation> deformation_of(const JsonField& field) {
+  if (field.is_null()) return std::nullopt;
+  return MapDeformation{.matches = field["matches"].whole(kMostIndices),
+                        .rotation_rad = radians(field["rotation_deg"].number()),
+                        .scale_ratio = field["scale_ratio"].number(),
+                        .displacement = field["displacement"].number()};
+}
+
 void read_counts(const JsonField& field, RegistrationResult& result) {
   const auto count = [](const JsonField& value, std::uint64_t most) {
     return value.is_null() ? 0 : static_cast<int>(value.whole(most));
@@ -490,6 +506,7 @@ AlignmentRecord record_of(const JsonField& field, unsigned version) {
     }
   }
   alignment.parts = parts_of(field["parts"]);
+  alignment.deformation = deformation_of(field["deformation"]);
   if (const JsonField history = field["history"]; !history.is_null()) {
     for (const JsonField& iteration : history.items()) {
       result.history.push_back(iteration_of(iteration, version));
@@ -539,6 +556,7 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
   json["overlap"] = overlap_json(record);
   json["candidates"] = candidates_json(alignment.candidates);
   json["parts"] = parts_json(alignment.parts);
+  json["deformation"] = deformation_json(alignment.deformation);
   // With a limit in seconds, the result depends on the machine's speed.
   json["deterministic"] = alignment.deterministic;
   json["cut_short"] = judged ? Json(alignment.cut_short) : Json(nullptr);

@@ -67,6 +67,19 @@ TEST(AlignmentDocument, IsReadBackWithoutLoss) {
   }
 }
 
+TEST(AlignmentDocument, HoldsTheDeformation) {
+  AlignmentRecord record;
+  EXPECT_FALSE(read_one(to_json(record)).alignment.deformation);
+  record.alignment.deformation =
+      MapDeformation{.matches = 120, .rotation_rad = 0.1, .scale_ratio = 1.25, .displacement = 0.5};
+  const auto read = read_one(to_json(record)).alignment.deformation;
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->matches, 120U);
+  EXPECT_NEAR(read->rotation_rad, 0.1, 1e-15);
+  EXPECT_EQ(read->scale_ratio, 1.25);
+  EXPECT_EQ(read->displacement, 0.5);
+}
+
 TEST(AlignmentDocument, HoldsTheAlignment) {
   const AlignmentRecord record = aligned(AlignMethod::kRobust, true);
   ASSERT_EQ(record.alignment.verdict, Verdict::kAligned);

@@ -48,6 +48,15 @@ struct MapBend {
   double displacement = 0.0;
 };
 
+/// Smooth deformation of two maps of free scale against each other. It does not show which of them is deformed.
+struct MapDeformation {
+  std::size_t matches = 0;    ///< descriptor matches that agree with it
+  double rotation_rad = 0.0;  ///< largest rotation between the local poses of two landmarks
+  double scale_ratio = 1.0;   ///< largest ratio of their scales
+  /// Root mean square distance of the matches under the single pose, in the target's unit.
+  double displacement = 0.0;
+};
+
 /// Result of place_by_parts().
 struct PartsAlignment {
   std::vector<PartPose> parts;  ///< parts of the source first, in the order of their keyframes

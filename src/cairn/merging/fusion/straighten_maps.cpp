@@ -2,9 +2,11 @@
 #include "cairn/merging/fusion/straighten_maps.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <utility>
 
+#include "cairn/alignment/deformed.hpp"
 #include "cairn/alignment/straightened.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
@@ -16,6 +18,7 @@ namespace {
 constexpr double kLeastGain = 1.02;
 // Parts of a straight mini-map may seem bent by 1.6 degrees.
 constexpr double kLeastBend = radians(2.0);
+constexpr double kLeastScaleRatio = 1.02;  // of a deformation that bends less
 
 // Number of landmarks of the source that are fused with one of the target.
 double fused(const LandmarkMap& target, const LandmarkMap& source, const MapLink& link,
@@ -40,6 +43,30 @@ LandmarkMap straightened_for(const LandmarkMap& map, const PartsAlignment& parts
           ? target_from_source.inverse() * *parts.target_from_source
           : target_from_source * parts.target_from_source->inverse();
   return transformed(straightened(map, parts), own_from_straight);
+}
+
+// The source of a link with a free scale, deformed as the target shows; std::nullopt if it clearly is not.
+std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const PreparedMap& source,
+                                          const PreparedMap& target, const MapLink& link) {
+  const auto pose =
+      DeformablePair(source.cloud(), target.cloud()).fit(std::array{*link.target_from_source});
+  if (!pose || pose->residual > DeformedPose::kClear) return std::nullopt;
+  const MapDeformation& figures = pose->figures;
+  if (figures.rotation_rad < kLeastBend && figures.scale_ratio < kLeastScaleRatio) {
+    return std::nullopt;
+  }
+  const std::vector<FrameIndex> order = keyframes_in_order(map);
+  MapBend bend;
+  bend.map = MapRole::kSource;
+  bend.rotation_rad = figures.rotation_rad;
+  bend.displacement = figures.displacement;
+  if (!order.empty()) {
+    bend.first = map.frames().ids[order.front().value];
+    bend.last = map.frames().ids[order.back().value];
+  }
+  const Similarity3 own_from_deformed =
+      link.target_from_source->inverse() * pose->target_from_source;
+  return StraightenedMap{transformed(deformed(map, *pose), own_from_deformed), bend};
 }
 
 }  // namespace
@@ -70,6 +97,15 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     if (joined == group[link.target]) continue;
     std::replace(group.begin(), group.end(), joined, group[link.target]);
     if (link.kind != LinkKind::kPlacement) continue;
+    if (link.covariance_with_scale && !straight[link.source]) {
+      auto mended =
+          undeformed(*maps[link.source].map, prepare(link.source), prepare(link.target), link);
+      if (mended && fused(now(link.target), mended->map, link, options) >=
+                        kLeastGain * fused(now(link.target), now(link.source), link, options)) {
+        straight[link.source] = std::move(mended);
+        continue;
+      }
+    }
     std::optional<PartsAlignment> parts = link.parts;
     if (!parts) parts = parts_of_pair(prepare(link.target), prepare(link.source), how);
     if (!parts || !parts->bend || parts->bend->rotation_rad < kLeastBend) continue;

@@ -21,6 +21,9 @@ struct StraightenedMap {
 /// whole, too. A map is straightened by the first pair that shows it to be bent by 2° or more, if at least 2 % more
 /// landmarks can then be fused with the other map of the pair.
 ///
+/// If a link's scale is free, its source is first deformed as the target shows (DeformablePair), if it clearly is, by 2°
+/// or 2 % of lengths, and if as many more landmarks can then be fused. The bend states the rotations.
+///
 /// @param links aligned ones of the maps by index, the most certain first. Only those that connect maps which earlier
 ///        ones do not are used. Their poses stay those of the straightened maps
 /// @return one per map; std::nullopt for a map that stays as it is

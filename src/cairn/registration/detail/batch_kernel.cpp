@@ -24,7 +24,25 @@ using SignedIndices = hn::RebindToSigned<Floats>;
 using Float = hn::Vec<Floats>;
 using Index = hn::Vec<Indices>;
 using FloatMask = hn::Mask<Floats>;
-using Place = std::array<Float, 3>;
+
+// An array of vectors. Unlike those of std::array and of an aggregate, its functions are compiled for this
+// instruction set; others cannot construct vectors on each processor.
+template <class Vector, std::size_t kCount>
+struct Vectors {
+  Vectors() {}  // NOLINT(modernize-use-equals-default)
+  template <class... Others>
+  Vectors(Vector first, Others... others)  // NOLINT(google-explicit-constructor)
+      : values{first, others...} {}
+
+  Vector& operator[](std::size_t i) { return values[i]; }
+  const Vector& operator[](std::size_t i) const { return values[i]; }
+  Vector* begin() { return values; }
+  Vector* end() { return values + kCount; }
+
+  Vector values[kCount];
+};
+
+using Place = Vectors<Float, 3>;
 
 // A key is a squared distance whose last bits are replaced by the point's place in the leaves that the search
 // has visited. All bits set: no point.
@@ -56,16 +74,16 @@ Float squared_distance(const Place& a, const Place& b) {
 
 Place gather(const Tree& tree, Index places) {
   const auto indices = hn::BitCast(SignedIndices(), places);
-  return {hn::GatherIndex(Floats(), tree.points[0].data(), indices),
-          hn::GatherIndex(Floats(), tree.points[1].data(), indices),
-          hn::GatherIndex(Floats(), tree.points[2].data(), indices)};
+  return Place(hn::GatherIndex(Floats(), tree.points[0].data(), indices),
+               hn::GatherIndex(Floats(), tree.points[1].data(), indices),
+               hn::GatherIndex(Floats(), tree.points[2].data(), indices));
 }
 
 // The candidates of a lane's query in order.
 template <std::size_t kCapacity>
 struct Candidates {
-  std::array<Index, kCapacity> place;
-  std::array<Float, kCapacity> squared;
+  Vectors<Index, kCapacity> place;
+  Vectors<Float, kCapacity> squared;
 
   void measure(const Tree& tree, const Place& query) {
     FloatMask disorder = hn::FirstN(Floats(), 0);
@@ -213,7 +231,7 @@ class Trail {
 // Result of a search; each lane is a query.
 template <std::size_t kCapacity>
 struct Found {
-  std::array<Float, kCapacity> keys;  // ascending
+  Vectors<Float, kCapacity> keys;  // ascending
   std::array<std::uint32_t, kMostLeaves + 1> leaves;
 
   // In the order of their keys.
@@ -246,7 +264,7 @@ bool descend(const Tree& tree, const Place& query, Float bound, Found<kCapacity>
   const Floats d;
   const Indices du;
   const Index distance_bits = hn::Set(du, ~kPointMask);
-  std::array<Float, kCapacity> keys;
+  Vectors<Float, kCapacity> keys;
   for (Float& key : keys) {
     key = hn::BitCast(d, hn::Or(hn::BitCast(du, bound), hn::Set(du, kPointMask)));
   }
