@@ -142,17 +142,26 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
   return result;
 }
 
-// The verdict up to a deformation; empty if there clearly is none.
-std::string_view verdict_deformed(const PreparedCloud& source, const PreparedCloud& target,
-                                  const PlacementResult& placed, const PlaceOptions& options) {
+// The pose and verdict up to a deformation; std::nullopt if there clearly is none.
+std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedCloud& source,
+                                                           const PreparedCloud& target,
+                                                           const PlacementResult& placed,
+                                                           const PlaceOptions& options) {
   std::vector<Similarity3> starts;
   for (const PlacementCandidate& candidate : placed.candidates) {
     starts.push_back(candidate.similarity());
   }
   const DeformablePair pair(source, target);
   const auto pose = pair.fit(starts);
-  if (!pose || pose->residual > DeformedPose::kClear) return {};
-  return to_string(pair.judge(*pose, options).verdict);
+  if (!pose || pose->residual > DeformedPose::kClear) return std::nullopt;
+  return std::pair(pose->target_from_source, pair.judge(*pose, options).verdict);
+}
+
+// Columns of the result up to a deformation: verdict, scale, and the error of its rigid part.
+std::string columns_of(const std::pair<Similarity3, Verdict>& found, const SessionPair& pair) {
+  const PoseError error = pose_error(found.first.rigid(), pair.truth, pair.source.positions);
+  return fmt::format("{},{:.4f},{:.2f},{:.4f}", to_string(found.second), found.first.scale(),
+                     degrees(error.rotation_rad), error.translation);
 }
 
 void tell(const SessionPair& pair, double thing, bool deformed) {
@@ -165,6 +174,7 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   const PreparedCloud source(pair.source, options.seed);
   const PreparedCloud target(pair.target, options.seed);
   const PlacementResult result = PreparedPair(source, target, options).place();
+  const auto found = deformed ? as_deformed(source, target, result, options) : std::nullopt;
   PoseError error{0.0, 0.0};
   if (pair.same_place() && thing == 0.0 && result.alignment.has_pose()) {
     error = pose_error(result.alignment.target_from_source, pair.truth, pair.source.positions);
@@ -175,8 +185,7 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
              pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
              pair.target.size(), to_string(result.verdict), result.probability,
              degrees(error.rotation_rad), error.translation, right ? 1 : 0, result.around.in_front,
-             result.around.agree, result.around.behind,
-             deformed ? verdict_deformed(source, target, result, options) : "");
+             result.around.agree, result.around.behind, found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);
 }
 
@@ -192,7 +201,8 @@ void run(int argc, char** argv) {
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
-      "rotation_deg,translation_m,right,in_front,agree,behind,deformed\n");
+      "rotation_deg,translation_m,right,in_front,agree,behind,deformed,"
+      "deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
       folder, benchmarks::pair_numbers(argv[2]), part, [&](const SessionPair& pair) {
         if (!things) return tell(pair, 0.0, deformed);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -10,7 +11,7 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 
-/// Maps with descriptors, and maps that are bent.
+/// Maps with descriptors, and maps that are bent or deformed.
 namespace cairn::testing {
 
 using Look = std::array<std::uint8_t, 32>;
@@ -84,6 +85,46 @@ inline LandmarkMap bent(const LandmarkMap& map, double degrees_bent) {
     const Eigen::Quaterniond turned = turn(i) * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
     q = {turned.w(), turned.x(), turned.y(), turned.z()};
   }
+  return LandmarkMap(std::move(tables));
+}
+
+// A place that is deformed along x: lengths grow and directions turn steadily.
+class Stretch {
+ public:
+  // Growth of lengths along x, across a map's radius.
+  static constexpr double kGrowth = 0.6;
+
+  explicit Stretch(const LandmarkMap& map) {
+    const auto count = static_cast<double>(map.landmark_count());
+    for (const Eigen::Vector3d& position : map.landmarks().positions) middle_ += position / count;
+    for (const Eigen::Vector3d& position : map.landmarks().positions) {
+      radius_ += (position - middle_).squaredNorm() / count;
+    }
+    radius_ = std::sqrt(radius_);
+  }
+
+  double radius() const { return radius_; }
+  Eigen::Vector3d operator()(const Eigen::Vector3d& x) const {
+    const double along = (x - middle_).x() / radius_;
+    return middle_ + (1.0 + 0.5 * kGrowth * along) *
+                         (rotation_exp(0.2 * along * Eigen::Vector3d::UnitZ()) * (x - middle_));
+  }
+  // The local scale.
+  double scale(const Eigen::Vector3d& x) const {
+    const double growth = kGrowth * (x - middle_).x() / radius_;
+    return std::cbrt((1.0 + growth) * (1.0 + 0.5 * growth) * (1.0 + 0.5 * growth));
+  }
+
+ private:
+  Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
+  double radius_ = 0.0;
+};
+
+inline LandmarkMap deformed_by(const Stretch& stretch, const LandmarkMap& map) {
+  MapTables tables = LandmarkMap(map).tables();
+  for (Eigen::Vector3d& position : tables.landmarks.positions) position = stretch(position);
+  for (Eigen::Vector3d& centre : tables.frames.translations) centre = stretch(centre);
+  tables.info.length_unit = LengthUnit::kFree;
   return LandmarkMap(std::move(tables));
 }
 

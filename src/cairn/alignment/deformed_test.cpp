@@ -12,6 +12,7 @@
 #include "cairn/alignment/align.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/placement/prepared_map.hpp"
 
@@ -20,49 +21,9 @@
 namespace cairn {
 namespace {
 
+using testing::deformed_by;
 using testing::described_pair;
-
-constexpr double kGrowth = 0.6;  // of lengths along x, across a map's radius
-
-Eigen::Vector3d middle_of(const LandmarkMap& map) {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& position : map.landmarks().positions) middle += position;
-  return middle / static_cast<double>(map.landmark_count());
-}
-
-double radius_of(const LandmarkMap& map) {
-  double squares = 0.0;
-  for (const Eigen::Vector3d& position : map.landmarks().positions) {
-    squares += (position - middle_of(map)).squaredNorm();
-  }
-  return std::sqrt(squares / static_cast<double>(map.landmark_count()));
-}
-
-// Lengths and directions change steadily along x.
-struct Truth {
-  explicit Truth(const LandmarkMap& map) : middle(middle_of(map)), radius(radius_of(map)) {}
-
-  // The local scale.
-  double stretch(const Eigen::Vector3d& x) const {
-    const double growth = kGrowth * (x - middle).x() / radius;
-    return std::cbrt((1.0 + growth) * (1.0 + 0.5 * growth) * (1.0 + 0.5 * growth));
-  }
-  Eigen::Vector3d operator()(const Eigen::Vector3d& x) const {
-    const double angle = 0.2 * (x - middle).x() / radius;
-    return middle + (1.0 + 0.5 * kGrowth * (x - middle).x() / radius) *
-                        (Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()) * (x - middle));
-  }
-
-  Eigen::Vector3d middle;
-  double radius;
-};
-
-LandmarkMap deformed_by(const LandmarkMap& map, const Truth& truth) {
-  MapTables tables = LandmarkMap(map).tables();
-  for (Eigen::Vector3d& position : tables.landmarks.positions) position = truth(position);
-  for (Eigen::Vector3d& centre : tables.frames.translations) centre = truth(centre);
-  return LandmarkMap(std::move(tables));
-}
+using testing::Stretch;
 
 AlignOptions of_free_scale() {
   AlignOptions options;
@@ -85,8 +46,8 @@ double median_distance(const LandmarkMap& map, const Similarity3& pose,
 
 TEST(DeformedMaps, AreAlignedAndTheDeformationIsStated) {
   const SyntheticPair pair = described_pair(61);
-  const Truth truth(pair.source);
-  const LandmarkMap source = deformed_by(pair.source, truth);
+  const Stretch truth(pair.source);
+  const LandmarkMap source = deformed_by(truth, pair.source);
   AlignOptions options = of_free_scale();
   options.deformation = false;
   const Alignment rigid = align(source, pair.target, options);
@@ -100,14 +61,14 @@ TEST(DeformedMaps, AreAlignedAndTheDeformationIsStated) {
   ASSERT_TRUE(found.deformation);
   std::vector<double> scales;
   for (const Eigen::Vector3d& x : pair.source.landmarks().positions) {
-    scales.push_back(truth.stretch(x));
+    scales.push_back(truth.scale(x));
   }
   std::sort(scales.begin(), scales.end());
   const std::size_t edge = scales.size() / 20;
   const double ratio = scales[scales.size() - 1 - edge] / scales[edge];
   EXPECT_NEAR(found.deformation->scale_ratio, ratio, 0.2 * (ratio - 1.0));
   // The single pose is that of the middle.
-  EXPECT_LT(median_distance(source, *found.target_from_source, pair), 0.1 * truth.radius);
+  EXPECT_LT(median_distance(source, *found.target_from_source, pair), 0.1 * truth.radius());
   ASSERT_TRUE(found.registration.covariance_with_scale);
   EXPECT_NEAR(std::sqrt((*found.registration.covariance_with_scale)(6, 6)), 0.2, 0.1)
       << "the local scales differ from the single one by so much";
@@ -118,8 +79,8 @@ TEST(DeformedMaps, AreAlignedAndTheDeformationIsStated) {
 
 TEST(DeformedMaps, AreStraightened) {
   const SyntheticPair pair = described_pair(62);
-  const Truth truth(pair.source);
-  const LandmarkMap source = deformed_by(pair.source, truth);
+  const Stretch truth(pair.source);
+  const LandmarkMap source = deformed_by(truth, pair.source);
   const PreparedMap from(source);
   const PreparedMap to(pair.target);
   const DeformablePair both(from.cloud(), to.cloud());
@@ -180,11 +141,11 @@ TEST(DeformedMaps, OfDifferentPlacesDoNotFit) {
   for (int i = 0; i < 50; ++i) {
     const Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(),
                                   random.normal());
-    const Eigen::Vector3d from = middle_of(one);
     const Eigen::Vector3d shift(random.normal(), random.normal(), random.normal());
     const Rigid3 rotation(turn, Eigen::Vector3d::Zero());
-    const Similarity3 start(
-        Rigid3(turn, middle_of(other) - rotation * from + 0.3 * radius_of(other) * shift));
+    const Similarity3 start(Rigid3(turn, centroid(other.landmarks().positions) -
+                                             rotation * centroid(one.landmarks().positions) +
+                                             0.3 * Stretch(other).radius() * shift));
     const auto pose = pair.fit(std::array{start});
     EXPECT_TRUE(!pose || pair.judge(*pose, options).verdict != Verdict::kAligned);
   }
@@ -209,7 +170,7 @@ TEST(DeformedMaps, FitOnlyIfTheMatchesDo) {
 
 TEST(DeformedMaps, AreRefusedBeyondTheLimits) {
   const SyntheticPair pair = described_pair(61);
-  const LandmarkMap deformed_map = deformed_by(pair.source, Truth(pair.source));
+  const LandmarkMap deformed_map = deformed_by(Stretch(pair.source), pair.source);
   const PreparedMap source(deformed_map);
   const PreparedMap target(pair.target);
   const DeformablePair both(source.cloud(), target.cloud());
@@ -236,7 +197,7 @@ TEST(DeformedMaps, NeedDescriptors) {
 
 TEST(DeformedMaps, AreTheSameForAnyNumberOfThreads) {
   const SyntheticPair pair = described_pair(61);
-  const LandmarkMap source = deformed_by(pair.source, Truth(pair.source));
+  const LandmarkMap source = deformed_by(Stretch(pair.source), pair.source);
   AlignOptions options = of_free_scale();
   const Alignment one = align(source, pair.target, options);
   options.execution.executor = Executor(3);

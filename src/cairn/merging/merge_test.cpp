@@ -122,6 +122,21 @@ TEST(Merge, MendsTheFirstMapIfTheSecondShowsItToBeBent) {
   EXPECT_LT(degrees((truth.inverse() * found).angle()), 2.0);
 }
 
+TEST(Merge, UndoesTheDeformationOfAMapOfFreeScale) {
+  const SyntheticPair maps = testing::described_pair(61);
+  const LandmarkMap odd = testing::deformed_by(testing::Stretch(maps.source), maps.source);
+  const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &odd}};
+  const MergeResult result = merge(inputs);
+  ASSERT_EQ(result.placed(), 2U) << result.links[0].reason;
+  ASSERT_TRUE(result.maps[1].bend);
+  EXPECT_FALSE(result.maps[0].bend);
+  MergeOptions options;
+  options.placed.straighten = false;
+  const MergeResult as_it_is = merge(inputs, options);
+  EXPECT_FALSE(as_it_is.maps[1].bend);
+  EXPECT_GT(result.maps[1].fusion->fused, 2 * as_it_is.maps[1].fusion->fused);
+}
+
 TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {
   SyntheticPair maps = pair(2);
   MapTables tables = std::move(maps.source).tables();
