@@ -3,6 +3,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -212,6 +213,34 @@ TEST(OdometryPipeline, CorrectsARollingShutterAfterALostFrame) {
   RecordProperty("whole_mrad", std::to_string(1e3 * whole));
   RecordProperty("bridged_mrad", std::to_string(1e3 * bridged));
   EXPECT_LT(bridged, 1.2 * whole);
+}
+
+// Its speed during the readout is uncertain, and all that is mapped from it would be off by as much.
+TEST(OdometryPipeline, MapsNothingFromARollingShutterJustAfterALostFrame) {
+  const FastTurn turn;
+  constexpr std::size_t kDark = 9;
+  const auto read = [&](std::size_t i) {
+    FrameImages frame = turn.recording(i);
+    if (i == kDark) frame.gray.setTo(0);
+    return frame;
+  };
+  const auto keyframe_times = [&](double readout_s) {
+    MapSequenceOptions options;
+    options.odometry.readout_s = readout_s;
+    options.mini_maps = MiniMapLength{{}, 2, {}};
+    std::set<double> times;
+    for (const LandmarkMap& map : map_with(turn.recording, read, options).maps) {
+      for (std::size_t i = 0; i < map.frame_count(); ++i) {
+        times.insert(map.frames().timestamps_s[i].value());
+      }
+    }
+    return times;
+  };
+  const double after = turn.recording.frames[kDark + 1].timestamp_s;
+  const double next = turn.recording.frames[kDark + 2].timestamp_s;
+  EXPECT_EQ(keyframe_times(FastTurn::kReadout).count(after), 0U);
+  EXPECT_EQ(keyframe_times(FastTurn::kReadout).count(next), 1U);
+  EXPECT_EQ(keyframe_times(0.0).count(after), 1U) << "a mini-map of two frames begins there";
 }
 
 TEST(OdometryPipeline, AWhiteWallIsNothingToBeginWith) {

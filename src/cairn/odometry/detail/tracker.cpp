@@ -85,6 +85,9 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
   report.reprojection_errors = reprojection_errors(frame);
 
   lost_ = false;
+  // After a gap, the motion during the readout is uncertain, and so is the pose.
+  motion_is_certain_ =
+      !(options_.readout_s > 0.0) || !previous_ || previous_->number + 1 == frame.number;
   if (frame.features.has_depth() && wants_keyframe(frame, located->inlier_count)) {
     make_keyframe(frame);
     report.keyframe = true;
@@ -286,6 +289,7 @@ bool Odometry::Tracker::wants_keyframe(const TrackedFrame& frame, std::size_t fo
   const bool thinned = static_cast<double>(found) < 0.7 * static_cast<double>(reference_found_);
   const bool nearly_lost = found < 5 * options_.min_tracked;
   if (nearly_lost) return true;
+  if (!motion_is_certain_) return false;
   return since >= 3 && (is_new_view(moved) || thinned);
 }
 
@@ -354,7 +358,7 @@ std::optional<Rigid3> Odometry::Tracker::last_pose() const {
 }
 
 bool Odometry::Tracker::can_begin_new_map() const {
-  return last_pose().has_value() && can_start_map(previous_->features);
+  return last_pose().has_value() && motion_is_certain_ && can_start_map(previous_->features);
 }
 
 FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {

@@ -68,6 +68,7 @@ class Odometry::Tracker {
   std::optional<Rigid3> motion_;          // previous_from_next, assumed constant
   std::optional<RowMotion> between_;      // mean velocity from the last frame but one to the last
   double between_s_ = 0.0;                // the time between them
+  bool motion_is_certain_ = true;         // of previous_
   std::optional<RowMotion> velocity_;     // at the last frame
   std::uint32_t reference_ = 0;  // keyframe that shares most landmarks with the last tracked frame
   std::size_t reference_found_ = 0;
