@@ -50,7 +50,7 @@ Similarity3 closest_similarity(std::span<const Eigen::Vector3d> from,
       product += weights[i] * arm.dot(to[i] - there);
       square += weights[i] * arm.squaredNorm();
     }
-    if (!(product > 0.0)) return Similarity3(motion);
+    if (!(product > 0.0)) return {1.0, motion};
     const double scale = product / square;
     pose = Similarity3(scale, Rigid3(motion.quaternion(), there - scale * here));
     double mean = 0.0;

@@ -224,11 +224,10 @@ Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version)
   if (version == 1) {
     return in_file(field, [&] { return Similarity3(scale, Rigid3::from_matrix(matrix)); });
   }
-  const Similarity3 rough = in_file(field, [&] { return Similarity3::from_matrix(matrix); });
+  Similarity3 rough = in_file(field, [&] { return Similarity3::from_matrix(matrix); });
   if (parent["quaternion"].is_null()) return rough;
   const auto q = parent["quaternion"].numbers<4>();
-  const Similarity3 exact(scale,
-                          Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), rough.translation()));
+  Similarity3 exact(scale, Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), rough.translation()));
   constexpr double kSame = 1e-9;
   const double difference = (exact.matrix() - matrix).topLeftCorner<3, 3>().norm();
   if (!(difference <= kSame * scale)) field.refuse("the pose of its quaternion and scale");
