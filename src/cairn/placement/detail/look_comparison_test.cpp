@@ -221,14 +221,14 @@ TEST(LookComparison, AnyPartnerMeetsTheSameOthersAndOnlySoMany) {
   source.positions.resize(1);
   source.descriptors->known.resize(1);
   source.descriptors->bytes.assign(kBytes, 0x00);
+  LandmarkCloud target = wall(2);
+  target.positions.resize(kTargets);
+  target.descriptors->known.resize(kTargets);
   // A landmark that looks more like the source than the partner does; the partner wins if it does not meet it.
   const auto not_met_by = [&](std::uint32_t partner) {
     std::vector<std::uint32_t> result;
     for (std::uint32_t rival = 0; rival < kTargets; ++rival) {
       if (rival == partner) continue;
-      LandmarkCloud target = wall(2);
-      target.positions.resize(kTargets);
-      target.descriptors->known.resize(kTargets);
       target.descriptors->bytes.assign(kTargets * kBytes, 0xff);
       std::fill_n(target.descriptors->bytes.begin() + partner * kBytes, kBytes, 0x01);
       std::fill_n(target.descriptors->bytes.begin() + rival * kBytes, kBytes, 0x00);
