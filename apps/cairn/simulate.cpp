@@ -149,6 +149,7 @@ void SimulateArguments::check() {
 }
 
 void SimulateArguments::refuse_existing() const {
+  if (SequenceWriter::left_unfinished(folder)) return;
   for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
     if (std::filesystem::exists(std::filesystem::path(folder) / name)) {
       throw Error(ErrorKind::kMisuse, folder, fmt::format("holds {} already", name),
@@ -262,14 +263,14 @@ int SimulateArguments::run() {
   const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
   const auto ready = std::chrono::steady_clock::now();
 
-  const std::filesystem::path to = folder;
   SequenceWriter writer(
-      to, {.depth_units_per_metre = depth_units_per_metre,
-           .color_format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg});
+      folder, {.depth_units_per_metre = depth_units_per_metre,
+               .color_format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg});
   write(simulator, writer);
-  write_file(to / "groundtruth.txt",
-             [&](const ByteSink& sink) { write_tum_trajectory(simulator.trajectory(), sink); });
-  write_file(to / "camera.yaml", [&](const ByteSink& sink) {
+  writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
+    write_tum_trajectory(simulator.trajectory(), sink);
+  });
+  writer.add_file("camera.yaml", [&](const ByteSink& sink) {
     const auto readout = options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
     sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
   });

@@ -98,6 +98,9 @@ TEST(CalibrationCost, DerivativesOfAllModelsAgreeWithNumericOnes) {
     const Rigid3 pose = random_pose(random);
     const Eigen::Vector3d point = pose * Eigen::Vector3d(0.4, -0.3, 2.0);
     const CalibrationCost cost(camera, {300.0, 200.0}, 0.7);
+    EXPECT_EQ(
+        cost.parameter_block_sizes(),
+        (std::vector<std::int32_t>{7, 3, static_cast<std::int32_t>(camera.parameters.size())}));
     expect_true_derivatives(
         cost, {numbers(pose), {point.x(), point.y(), point.z()}, camera.parameters}, 1e-4);
   }

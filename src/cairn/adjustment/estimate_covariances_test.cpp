@@ -167,6 +167,18 @@ TEST(EstimatedNoise, FindsPixelAndDepthNoise) {
   EXPECT_NEAR(noise.depth_quadratic, 0.006, 0.0006);
 }
 
+TEST(EstimatedNoise, OfFewObservationsIsWhatIsStated) {
+  SyntheticOptions scene = small_scene(4, 1.5, 0.006);
+  scene.landmarks = 4;
+  const LandmarkMap map = synthetic_map(scene);
+  ASSERT_LT(map.observation_count(), 4 * map.frame_count());
+  MeasurementNoise start;
+  start.pixel_px = 0.75;
+  const MeasurementNoise noise = estimated_noise(map, start);
+  EXPECT_EQ(noise.pixel_px, start.pixel_px);
+  EXPECT_EQ(noise.depth_quadratic, start.depth_quadratic);
+}
+
 TEST(MeasurementNoise, NamesTheFieldThatIsWrong) {
   MeasurementNoise noise;
   noise.pixel_px = 0.0;

@@ -27,8 +27,12 @@ TEST(DescriptorAgreement, CountsWhatIsSpreadAndGrowsWithIt) {
             (DescriptorAgreement{300, 9, 8, 0.5}.evidence()));
   EXPECT_LT((DescriptorAgreement{300, 9, 8, 0.5}.evidence()),
             (DescriptorAgreement{300, 9, 9, 0.5}.evidence()));
-  // A few pairs drawn at random do not show that chance gives none at all.
-  EXPECT_TRUE(std::isfinite(DescriptorAgreement{300, 9, 8, 0.0}.evidence()));
+  // A few pairs drawn at random do not show that chance gives none at all: at least a quarter of a match counts.
+  const double of_a_quarter = 8.0 * std::log(8.0 / 0.25) - (8.0 - 0.25);
+  for (const double expected : {0.0, 0.2, 0.25}) {
+    EXPECT_NEAR((DescriptorAgreement{300, 9, 8, expected}.evidence()), of_a_quarter, 1e-12);
+  }
+  EXPECT_LT((DescriptorAgreement{300, 9, 8, 0.3}.evidence()), of_a_quarter);
 }
 
 }  // namespace

@@ -24,6 +24,16 @@ TEST(Likeness, EvidenceIsTheLikelihoodRatioOfTheLikeliestShare) {
   }
 }
 
+TEST(Likeness, CountsAddUpAndAreTakenAway) {
+  Likeness all{10, 4};
+  all += Likeness{3, 1};
+  EXPECT_EQ(all.compared, 13U);
+  EXPECT_EQ(all.alike, 5U);
+  const Likeness rest = all - Likeness{6, 2};
+  EXPECT_EQ(rest.compared, 7U);
+  EXPECT_EQ(rest.alike, 3U);
+}
+
 TEST(Likeness, OfChanceOrLessIsNoEvidence) {
   EXPECT_EQ(Likeness().evidence(), 0.0);
   EXPECT_EQ((Likeness{640, 10}).evidence(), 0.0);

@@ -68,6 +68,11 @@ TEST(Proximity, ChanceIsWhatTheOtherPosesHave) {
   EXPECT_GT(proximity_evidence(right, {}).all, 40.0);
 }
 
+TEST(Proximity, WithoutOtherPosesChanceIsThatOfPointsOnASurface) {
+  Random random(4);
+  EXPECT_LT(proximity_evidence(pairs(0, 1000, 0.04, random), {}).all, 5.0);
+}
+
 TEST(Proximity, OneThingInBothPlacesIsNoSpreadEvidence) {
   Random random(3);
   const Proximity wrong = pairs(0, 2000, 0.04, random);
@@ -80,6 +85,7 @@ TEST(Proximity, OneThingInBothPlacesIsNoSpreadEvidence) {
 
 TEST(Proximity, NoPairsAreNoEvidence) {
   EXPECT_EQ(proximity_evidence(Proximity(), {}).all, 0.0);
+  EXPECT_EQ(proximity_evidence(Proximity(), {}).spread, 0.0);
 }
 
 }  // namespace

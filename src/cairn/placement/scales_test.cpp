@@ -43,6 +43,15 @@ TEST(CloudScales, ExtentDoesNotSeeAFewStrays) {
   EXPECT_NEAR(cloud_extent(cloud), extent, 0.02 * extent);
 }
 
+TEST(CloudScales, AreTheSameWhereverTheCloudIs) {
+  LandmarkCloud cloud = ball(1000, 1.0, 5);
+  const CloudScales here = scales_of(cloud);
+  for (Eigen::Vector3d& position : cloud.positions) position += Eigen::Vector3d(5.0, -3.0, 20.0);
+  const CloudScales there = scales_of(cloud);
+  EXPECT_NEAR(there.extent, here.extent, 1e-9);
+  EXPECT_NEAR(there.spacing, here.spacing, 1e-9);
+}
+
 TEST(CloudScales, NoiseIsAlongOneAxis) {
   LandmarkCloud cloud = ball(500, 1.0, 3);
   cloud.covariances.assign(500, 0.04 * 0.04 * Eigen::Matrix3d::Identity());

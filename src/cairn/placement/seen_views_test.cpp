@@ -37,6 +37,15 @@ Rigid3 shifted(double x, double y) {
   return {Eigen::Quaterniond::Identity(), Eigen::Vector3d(x, y, 0.0)};
 }
 
+TEST(SightCounts, AddUp) {
+  SightCounts counts{.agree = 1, .in_front = 2, .behind = 3};
+  counts += SightCounts{.agree = 10, .in_front = 20, .behind = 30};
+  EXPECT_EQ(counts.agree, 11U);
+  EXPECT_EQ(counts.in_front, 22U);
+  EXPECT_EQ(counts.behind, 33U);
+  EXPECT_EQ(counts.total(), 66U);
+}
+
 TEST(SeenViews, AgreesWhereSurfacesMeet) {
   const SightCounts same = counts(wall(), wall(), Rigid3());
   EXPECT_EQ(same.agree, same.total());

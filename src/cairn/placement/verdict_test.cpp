@@ -133,6 +133,8 @@ TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
   best.support.agreement = DescriptorAgreement{0, 0, 0, 0.0};
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
+  best.support.agreement = DescriptorAgreement{1, 1, 1, 0.5};
+  EXPECT_THAT(verdict_of({best}).reason, HasSubstr("1 of 1 descriptor matches"));
   best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
   EXPECT_THAT(verdict_of({best}).reason,
               HasSubstr("50 of 200 descriptor matches agree with it (1.2 expected by chance)"));

@@ -128,6 +128,42 @@ TEST(SequenceWriter, UnfinishedLeavesNothingOfItsOwn) {
   EXPECT_TRUE(std::filesystem::exists(folder / "s/notes.txt"));
 }
 
+TEST(SequenceWriter, FailingItLeavesNothingOfItsOwn) {
+  const TemporaryFolder folder;
+  {
+    SequenceWriter writer(folder / "s");
+    writer.add(1.0, kColor, DepthImage(32, 24, 1.5F));
+    writer.add_file("camera.yaml", [](const ByteSink& sink) { sink("mine"); });
+    std::filesystem::create_directory(folder / "s/rgb.txt");  // cannot be written over
+    EXPECT_THAT(message_of([&] { writer.finish(); }), HasSubstr("rgb.txt"));
+    EXPECT_TRUE(std::filesystem::exists(folder / "s/depth.txt"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / "s"));
+}
+
+TEST(SequenceWriter, TakesOverWhatAKilledOneLeft) {
+  const TemporaryFolder folder;
+  const DepthImage depth(32, 24, 1.5F);
+  const auto killed = [&] {
+    SequenceWriter writer(folder / "s");
+    writer.add(1.0, kColor, depth);
+    writer.add_file("camera.yaml", [](const ByteSink& sink) { sink("old"); });
+    EXPECT_TRUE(SequenceWriter::left_unfinished(folder / "s"));
+    std::_Exit(::testing::Test::HasFailure() ? 1 : 0);
+  };
+  EXPECT_EXIT(killed(), ::testing::ExitedWithCode(0), "");
+  EXPECT_TRUE(SequenceWriter::left_unfinished(folder / "s"));
+  {
+    SequenceWriter writer(folder / "s");
+    writer.add(1.0, kColor, depth);
+    writer.add_file("camera.yaml", [](const ByteSink& sink) { sink("new"); });
+    writer.finish();
+  }
+  EXPECT_FALSE(SequenceWriter::left_unfinished(folder / "s"));
+  EXPECT_EQ(RgbdSequence(folder / "s").frames().size(), 1U);
+  EXPECT_THROW(SequenceWriter(folder / "s"), Error);
+}
+
 TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {
   const TemporaryFolder folder;
   const DepthImage depth(32, 24, 1.5F);

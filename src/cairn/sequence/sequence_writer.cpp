@@ -18,9 +18,8 @@ namespace {
 
 constexpr int kJpegQuality = 95;
 
-void write_text(const std::filesystem::path& path, std::string_view text) {
-  write_file(path, [&](const ByteSink& sink) { sink(text); });
-}
+// In the folder of a sequence from its first file to its last.
+constexpr std::string_view kUnfinished = ".sequence.cairn-unfinished";
 
 StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre) {
   constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
@@ -47,7 +46,7 @@ SequenceWriter::SequenceWriter(const std::filesystem::path& folder,
                                const SequenceWriterOptions& options)
     : folder_(folder), options_(options) {
   options_.validate();
-  if (std::filesystem::exists(folder / "rgb.txt")) {
+  if (std::filesystem::exists(folder / "rgb.txt") && !left_unfinished(folder)) {
     throw Error(ErrorKind::kMisuse, folder.string(), "holds a sequence already", "a new folder");
   }
   std::error_code ignored;
@@ -61,6 +60,8 @@ SequenceWriter::SequenceWriter(const std::filesystem::path& folder,
       throw Error(ErrorKind::kStorage, part.string(), "cannot be made: " + error.message(), "");
     }
   }
+  write_file(
+      folder / kUnfinished, [](const ByteSink&) {}, Durability::kLater);
 }
 
 SequenceWriter::~SequenceWriter() {
@@ -70,6 +71,8 @@ SequenceWriter::~SequenceWriter() {
     std::filesystem::remove(folder_ / entry.color, ignored);
     std::filesystem::remove(folder_ / entry.depth, ignored);
   }
+  for (const auto& file : files_) std::filesystem::remove(file, ignored);
+  std::filesystem::remove(folder_ / kUnfinished, ignored);
   // Removes only empty folders; keeps other files.
   for (const auto& made : made_) std::filesystem::remove(made, ignored);
 }
@@ -99,6 +102,12 @@ void SequenceWriter::add(double timestamp_s, const ColorImage& color, const Dept
             Durability::kLater);
 }
 
+void SequenceWriter::add_file(const std::string& name,
+                              const std::function<void(const ByteSink&)>& write) {
+  files_.push_back(folder_ / name);
+  write_file(files_.back(), write);
+}
+
 void SequenceWriter::finish() {
   const std::lock_guard lock(mutex_);
   std::sort(entries_.begin(), entries_.end(),
@@ -111,9 +120,21 @@ void SequenceWriter::finish() {
   }
   // Writes the images to the disk before the lists that name them.
   sync_files(folder_);
-  write_text(folder_ / "depth.txt", depth_list);
-  write_text(folder_ / "rgb.txt", color_list);
+  add_file("depth.txt", [&](const ByteSink& sink) { sink(depth_list); });
+  add_file("rgb.txt", [&](const ByteSink& sink) { sink(color_list); });
+  const std::filesystem::path unfinished = folder_ / kUnfinished;
+  std::error_code error;
+  std::filesystem::remove(unfinished, error);
+  if (error) {
+    throw Error(ErrorKind::kStorage, unfinished.string(), "cannot be deleted: " + error.message(),
+                "");
+  }
   finished_ = true;
+}
+
+bool SequenceWriter::left_unfinished(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  return std::filesystem::exists(folder / kUnfinished, ignored);
 }
 
 }  // namespace cairn

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <vector>
 
+#include "cairn/core/file.hpp"
 #include "cairn/sequence/image.hpp"
 
 namespace cairn {
@@ -26,7 +28,8 @@ struct SequenceWriterOptions {
 
 /// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
 /// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
-/// removes what it wrote.
+/// removes what it wrote. A killed process leaves a hidden file in the folder, and the next writer takes the
+/// folder over.
 class SequenceWriter {
  public:
   /// Creates the folder.
@@ -42,8 +45,14 @@ class SequenceWriter {
   /// @throws Error (storage) naming the file; (misuse) for images of different sizes, or a timestamp that
   ///        was added before, to the microsecond
   void add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m);
+  /// Writes another file of the sequence into its folder, over one of that name. Not thread-safe.
+  /// @throws Error (storage) naming the file
+  void add_file(const std::string& name, const std::function<void(const ByteSink&)>& write);
   /// Writes the lists, in the order of time.
   void finish();
+
+  /// Whether a writer was killed before it had finished the sequence in this folder.
+  static bool left_unfinished(const std::filesystem::path& folder);
 
  private:
   struct Entry {
@@ -58,6 +67,7 @@ class SequenceWriter {
   std::vector<std::filesystem::path> made_;  // created folders, innermost first
   std::mutex mutex_;
   std::vector<Entry> entries_;
+  std::vector<std::filesystem::path> files_;  // other than images
   bool finished_ = false;
 };
 

@@ -2,12 +2,17 @@
 #include "cairn/core/detail/task_arena.hpp"
 
 #include <algorithm>
+#include <stdexcept>
+#include <string_view>
 #include <vector>
 
+#include <fmt/format.h>
 #include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
+
+#include "cairn/core/error.hpp"
 
 #ifdef CAIRN_THREAD_SANITIZER
 #include <sanitizer/tsan_interface.h>
@@ -62,6 +67,19 @@ class Turn {
   char* order_;
 };
 
+// TBB starts its threads when it first has work for them. If the system refuses one, TBB throws std::runtime_error.
+template <class Work>
+void execute(tbb::task_arena& arena, const Work& work) {
+  try {
+    arena.execute(work);
+  } catch (const std::runtime_error& error) {
+    if (!std::string_view(error.what()).starts_with("pthread_create")) throw;
+    throw Error(ErrorKind::kStorage, "threads",
+                fmt::format("the operating system cannot start another ({})", error.what()),
+                "fewer threads");
+  }
+}
+
 }  // namespace
 
 struct TaskArena::Arena {
@@ -83,8 +101,8 @@ void TaskArena::for_each(std::size_t count, const std::function<void(std::size_t
     body(i);
   };
   const LoopOrder loop_order;
-  arena_->arena.execute(
-      [&] { tbb::parallel_for(std::size_t{0}, count, ordered, tbb::simple_partitioner{}); });
+  execute(arena_->arena,
+          [&] { tbb::parallel_for(std::size_t{0}, count, ordered, tbb::simple_partitioner{}); });
 }
 
 void TaskArena::in_order(std::size_t count, std::size_t ahead,
@@ -114,7 +132,7 @@ void TaskArena::in_order(std::size_t count, std::size_t ahead,
         use(i);
       });
   const LoopOrder loop_order;
-  arena_->arena.execute([&] { tbb::parallel_pipeline(ahead, number & making & using_up); });
+  execute(arena_->arena, [&] { tbb::parallel_pipeline(ahead, number & making & using_up); });
 }
 
 }  // namespace cairn

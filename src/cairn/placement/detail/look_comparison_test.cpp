@@ -158,6 +158,13 @@ TEST(LookComparison, IsPossibleOnlyWhereMostDescriptorsAreKnownAndOfOneKind) {
   expect_possible(few, true);
   for (std::size_t i = 1; i < kCount; i += 3) few.descriptors->known[i] = 0;
   expect_possible(few, false);
+  const auto with_known_of_five = [](std::size_t known) {
+    LandmarkCloud part = wall(2);
+    for (std::size_t i = 0; i < kCount; ++i) part.descriptors->known[i] = i % 5 < known ? 1 : 0;
+    return part;
+  };
+  expect_possible(with_known_of_five(3), true);
+  expect_possible(with_known_of_five(2), false);
 }
 
 // Of small maps too, where many a partner is among the others that its source is compared with.
@@ -186,6 +193,55 @@ TEST(LookComparison, NeedsMoreDescriptorsThanItComparesWith) {
     }
     EXPECT_NEAR(static_cast<double>(by_chance) / kCount, kChance,
                 5.0 * std::sqrt(kChance / kCount));
+  }
+}
+
+// The others are drawn from the whole map, not from landmarks that stand one behind another in it.
+TEST(LookComparison, ComparesWithOthersFromTheWholeMap) {
+  LandmarkCloud source = wall(1);
+  LandmarkCloud target = wall(2);
+  for (std::uint8_t& byte : source.descriptors->bytes) byte &= 0x0f;
+  // The first half looks somewhat like the source, the second does not.
+  for (std::size_t i = 0; i < kCount * kBytes; ++i) {
+    std::uint8_t& byte = target.descriptors->bytes[i];
+    byte = static_cast<std::uint8_t>(i < kCount * kBytes / 2 ? byte & 0x0f : byte | 0xf0);
+  }
+  const LookComparison looks(CentredPair(source, target), kCount, Random(1));
+  Likeness likeness;
+  for (std::uint32_t i = 0; i < kCount / 2; ++i) {
+    likeness += {1, alike(looks, i, {i}).value() ? 1U : 0U};
+  }
+  EXPECT_LT(static_cast<double>(likeness.alike) / static_cast<double>(likeness.compared), 0.1);
+}
+
+TEST(LookComparison, AnyPartnerMeetsTheSameOthersAndOnlySoMany) {
+  // One landmark more than the partner and the others.
+  constexpr std::uint32_t kTargets = kOthers + 2;
+  LandmarkCloud source = wall(1);
+  source.positions.resize(1);
+  source.descriptors->known.resize(1);
+  source.descriptors->bytes.assign(kBytes, 0x00);
+  LandmarkCloud target = wall(2);
+  target.positions.resize(kTargets);
+  target.descriptors->known.resize(kTargets);
+  // A landmark that looks more like the source than the partner does; the partner wins if it does not meet it.
+  const auto not_met_by = [&](std::uint32_t partner) {
+    std::vector<std::uint32_t> result;
+    for (std::uint32_t rival = 0; rival < kTargets; ++rival) {
+      if (rival == partner) continue;
+      target.descriptors->bytes.assign(kTargets * kBytes, 0xff);
+      std::fill_n(target.descriptors->bytes.begin() + partner * kBytes, kBytes, 0x01);
+      std::fill_n(target.descriptors->bytes.begin() + rival * kBytes, kBytes, 0x00);
+      const LookComparison looks(CentredPair(source, target), 1, Random(1));
+      if (alike(looks, 0, {partner}).value()) result.push_back(rival);
+    }
+    return result;
+  };
+  const std::vector<std::uint32_t> not_met = not_met_by(0);
+  ASSERT_EQ(not_met.size(), 1U);
+  for (const std::uint32_t partner : {1U, 7U, 20U, 33U, kTargets - 2, kTargets - 1}) {
+    if (partner == not_met.front()) continue;
+    EXPECT_EQ(not_met_by(partner), not_met) << partner;
   }
 }
 

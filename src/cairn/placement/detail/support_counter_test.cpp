@@ -2,7 +2,9 @@
 #include "cairn/placement/detail/support_counter.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -51,6 +53,8 @@ TEST(SupportCounter, OfACloudAndItselfIsWhole) {
   EXPECT_DOUBLE_EQ(all.share, 1.0);
   EXPECT_GT(all.evidence, 1000.0);
   EXPECT_GT(all.spread_evidence, 0.8 * all.evidence);
+  // No more than if all were certain to be the same, for the least probability of a distance that counts.
+  EXPECT_LT(all.evidence, 1000.0 * std::log(0.5 / std::sqrt(1e-6)));
 }
 
 TEST(SupportCounter, IsTheSameWhateverTheSourcesUnit) {
@@ -118,6 +122,28 @@ TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
   EXPECT_EQ(beside(0.6).within[1], 0U);
   EXPECT_EQ(beside(0.6).matches(), 100U);
   EXPECT_EQ(beside(1.1).matches(), 0U);
+}
+
+TEST(SupportCounter, TellsTheDistanceOfEachPairInSpacings) {
+  LandmarkCloud grid;
+  for (int i = 0; i < 100; ++i) grid.positions.emplace_back(0.2 * (i % 10), 0.2 * (i / 10), 0.0);
+  const auto counts = [&](double shift) {
+    LandmarkCloud other = grid;
+    for (Eigen::Vector3d& position : other.positions) position.z() += shift;
+    const PreparedCloud from(grid);
+    const PreparedCloud to(other);
+    Proximity proximity;
+    SupportCounter(from, to, 1000, Random(1))(
+        CentredPair(from.centred(), to.centred()).centred(Similarity3()), kRadius, &proximity);
+    return proximity.counts();
+  };
+  // The eighth neighbour is 0.28 away or more.
+  const auto close = counts(0.002);
+  EXPECT_EQ(close.front(), 100.0);
+  // Beyond the radius, too.
+  const auto far = counts(0.1);
+  EXPECT_EQ(std::accumulate(far.begin(), far.end(), 0.0), 100.0);
+  EXPECT_EQ(far.front(), 0.0);
 }
 
 // The probability is of evidence a match: both have to be of the landmarks looked at.

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/atlas/detail/change_log.hpp"
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+
+#include "support/atlas_state.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::link_of;
+using testing::node_of;
+using testing::pose_of;
+
+TEST(RowValues, KeepTheLastValueOfEachObjectByKind) {
+  RowValues values;
+  EXPECT_TRUE(values.apply({kNode, 1, 10}));
+  EXPECT_TRUE(values.apply({kLink, 1, 20}));
+  EXPECT_TRUE(values.apply({kPose, 1, 30}));
+  EXPECT_TRUE(values.apply({kAgrees, 1, 0}));
+  EXPECT_TRUE(values.apply({kNode, 2, 11}));
+  EXPECT_TRUE(values.apply({kNode, 1, 12}));
+  EXPECT_TRUE(values.apply({kNode, 2, {}}));
+  EXPECT_FALSE(values.apply({0, 1, 1}));
+  EXPECT_FALSE(values.apply({5, 1, 1}));
+  using Values = std::map<std::uint64_t, std::uint64_t>;
+  EXPECT_EQ(values.nodes, (Values{{1, 12}}));
+  EXPECT_EQ(values.links, (Values{{1, 20}}));
+  EXPECT_EQ(values.poses, (Values{{1, 30}}));
+  EXPECT_EQ(values.agrees, (Values{{1, 0}}));
+}
+
+TEST(CommitDigest, ChangesWithEveryField) {
+  const AtlasCommit commit{CommitId{3}, 1000, "ann", "host", "add", "text", {}, CommitId{2}};
+  const std::vector<RowChange> changes = {{kNode, 7, 8}};
+  std::set<std::string> digests = {commit_digest(commit, changes)};
+  const auto with = [&](auto change) {
+    AtlasCommit other = commit;
+    change(other);
+    digests.insert(commit_digest(other, changes));
+  };
+  with([](AtlasCommit& c) { c.id = CommitId{4}; });
+  with([](AtlasCommit& c) { c.time_ms = 1001; });
+  with([](AtlasCommit& c) { c.author = "bob"; });
+  with([](AtlasCommit& c) { c.host = "guest"; });
+  with([](AtlasCommit& c) { c.verb = "link"; });
+  with([](AtlasCommit& c) { c.text = "other"; });
+  with([](AtlasCommit& c) { c.undoes = CommitId{1}; });
+  with([](AtlasCommit& c) { c.undoes = CommitId{0}; });
+  with([](AtlasCommit& c) { c.run = CommitId{3}; });
+  // The same letters in other fields.
+  with([](AtlasCommit& c) { c.author = "annhost", c.host = ""; });
+  for (const RowChange& change :
+       {RowChange{kLink, 7, 8}, {kNode, 9, 8}, {kNode, 7, 9}, {kNode, 7, 0}, {kNode, 7, {}}}) {
+    digests.insert(commit_digest(commit, std::vector{change}));
+  }
+  digests.insert(commit_digest(commit, {}));
+  EXPECT_EQ(digests.size(), 17U);
+  EXPECT_EQ(commit_digest(commit, changes), commit_digest(commit, changes));
+}
+
+// Two maps, a link and the poses of both.
+AtlasState sound() {
+  AtlasState state;
+  for (std::uint64_t i : {1U, 2U}) {
+    state.nodes[NodeId{i}] = node_of(i, "map " + std::to_string(i));
+    state.poses[NodeId{i}] = pose_of(i, 1);
+  }
+  state.links[AtlasLinkId{1}] = link_of(1, 1, 2);
+  state.agrees[AtlasLinkId{1}] = true;
+  return state;
+}
+
+TEST(CheckState, RefusesByNameWhatIsNotWhole) {
+  EXPECT_NO_THROW(check_state(sound(), "town"));
+  const auto expect_refused = [](auto change, const std::string& reason) {
+    AtlasState state = sound();
+    change(state);
+    try {
+      check_state(state, "town");
+      ADD_FAILURE() << "not refused: " << reason;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
+      EXPECT_THAT(error.what(), HasSubstr("town"));
+      EXPECT_THAT(error.what(), HasSubstr(reason));
+    }
+  };
+  expect_refused([](AtlasState& s) { s.nodes.at(NodeId{2}).name = ""; }, "map 2 has no name");
+  expect_refused([](AtlasState& s) { s.nodes.at(NodeId{2}).name = "map 1"; },
+                 "two maps called 'map 1'");
+  expect_refused([](AtlasState& s) { s.links.at(AtlasLinkId{1}).source = NodeId{1}; },
+                 "a map with itself");
+  expect_refused([](AtlasState& s) { s.links.at(AtlasLinkId{1}).source = NodeId{3}; },
+                 "link 1 is of map 3");
+  expect_refused([](AtlasState& s) { s.links.at(AtlasLinkId{1}).target = NodeId{4}; },
+                 "link 1 is of map 4");
+  expect_refused([](AtlasState& s) { s.poses.at(NodeId{2}).frame = NodeId{3}; }, "map 2");
+  expect_refused([](AtlasState& s) { s.poses[NodeId{5}] = pose_of(5, 1); }, "map 5");
+  expect_refused([](AtlasState& s) { s.agrees[AtlasLinkId{2}] = true; }, "agreement");
+}
+
+TEST(ApplyChanges, ReplacesAndRemovesEachKind) {
+  AtlasState state = sound();
+  AtlasChanges changes;
+  changes.nodes = {node_of(2, "renamed"), node_of(3, "map 3")};
+  changes.links = {link_of(2, 1, 3)};
+  changes.poses = {pose_of(2, 3)};
+  changes.agrees = {{AtlasLinkId{2}, false}};
+  changes.removed_nodes = {NodeId{1}};
+  changes.removed_links = {AtlasLinkId{1}};
+  changes.removed_poses = {NodeId{1}};
+  changes.removed_agrees = {AtlasLinkId{1}};
+  apply(changes, state);
+  EXPECT_EQ(state.nodes.size(), 2U);
+  EXPECT_EQ(state.nodes.at(NodeId{2}).name, "renamed");
+  EXPECT_EQ(state.nodes.at(NodeId{3}).name, "map 3");
+  EXPECT_EQ(state.links.size(), 1U);
+  EXPECT_EQ(state.links.at(AtlasLinkId{2}).source, NodeId{3});
+  EXPECT_EQ(state.poses.size(), 1U);
+  EXPECT_EQ(state.poses.at(NodeId{2}).frame, NodeId{3});
+  EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{AtlasLinkId{2}, false}}));
+}
+
+// Undoing restores what an earlier commit removed: removal comes first.
+TEST(ApplyChanges, WhatIsBothRemovedAndSetIsThere) {
+  AtlasState state = sound();
+  AtlasChanges changes;
+  changes.removed_nodes = {NodeId{2}};
+  changes.nodes = {node_of(2, "again")};
+  apply(changes, state);
+  EXPECT_EQ(state.nodes.at(NodeId{2}).name, "again");
+}
+
+}  // namespace
+}  // namespace cairn
