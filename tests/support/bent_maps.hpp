@@ -92,9 +92,10 @@ inline LandmarkMap bent(const LandmarkMap& map, double degrees_bent) {
 class Stretch {
  public:
   // Growth of lengths along x, across a map's radius.
-  static constexpr double kGrowth = 0.6;
+  static constexpr double kGrowth = 0.3;
 
-  explicit Stretch(const LandmarkMap& map) {
+  // @param factor of the deformation
+  explicit Stretch(const LandmarkMap& map, double factor = 1.0) : factor_(factor) {
     const auto count = static_cast<double>(map.landmark_count());
     for (const Eigen::Vector3d& position : map.landmarks().positions) middle_ += position / count;
     for (const Eigen::Vector3d& position : map.landmarks().positions) {
@@ -105,19 +106,20 @@ class Stretch {
 
   double radius() const { return radius_; }
   Eigen::Vector3d operator()(const Eigen::Vector3d& x) const {
-    const double along = (x - middle_).x() / radius_;
+    const double along = factor_ * (x - middle_).x() / radius_;
     return middle_ + (1.0 + 0.5 * kGrowth * along) *
-                         (rotation_exp(0.2 * along * Eigen::Vector3d::UnitZ()) * (x - middle_));
+                         (rotation_exp(0.1 * along * Eigen::Vector3d::UnitZ()) * (x - middle_));
   }
   // The local scale.
   double scale(const Eigen::Vector3d& x) const {
-    const double growth = kGrowth * (x - middle_).x() / radius_;
+    const double growth = factor_ * kGrowth * (x - middle_).x() / radius_;
     return std::cbrt((1.0 + growth) * (1.0 + 0.5 * growth) * (1.0 + 0.5 * growth));
   }
 
  private:
   Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
   double radius_ = 0.0;
+  double factor_;
 };
 
 inline LandmarkMap deformed_by(const Stretch& stretch, const LandmarkMap& map) {

@@ -333,8 +333,15 @@ void judge_deformed(const PreparedMap& source, const PreparedMap& target,
   if (!found || found->residual > DeformedPose::kClear) return;
   if (alignment.verdict == Verdict::kAligned) {
     alignment.deformation = found->figures;
-    alignment.reason += "; " + deformation_text(found->figures);
     widen(alignment.registration, found->spread);
+    if (found->is_small) {
+      alignment.reason += "; " + deformation_text(found->figures);
+      return;
+    }
+    alignment.verdict = Verdict::kAmbiguous;
+    alignment.target_from_source.reset();
+    alignment.reason = fmt::format("no single pose fits, because {}; {}",
+                                   deformation_text(found->figures), alignment.reason);
     return;
   }
   PlaceOptions placement = placement_of(options);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -88,18 +89,23 @@ Eigen::Matrix3d Deformation::derivative(const Eigen::Vector3d& x) const {
   return Eigen::Matrix3d::Identity() + coefficients_ * derivative_of_terms(place);
 }
 
+double Deformation::shear(const Eigen::Vector3d& x) const {
+  const Eigen::Matrix3d linear = derivative(x);
+  if (!(linear.determinant() > 0.0)) return std::numeric_limits<double>::infinity();
+  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(linear).singularValues();
+  return values[0] / values[2];
+}
+
 Similarity3 Deformation::near(const Eigen::Vector3d& x) const {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(derivative(x),
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d values = svd.singularValues();
-  Eigen::Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
-  if (turn.determinant() < 0.0 || values.z() <= 0.0) {
-    // Not invertible here, as no map is: only the place is known.
-    turn.setIdentity();
-    values.setOnes();
+  const Eigen::Vector3d there = (*this)(x);
+  const Eigen::Matrix3d linear = derivative(x);
+  if (!(linear.determinant() > 0.0)) {
+    return Rigid3(Eigen::Quaterniond::Identity(), there - x);
   }
-  const double scale = std::cbrt(values.prod());
-  return {scale, Rigid3(Eigen::Quaterniond(turn), (*this)(x)-scale * (turn * x))};
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
+  const double scale = std::cbrt(svd.singularValues().prod());
+  return {scale, Rigid3(Eigen::Quaterniond(turn), there - scale * (turn * x))};
 }
 
 std::optional<DeformationFit> fit_deformation(std::span<const Eigen::Vector3d> from,

@@ -29,8 +29,11 @@ class Deformation {
   Eigen::Vector3d operator()(const Eigen::Vector3d& x) const;
   /// Derivative of the deformed position with respect to x; beyond the region the identity.
   Eigen::Matrix3d derivative(const Eigen::Vector3d& x) const;
-  /// The similarity that maps x to its deformed position and is nearest to the derivative there.
+  /// The similarity that maps x to its deformed position and is nearest to the derivative there; a translation where
+  /// the deformation folds.
   Similarity3 near(const Eigen::Vector3d& x) const;
+  /// Ratio of the largest stretch at x to the smallest; infinite where the deformation folds. At least 1.
+  double shear(const Eigen::Vector3d& x) const;
 
  private:
   Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();

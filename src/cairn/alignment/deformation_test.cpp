@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/deformation.hpp"
 
+#include <limits>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -115,6 +116,19 @@ TEST(Deformation, IsNearASimilarityEverywhere) {
                 0.01);
     EXPECT_NEAR(degrees(near.rigid().angle()), degrees(0.08 * 1.5 * std::abs(y)), 1.0);
   }
+}
+
+TEST(Deformation, ShearsWhereStretchesDiffer) {
+  Deformation::Coefficients coefficients = Deformation::Coefficients::Zero();
+  coefficients(0, 1) = 0.5;  // of x, by x
+  const Eigen::Vector3d x(0.1, 0.2, 0.3);
+  EXPECT_NEAR(Deformation(Eigen::Vector3d::Zero(), 1.0, coefficients).shear(x), 1.5, 1e-12);
+  EXPECT_NEAR(Deformation().shear(x), 1.0, 1e-12);
+  coefficients(0, 1) = -1.5;  // turned inside out
+  const Deformation folded(Eigen::Vector3d::Zero(), 1.0, coefficients);
+  EXPECT_EQ(folded.shear(x), std::numeric_limits<double>::infinity());
+  EXPECT_LT((folded.near(x) * x - folded(x)).norm(), 1e-12);
+  EXPECT_EQ(folded.near(x).rigid().angle(), 0.0);
 }
 
 TEST(Deformation, EndsBeyondItsRegion) {

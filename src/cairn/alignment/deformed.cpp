@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/placement/detail/descriptor_matches.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {
@@ -17,8 +18,9 @@ constexpr std::size_t kFolds = 5;
 constexpr std::size_t kLocalPoses = 200;
 constexpr double kOutermost =
     0.05;  // share of the smallest and of the largest values that count as outliers
-constexpr double kMostRotation = 30.0 * std::numbers::pi / 180.0;
-constexpr double kMostScaleRatio = 2.0;
+constexpr double kMostRotation = 20.0 * std::numbers::pi / 180.0;
+constexpr double kMostScaleRatio = 1.3;
+constexpr double kMostShear = 1.6;
 constexpr int kPoseSteps = 20;
 
 // Fold of a source landmark. The clouds are in random order.
@@ -147,15 +149,24 @@ LandmarkCloud deformed_by_folds(const PreparedCloud& source, const DeformedPose&
 DeformablePair::DeformablePair(const PreparedCloud& source, const PreparedCloud& target)
     : source_(&source),
       target_(&target),
-      matches_(CentredPair(source.centred(), target.centred())) {}
+      matches_(
+          std::make_shared<DescriptorMatches>(CentredPair(source.centred(), target.centred()))) {}
+
+Eigen::Vector3d DeformablePair::source_place(std::size_t match) const {
+  return matches_->source_places()[match] + source_->centred()->centre;
+}
+
+Eigen::Vector3d DeformablePair::target_place(std::size_t match) const {
+  return matches_->target_places()[match] + target_->centred()->centre;
+}
 
 // @param without fold whose matches take no part
 std::optional<DeformationFit> DeformablePair::fitted(const Similarity3& start,
                                                      std::optional<std::size_t> without) const {
   std::vector<Eigen::Vector3d> from;
   std::vector<Eigen::Vector3d> to;
-  for (std::size_t i = 0; i < matches_.all().size(); ++i) {
-    if (without && fold_of(matches_.all()[i].source) == *without) continue;
+  for (std::size_t i = 0; i < matches_->all().size(); ++i) {
+    if (without && fold_of(matches_->all()[i].source) == *without) continue;
     from.push_back(start * source_place(i));
     to.push_back(target_place(i));
   }
@@ -166,8 +177,9 @@ std::optional<DeformationFit> DeformablePair::fitted(const Similarity3& start,
   return fit_deformation(from, to, region);
 }
 
-DeformedPose DeformablePair::described(const Similarity3& start, const DeformationFit& fit,
-                                       std::vector<Deformation> of_folds) const {
+std::optional<DeformedPose> DeformablePair::described(const Similarity3& start,
+                                                      const DeformationFit& fit,
+                                                      std::vector<Deformation> of_folds) const {
   DeformedPose result;
   result.start = start;
   result.deformation = fit.deformation;
@@ -178,12 +190,13 @@ DeformedPose DeformablePair::described(const Similarity3& start, const Deformati
   for (const std::size_t i : fit.inliers) {
     from.push_back(source_place(i));
     to.push_back(target_place(i));
-    const Deformation& other = result.of_folds[fold_of(matches_.all()[i].source)];
+    const Deformation& other = result.of_folds[fold_of(matches_->all()[i].source)];
     deformed.push_back((other(start * from.back()) - to.back()).norm());
   }
   const Similarity3& whole = result.target_from_source = closest_similarity(from, to);
   std::vector<double> single;
   std::vector<Similarity3> local;
+  std::vector<double> shears;
   const std::size_t step = std::max<std::size_t>(1, from.size() / kLocalPoses);
   double squares = 0.0;
   for (std::size_t i = 0; i < from.size(); ++i) {
@@ -191,13 +204,18 @@ DeformedPose DeformablePair::described(const Similarity3& start, const Deformati
     squares += single.back() * single.back();
     if (i % step != 0) continue;
     local.push_back(result.near(from[i]));
+    shears.push_back(result.deformation.shear(start * from[i]));
     const Vector7d off = difference(whole, local.back());
     result.spread += off * off.transpose();
   }
   result.spread /= static_cast<double>(local.size());
+  const double shear = quantile(std::move(shears), 1.0 - kOutermost);
+  if (!std::isfinite(shear)) return std::nullopt;
   result.figures.matches = from.size();
   result.figures.displacement = std::sqrt(squares / static_cast<double>(from.size()));
   measure(local, result.figures);
+  result.is_small = result.figures.rotation_rad <= kMostRotation &&
+                    result.figures.scale_ratio <= kMostScaleRatio && shear <= kMostShear;
   const double median = quantile(std::move(single), 0.5);
   if (median > 0.0) result.residual = quantile(std::move(deformed), 0.5) / median;
   return result;
@@ -231,9 +249,7 @@ PlacementResult DeformablePair::judge(const DeformedPose& pose, const PlaceOptio
   PlacementResult placed = PreparedPair(source, *target_, placement).settle(pose.start);
   const bool decisive = !placed.candidates.empty() && placed.candidates.front().support.agreement &&
                         placed.candidates.front().support.agreement->spread >= kDecisiveAgreement;
-  const bool small =
-      pose.figures.rotation_rad <= kMostRotation && pose.figures.scale_ratio <= kMostScaleRatio;
-  if (placed.verdict == Verdict::kAligned && !(decisive && small)) {
+  if (placed.verdict == Verdict::kAligned && !(decisive && pose.is_small)) {
     placed.verdict = Verdict::kAmbiguous;
   }
   return placed;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -8,11 +9,12 @@
 #include "cairn/alignment/deformation.hpp"
 #include "cairn/alignment/map_bend.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/placement/detail/descriptor_matches.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/prepared_cloud.hpp"
 
 namespace cairn {
+
+class DescriptorMatches;
 
 /// A pose between two maps, and a deformation of the source that makes it fit.
 struct DeformedPose {
@@ -27,6 +29,10 @@ struct DeformedPose {
   MapDeformation figures;
   /// Mean square of the local poses' deviations from the single pose: (δt, δφ, δ log s), a left perturbation.
   Matrix7d spread = Matrix7d::Zero();
+  /// Whether the deformation is small: within the map, rotations differ by at most 20 degrees, scales by a factor of at
+  /// most 1.3, and stretches at one place by a factor of at most 1.6. Two focal lengths that are 5 % off either way
+  /// change depths by a factor of 1.22. Beyond these limits no single pose means much.
+  bool is_small = false;
   /// Median distance of the matches under the deformation that the other folds show, over that under the single
   /// pose.
   double residual = 1.0;
@@ -48,15 +54,14 @@ class DeformablePair {
   DeformablePair(const PreparedCloud& source, const PreparedCloud& target);
 
   /// Fits a deformation to the descriptor matches near each of the first three poses.
-  /// @return that with which most matches agree; std::nullopt if too few agree with any
+  /// @return that with which most matches agree; std::nullopt if too few agree with any, or if it folds
   std::optional<DeformedPose> fit(std::span<const Similarity3> starts) const;
 
   /// Judges a deformed pose as place() does, by descriptors alone.
   ///
   /// The source's landmarks are divided into five folds. Each landmark moves as the matches of the other folds show,
-  /// so no match supports the pose because the deformation was fitted to it. An aligned pose also needs 15 agreeing
-  /// matches outside their largest cluster, rotations that differ by at most 30 degrees, and scales that differ by a
-  /// factor of at most 2.
+  /// so no match supports the pose because the deformation was fitted to it. An aligned pose also needs a small
+  /// deformation, and 15 agreeing matches outside their largest cluster.
   ///
   /// @param options of the placement; `search` and `trace` have no effect
   PlacementResult judge(const DeformedPose& pose, const PlaceOptions& options) const;
@@ -64,18 +69,14 @@ class DeformablePair {
  private:
   std::optional<DeformationFit> fitted(const Similarity3& start,
                                        std::optional<std::size_t> without = {}) const;
-  DeformedPose described(const Similarity3& start, const DeformationFit& fit,
-                         std::vector<Deformation> of_folds) const;
-  Eigen::Vector3d source_place(std::size_t match) const {
-    return matches_.source_places()[match] + source_->centred()->centre;
-  }
-  Eigen::Vector3d target_place(std::size_t match) const {
-    return matches_.target_places()[match] + target_->centred()->centre;
-  }
+  std::optional<DeformedPose> described(const Similarity3& start, const DeformationFit& fit,
+                                        std::vector<Deformation> of_folds) const;
+  Eigen::Vector3d source_place(std::size_t match) const;
+  Eigen::Vector3d target_place(std::size_t match) const;
 
   const PreparedCloud* source_;
   const PreparedCloud* target_;
-  DescriptorMatches matches_;
+  std::shared_ptr<const DescriptorMatches> matches_;
 };
 
 /// The source, deformed so that `pose.target_from_source` fits everywhere. Covariances turn with the landmarks.
