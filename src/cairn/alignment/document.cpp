@@ -47,11 +47,12 @@ Json list_of(const Eigen::Vector3d& vector) {
 }
 
 // The matrix is for people and other programs; quaternion and scale restore the pose exactly.
-void put_pose(Json& json, const char* name, const Similarity3& pose) {
+void put_pose(Json& json, const char* name, const Similarity3& pose,
+              const std::string& prefix = "") {
   const Eigen::Quaterniond q = pose.rigid().quaternion();
   json[name] = rows_of(pose.matrix());
-  json["quaternion"] = {q.w(), q.x(), q.y(), q.z()};
-  json["scale"] = pose.scale();
+  json[prefix + "quaternion"] = {q.w(), q.x(), q.y(), q.z()};
+  json[prefix + "scale"] = pose.scale();
 }
 
 Json open_directions_json(const std::vector<OpenDirection>& directions) {
@@ -142,24 +143,24 @@ Json overlap_json(const AlignmentRecord& record) {
           {"radius", or_null(record.overlap_radius)}};
 }
 
-// Results of the parts; poses are 4x4 matrices that include the scale.
+// Results of the parts.
 Json parts_json(const std::optional<PartsAlignment>& parts) {
   if (!parts) return nullptr;
   Json list = Json::array();
   for (const PartPose& part : parts->parts) {
-    const auto matrix = [](const std::optional<Similarity3>& pose) {
-      return pose ? rows_of(pose->matrix()) : Json(nullptr);
-    };
-    list.push_back({{"map", to_string(part.map)},
-                    {"first_keyframe", part.first.value},
-                    {"middle_keyframe", part.middle.value},
-                    {"last_keyframe", part.last.value},
-                    {"landmarks", part.landmarks},
-                    {"verdict", to_string(part.verdict)},
-                    {"probability", part.probability},
-                    {"agrees", part.agrees},
-                    {"found", matrix(part.found)},
-                    {"target_from_source", matrix(part.target_from_source)}});
+    Json entry = {{"map", to_string(part.map)},
+                  {"first_keyframe", part.first.value},
+                  {"middle_keyframe", part.middle.value},
+                  {"last_keyframe", part.last.value},
+                  {"landmarks", part.landmarks},
+                  {"verdict", to_string(part.verdict)},
+                  {"probability", part.probability},
+                  {"agrees", part.agrees},
+                  {"found", nullptr},
+                  {"target_from_source", nullptr}};
+    if (part.found) put_pose(entry, "found", *part.found, "found_");
+    if (part.target_from_source) put_pose(entry, "target_from_source", *part.target_from_source);
+    list.push_back(std::move(entry));
   }
   Json bend = nullptr;
   if (parts->bend) {
@@ -215,18 +216,20 @@ double scale_of(const JsonField& field) {
 
 // The pose of the member `name`, by version: in version 1 the matrix is rigid, and the scale stands
 // beside it alone.
-Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version) {
+Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version,
+                    const std::string& prefix = "") {
   const JsonField field = parent[name];
   const auto rows = field.rows<4, 4>();
   Matrix4d matrix;
   for (int i = 0; i < 16; ++i) matrix(i / 4, i % 4) = rows[static_cast<std::size_t>(i)];
-  const double scale = scale_of(parent["scale"]);
+  const double scale = scale_of(parent[(prefix + "scale").c_str()]);
   if (version == 1) {
     return in_file(field, [&] { return Similarity3(scale, Rigid3::from_matrix(matrix)); });
   }
   Similarity3 rough = in_file(field, [&] { return Similarity3::from_matrix(matrix); });
-  if (parent["quaternion"].is_null()) return rough;
-  const auto q = parent["quaternion"].numbers<4>();
+  const JsonField quaternion = parent[(prefix + "quaternion").c_str()];
+  if (quaternion.is_null()) return rough;
+  const auto q = quaternion.numbers<4>();
   Similarity3 exact(scale, Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), rough.translation()));
   constexpr double kSame = 1e-9;
   const double difference = (exact.matrix() - matrix).topLeftCorner<3, 3>().norm();
@@ -347,16 +350,18 @@ PlacementCandidate candidate_of(const JsonField& field, unsigned version) {
   return candidate;
 }
 
-std::optional<Similarity3> matrix_of(const JsonField& field) {
-  if (field.is_null()) return std::nullopt;
-  const auto rows = field.rows<4, 4>();
-  Matrix4d matrix;
-  for (int i = 0; i < 16; ++i) matrix(i / 4, i % 4) = rows[static_cast<std::size_t>(i)];
-  return in_file(field, [&] { return Similarity3::from_matrix(matrix); });
-}
-
 MapRole role_of(const JsonField& field) {
   return field.one_of(std::array{MapRole::kSource, MapRole::kTarget});
+}
+
+// The angle that is written as these degrees again, if there is one beside radians().
+double angle_of_degrees(double deg) {
+  const double nearest = radians(deg);
+  for (const double angle :
+       {nearest, std::nextafter(nearest, -INFINITY), std::nextafter(nearest, INFINITY)}) {
+    if (degrees(angle) == deg) return angle;
+  }
+  return nearest;
 }
 
 std::optional<PartsAlignment> parts_of(const JsonField& field) {
@@ -372,7 +377,7 @@ std::optional<PartsAlignment> parts_of(const JsonField& field) {
   parts.probability = field["probability"].optional_number().value_or(0.0);
   if (const JsonField bend = field["bend"]; !bend.is_null()) {
     parts.bend = MapBend{.map = role_of(bend["map"]),
-                         .rotation_rad = radians(bend["rotation_deg"].number()),
+                         .rotation_rad = angle_of_degrees(bend["rotation_deg"].number()),
                          .first = keyframe(bend["first_keyframe"]),
                          .last = keyframe(bend["last_keyframe"]),
                          .displacement = bend["displacement"].number()};
@@ -388,8 +393,10 @@ std::optional<PartsAlignment> parts_of(const JsonField& field) {
         std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
     part.probability = pose["probability"].number();
     part.agrees = pose["agrees"].truth();
-    part.found = matrix_of(pose["found"]);
-    part.target_from_source = matrix_of(pose["target_from_source"]);
+    if (!pose["found"].is_null()) part.found = pose_of(pose, "found", kAlignmentVersion, "found_");
+    if (!pose["target_from_source"].is_null()) {
+      part.target_from_source = pose_of(pose, "target_from_source", kAlignmentVersion);
+    }
   }
   return parts;
 }
@@ -397,7 +404,7 @@ std::optional<PartsAlignment> parts_of(const JsonField& field) {
 std::optional<MapDeformation> deformation_of(const JsonField& field) {
   if (field.is_null()) return std::nullopt;
   return MapDeformation{.matches = field["matches"].whole(kMostIndices),
-                        .rotation_rad = radians(field["rotation_deg"].number()),
+                        .rotation_rad = angle_of_degrees(field["rotation_deg"].number()),
                         .scale_ratio = field["scale_ratio"].number(),
                         .displacement = field["displacement"].number()};
 }

@@ -80,6 +80,35 @@ TEST(AlignmentDocument, HoldsTheDeformation) {
   EXPECT_EQ(read->displacement, 0.5);
 }
 
+TEST(AlignmentDocument, PartsAndBendAreReadBackWithoutLoss) {
+  Random random(5);
+  AlignmentRecord record = aligned(AlignMethod::kIcp, true);
+  for (int i = 0; i < 100; ++i) {
+    const auto pose = [&] {
+      const Eigen::Vector3d t(random.normal(), random.normal(), random.normal());
+      const double roll = random.uniform(-3, 3);
+      const double yaw = random.uniform(-3, 3);
+      const double scale = random.uniform(0.2, 5);
+      return Similarity3(scale, Rigid3::from_roll_pitch_yaw(t, roll, 0.4, yaw));
+    };
+    PartsAlignment parts;
+    parts.aligned = 1;
+    parts.bend = MapBend{.map = MapRole::kSource,
+                         .rotation_rad = random.uniform(0, 3),
+                         .first = FrameId{3},
+                         .last = FrameId{9},
+                         .displacement = random.uniform(0, 1)};
+    PartPose& part = parts.parts.emplace_back();
+    part.landmarks = 40;
+    part.found = pose();
+    part.target_from_source = pose();
+    parts.parts.emplace_back();  // not placed
+    record.alignment.parts = parts;
+    const std::string text = to_json(record);
+    EXPECT_EQ(to_json(read_one(text)), text);
+  }
+}
+
 TEST(AlignmentDocument, HoldsTheAlignment) {
   const AlignmentRecord record = aligned(AlignMethod::kRobust, true);
   ASSERT_EQ(record.alignment.verdict, Verdict::kAligned);

@@ -90,6 +90,14 @@ TEST(AtlasDifference, TellsHowFarTheMiddleOfAMapMovedAndTurned) {
   EXPECT_EQ(found.moved[1].turn_rad, 0.0);
 }
 
+TEST(AtlasDifference, WhatIsNoLongerThereHasNotMoved) {
+  AtlasState before = with_nodes({1});
+  AtlasState after;
+  before.poses[NodeId{1}] = pose_of(1, 1);
+  after.poses[NodeId{1}] = pose_of(1, 1, Rigid3::from_roll_pitch_yaw({5.0, 0.0, 0.0}, 0, 0, 1.0));
+  EXPECT_TRUE(difference(before, after).moved.empty());
+}
+
 TEST(AtlasDifference, ALinkThatIsNotDecidedIsNotContradicted) {
   AtlasState before;
   AtlasState after;

@@ -239,7 +239,7 @@ TEST(LookComparison, AnyPartnerMeetsTheSameOthersAndOnlySoMany) {
   };
   const std::vector<std::uint32_t> not_met = not_met_by(0);
   ASSERT_EQ(not_met.size(), 1U);
-  for (const std::uint32_t partner : {1U, 7U, 20U, 33U, kTargets - 2, kTargets - 1}) {
+  for (std::uint32_t partner = 1; partner < kTargets; ++partner) {
     if (partner == not_met.front()) continue;
     EXPECT_EQ(not_met_by(partner), not_met) << partner;
   }
