@@ -22,7 +22,7 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/placement/centred_pair.hpp"
-#include "cairn/placement/detail/descriptor_matches.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/placement/detail/support_counter.hpp"
 #include "cairn/placement/place.hpp"
 #include "cairn/placement/prepared_cloud.hpp"

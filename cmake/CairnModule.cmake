@@ -83,7 +83,7 @@ set(CAIRN_UNITY_APART
     "src/cairn/placement/descriptor_kernel.cpp"
     "src/cairn/registration/detail/batch_kernel.cpp"
     "src/cairn/registration/neighbors/kd_tree.cpp"
-    "src/cairn/placement/detail/descriptor_matches_test.cpp"
+    "src/cairn/placement/descriptor_matches_test.cpp"
     "src/cairn/placement/detail/descriptor_poses_test.cpp"
     "src/cairn/placement/detail/look_comparison_test.cpp"
     "src/cairn/pose_graph/g2o_test.cpp"

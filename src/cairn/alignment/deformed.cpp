@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/placement/detail/descriptor_matches.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {

@@ -6,7 +6,7 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/placement/detail/descriptor_matches.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 
 namespace cairn {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/placement/detail/descriptor_matches.hpp"
+#include "cairn/placement/descriptor_matches.hpp"
 
 #include <algorithm>
 #include <limits>
