@@ -1,22 +1,45 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <array>
+#include <optional>
 #include <string>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/interchange/opensfm.hpp"
+#include "cairn/map/io/native.hpp"
 
 #include "fuzz/round_trip.hpp"
 
-// The input is a reconstruction and, behind a zero, the tracks.
+// The input is a reconstruction and, each behind a zero, the tracks, ground_control_points.json and gcp_list.txt. A
+// missing or empty piece is a missing file.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const std::string_view all(reinterpret_cast<const char*>(data), size);
-  const std::size_t zero = all.find('\0');
-  cairn::MemoryReader reconstruction(all.substr(0, zero), "input reconstruction");
-  const bool has_tracks = zero != std::string_view::npos;
-  cairn::MemoryReader tracks(has_tracks ? all.substr(zero + 1) : "", "input tracks");
+  std::string_view rest(reinterpret_cast<const char*>(data), size);
+  const auto next = [&rest] {
+    const std::string_view piece = rest.substr(0, rest.find('\0'));
+    rest.remove_prefix(std::min(piece.size() + 1, rest.size()));
+    return piece;
+  };
+  cairn::MemoryReader reconstruction(next(), "input reconstruction");
+  std::array<std::optional<cairn::MemoryReader>, 3> others;
+  std::array<cairn::ByteSource*, 3> sources = {};
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    const std::string_view piece = next();
+    if (piece.empty()) continue;
+    sources[i] = &others[i].emplace(piece, "input file " + std::to_string(i + 2));
+  }
   try {
     const cairn::LandmarkMap map =
-        cairn::read_opensfm({&reconstruction, has_tracks ? &tracks : nullptr});
+        cairn::read_opensfm({&reconstruction, sources[0], sources[1], sources[2]});
+    // What it accepts is a map that the text format can hold.
+    std::string text;
+    cairn::write_native(map, [&](std::string_view written) { text += written; });
+    cairn::testing::expect_round_trip(
+        text, cairn::testing::Fidelity::kWholeMap,
+        [](cairn::ByteSource& source) { return cairn::read_native(source); },
+        [](const cairn::LandmarkMap& read, const cairn::ByteSink& sink) {
+          cairn::write_native(read, sink);
+        });
   } catch (const cairn::Error& error) {
     if (error.kind() != cairn::ErrorKind::kInput ||
         !std::string_view(error.what()).starts_with("input")) {

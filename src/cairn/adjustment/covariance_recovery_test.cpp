@@ -104,6 +104,18 @@ TEST(RecoverCovariances, SparseFactorsGiveWhatDenseOnesDo) {
   }
 }
 
+// Not certain, which a missing block would mean.
+TEST(RecoverCovariances, AFrameThatSharesNoLandmarkIsUndetermined) {
+  LinearProblem problem = make_problem(6, 60, true);
+  problem.camera_centres.emplace_back(2.0, 0.0, 0.0);
+  for (const std::size_t most_dense : {kMostDenseFrames, std::size_t{0}}) {
+    const auto recovered =
+        recover_covariances(problem, CovarianceGauge::kFirstFrame, {}, most_dense);
+    const Eigen::Matrix<double, 6, 6> alone = recovered.frames.back();
+    EXPECT_LT(relative_difference(alone, 1e9 * Eigen::MatrixXd::Identity(6, 6)), 1e-6);
+  }
+}
+
 TEST(RecoverCovariances, TheHeldScaleHasNoUncertainty) {
   LinearProblem problem = make_problem(6, 60, false);
   problem.scale_frame = 5;
