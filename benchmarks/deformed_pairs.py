@@ -12,8 +12,9 @@ odd, later) is reconstructed four times:
   own          COLMAP estimates focal length and radial distortion, and begins 15 % off
 
 Every two models of one place with different cameras are aligned: of the same images, and of different ones. COLMAP's
-cameras may be wrong, so a model does not fit the true poses everywhere; "bent" states the RMS of that fit. A pose is
-wrong if it is 10 degrees or a third of the viewing distance off. Models of different places are aligned too.
+cameras may be wrong, so a model does not fit the true poses everywhere; "bent" states the RMS of that fit. Models that
+miss the true poses by more than 2 degrees or 5 % of the viewing distance have no truth. A pose is wrong if it is 10
+degrees or a third of the viewing distance off. Models of different places are aligned too.
 
 Exit code 1 if a wrong pose is accepted.
 """
@@ -76,7 +77,10 @@ def own_pairs(options, place, models, poses):
         if result["deformation"]:
             row |= {"stated_deg": result["deformation"]["rotation_deg"],
                     "stated_ratio": result["deformation"]["scale_ratio"]}
-        if result["target_from_source"] is not None:
+        judged = row["bent_deg"] <= 2 and all(
+            0 <= 100 * fit["distance"] / fit["scale"] / model.viewing_distance <= 5
+            for fit, model in zip(fits, (source, target)))
+        if result["target_from_source"] is not None and judged:
             truth = np.linalg.inv(matrix(fits[1])) @ matrix(fits[0])
             row |= pose_errors(np.array(result["target_from_source"]), truth, source)
             row["wrong"] = any(row[name] > limit for name, limit in WRONG.items())
@@ -123,6 +127,7 @@ def main():
         accepted = [row for row in chosen if row["status"] == "aligned"]
         print(f"{images}: {len(chosen)} pairs, {len(accepted)} aligned, "
               f"{sum('stated_deg' in row for row in accepted)} of them with a deformation, "
+              f"{sum('rotation_deg' not in row for row in accepted)} without a truth, "
               f"{sum(row['wrong'] for row in chosen)} wrong")
         for name in ("rotation_deg", "scale_percent", "displacement_percent", "bent_deg", "stated_deg", "stated_ratio"):
             values = [row[name] for row in accepted if name in row]

@@ -321,50 +321,58 @@ void take_deformed(const PreparedMap& source, const PreparedMap& target,
 }
 
 // Maps of free scale, as from images alone, may be deformed: states by how much, and judges them as deformed.
-void judge_deformed(const PreparedMap& source, const PreparedMap& target,
+// @return whether a single pose may fit
+bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, Alignment& alignment) {
-  if (!alignment.verdict || !options.deformation || !options.scale || options.time_limit_s) return;
+  if (!alignment.verdict || !options.deformation || !options.scale || options.time_limit_s) {
+    return true;
+  }
   std::vector<Similarity3> starts;
   for (const PlacementCandidate& candidate : alignment.candidates) {
     starts.push_back(candidate.similarity());
   }
   const DeformablePair pair(source.cloud(), target.cloud());
   const std::optional<DeformedPose> found = pair.fit(starts);
-  if (!found || found->residual > DeformedPose::kClear) return;
+  if (!found || found->residual > DeformedPose::kClear) return true;
   if (alignment.verdict == Verdict::kAligned) {
     alignment.deformation = found->figures;
     widen(alignment.registration, found->spread);
     if (found->is_small) {
       alignment.reason += "; " + deformation_text(found->figures);
-      return;
+      return true;
     }
     alignment.verdict = Verdict::kAmbiguous;
     alignment.target_from_source.reset();
     alignment.reason = fmt::format("no single pose fits, because {}; {}",
                                    deformation_text(found->figures), alignment.reason);
-    return;
+    return false;
   }
   PlaceOptions placement = placement_of(options);
   placement.execution = options.execution.without_progress();
   PlacementResult placed = pair.judge(*found, placement);
-  if (placed.verdict != Verdict::kAligned || !placed.alignment.covariance) return;
+  if (placed.verdict != Verdict::kAligned || !placed.alignment.covariance) {
+    return found->is_small;
+  }
   alignment.deformation = found->figures;
   take_deformed(source, target, options, *found, std::move(placed), alignment);
+  return true;
 }
 
 // Judges a result by placing the maps' parts separately.
+// @param may_align false: the parts only state how they lie
 void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
-                    const AlignOptions& options, Alignment& alignment) {
+                    const AlignOptions& options, bool may_align, Alignment& alignment) {
   if (!alignment.verdict || options.parts == PartsUse::kNever) return;
   const bool refused = alignment.verdict != Verdict::kAligned;
   const bool always = options.parts == PartsUse::kAlways;
-  if (!always && (!refused || options.time_limit_s)) return;
+  if (!always && (!refused || !may_align || options.time_limit_s)) return;
   PlaceOptions placement = placement_of(options);
   placement.execution = options.execution.without_progress();
   PartsAlignment parts = place_by_parts(source, target, placement);
   if (parts.parts.empty()) return;
   alignment.parts = std::move(parts);
   const PartsAlignment& found = *alignment.parts;
+  if (!may_align) return;
   if (found.consensus && found.covariance && refused) {
     alignment.parts->confirmed = is_aligned_straightened(found, source, target, placement);
     if (*found.confirmed) return take_consensus(source, target, options, alignment);
@@ -464,8 +472,8 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
     const PreparedMap from = prepared(source, options);
     const PreparedMap to = prepared(target, options);
     Alignment alignment = aligned(from.cloud(), to.cloud(), options);
-    judge_deformed(from, to, options, alignment);
-    judge_by_parts(from, to, options, alignment);
+    const bool may_align = judge_deformed(from, to, options, alignment);
+    judge_by_parts(from, to, options, may_align, alignment);
     return alignment;
   });
 }
@@ -475,8 +483,8 @@ Alignment align(const PreparedMap& source, const PreparedMap& target, const Alig
   require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
   return timed(options, [&] {
     Alignment alignment = aligned(source.cloud(), target.cloud(), options);
-    judge_deformed(source, target, options, alignment);
-    judge_by_parts(source, target, options, alignment);
+    const bool may_align = judge_deformed(source, target, options, alignment);
+    judge_by_parts(source, target, options, may_align, alignment);
     return alignment;
   });
 }

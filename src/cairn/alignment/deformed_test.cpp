@@ -182,7 +182,9 @@ TEST(DeformedMaps, AreNotAlignedIfTheDeformationIsLarge) {
     PlaceOptions options;
     options.scale = ScaleRange{0.5, 2.0};
     EXPECT_EQ(both.judge(*pose, options).verdict == Verdict::kAligned, small);
-    const Alignment alignment = align(large, pair.target, of_free_scale());
+    AlignOptions options_of_parts = of_free_scale();
+    options_of_parts.parts = PartsUse::kWhereRefused;
+    const Alignment alignment = align(large, pair.target, options_of_parts);
     EXPECT_EQ(alignment.verdict == Verdict::kAligned, small) << alignment.reason;
     EXPECT_EQ(alignment.target_from_source.has_value(), small);
   }
