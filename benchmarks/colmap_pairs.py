@@ -483,6 +483,14 @@ def strange_pairs(options, places):
 # ---- Report ----------------------------------------------------------------------------------------------------------
 
 
+def write_table(path, columns, rows):
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="")
+        writer.writeheader()
+        writer.writerows({name: f"{value:.4g}" if isinstance(value, float) else value for name, value in row.items()}
+                         for row in rows)
+
+
 def summary(rows):
     largest = lambda chosen, name: max((row[name] for row in chosen), default=math.nan)
     for descriptors in ("SIFT", "none"):
@@ -549,11 +557,7 @@ def main():
             print({name: round(value, 3) if isinstance(value, float) else value for name, value in row.items()},
                   file=sys.stderr, flush=True)
     rows += strange_pairs(options, places)
-    with open(options.csv or options.work / "pairs.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, restval="")
-        writer.writeheader()
-        writer.writerows({name: f"{value:.4g}" if isinstance(value, float) else value for name, value in row.items()}
-                         for row in rows)
+    write_table(options.csv or options.work / "pairs.csv", COLUMNS, rows)
     wrong, right = summary(rows)
     return 1 if wrong or right < options.least_right else 0
 

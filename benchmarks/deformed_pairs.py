@@ -19,14 +19,13 @@ degrees or a third of the viewing distance off. Models of different places are a
 Exit code 1 if a wrong pose is accepted.
 """
 import argparse
-import csv
 import itertools
 import pathlib
 import sys
 
 import numpy as np
 
-from colmap_pairs import PLACES, align, matrix, pose_errors, reconstruct, similarity, simulate
+from colmap_pairs import PLACES, align, matrix, pose_errors, reconstruct, similarity, simulate, write_table
 
 WRONG = {"rotation_deg": 10.0, "displacement_percent": 33.0}
 SYSTEMS = ["true", "short", "long", "own"]
@@ -117,11 +116,7 @@ def main():
         places[place] = models_of(options, *names[place])
         rows += own_pairs(options, place, *places[place])
     rows += strange_pairs(options, places)
-    with open(options.csv or options.work / "deformed.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, restval="")
-        writer.writeheader()
-        writer.writerows({name: f"{value:.4g}" if isinstance(value, float) else value for name, value in row.items()}
-                         for row in rows)
+    write_table(options.csv or options.work / "deformed.csv", COLUMNS, rows)
     for images in ("same", "between", "later", "other place"):
         chosen = [row for row in rows if row["images"] == images]
         accepted = [row for row in chosen if row["status"] == "aligned"]

@@ -153,7 +153,7 @@ std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedCloud& 
   }
   const DeformablePair pair(source, target);
   const auto pose = pair.fit(starts);
-  if (!pose || pose->residual > DeformedPose::kClear) return std::nullopt;
+  if (!pose || !pose->is_clear()) return std::nullopt;
   return std::pair(pose->target_from_source, pair.judge(*pose, options).verdict);
 }
 

@@ -333,7 +333,7 @@ bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
   }
   const DeformablePair pair(source.cloud(), target.cloud());
   const std::optional<DeformedPose> found = pair.fit(starts);
-  if (!found || found->residual > DeformedPose::kClear) return true;
+  if (!found || !found->is_clear()) return true;
   if (alignment.verdict == Verdict::kAligned) {
     alignment.deformation = found->figures;
     widen(alignment.registration, found->spread);
@@ -395,6 +395,15 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
       alignment.reason += "; its parts show that " + bend_text(*found.bend, target.length_unit());
     }
   }
+}
+
+// Maps can also be aligned up to a deformation, and by their parts.
+Alignment aligned(const PreparedMap& source, const PreparedMap& target,
+                  const AlignOptions& options) {
+  Alignment alignment = aligned(source.cloud(), target.cloud(), options);
+  const bool may_align = judge_deformed(source, target, options, alignment);
+  judge_by_parts(source, target, options, may_align, alignment);
+  return alignment;
 }
 
 PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
@@ -471,22 +480,14 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
     }
     const PreparedMap from = prepared(source, options);
     const PreparedMap to = prepared(target, options);
-    Alignment alignment = aligned(from.cloud(), to.cloud(), options);
-    const bool may_align = judge_deformed(from, to, options, alignment);
-    judge_by_parts(from, to, options, may_align, alignment);
-    return alignment;
+    return aligned(from, to, options);
   });
 }
 
 Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options) {
   options.validate();
   require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
-  return timed(options, [&] {
-    Alignment alignment = aligned(source.cloud(), target.cloud(), options);
-    const bool may_align = judge_deformed(source, target, options, alignment);
-    judge_by_parts(source, target, options, may_align, alignment);
-    return alignment;
-  });
+  return timed(options, [&] { return aligned(source, target, options); });
 }
 
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,

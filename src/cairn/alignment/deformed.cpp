@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "cairn/geometry/covariance.hpp"
+#include "cairn/alignment/detail/moved_in_map.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
@@ -16,8 +16,8 @@ namespace {
 constexpr std::size_t kStarts = 3;  // poses tried
 constexpr std::size_t kFolds = 5;
 constexpr std::size_t kLocalPoses = 200;
-constexpr double kOutermost =
-    0.05;  // share of the smallest and of the largest values that count as outliers
+// Share of the smallest and of the largest values that count as outliers.
+constexpr double kOutermost = 0.05;
 constexpr double kMostRotation = 20.0 * std::numbers::pi / 180.0;
 constexpr double kMostScaleRatio = 1.3;
 constexpr double kMostShear = 1.6;
@@ -265,22 +265,11 @@ LandmarkMap deformed(const LandmarkMap& source, const DeformedPose& pose) {
     }
   }
   for (std::size_t i = 0; i < motions.size(); ++i) {
-    Eigen::Vector3d& centre = tables.frames.translations[i];
-    const Similarity3 move = motions[i].at(centre);
-    auto& q = tables.frames.quaternions[i];
-    const Eigen::Quaterniond turned =
-        move.rigid().quaternion() * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
-    q = {turned.w(), turned.x(), turned.y(), turned.z()};
-    centre = move * centre;
+    move_keyframe(tables.frames, i, motions[i].at(tables.frames.translations[i]));
   }
   for (std::size_t i = 0; i < tables.landmarks.positions.size(); ++i) {
-    Eigen::Vector3d& position = tables.landmarks.positions[i];
-    const Similarity3 move = back * pose.near(position);
-    position = move * position;
-    if (!source.has_covariances()) continue;
-    tables.landmarks.covariances[i] =
-        move.scale() * move.scale() *
-        rotated_covariance(tables.landmarks.covariances[i], move.rigid().rotation());
+    move_landmark(tables.landmarks, source.has_covariances(), i,
+                  back * pose.near(tables.landmarks.positions[i]));
   }
   return LandmarkMap(std::move(tables));
 }

@@ -18,8 +18,6 @@ class DescriptorMatches;
 
 /// A pose between two maps, and a deformation of the source that makes it fit.
 struct DeformedPose {
-  static constexpr double kClear = 0.75;  ///< largest `residual` of a clear deformation
-
   Similarity3 start;        ///< target_from_source, before the deformation
   Deformation deformation;  ///< of the target's frame
   /// For each fold of the source's landmarks: as the matches of the other folds show it.
@@ -34,8 +32,14 @@ struct DeformedPose {
   /// change depths by a factor of 1.22. Beyond these limits no single pose means much.
   bool is_small = false;
   /// Median distance of the matches under the deformation that the other folds show, over that under the single
-  /// pose.
+  /// pose; see is_clear().
   double residual = 1.0;
+
+  /// Whether the deformation is more than noise.
+  bool is_clear() const {
+    constexpr double kMostResidual = 0.75;
+    return residual <= kMostResidual;
+  }
 
   Eigen::Vector3d operator()(const Eigen::Vector3d& x_in_source) const {
     return deformation(start * x_in_source);
@@ -80,8 +84,8 @@ class DeformablePair {
 };
 
 /// The source, deformed so that `pose.target_from_source` fits everywhere. Covariances turn with the landmarks.
-/// Each keyframe moves as the landmarks that it observed do in the mean, because a deformation means nothing where no
-/// landmarks are.
+/// Each keyframe moves with the landmarks that it observed. The deformation at the camera itself is not used: it was not
+/// fitted there.
 LandmarkMap deformed(const LandmarkMap& source, const DeformedPose& pose);
 
 }  // namespace cairn

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/alignment/detail/moved_in_map.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
@@ -112,12 +113,7 @@ LandmarkMap straightened(const LandmarkMap& map, const PartsAlignment& parts) {
   for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
   MapTables tables = LandmarkMap(map).tables();
   for (std::size_t i = 0; i < order.size(); ++i) {
-    const Similarity3 move = straightening.at(along[i]);
-    auto& q = tables.frames.quaternions[i];
-    const Eigen::Quaterniond turned =
-        move.rigid().quaternion() * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
-    q = {turned.w(), turned.x(), turned.y(), turned.z()};
-    tables.frames.translations[i] = move * tables.frames.translations[i];
+    move_keyframe(tables.frames, i, straightening.at(along[i]));
   }
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
     std::vector<std::uint32_t> ranks;
@@ -128,11 +124,7 @@ LandmarkMap straightened(const LandmarkMap& map, const PartsAlignment& parts) {
     if (!ranks.empty()) std::nth_element(ranks.begin(), middle, ranks.end());
     const Similarity3 move =
         straightening.at(ranks.empty() ? std::nan("") : along[order[*middle].value]);
-    tables.landmarks.positions[i] = move * tables.landmarks.positions[i];
-    if (!map.has_covariances()) continue;
-    tables.landmarks.covariances[i] =
-        move.scale() * move.scale() *
-        rotated_covariance(tables.landmarks.covariances[i], move.rigid().rotation());
+    move_landmark(tables.landmarks, map.has_covariances(), i, move);
   }
   return LandmarkMap(std::move(tables));
 }

@@ -50,7 +50,7 @@ std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const Prepared
                                           const PreparedMap& target, const MapLink& link) {
   const auto pose =
       DeformablePair(source.cloud(), target.cloud()).fit(std::array{*link.target_from_source});
-  if (!pose || !pose->is_small || pose->residual > DeformedPose::kClear) return std::nullopt;
+  if (!pose || !pose->is_small || !pose->is_clear()) return std::nullopt;
   const MapDeformation& figures = pose->figures;
   if (figures.rotation_rad < kLeastBend && figures.scale_ratio < kLeastScaleRatio) {
     return std::nullopt;
