@@ -4,7 +4,8 @@
 // FOLDER holds sessions as benchmarks/placement_sessions.sh makes them. Each pair is two sessions of one place, of which the
 // second is cut and bent by each of DEGREES (default 0,2.5,5,7.5,10).
 //   cairn_bent_maps_benchmark FOLDER PAIRS strangers
-// takes sessions of different places, bent by up to 10 degrees. One CSV row a pair to stdout.
+// takes sessions of different places, bent by up to 10 degrees, and aligns them by parts alone, which includes the
+// whole. One CSV row a pair to stdout. PAIRS is a number, or the numbers of the pairs: 700-1400 are the next 700.
 //   cairn_bent_maps_benchmark FOLDER PAIRS guesses
 // aligns the pairs of one place, not bent, from guesses 0 to 60 degrees and 0 to 2 m off, and from nowhere.
 //   cairn_bent_maps_benchmark FOLDER PAIRS merge
@@ -157,6 +158,17 @@ AlignOptions options_for(std::uint64_t seed) {
   return options;
 }
 
+void tell_stranger(const Case& one, std::uint64_t number) {
+  AlignOptions options = options_for(number);
+  options.parts = PartsUse::kAlways;
+  const Alignment result = align(one.source, one.target, options);
+  std::printf("%llu,%s,%s,%.1f,%zu,%zu,%s,%.2f\n", static_cast<unsigned long long>(number),
+              one.source_place.c_str(), one.target_place.c_str(), one.bend,
+              one.source.landmark_count(), one.target.landmark_count(),
+              std::string(status_of(result)).c_str(), result.duration_s);
+  std::fflush(stdout);
+}
+
 void tell(const Case& one, std::uint64_t number) {
   AlignOptions options = options_for(number);
   options.parts = PartsUse::kNever;
@@ -296,7 +308,7 @@ std::vector<double> numbers_of(const std::string& text) {
 
 int run(const std::vector<std::string>& words) {
   const std::vector<Session> sessions = benchmarks::read_sessions(words[0]);
-  const auto count = static_cast<std::uint64_t>(std::stoul(words[1]));
+  const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
   const std::string what = words.size() > 2 ? words[2] : "0,2.5,5,7.5,10";
   const bool strangers = what == "strangers";
   const bool guesses = what == "guesses";
@@ -304,14 +316,15 @@ int run(const std::vector<std::string>& words) {
   std::vector<double> bends = {0.0};
   if (!strangers && !guesses) bends = numbers_of(merges ? "0,2.5,5,7.5,10" : what);
   std::puts(
-      merges ? "pair,place,bend_deg,overlap,placed,mended_deg,rotation_deg,translation_m,"
-               "placed_straight,mended_straight_deg,rotation_straight_deg,translation_straight_m"
+      merges      ? "pair,place,bend_deg,overlap,placed,mended_deg,rotation_deg,translation_m,"
+                    "placed_straight,mended_straight_deg,rotation_straight_deg,translation_straight_m"
+      : strangers ? "pair,source,target,bend_deg,source_landmarks,target_landmarks,verdict,total_s"
       : guesses
           ? "pair,place,overlap,start,guess_deg,guess_m,verdict,rotation_deg,translation_m,right"
           : "pair,source,target,bend_deg,overlap,source_landmarks,target_landmarks,whole,verdict,"
             "consensus,contradictory,parts_aligned,parts,stated_deg,rotation_deg,translation_m,"
             "right,right_somewhere,worst_part_deg,worst_part_m,whole_s,total_s");
-  for (std::uint64_t number = 0; number < count; ++number) {
+  for (std::uint64_t number = numbers.first; number < numbers.end; ++number) {
     Random random = Random(number).fork(1);
     std::vector<std::pair<std::size_t, std::size_t>> pairs;
     for (std::size_t i = 0; i < sessions.size(); ++i) {
@@ -325,8 +338,10 @@ int run(const std::vector<std::string>& words) {
     if (strangers) bends = {random.uniform(0.0, 10.0)};
     for (const double bend : bends) {
       const Case one =
-          make_case(sessions[source], sessions[target], bend, number + 1000, strangers ? 0.4 : 0.6);
-      if (guesses) {
+          make_case(sessions[source], sessions[target], bend, number + 1000, strangers ? 0.1 : 0.6);
+      if (strangers) {
+        tell_stranger(one, number);
+      } else if (guesses) {
         tell_guesses(one, number);
       } else if (merges) {
         tell_merge(one, number);

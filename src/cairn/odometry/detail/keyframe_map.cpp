@@ -8,6 +8,7 @@
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/odometry/detail/noise_estimation.hpp"
 #include "cairn/odometry/detail/residual_limits.hpp"
+#include "cairn/odometry/pose_estimation.hpp"
 
 namespace cairn {
 namespace {
@@ -264,6 +265,30 @@ std::uint32_t KeyframeMap::add_keyframe(const TrackedFrame& frame) {
   added.shown = extractor_.describe_added(added.features);
   added.features.drop_images();
   return index;
+}
+
+void KeyframeMap::correct_keyframe(std::uint32_t index, const RowMotion& motion) {
+  Keyframe& keyframe = graph_.keyframes()[index];
+  extractor_.correct(keyframe.features, motion);
+  if (index > 0) {
+    std::vector<PointMatch> points;
+    for (std::uint32_t i = 0; i < keyframe.landmarks.size(); ++i) {
+      const auto& landmark = keyframe.landmarks[i];
+      if (!landmark || graph_.landmark(*landmark).observations.size() < 2) continue;
+      points.push_back({graph_.landmark(*landmark).position, graph_.measurement({index, i})});
+    }
+    keyframe.world_from_camera =
+        refine_pose(sensor_.pinhole(), points, keyframe.world_from_camera).world_from_camera;
+  }
+  for (std::uint32_t i = 0; i < keyframe.landmarks.size(); ++i) {
+    const Keypoint& keypoint = keyframe.features.keypoints()[i];
+    if (!keyframe.landmarks[i] || keypoint.depth_m <= 0.0F) continue;
+    TrackedLandmark& landmark = graph_.landmark(*keyframe.landmarks[i]);
+    if (landmark.observations.size() > 1) continue;
+    landmark.position = keyframe.world_from_camera * sensor_.pinhole().back_project(
+                                                         keypoint.pixel.cast<double>(), keypoint.depth_m);
+    graph_.refresh(*keyframe.landmarks[i]);
+  }
 }
 
 // Merges new landmarks of a keyframe with known ones that were not recognised.

@@ -68,6 +68,9 @@ class KeyframeMap {
   /// merges new ones that turn out to exist. Its images stay until drop_images() of its features.
   /// @return its index
   std::uint32_t add_keyframe(const TrackedFrame& frame);
+  /// Corrects a keyframe for the motion during its readout: its pose, to what others saw, too, and the landmarks that
+  /// it alone saw. The first keyframe, which fixes the map in the world, keeps its pose.
+  void correct_keyframe(std::uint32_t index, const RowMotion& motion);
   /// Removes landmarks that should have been observed again but were not.
   void cull(std::uint32_t newest);
   /// Replaces the sensor's noise by the estimate from the residuals.

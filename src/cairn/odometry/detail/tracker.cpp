@@ -80,6 +80,9 @@ FrameReport Odometry::Tracker::track(double timestamp_s, Features features,
     report.status = FrameStatus::kLost;
     return report;
   }
+  if (options_.readout_s > 0.0 && previous_ && previous_->number + 1 == frame.number) {
+    settle_previous(frame);
+  }
   report.status = FrameStatus::kTracked;
   report.landmarks = located->inlier_count;
   report.reprojection_errors = reprojection_errors(frame);
@@ -137,6 +140,53 @@ void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
   if (options_.readout_s > 0.0) velocity_ = row_motion(frame);
   between_s_ = frame.timestamp_s - previous_->timestamp_s;
   between_ = motion_between(motion, between_s_);
+}
+
+void Odometry::Tracker::settle_previous(TrackedFrame& next) {
+  const double duration_s = next.timestamp_s - previous_->timestamp_s;
+  if (!(duration_s > 0.0)) return;
+  const Rigid3 previous_from_next = previous_->world_from_camera.inverse() * next.world_from_camera;
+  RowMotion motion = motion_between(previous_from_next, duration_s);
+  motion.velocity_m_s = previous_from_next.quaternion() * motion.velocity_m_s;
+  if (between_) {
+    const double share = between_s_ / (between_s_ + duration_s);
+    motion.velocity_m_s =
+        between_->velocity_m_s + share * (motion.velocity_m_s - between_->velocity_m_s);
+    motion.turn_rad_s = between_->turn_rad_s + share * (motion.turn_rad_s - between_->turn_rad_s);
+  }
+  motion.readout_s = options_.readout_s;
+  motion.rows = map_.image().height;
+  const Rigid3 before = previous_->world_from_camera;
+  if (graph_.keyframes().back().frame == previous_->number) {
+    const auto index = static_cast<std::uint32_t>(graph_.keyframes().size() - 1);
+    map_.correct_keyframe(index, motion);
+    adjust_newest();
+    previous_->features = graph_.keyframes()[index].features;
+    previous_->landmarks = graph_.keyframes()[index].landmarks;
+    previous_->world_from_camera = graph_.keyframes()[index].world_from_camera;
+  } else {
+    map_.extractor().correct(previous_->features, motion);
+    solve(*previous_, matches_of(*previous_));
+    const Rigid3& reference_pose = graph_.keyframes()[reference_].world_from_camera;
+    recorded_.back().keyframe_from_camera = reference_pose.inverse() * previous_->world_from_camera;
+  }
+  if (between_) {
+    *between_ = motion_between(
+        motion_during(*between_, between_s_) * before.inverse() * previous_->world_from_camera,
+        between_s_);
+  }
+  map_.extractor().correct(next.features, row_motion(next));
+  solve(next, matches_of(next));
+}
+
+std::vector<LandmarkMatch> Odometry::Tracker::matches_of(const TrackedFrame& frame) const {
+  std::vector<LandmarkMatch> matches;
+  for (std::uint32_t i = 0; i < frame.landmarks.size(); ++i) {
+    if (frame.landmarks[i] && !graph_.landmark(*frame.landmarks[i]).gone()) {
+      matches.push_back({i, *frame.landmarks[i], 0});
+    }
+  }
+  return matches;
 }
 
 // Across a gap at the last velocity.
@@ -293,16 +343,22 @@ bool Odometry::Tracker::wants_keyframe(const TrackedFrame& frame, std::size_t fo
   return since >= 3 && (is_new_view(moved) || thinned);
 }
 
+void Odometry::Tracker::adjust_newest() {
+  const auto index = static_cast<std::uint32_t>(graph_.keyframes().size() - 1);
+  if (index == 0) return;  // the first fixes the map in the world
+  std::vector<std::uint32_t> moving = {index};
+  for (const auto& [neighbour, shared] : graph_.covisible(index)) {
+    constexpr std::size_t kFewestShared = 15;
+    if (moving.size() >= options_.adjusted_keyframes || shared < kFewestShared) break;
+    if (neighbour != 0) moving.push_back(neighbour);
+  }
+  adjust(graph_, moving);
+}
+
 void Odometry::Tracker::make_keyframe(TrackedFrame& frame) {
   const std::uint32_t index = map_.add_keyframe(frame);
   if (index > 0) {
-    std::vector<std::uint32_t> moving = {index};
-    for (const auto& [neighbour, shared] : graph_.covisible(index)) {
-      constexpr std::size_t kFewestShared = 15;
-      if (moving.size() >= options_.adjusted_keyframes || shared < kFewestShared) break;
-      if (neighbour != 0) moving.push_back(neighbour);  // the first fixes the map in the world
-    }
-    adjust(graph_, moving);
+    adjust_newest();
     map_.cull(index);
   }
   frame.landmarks = graph_.keyframes()[index].landmarks;

@@ -42,6 +42,8 @@ class Odometry::Tracker {
   PoseEstimate locate_in_map(TrackedFrame& frame, double radius);
   std::vector<PointMatch> points_of(const TrackedFrame& frame,
                                     std::span<const LandmarkMatch> matches) const;
+  // Those that the frame has, of landmarks that are still there.
+  std::vector<LandmarkMatch> matches_of(const TrackedFrame& frame) const;
   // Refines the frame's pose and keeps the matches that fit.
   PoseEstimate solve(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
   static void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
@@ -52,9 +54,14 @@ class Odometry::Tracker {
   // its features if none bridges().
   RowMotion row_motion(const TrackedFrame& frame) const;
   void note_motion(const TrackedFrame& frame);
+  // Corrects the last tracked frame for the motion during its readout, which the next one tells better; moves its
+  // keyframe, if it is one, and the next frame's pose.
+  void settle_previous(TrackedFrame& next);
   Rigid3 predicted_pose(const TrackedFrame& frame) const;
   bool wants_keyframe(const TrackedFrame& frame, std::size_t found) const;
   void make_keyframe(TrackedFrame& frame);
+  // The last keyframe with those that share most with it.
+  void adjust_newest();
   void end_at_last_frame();
   std::vector<Eigen::Matrix3d> landmark_covariances(LandmarkCovariance kind) const;
   std::vector<float> reprojection_errors(const TrackedFrame& frame) const;
