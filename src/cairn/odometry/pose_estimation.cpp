@@ -117,6 +117,59 @@ PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> mat
   return estimate;
 }
 
+RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch> matches,
+                             std::span<const double> rows, const RowMotionPrior& prior,
+                             const Rigid3& world_from_camera) {
+  using Matrix12d = Eigen::Matrix<double, 12, 12>;
+  using Vector12d = Eigen::Matrix<double, 12, 1>;
+  Rigid3 pose = world_from_camera;
+  RowMotion change = prior.motion;
+  change.velocity_m_s.setZero();
+  change.turn_rad_s.setZero();
+  Vector6d weights;
+  weights << Eigen::Vector3d::Constant(1.0 / (prior.sigma_m_s * prior.sigma_m_s)),
+      Eigen::Vector3d::Constant(1.0 / (prior.sigma_rad_s * prior.sigma_rad_s));
+  constexpr int kSteps = 4;
+  for (int step = 0; step < kSteps; ++step) {
+    Vector6d changed;
+    changed << change.velocity_m_s, change.turn_rad_s;
+    Matrix12d information = Matrix12d::Zero();
+    Vector12d gradient = Vector12d::Zero();
+    information.diagonal().tail<6>() = weights;
+    gradient.tail<6>() = weights.cwiseProduct(changed);
+    const Eigen::Matrix3d world_axes = pose.rotation();
+    for (std::size_t i = 0; i < matches.size(); ++i) {
+      const Eigen::Vector3d arm = matches[i].x_in_world - pose.translation();
+      const Eigen::Vector3d x_in_camera = change.at_row(world_axes.transpose() * arm, rows[i]);
+      if (x_in_camera.z() < kNearestDepth) continue;
+      const PointResidual residual = point_residual(pinhole, matches[i].measured, x_in_camera);
+      const double pixel_weight = huber_weight(residual.squared_pixel(), kPixel95);
+      const double depth_weight = residual.squared_depth() > kDepth99 ? 0.0 : 1.0;
+      Eigen::Matrix<double, 3, 12> by_both;
+      by_both.leftCols<6>() =
+          derivative_by_pose(residual.by_x_in_camera * world_axes.transpose(), arm);
+      const double time = change.time_of_row(rows[i]);
+      by_both.middleCols<3>(6) = time * by_both.leftCols<3>() * world_axes;
+      by_both.rightCols<3>() = time * by_both.middleCols<3>(3) * world_axes;
+      const Eigen::Vector3d weight(pixel_weight, pixel_weight, depth_weight);
+      const Eigen::Matrix<double, 3, 12> weighted = weight.asDiagonal() * by_both;
+      information += by_both.transpose() * weighted;
+      gradient += weighted.transpose() * residual.value;
+    }
+    const Eigen::LDLT<Matrix12d> solver(information);
+    if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > 0.0)) break;
+    const Vector12d delta = -solver.solve(gradient);
+    if (!delta.allFinite()) break;
+    pose = pose.perturbed(delta.head<6>());
+    change.velocity_m_s += delta.segment<3>(6);
+    change.turn_rad_s += delta.tail<3>();
+  }
+  RowMotion refined = prior.motion;
+  refined.velocity_m_s += change.velocity_m_s;
+  refined.turn_rad_s += change.turn_rad_s;
+  return refined;
+}
+
 std::optional<PoseEstimate> find_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
                                       std::size_t least_inliers, std::uint64_t seed) {
   std::vector<std::size_t> with_depth;

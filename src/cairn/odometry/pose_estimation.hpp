@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/odometry/row_motion.hpp"
 #include "cairn/odometry/sensor_model.hpp"
 
 namespace cairn {
@@ -29,6 +30,20 @@ struct PoseEstimate {
 /// ignored without excluding its match.
 PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
                          const Rigid3& world_from_camera);
+
+/// What is known of the camera's motion during a readout before its rows are compared.
+struct RowMotionPrior {
+  RowMotion motion;
+  double sigma_m_s = 0.0;    ///< per axis of the velocity; positive
+  double sigma_rad_s = 0.0;  ///< per axis of the turn; positive
+};
+
+/// The motion during the readout that explains best, together with the pose, where the rows see the landmarks.
+/// @param matches measured pixels and depths, corrected for the prior motion
+/// @param rows    of the original image, one per match
+RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch> matches,
+                             std::span<const double> rows, const RowMotionPrior& prior,
+                             const Rigid3& world_from_camera);
 
 /// Finds the pose that most matches agree with, without an initial pose: random triples with depth
 /// (seeded), then refinement. std::nullopt if fewer than `least_inliers` agree.

@@ -4,21 +4,13 @@
 #include <Eigen/Geometry>
 
 namespace cairn {
-namespace {
-
-double time_of_row(const RowMotion& motion, double v) {
-  return motion.readout_s * ((v + 0.5) / motion.rows - 0.5);
-}
-
-}  // namespace
-
 Eigen::Vector3d RowMotion::at_middle(const Eigen::Vector3d& x_in_camera, double v) const {
-  const double time = time_of_row(*this, v);
+  const double time = time_of_row(v);
   return rotation_exp(time * turn_rad_s) * x_in_camera + time * velocity_m_s;
 }
 
 Eigen::Vector3d RowMotion::at_row(const Eigen::Vector3d& x_in_camera, double v) const {
-  const double time = time_of_row(*this, v);
+  const double time = time_of_row(v);
   return rotation_exp(-time * turn_rad_s) * (x_in_camera - time * velocity_m_s);
 }
 

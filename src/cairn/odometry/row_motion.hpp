@@ -19,6 +19,8 @@ struct RowMotion {
   bool none() const {
     return !(readout_s > 0.0) || (velocity_m_s.isZero(0.0) && turn_rad_s.isZero(0.0));
   }
+  /// When row `v` was read out, after the middle row.
+  double time_of_row(double v) const { return readout_s * ((v + 0.5) / rows - 0.5); }
   /// Where the middle row would have seen a point that row `v` saw at `x_in_camera`.
   Eigen::Vector3d at_middle(const Eigen::Vector3d& x_in_camera, double v) const;
   /// The inverse.

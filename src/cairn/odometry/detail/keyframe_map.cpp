@@ -285,8 +285,9 @@ void KeyframeMap::correct_keyframe(std::uint32_t index, const RowMotion& motion)
     if (!keyframe.landmarks[i] || keypoint.depth_m <= 0.0F) continue;
     TrackedLandmark& landmark = graph_.landmark(*keyframe.landmarks[i]);
     if (landmark.observations.size() > 1) continue;
-    landmark.position = keyframe.world_from_camera * sensor_.pinhole().back_project(
-                                                         keypoint.pixel.cast<double>(), keypoint.depth_m);
+    landmark.position =
+        keyframe.world_from_camera *
+        sensor_.pinhole().back_project(keypoint.pixel.cast<double>(), keypoint.depth_m);
     graph_.refresh(*keyframe.landmarks[i]);
   }
 }

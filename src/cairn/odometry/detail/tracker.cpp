@@ -21,6 +21,37 @@ bool can_start_map(const Features& features) {
                        [](const Keypoint& keypoint) { return keypoint.depth_m > 0.0F; }) >= kFewest;
 }
 
+// Errors of the velocity at a frame, per axis, as a share of its change between two frames: extrapolated from the
+// frames before, and interpolated between the motions before and after.
+constexpr double kExtrapolated = 0.1;
+constexpr double kInterpolated = 0.03;
+
+// The velocity at a frame: that of one interval, and a share of the change between two.
+RowMotionPrior prior_from(const RowMotion& interval, const RowMotion& earlier,
+                          const RowMotion& later, double share, double error) {
+  constexpr double kLeast = 1e-4;  // m/s, rad/s
+  const Eigen::Vector3d faster = later.velocity_m_s - earlier.velocity_m_s;
+  const Eigen::Vector3d turning = later.turn_rad_s - earlier.turn_rad_s;
+  RowMotionPrior prior{interval, kLeast + error * faster.norm(), kLeast + error * turning.norm()};
+  prior.motion.velocity_m_s += share * faster;
+  prior.motion.turn_rad_s += share * turning;
+  return prior;
+}
+
+// If there is but one interval.
+RowMotionPrior vague_prior(const RowMotion& interval) {
+  constexpr double kSpeed = 0.1;  // m/s
+  constexpr double kTurn = 0.2;   // rad/s
+  return {interval, kSpeed, kTurn};
+}
+
+// If there is none.
+RowMotionPrior no_prior(const RowMotion& assumed) {
+  constexpr double kSpeed = 0.5;  // m/s
+  constexpr double kTurn = 1.0;   // rad/s
+  return {assumed, kSpeed, kTurn};
+}
+
 // Total rotation of the camera.
 double turn_of(const Trajectory& trajectory) {
   double turn = 0.0;
@@ -111,19 +142,30 @@ bool Odometry::Tracker::bridges(const TrackedFrame& frame) const {
 }
 
 // The mean velocity since the last frame is that half-way between both; extrapolates its change.
-RowMotion Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
-  if (!bridges(frame)) return frame.features.row_motion();
+RowMotionPrior Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
+  if (!bridges(frame)) return no_prior(frame.features.row_motion());
   const double duration_s = frame.timestamp_s - previous_->timestamp_s;
-  RowMotion motion =
+  const RowMotion motion =
       motion_between(previous_->world_from_camera.inverse() * frame.world_from_camera, duration_s);
-  motion.readout_s = options_.readout_s;
-  motion.rows = map_.image().height;
-  if (between_) {
-    const double share = duration_s / (duration_s + between_s_);
-    motion.velocity_m_s += share * (motion.velocity_m_s - between_->velocity_m_s);
-    motion.turn_rad_s += share * (motion.turn_rad_s - between_->turn_rad_s);
+  if (!between_) return vague_prior(motion);
+  return prior_from(motion, *between_, motion, duration_s / (duration_s + between_s_),
+                    kExtrapolated);
+}
+
+PoseEstimate Odometry::Tracker::solve_with_motion(TrackedFrame& frame,
+                                                  std::span<const LandmarkMatch> matches,
+                                                  RowMotionPrior prior) const {
+  std::vector<double> rows;
+  for (const LandmarkMatch& match : matches) {
+    rows.push_back(frame.features.keypoints()[match.keypoint].raw.v);
   }
-  return motion;
+  prior.motion.readout_s = options_.readout_s;
+  prior.motion.rows = map_.image().height;
+  map_.extractor().correct(frame.features, prior.motion);
+  map_.extractor().correct(
+      frame.features, refined_row_motion(map_.sensor().pinhole(), points_of(frame, matches), rows,
+                                         prior, frame.world_from_camera));
+  return solve(frame, matches);
 }
 
 void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
@@ -137,7 +179,7 @@ void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
   motion_.reset();
   if (previous_->number + 1 == frame.number) motion_ = motion;
   velocity_.reset();
-  if (options_.readout_s > 0.0) velocity_ = row_motion(frame);
+  if (options_.readout_s > 0.0) velocity_ = frame.features.row_motion();
   between_s_ = frame.timestamp_s - previous_->timestamp_s;
   between_ = motion_between(motion, between_s_);
 }
@@ -146,27 +188,21 @@ void Odometry::Tracker::settle_previous(TrackedFrame& next) {
   const double duration_s = next.timestamp_s - previous_->timestamp_s;
   if (!(duration_s > 0.0)) return;
   const Rigid3 previous_from_next = previous_->world_from_camera.inverse() * next.world_from_camera;
-  RowMotion motion = motion_between(previous_from_next, duration_s);
-  motion.velocity_m_s = previous_from_next.quaternion() * motion.velocity_m_s;
-  if (between_) {
-    const double share = between_s_ / (between_s_ + duration_s);
-    motion.velocity_m_s =
-        between_->velocity_m_s + share * (motion.velocity_m_s - between_->velocity_m_s);
-    motion.turn_rad_s = between_->turn_rad_s + share * (motion.turn_rad_s - between_->turn_rad_s);
-  }
-  motion.readout_s = options_.readout_s;
-  motion.rows = map_.image().height;
+  RowMotion after = motion_between(previous_from_next, duration_s);
+  after.velocity_m_s = previous_from_next.quaternion() * after.velocity_m_s;
+  const RowMotionPrior prior =
+      between_ ? prior_from(*between_, *between_, after, between_s_ / (between_s_ + duration_s),
+                            kInterpolated)
+               : vague_prior(after);
   const Rigid3 before = previous_->world_from_camera;
+  solve_with_motion(*previous_, matches_of(*previous_), prior);
   if (graph_.keyframes().back().frame == previous_->number) {
     const auto index = static_cast<std::uint32_t>(graph_.keyframes().size() - 1);
-    map_.correct_keyframe(index, motion);
+    map_.correct_keyframe(index, previous_->features.row_motion());
     adjust_newest();
-    previous_->features = graph_.keyframes()[index].features;
     previous_->landmarks = graph_.keyframes()[index].landmarks;
     previous_->world_from_camera = graph_.keyframes()[index].world_from_camera;
   } else {
-    map_.extractor().correct(previous_->features, motion);
-    solve(*previous_, matches_of(*previous_));
     const Rigid3& reference_pose = graph_.keyframes()[reference_].world_from_camera;
     recorded_.back().keyframe_from_camera = reference_pose.inverse() * previous_->world_from_camera;
   }
@@ -175,8 +211,7 @@ void Odometry::Tracker::settle_previous(TrackedFrame& next) {
         motion_during(*between_, between_s_) * before.inverse() * previous_->world_from_camera,
         between_s_);
   }
-  map_.extractor().correct(next.features, row_motion(next));
-  solve(next, matches_of(next));
+  solve_with_motion(next, matches_of(next), row_motion(next));
 }
 
 std::vector<LandmarkMatch> Odometry::Tracker::matches_of(const TrackedFrame& frame) const {
@@ -317,8 +352,7 @@ PoseEstimate Odometry::Tracker::locate_in_map(TrackedFrame& frame, double radius
   // Pose and velocity depend on each other.
   constexpr int kRounds = 2;
   for (int round = 0; round < kRounds && options_.readout_s > 0.0; ++round) {
-    map_.extractor().correct(frame.features, row_motion(frame));
-    estimate = solve(frame, matches);
+    estimate = solve_with_motion(frame, matches, row_motion(frame));
     if (estimate.inlier_count < options_.min_tracked) return estimate;
   }
 

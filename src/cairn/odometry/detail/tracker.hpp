@@ -50,9 +50,12 @@ class Odometry::Tracker {
                    const PoseEstimate& estimate);
   // Whether the last tracked frame tells how the camera moves: it is the one before, or a short time ago.
   bool bridges(const TrackedFrame& frame) const;
-  // Camera motion during the readout of a frame, from its pose and the preceding ones; the motion assumed by
-  // its features if none bridges().
-  RowMotion row_motion(const TrackedFrame& frame) const;
+  // The velocity at a frame from its pose and the preceding ones; the one assumed by its features if none
+  // bridges().
+  RowMotionPrior row_motion(const TrackedFrame& frame) const;
+  // Estimates the motion during the readout, corrects the frame for it, and solves again.
+  PoseEstimate solve_with_motion(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
+                                 RowMotionPrior prior) const;
   void note_motion(const TrackedFrame& frame);
   // Corrects the last tracked frame for the motion during its readout, which the next one tells better; moves its
   // keyframe, if it is one, and the next frame's pose.
