@@ -173,6 +173,7 @@ void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
     motion_.reset();
     between_.reset();
     velocity_.reset();
+    motion_is_steady_ = !(options_.readout_s > 0.0);
     return;
   }
   const Rigid3 motion = previous_->world_from_camera.inverse() * frame.world_from_camera;
@@ -180,8 +181,13 @@ void Odometry::Tracker::note_motion(const TrackedFrame& frame) {
   if (previous_->number + 1 == frame.number) motion_ = motion;
   velocity_.reset();
   if (options_.readout_s > 0.0) velocity_ = frame.features.row_motion();
+  const std::optional<RowMotion> earlier = between_;
   between_s_ = frame.timestamp_s - previous_->timestamp_s;
   between_ = motion_between(motion, between_s_);
+  // The next frame will tell the motion better, too late for the end of a map.
+  constexpr double kSteady = 0.25;  // rad/s
+  motion_is_steady_ = !(options_.readout_s > 0.0) ||
+                      (earlier && (between_->turn_rad_s - earlier->turn_rad_s).norm() < kSteady);
 }
 
 void Odometry::Tracker::settle_previous(TrackedFrame& next) {
@@ -448,7 +454,8 @@ std::optional<Rigid3> Odometry::Tracker::last_pose() const {
 }
 
 bool Odometry::Tracker::can_begin_new_map() const {
-  return last_pose().has_value() && motion_is_certain_ && can_start_map(previous_->features);
+  return last_pose().has_value() && motion_is_certain_ && motion_is_steady_ &&
+         can_start_map(previous_->features);
 }
 
 FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
