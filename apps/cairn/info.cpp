@@ -16,6 +16,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/error_statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/interchange/conventions.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
@@ -56,6 +57,52 @@ struct Quantiles {
   double mean = 0.0;
   double highest = 0.0;
 };
+
+// Root mean square of a keyframe's error, as the map states it.
+struct PoseUncertainty {
+  double length = 0.0;
+  double angle_rad = 0.0;
+};
+
+PoseUncertainty uncertainty_of(const Matrix6d& covariance) {
+  const auto root = [](double square) { return std::sqrt(std::max(square, 0.0)); };
+  return {root(covariance.diagonal().head<3>().sum()), root(covariance.diagonal().tail<3>().sum())};
+}
+
+// How uncertain keyframes are relative to the first, and where that grows most.
+struct PoseUncertainties {
+  FrameId worst;
+  PoseUncertainty of_worst;
+  // Neighbours between which the square of the angle's uncertainty grows most.
+  std::pair<FrameId, FrameId> step;
+  PoseUncertainty of_step;
+};
+
+std::optional<PoseUncertainties> pose_uncertainties(const LandmarkMap& map) {
+  const FrameTable& frames = map.frames();
+  if (frames.pose_covariances.empty()) return std::nullopt;
+  PoseUncertainties result;
+  std::optional<std::size_t> before;
+  for (std::size_t i = 0; i < frames.ids.size(); ++i) {
+    const std::optional<Matrix6d> covariance = frames.pose_covariances[i];
+    if (!covariance) continue;
+    const PoseUncertainty here = uncertainty_of(*covariance);
+    if (!before || here.angle_rad > result.of_worst.angle_rad) {
+      result.worst = frames.ids[i];
+      result.of_worst = here;
+    }
+    if (before) {
+      const PoseUncertainty grown =
+          uncertainty_of(Matrix6d(*covariance - *frames.pose_covariances[*before]));
+      if (grown.angle_rad >= result.of_step.angle_rad) {
+        result.step = {frames.ids[*before], frames.ids[i]};
+        result.of_step = grown;
+      }
+    }
+    before = i;
+  }
+  return result;
+}
 
 std::optional<Quantiles> quantiles(const std::vector<double>& values) {
   const auto statistics = statistics_of(values);
@@ -276,6 +323,18 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
     add("GNSS positions",
         fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
   }
+  if (const auto poses = pose_uncertainties(map)) {
+    const std::string_view unit = unit_symbol(map.info().length_unit);
+    const auto text = [&](const PoseUncertainty& one) {
+      return fmt::format("{:.2g} deg and {:.2g} {}", degrees(one.angle_rad), one.length, unit);
+    };
+    add("pose uncertainty", fmt::format("up to {}, of keyframe {} to the first",
+                                        text(poses->of_worst), poses->worst.value));
+    if (poses->of_step.angle_rad > 0.0) {
+      add("grows most", fmt::format("by {}, between keyframes {} and {}", text(poses->of_step),
+                                    poses->step.first.value, poses->step.second.value));
+    }
+  }
   if (const auto& points = map.info().control_points; !points.empty()) {
     std::size_t views = 0;
     for (const ControlPoint& point : points) views += point.views.size();
@@ -359,6 +418,17 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   const auto gnss = map.frames().gnss.known();
   json["gnss_positions"] = std::count(gnss.begin(), gnss.end(), 1);
   json["control_points"] = map.info().control_points.size();
+  json["pose_uncertainty"] = nullptr;
+  if (const auto poses = pose_uncertainties(map)) {
+    const auto to_object = [](const PoseUncertainty& one) {
+      return Json{{"rotation_rad", one.angle_rad}, {"translation", one.length}};
+    };
+    json["pose_uncertainty"] = {{"greatest", to_object(poses->of_worst)},
+                                {"greatest_step", to_object(poses->of_step)}};
+    json["pose_uncertainty"]["greatest"]["frame"] = poses->worst.value;
+    json["pose_uncertainty"]["greatest_step"]["frames"] = {poses->step.first.value,
+                                                           poses->step.second.value};
+  }
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();

@@ -818,6 +818,27 @@ void bind_maps(py::module_& module) {
           "(f, 4) latitude and longitude in degrees, altitude and accuracy in metres, NaN where "
           "unknown; or None.")
       .def_property_readonly(
+          "pose_covariances",
+          [](const SharedMap& self) -> py::object {
+            const auto& covariances = self->frames().pose_covariances;
+            if (covariances.empty()) return py::none();
+            py::array_t<double> rows(
+                {static_cast<py::ssize_t>(covariances.size()), py::ssize_t{6}, py::ssize_t{6}});
+            auto row = rows.mutable_unchecked<3>();
+            constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+            for (py::ssize_t i = 0; i < row.shape(0); ++i) {
+              const auto covariance = covariances[static_cast<std::size_t>(i)];
+              for (py::ssize_t k = 0; k < 36; ++k) {
+                row(i, k / 6, k % 6) =
+                    covariance ? (*covariance)(static_cast<int>(k / 6), static_cast<int>(k % 6))
+                               : kNan;
+              }
+            }
+            return rows;
+          },
+          "(f, 6, 6) covariances of the keyframes' poses, translation then rotation about the "
+          "map's axes, relative to the first keyframe; NaN where unknown; or None.")
+      .def_property_readonly(
           "observation_offsets", &observation_offsets,
           "(n + 1,): landmark i's observations are [offsets[i], offsets[i + 1]); a view, or None.")
       .def_property_readonly("observation_counts", &observation_counts, "(n,); or None.")

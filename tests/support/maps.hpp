@@ -196,6 +196,7 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   column("timestamps", a.frames().timestamps_s, b.frames().timestamps_s);
   column("image names", a.frames().image_names, b.frames().image_names);
   column("GNSS positions", a.frames().gnss, b.frames().gnss);
+  column("pose covariances", a.frames().pose_covariances, b.frames().pose_covariances);
 
   column("landmark ids", a.landmarks().ids, b.landmarks().ids);
   column("positions", a.landmarks().positions, b.landmarks().positions);

@@ -291,6 +291,7 @@ MapTables Adjustment::tables() const {
   }
   tables.landmarks.positions = points_;
   tables.landmarks.covariances.clear();
+  tables.frames.pose_covariances.clear();
   return tables;
 }
 

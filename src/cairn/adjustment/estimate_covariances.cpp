@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cairn/adjustment/detail/frame_groups.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/adjustment/detail/seen_point.hpp"
 #include "cairn/adjustment/pose_derivative.hpp"
 #include "cairn/geometry/limits.hpp"
@@ -86,6 +87,9 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
   std::vector<Eigen::Matrix3d> covariances(
       map.landmark_count(), Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()));
 
+  OptionalColumn<Matrix6d> pose_covariances;
+  pose_covariances.resize(map.frame_count());
+
   std::vector<std::uint32_t> index_in_group(map.frame_count());
   for (const FrameGroup& group : frame_groups(map, measurements, 2)) {
     LinearProblem problem;
@@ -121,6 +125,10 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
     problem.least_information.tail<3>().setConstant(least(by_angle));
     const RecoveredCovariances recovered =
         recover_covariances(problem, options.gauge, options.execution);
+    for (std::size_t i = 0; i < group.frames.size(); ++i) {
+      const Matrix6d& covariance = recovered.frames[i];
+      if (covariance_defect(covariance).empty()) pose_covariances.set(group.frames[i], covariance);
+    }
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
       const std::uint32_t l = landmarks[i];
       Eigen::Matrix3d covariance = recovered.landmarks[i];
@@ -136,6 +144,7 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
   MapTables tables = std::move(copy).tables();
   tables.info.uuid.reset();
   tables.landmarks.covariances = std::move(covariances);
+  tables.frames.pose_covariances = std::move(pose_covariances);
   result.map = LandmarkMap(std::move(tables));
   return result;
 }

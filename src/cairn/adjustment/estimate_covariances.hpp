@@ -29,8 +29,8 @@ struct EstimatedCovariances {
   MeasurementNoise noise;  ///< the assumed noise
 };
 
-/// Covariances of the landmarks of an adjusted map, from its observations: the marginals of the
-/// least-squares problem of all frames and landmarks, in the map's squared unit of length.
+/// Covariances of the landmarks and of the frames' poses of an adjusted map, from its observations: the marginals of
+/// the least-squares problem of all frames and landmarks, in the map's squared unit of length.
 ///
 /// Gauge: relative to the first frame of every group of frames that share landmarks. That frame's pose
 /// counts as exact, so landmarks far from it are less certain. In a group without depths, the distance of

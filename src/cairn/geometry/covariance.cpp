@@ -37,6 +37,28 @@ std::string covariance_defect(const Eigen::Matrix3d& covariance) {
   return {};
 }
 
+std::string covariance_defect(const Matrix6d& covariance) {
+  if (!covariance.allFinite()) return "has an entry that is not finite";
+  constexpr double kTolerance = 1e-6;
+  Matrix6d correlations = Matrix6d::Zero();
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      const double size = std::sqrt(std::abs(covariance(row, row) * covariance(column, column)));
+      const double entry = 0.5 * (covariance(row, column) + covariance(column, row));
+      if (std::abs(covariance(row, column) - entry) > kTolerance * size) return "is not symmetric";
+      if (std::abs(entry) > (1.0 + kTolerance) * size) {
+        return "has a correlation that is greater than 1";
+      }
+      if (size > 0.0) correlations(row, column) = entry / size;
+    }
+  }
+  const double smallest = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(
+                              correlations, Eigen::EigenvaluesOnly)
+                              .eigenvalues()[0];
+  if (smallest < -kTolerance) return "is indefinite";
+  return {};
+}
+
 double spectral_norm(const Eigen::Matrix3d& symmetric) {
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(symmetric, Eigen::EigenvaluesOnly)
       .eigenvalues()
@@ -54,6 +76,13 @@ Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c
   jacobian.topLeftCorner<3, 3>() = c_from_a.rotation();
   jacobian.bottomRightCorner<3, 3>() = c_from_a.rotation();
   return propagated_covariance(jacobian, covariance);
+}
+
+Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Similarity3& c_from_a) {
+  Matrix6d result = left_transformed_covariance(covariance, c_from_a.rigid());
+  result.topRows<3>() *= c_from_a.scale();
+  result.leftCols<3>() *= c_from_a.scale();
+  return result;
 }
 
 Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance) {

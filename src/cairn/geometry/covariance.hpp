@@ -39,6 +39,9 @@ inline bool is_plainly_covariance(const Eigen::Matrix3d& m) {
 /// Both tests allow a relative error of 1e-6 of the largest entry, for decimal input.
 std::string covariance_defect(const Eigen::Matrix3d& covariance);
 
+/// The same of a pose's, (δt, δφ), whatever their units.
+std::string covariance_defect(const Matrix6d& covariance);
+
 /// Largest absolute eigenvalue of a symmetric matrix.
 double spectral_norm(const Eigen::Matrix3d& symmetric);
 
@@ -55,6 +58,8 @@ Matrix propagated_covariance(const Matrix& jacobian, const Matrix& covariance) {
 /// Transforms the covariance of a pose `a_from_b` (left perturbation, order δt, δφ) to that of `c_from_a *
 /// a_from_b`.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c_from_a);
+/// The same with a change of the unit of length.
+Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Similarity3& c_from_a);
 
 /// Covariance of pose.inverse() from that of the pose; both left perturbations, (δt, δφ).
 Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance);

@@ -194,6 +194,13 @@ class Checks {
     }
   }
 
+  void check_pose_covariance(std::size_t row, const Matrix6d& covariance) const {
+    if (const std::string defect = covariance_defect(covariance); !defect.empty()) {
+      refuse_frame(MapColumn::kPoseCovariances, row, "pose covariance " + defect,
+                   "a symmetric matrix without negative eigenvalues");
+    }
+  }
+
   void check_cameras() const {
     std::vector<CameraId> ids;
     for (std::size_t i = 0; i < tables_.cameras.size(); ++i) {
@@ -217,6 +224,7 @@ class Checks {
     check_size("frame timestamps", frames.timestamps_s.size(), count, true);
     check_size("frame image names", frames.image_names.size(), count, true);
     check_size("frame GNSS positions", frames.gnss.size(), count, true);
+    check_size("frame pose covariances", frames.pose_covariances.size(), count, true);
     for (std::size_t i = 0; i < count; ++i) {
       if (!are_coordinates(frames.translations[i])) {
         refuse_frame(MapColumn::kTranslations, i,
@@ -242,6 +250,9 @@ class Checks {
                      "seconds, from -1e20 to 1e20");
       }
       if (!frames.gnss.empty() && frames.gnss[i]) check_gnss(i, *frames.gnss[i]);
+      if (!frames.pose_covariances.empty() && frames.pose_covariances[i]) {
+        check_pose_covariance(i, *frames.pose_covariances[i]);
+      }
     }
   }
 
@@ -465,6 +476,7 @@ void drop_unknown_columns(MapTables& tables) {
   drop_if_unknown(tables.frames.cameras);
   drop_if_unknown(tables.frames.timestamps_s);
   drop_if_unknown(tables.frames.gnss);
+  drop_if_unknown(tables.frames.pose_covariances);
   auto& names = tables.frames.image_names;
   if (std::all_of(names.begin(), names.end(), [](const auto& name) { return name.empty(); })) {
     names.clear();

@@ -50,6 +50,9 @@ struct FrameTable {
   OptionalColumn<double> timestamps_s;             ///< optional
   std::vector<std::string> image_names;            ///< optional; empty text if unknown
   OptionalColumn<GnssFix> gnss;                    ///< optional
+  /// Optional; of world_from_camera, (δt, δφ) as Rigid3::perturbed(), relative to the map's first keyframe: it grows
+  /// with drift, and where a keyframe has few ties to the others.
+  OptionalColumn<Matrix6d> pose_covariances;
 };
 
 struct Color {
@@ -180,6 +183,7 @@ enum class MapColumn : std::uint8_t {
   kFurtherOffsets = 31,
   kFurtherDescriptors = 32,
   kControlPoints = 33,
+  kPoseCovariances = 34,
 };
 
 /// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of

@@ -29,7 +29,7 @@ FrameTable frame_rows(const FrameTable& frames, std::span<const std::uint32_t> k
   return {rows(frames.ids, kept),          rows(frames.translations, kept),
           rows(frames.quaternions, kept),  rows(frames.cameras, kept),
           rows(frames.timestamps_s, kept), rows(frames.image_names, kept),
-          rows(frames.gnss, kept)};
+          rows(frames.gnss, kept),         rows(frames.pose_covariances, kept)};
 }
 
 LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std::uint32_t> kept) {
@@ -200,6 +200,12 @@ LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old)
     const Eigen::Quaterniond q = (rigid * pose).quaternion();
     tables.frames.translations[i] = new_from_old * pose.translation();
     tables.frames.quaternions[i] = {q.w(), q.x(), q.y(), q.z()};
+  }
+  auto& poses = tables.frames.pose_covariances;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (const std::optional<Matrix6d> pose = poses[i]) {
+      poses.set(i, left_transformed_covariance(*pose, new_from_old));
+    }
   }
   for (Eigen::Vector3d& position : tables.landmarks.positions) position = new_from_old * position;
   for (Eigen::Matrix3d& covariance : tables.landmarks.covariances) {

@@ -111,11 +111,11 @@ class OptionalColumn {
   std::span<const std::uint8_t> known() const { return known_; }
 
   void set(std::size_t i, const value_type& value) {
-    values_[i] = value.value_or(Value());
+    values_[i] = value.value_or(placeholder());
     known_[i] = value ? 1 : 0;
   }
   void push_back(const value_type& value) {
-    values_.push_back(value.value_or(Value()));
+    values_.push_back(value.value_or(placeholder()));
     known_.push_back(value ? 1 : 0);
   }
   template <class... Arguments>
@@ -127,12 +127,12 @@ class OptionalColumn {
     known_.pop_back();
   }
   void assign(std::size_t size, const value_type& value) {
-    values_.assign(size, value.value_or(Value()));
+    values_.assign(size, value.value_or(placeholder()));
     known_.assign(size, value ? 1 : 0);
   }
   /// @param value of new rows
   void resize(std::size_t size, const value_type& value = std::nullopt) {
-    values_.resize(size, value.value_or(Value()));
+    values_.resize(size, value.value_or(placeholder()));
     known_.resize(size, value ? 1 : 0);
   }
   void reserve(std::size_t size) {
@@ -151,6 +151,15 @@ class OptionalColumn {
   friend bool operator==(const OptionalColumn&, const OptionalColumn&) = default;
 
  private:
+  // What an unknown entry holds. Eigen's matrices are not initialised by their default constructor.
+  static Value placeholder() {
+    if constexpr (requires { Value::Zero(); }) {
+      return Value::Zero();
+    } else {
+      return Value();
+    }
+  }
+
   std::vector<Value> values_;
   std::vector<std::uint8_t> known_;
 };

@@ -135,7 +135,7 @@ LandmarkMap Mapping::finish(const MapOptions& options) {
   adjust_landmarks(graph, again);
   // The poses are fixed.
   const std::vector<Matrix6d> exact(graph.keyframes().size(), Matrix6d::Zero());
-  return map_.to_map(options, recursive_covariances(graph, exact));
+  return map_.to_map(options, recursive_covariances(graph, exact), {});
 }
 
 struct PreparedFrame {

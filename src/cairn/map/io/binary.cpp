@@ -48,6 +48,8 @@ constexpr std::int64_t kUnknownInteger = std::numeric_limits<std::int64_t>::min(
 
 constexpr std::size_t kBlockSize = std::size_t{1} << 20;
 
+constexpr std::size_t kUpperTriangle = 21;  // numbers of a symmetric matrix of six rows
+
 // What a section has entries for.
 enum class Per { kFile, kFrame, kLandmark, kOffset, kObservation };
 
@@ -57,7 +59,7 @@ struct Layout {
   std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
 };
 
-constexpr std::array<Layout, 33> kLayouts = {{
+constexpr std::array<Layout, 34> kLayouts = {{
     {"world frame", Per::kFile, 0},
     {"gravity", Per::kFile, 24},
     {"uuid", Per::kFile, 0},
@@ -91,8 +93,9 @@ constexpr std::array<Layout, 33> kLayouts = {{
     {"further offsets", Per::kOffset, 8},
     {"further descriptors", Per::kFile, 0},
     {"control points", Per::kFile, 0},
+    {"pose covariances", Per::kFrame, 8 * kUpperTriangle},
 }};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kControlPoints));
+static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kPoseCovariances));
 
 constexpr std::size_t index_of(MapColumn column) {
   return static_cast<std::size_t>(column) - 1;
@@ -517,6 +520,34 @@ class BinaryReader {
     refuse_if_unknown(nothing_known, MapColumn::kGnss);
   }
 
+  void read_pose_covariances() {
+    constexpr MapColumn kColumn = MapColumn::kPoseCovariances;
+    auto& covariances = tables_.frames.pose_covariances;
+    const std::string_view bytes = section(kColumn).bytes;
+    bool nothing_known = has(kColumn);
+    std::array<double, kUpperTriangle> numbers{};
+    for (std::size_t byte = 0; byte < bytes.size(); byte += sizeof numbers) {
+      std::memcpy(numbers.data(), bytes.data() + byte, sizeof numbers);
+      if (std::isnan(numbers[0])) {
+        for (std::size_t i = 0; i < numbers.size(); ++i) {
+          expect_unknown(kColumn, byte / sizeof(double) + i, numbers[i]);
+        }
+        covariances.push_back(std::nullopt);
+        continue;
+      }
+      nothing_known = false;
+      Matrix6d covariance = Matrix6d::Zero();
+      const double* next = numbers.data();
+      for (int row = 0; row < 6; ++row) {
+        for (int column = row; column < 6; ++column) {
+          covariance(row, column) = covariance(column, row) = *next++;
+        }
+      }
+      covariances.push_back(covariance);
+    }
+    refuse_if_unknown(nothing_known, kColumn);
+  }
+
   void read_cameras() {
     for (Cursor cursor(*this, MapColumn::kCameras); !cursor.at_end();) {
       Camera& camera = tables_.cameras.emplace_back();
@@ -539,6 +570,7 @@ class BinaryReader {
     read_integers<std::uint32_t>(MapColumn::kFrameCameras, frames.cameras);
     read_numbers(MapColumn::kTimestamps, frames.timestamps_s);
     read_gnss();
+    read_pose_covariances();
     if (!has(MapColumn::kImageNames)) return;
     Cursor names(*this, MapColumn::kImageNames);
     bool nothing_known = true;
@@ -695,6 +727,7 @@ class BinaryWriter {
     plan_places();
     plan_further_descriptors();
     plan_control_points();
+    plan_pose_covariances();
   }
 
   void write() {
@@ -954,6 +987,20 @@ class BinaryWriter {
         }
       }
     });
+  }
+
+  void plan_pose_covariances() {
+    const auto& covariances = map_.frames().pose_covariances;
+    plan(MapColumn::kPoseCovariances, sizeof(double) * kUpperTriangle * covariances.size(),
+         [this, &covariances] {
+           const Matrix6d unknown = Matrix6d::Constant(kUnknownNumber);
+           for (const std::optional<Matrix6d>& one : covariances) {
+             const Matrix6d& covariance = one ? *one : unknown;
+             for (int row = 0; row < 6; ++row) {
+               for (int column = row; column < 6; ++column) put(covariance(row, column));
+             }
+           }
+         });
   }
 
   void plan_further_descriptors() {

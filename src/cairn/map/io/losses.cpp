@@ -36,6 +36,7 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   add(!frames.timestamps_s.empty() && !holdings.timestamps, "timestamps");
   add(!frames.image_names.empty() && !holdings.image_names, "names of images");
   add(!frames.gnss.empty() && !holdings.gnss, "GNSS positions");
+  add(!frames.pose_covariances.empty(), "covariances of poses");
   add(!landmarks.covariances.empty() && !holdings.covariances, "covariances");
   add(!landmarks.colors.empty() && !holdings.colors, "colours");
   if (landmarks.descriptors && holdings.descriptors != "*" &&

@@ -535,6 +535,8 @@ class NativeReader {
       read_column(fields);
     } else if (record == "TIME" || record == "VIEW" || record == "IMAGE" || record == "GNSS") {
       read_frame_extra(record, fields);
+    } else if (record == "POSE_COVARIANCE" && version_ >= 3) {
+      read_pose_covariance(fields);
     } else if (record == "COLOR" || record == "DESCRIPTOR" || record == "VALUE" ||
                record == "DETAIL" || record == "MEASURED") {
       read_landmark_extra(record, fields);
@@ -676,6 +678,22 @@ class NativeReader {
     const auto found = std::find_if(columns.begin(), columns.end(),
                                     [&](const NamedColumn& column) { return column.name == name; });
     return found == columns.end() ? nullptr : &*found;
+  }
+
+  void read_pose_covariance(Fields& fields) {
+    FrameTable& frames = tables_.frames;
+    const std::size_t row = frame(FrameId{fields.unsigned_integer("frame")}, fields).value;
+    frames.pose_covariances.resize(frames.ids.size());
+    refuse_second(frames.pose_covariances.known()[row] != 0, fields);
+    Matrix6d covariance = Matrix6d::Zero();
+    for (int i = 0; i < 6; ++i) {
+      for (int k = i; k < 6; ++k) {
+        covariance(i, k) = covariance(k, i) = fields.number("covariance");
+      }
+    }
+    frames.pose_covariances.set(row, covariance);
+    if (pose_covariance_lines_.size() <= row) pose_covariance_lines_.resize(row + 1);
+    pose_covariance_lines_[row] = line_;
   }
 
   void read_frame_extra(std::string_view record, Fields& fields) {
@@ -872,6 +890,7 @@ class NativeReader {
     fill(frames.timestamps_s, frames.ids.size());
     fill(frames.image_names, frames.ids.size());
     fill(frames.gnss, frames.ids.size());
+    fill(frames.pose_covariances, frames.ids.size());
     fill(landmarks.colors, landmarks.ids.size());
     fill(observations.keypoints, observations.frames.size());
     fill(observations.depths, observations.frames.size());
@@ -903,6 +922,8 @@ class NativeReader {
         return fmt::format("{}:{}", source_.name(), control_point_lines_[row]);
       case MapColumn::kGnss:
         return fmt::format("{}:{}", source_.name(), gnss_lines_[row]);
+      case MapColumn::kPoseCovariances:
+        return fmt::format("{}:{}", source_.name(), pose_covariance_lines_[row]);
       case MapColumn::kQuaternions:
         return fmt::format("{}:{}: fields 6-9 (qw qx qy qz)", source_.name(),
                            frame_lines_.line_of(row));
@@ -930,6 +951,7 @@ class NativeReader {
   std::uint64_t georeference_line_ = 0;
   std::vector<std::uint64_t> control_point_lines_;
   std::vector<std::uint64_t> gnss_lines_;  // one per frame, up to the last with a GNSS record
+  std::vector<std::uint64_t> pose_covariance_lines_;  // the same
   RowLines frame_lines_;
   RowLines landmark_lines_;
   std::unordered_map<FrameId, FrameIndex> frame_index_;
@@ -1088,6 +1110,15 @@ class NativeWriter {
       }
       end_line();
     }
+    if (!frames.pose_covariances.empty() && frames.pose_covariances[i]) {
+      const Matrix6d covariance = *frames.pose_covariances[i];
+      buffer_ += "POSE_COVARIANCE";
+      field(id);
+      for (int row = 0; row < 6; ++row) {
+        for (int column = row; column < 6; ++column) field(covariance(row, column));
+      }
+      end_line();
+    }
   }
 
   void write_landmark(std::size_t i) {
@@ -1208,6 +1239,7 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
   if (!frames.timestamps_s.empty()) return "the frames' times";
   if (!frames.image_names.empty()) return "the frames' image names";
   if (!frames.gnss.empty()) return "the frames' GNSS positions";
+  if (!frames.pose_covariances.empty()) return "the covariances of the frames' poses";
   if (!landmarks.colors.empty()) return "the landmarks' colours";
   if (landmarks.descriptors) return "the landmarks' descriptors";
   if (!landmarks.columns.empty()) return "the landmarks' named columns";
@@ -1230,14 +1262,17 @@ void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<in
   const auto loss = version_1_loss(map);
   const auto& descriptors = map.landmarks().descriptors;
   const bool has_further = descriptors && descriptors->has_further();
-  const int least = has_further ? 3 : loss ? 2 : 1;
+  const bool has_pose_covariances = !map.frames().pose_covariances.empty();
+  const int least = has_further || has_pose_covariances ? 3 : loss ? 2 : 1;
   const int chosen = version.value_or(least);
   if (chosen < 1 || chosen > 3) {
     throw Error(ErrorKind::kMisuse, "version", std::to_string(chosen), "1, 2 or 3");
   }
   if (chosen < least) {
     throw Error(ErrorKind::kMisuse, fmt::format("version {} of the text format", chosen),
-                "would lose " + (chosen == 1 ? *loss : "the landmarks' further descriptors"),
+                "would lose " + (chosen == 1   ? *loss
+                                 : has_further ? "the landmarks' further descriptors"
+                                               : "the covariances of the frames' poses"),
                 fmt::format("version {}", least));
   }
   NativeWriter(map, sink).write(chosen, progress);

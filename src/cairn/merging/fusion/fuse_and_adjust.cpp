@@ -86,6 +86,7 @@ LandmarkMap with_frames_joined(LandmarkMap map, std::span<const SharedFrame> sha
   keep_rows(tables.frames.timestamps_s, kept);
   keep_rows(tables.frames.image_names, kept);
   keep_rows(tables.frames.gnss, kept);
+  keep_rows(tables.frames.pose_covariances, kept);
   ObservationTable& observations = tables.observations;
   if (observations.offsets.empty()) return LandmarkMap(std::move(tables));
   std::vector<std::size_t> rows;

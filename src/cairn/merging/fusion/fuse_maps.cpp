@@ -61,6 +61,20 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   return world;
 }
 
+// Of a keyframe in the world: of its pose in its map, and of the map's.
+std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex frame) {
+  const auto& in_map = placed.map->frames().pose_covariances;
+  if (in_map.empty() || !in_map[frame.value]) return std::nullopt;
+  const Vector3d arm =
+      placed.world_from_map.linear() * placed.map->world_from_camera(frame).translation();
+  Eigen::Matrix<double, 6, 7> by_pose = Eigen::Matrix<double, 6, 7>::Zero();
+  by_pose.topRows<3>() << Matrix3d::Identity(), -skew(arm), arm;
+  by_pose.block<3, 3>(3, 3).setIdentity();
+  const Matrix6d sum = left_transformed_covariance(*in_map[frame.value], placed.world_from_map) +
+                       by_pose * placed.covariance * by_pose.transpose();
+  return 0.5 * (sum + sum.transpose());
+}
+
 // The fused map under construction.
 class Fusion {
  public:
@@ -340,6 +354,7 @@ void Fusion::add_frames(std::size_t m) {
     frames.image_names.push_back(theirs.image_names.empty() ? std::string()
                                                             : theirs.image_names[i]);
     frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
+    frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
   }
 }
 

@@ -377,9 +377,13 @@ std::vector<std::span<const std::uint8_t>> distinct_views(const LandmarkGraph& g
 }  // namespace
 
 LandmarkMap KeyframeMap::to_map(const MapOptions& options,
-                                const std::vector<Eigen::Matrix3d>& covariances) const {
+                                const std::vector<Eigen::Matrix3d>& landmark_covariances,
+                                const std::vector<Matrix6d>& pose_covariances) const {
   MapTables tables;
   tables.cameras = {camera_};
+  for (const Matrix6d& covariance : pose_covariances) {
+    tables.frames.pose_covariances.emplace_back(covariance);
+  }
   for (const Keyframe& keyframe : graph_.keyframes()) {
     tables.frames.ids.push_back({keyframe.frame});
     const Eigen::Quaterniond q = keyframe.world_from_camera.quaternion();
@@ -398,7 +402,7 @@ LandmarkMap KeyframeMap::to_map(const MapOptions& options,
     if (landmark.gone() || landmark.observations.size() < options.min_observations) continue;
     landmarks.ids.push_back({i});
     landmarks.positions.push_back(landmark.position);
-    landmarks.covariances.push_back(covariances[i]);
+    landmarks.covariances.push_back(landmark_covariances[i]);
     if (landmarks.descriptors) {
       append_descriptors(*landmarks.descriptors,
                          distinct_views(graph_, landmark, options.descriptors_each));

@@ -78,9 +78,11 @@ class KeyframeMap {
   /// Removes all keyframes and landmarks.
   void clear() { graph_ = LandmarkGraph(sensor_); }
 
-  /// @param covariances one per landmark of the graph
+  /// @param landmark_covariances one per landmark of the graph
+  /// @param pose_covariances     one per keyframe, or none
   LandmarkMap to_map(const MapOptions& options,
-                     const std::vector<Eigen::Matrix3d>& covariances) const;
+                     const std::vector<Eigen::Matrix3d>& landmark_covariances,
+                     const std::vector<Matrix6d>& pose_covariances) const;
 
  private:
   // Place and octave of a landmark's patch in a frame.

@@ -97,14 +97,14 @@ TEST_F(KeyframeMapTest, GivesItsLandmarksAsAMap) {
   map_.add_keyframe(frame_at(0, 0));
   const std::vector<Eigen::Matrix3d> covariances(map_.graph().landmarks().size(),
                                                  1e-4 * Eigen::Matrix3d::Identity());
-  const LandmarkMap map = map_.to_map({}, covariances);
+  const LandmarkMap map = map_.to_map({}, covariances, {});
   EXPECT_EQ(map.frame_count(), 1U);
   EXPECT_EQ(map.landmark_count(), map_.graph().landmarks().size());
   EXPECT_EQ(map.observation_count(), map.landmark_count());
   ASSERT_TRUE(map.landmarks().descriptors);
   MapOptions twice;
   twice.min_observations = 2;
-  EXPECT_EQ(map_.to_map(twice, covariances).landmark_count(), 0U);
+  EXPECT_EQ(map_.to_map(twice, covariances, {}).landmark_count(), 0U);
 }
 
 TEST_F(KeyframeMapTest, GivesEachLandmarkTheDescriptorsOfItsDistinctViews) {
@@ -129,7 +129,7 @@ TEST_F(KeyframeMapTest, GivesEachLandmarkTheDescriptorsOfItsDistinctViews) {
   }
   const std::vector<Eigen::Matrix3d> covariances(map_.graph().landmarks().size(),
                                                  1e-4 * Eigen::Matrix3d::Identity());
-  const LandmarkMap map = map_.to_map({}, covariances);
+  const LandmarkMap map = map_.to_map({}, covariances, {});
   const DescriptorColumn& column = *map.landmarks().descriptors;
   std::size_t often = 0;
   std::size_t several = 0;
@@ -145,8 +145,8 @@ TEST_F(KeyframeMapTest, GivesEachLandmarkTheDescriptorsOfItsDistinctViews) {
   EXPECT_GT(several, often * 9 / 10);
   MapOptions one;
   one.descriptors_each = 1;
-  EXPECT_EQ(map_.to_map(one, covariances).landmarks().descriptors->bytes, column.bytes);
-  EXPECT_FALSE(map_.to_map(one, covariances).landmarks().descriptors->has_further());
+  EXPECT_EQ(map_.to_map(one, covariances, {}).landmarks().descriptors->bytes, column.bytes);
+  EXPECT_FALSE(map_.to_map(one, covariances, {}).landmarks().descriptors->has_further());
   for (const std::size_t each : {std::size_t{0}, kMostDescriptorsEach + 1}) {
     one.descriptors_each = each;
     EXPECT_THROW(one.validate(), Error);

@@ -52,14 +52,19 @@ RowMotionPrior no_prior(const RowMotion& assumed) {
   return {assumed, kSpeed, kTurn};
 }
 
-// Total rotation of the camera.
-double turn_of(const Trajectory& trajectory) {
-  double turn = 0.0;
+// How far the camera had turned in all at each keyframe.
+std::vector<double> turns_to(const std::vector<Keyframe>& keyframes, const Trajectory& trajectory) {
+  std::vector<double> turns;
   const auto poses = trajectory.poses();
-  for (std::size_t i = 1; i < poses.size(); ++i) {
-    turn += (poses[i - 1].world_from_camera.inverse() * poses[i].world_from_camera).angle();
+  double turn = 0.0;
+  std::size_t next = 1;
+  for (const Keyframe& keyframe : keyframes) {
+    for (; next < poses.size() && poses[next].timestamp_s <= keyframe.timestamp_s; ++next) {
+      turn += (poses[next - 1].world_from_camera.inverse() * poses[next].world_from_camera).angle();
+    }
+    turns.push_back(turn);
   }
-  return turn;
+  return turns;
 }
 
 }  // namespace
@@ -469,19 +474,13 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   options.validate();
   MiniMapLink link;
   link.previous_from_next = graph_.keyframes().back().world_from_camera;
-  std::vector<Eigen::Matrix3d> covariances;
-  if (graph_.keyframes().size() <= kMostMarginalKeyframes) {
-    MarginalCovariances marginal = marginal_covariances(graph_);
-    link.covariance = marginal.keyframes.back();
-    if (options.covariance == LandmarkCovariance::kMarginal) {
-      covariances = std::move(marginal.landmarks);
-    }
-  } else {
-    link.covariance = keyframe_pose_covariances(graph_).back();
-  }
-  if (covariances.empty()) covariances = landmark_covariances(options.covariance);
-  FinishedMap finished{map_.to_map(options, covariances), trajectory(), link};
-  finished.to_next.covariance = link_covariance(link.covariance, turn_of(finished.trajectory));
+  const MapCovariances covariances = map_covariances(options.covariance);
+  link.covariance = covariances.poses.empty()
+                        ? link_covariance(keyframe_pose_covariances(graph_).back(),
+                                          turns_to(graph_.keyframes(), trajectory()).back())
+                        : covariances.poses.back();
+  FinishedMap finished{map_.to_map(options, covariances.landmarks, covariances.poses), trajectory(),
+                       link};
 
   TrackedFrame frame = std::move(*previous_);
   map_.clear();
@@ -497,16 +496,30 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   return finished;
 }
 
-std::vector<Eigen::Matrix3d> Odometry::Tracker::landmark_covariances(
+Odometry::Tracker::MapCovariances Odometry::Tracker::map_covariances(
     LandmarkCovariance kind) const {
-  return kind == LandmarkCovariance::kMarginal
-             ? marginal_covariances(graph_).landmarks
-             : recursive_covariances(graph_, keyframe_pose_covariances(graph_));
+  MapCovariances result;
+  const bool marginal = kind == LandmarkCovariance::kMarginal;
+  const std::vector<Keyframe>& keyframes = graph_.keyframes();
+  if (marginal || keyframes.size() <= kMostMarginalKeyframes) {
+    MarginalCovariances all = marginal_covariances(graph_);
+    const std::vector<double> turns = turns_to(keyframes, trajectory());
+    result.poses.emplace_back(Matrix6d::Zero());
+    for (std::size_t i = 1; i < keyframes.size(); ++i) {
+      result.poses.push_back(link_covariance(all.keyframes[i], turns[i]));
+    }
+    if (marginal) result.landmarks = std::move(all.landmarks);
+  }
+  if (!marginal) {
+    result.landmarks = recursive_covariances(graph_, keyframe_pose_covariances(graph_));
+  }
+  return result;
 }
 
 LandmarkMap Odometry::Tracker::map(const MapOptions& options) const {
   options.validate();
-  return map_.to_map(options, landmark_covariances(options.covariance));
+  const MapCovariances covariances = map_covariances(options.covariance);
+  return map_.to_map(options, covariances.landmarks, covariances.poses);
 }
 
 }  // namespace cairn

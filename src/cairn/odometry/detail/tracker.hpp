@@ -35,6 +35,11 @@ class Odometry::Tracker {
     Rigid3 keyframe_from_camera;
   };
 
+  struct MapCovariances {
+    std::vector<Eigen::Matrix3d> landmarks;
+    std::vector<Matrix6d> poses;  // one per keyframe; none for more than kMostMarginalKeyframes
+  };
+
   bool start(TrackedFrame& frame);
   std::optional<PoseEstimate> locate_by_previous(TrackedFrame& frame, double radius) const;
   std::optional<PoseEstimate> locate_by_keyframe(TrackedFrame& frame, std::uint32_t keyframe) const;
@@ -66,7 +71,7 @@ class Odometry::Tracker {
   // The last keyframe with those that share most with it.
   void adjust_newest();
   void end_at_last_frame();
-  std::vector<Eigen::Matrix3d> landmark_covariances(LandmarkCovariance kind) const;
+  MapCovariances map_covariances(LandmarkCovariance kind) const;
   std::vector<float> reprojection_errors(const TrackedFrame& frame) const;
 
   OdometryOptions options_;
@@ -79,8 +84,9 @@ class Odometry::Tracker {
   std::optional<RowMotion> between_;      // mean velocity from the last frame but one to the last
   double between_s_ = 0.0;                // the time between them
   bool motion_is_certain_ = true;         // of previous_
-  bool motion_is_steady_ = true;          // at previous_, so that its velocity is known without the next frame
-  std::optional<RowMotion> velocity_;     // at the last frame
+  bool motion_is_steady_ =
+      true;  // at previous_, so that its velocity is known without the next frame
+  std::optional<RowMotion> velocity_;  // at the last frame
   std::uint32_t reference_ = 0;  // keyframe that shares most landmarks with the last tracked frame
   std::size_t reference_found_ = 0;
   std::vector<RecordedPose> recorded_;
