@@ -324,7 +324,7 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
         fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
   }
   if (const auto poses = pose_uncertainties(map)) {
-    const std::string_view unit = unit_symbol(map.info().length_unit);
+    const std::string unit(unit_symbol(map.info().length_unit));
     const auto text = [&](const PoseUncertainty& one) {
       return fmt::format("{:.2g} deg and {:.2g} {}", degrees(one.angle_rad), one.length, unit);
     };

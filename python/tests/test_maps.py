@@ -248,6 +248,20 @@ class Operations(unittest.TestCase):
         np.testing.assert_array_equal(m.columns["mine"], [1, 2, 3])
         self.assertEqual(m.length_unit, "free")
 
+    def test_keyframes_state_how_uncertain_their_poses_are(self):
+        upper = [1, 0, 0, 0, 0, 0, 4, 0, 0.5, 0, 0, 9, 0, 0, 0, 1, 0, 0, 1, 0, 1]
+        text = ("CAIRN 3\nFRAME 1 0 0 0 1 0 0 0\nFRAME 2 1 0 0 1 0 0 0\n"
+                f"POSE_COVARIANCE 2 {' '.join(map(str, upper))}\n")
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "posed.map"
+            path.write_text(text)
+            m = cairn.read_map(path)
+        self.assertTrue(np.isnan(m.pose_covariances[0]).all())
+        expected = np.diag([1.0, 4.0, 9.0, 1.0, 1.0, 1.0])
+        expected[1, 3] = expected[3, 1] = 0.5
+        np.testing.assert_array_equal(m.pose_covariances[1], expected)
+        self.assertIsNone(full_map().pose_covariances)
+
     def test_a_moved_map_keeps_its_places_on_the_earth(self):
         text = ("CAIRN 2\nMETA georeference 47.37 8.54 408 2 1 0 0 0 5 6 7\n"
                 "FRAME 1 0 0 0 1 0 0 0\nGNSS 1 47.37 8.54 410 3\nLANDMARK 3 1 2 3 - 0\n")

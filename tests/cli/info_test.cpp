@@ -126,6 +126,9 @@ TEST_F(InfoTest, OptionalPartsOfAMapAreListed) {
   write_map(testing::several_map(), path("several.map"));
   EXPECT_THAT(answer({"info", "several.map"}),
               ContainsRegex("descriptors +ORB, 2 bytes each; 5 of 2 landmarks, up to 3 of one\n"));
+  EXPECT_THAT(answer({"info", "several.map"}),
+              ContainsRegex("pose uncertainty +up to 9.9 deg and 0.17 units, of keyframe .+ to the "
+                            "first\n  grows most +by 9.9 deg and 0.17 units, between keyframes"));
   EXPECT_THAT(text, ContainsRegex("columns +confidence, never_set\n"));
   EXPECT_THAT(text, ContainsRegex("world frame +desk\n"));
   EXPECT_THAT(text, ContainsRegex("length unit +free\n"));

@@ -80,11 +80,16 @@ inline LandmarkMap full_map() {
   return LandmarkMap(full_tables());
 }
 
-/// As full_tables(), with two further descriptors of the first landmark and one of the third.
+/// As full_tables(), with what only version 3 of the text format holds: two further descriptors of the first landmark
+/// and one of the third, and covariances of the first and the third frame's poses.
 inline MapTables several_tables() {
   MapTables tables = full_tables();
   tables.landmarks.descriptors->further_offsets = {0, 2, 2, 3, 3};
   tables.landmarks.descriptors->further = {0x01, 0xfe, 0x00, 0x00, 0x7f, 0x80};
+  Matrix6d covariance = Matrix6d::Identity() * 0.01;
+  covariance(0, 5) = covariance(5, 0) = 0.0025;
+  covariance(1, 2) = covariance(2, 1) = -1.0 / 300.0;
+  tables.frames.pose_covariances = {Matrix6d(Matrix6d::Zero()), std::nullopt, covariance};
   return tables;
 }
 

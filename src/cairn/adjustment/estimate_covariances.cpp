@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "cairn/adjustment/detail/frame_groups.hpp"
-#include "cairn/geometry/covariance.hpp"
 #include "cairn/adjustment/detail/seen_point.hpp"
 #include "cairn/adjustment/pose_derivative.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn {
@@ -127,7 +127,8 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
         recover_covariances(problem, options.gauge, options.execution);
     for (std::size_t i = 0; i < group.frames.size(); ++i) {
       const Matrix6d& covariance = recovered.frames[i];
-      if (covariance_defect(covariance).empty()) pose_covariances.set(group.frames[i], covariance);
+      if (pose_covariance_defect(covariance).empty())
+        pose_covariances.set(group.frames[i], covariance);
     }
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
       const std::uint32_t l = landmarks[i];

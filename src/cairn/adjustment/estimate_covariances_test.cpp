@@ -9,6 +9,7 @@
 
 #include "cairn/adjustment/adjust.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -33,14 +34,16 @@ MeasurementNoise true_noise() {
 }
 
 struct Consistency {
-  double nees = 0.0;    ///< mean; 3 of calibrated covariances
-  double inside = 0.0;  ///< share within the 95 % ellipsoid
+  double nees = 0.0;       ///< mean; 3 of calibrated covariances
+  double inside = 0.0;     ///< share within the 95 % ellipsoid
+  double pose_nees = 0.0;  ///< mean of the frames but the first; 6 of calibrated covariances
 };
 
 // Of landmarks with two or more observations, over several simulated maps that were adjusted from the truth.
 Consistency consistency(bool is_monocular, const CovarianceOptions& options) {
   Consistency result;
   std::size_t count = 0;
+  std::size_t poses = 0;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     LandmarkMap map = synthetic_map(small_scene(seed, kPixel, kDepth));
     LandmarkMap truth = synthetic_map(small_scene(seed, 0.0, 0.0));
@@ -52,6 +55,13 @@ Consistency consistency(bool is_monocular, const CovarianceOptions& options) {
     map = adjust(map, how).map;
     if (is_monocular) truth = scaled_like(std::move(truth), map);
     const LandmarkMap estimated = estimate_covariances(map, options).map;
+    for (std::uint32_t i = 1; i < map.frame_count() && !is_monocular; ++i) {
+      const FrameIndex frame{i};
+      result.pose_nees += normalised_squared_error(map.world_from_camera(frame),
+                                                   *estimated.frames().pose_covariances[i],
+                                                   truth.world_from_camera(frame));
+      ++poses;
+    }
     for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
       if (map.observation_count(LandmarkIndex{i}) < 2) continue;
       const auto covariance = estimated.covariance(LandmarkIndex{i});
@@ -64,6 +74,7 @@ Consistency consistency(bool is_monocular, const CovarianceOptions& options) {
     }
   }
   result.nees /= static_cast<double>(count);
+  if (poses > 0) result.pose_nees /= static_cast<double>(poses);
   result.inside /= static_cast<double>(count);
   return result;
 }
@@ -75,6 +86,7 @@ TEST(EstimateCovariances, SayHowFarOffLandmarksOfRgbdMapsAre) {
   const Consistency known = consistency(false, options);
   EXPECT_NEAR(known.nees, 3.0, 0.3);
   EXPECT_NEAR(known.inside, 0.95, 0.03);
+  EXPECT_NEAR(known.pose_nees, 6.0, 1.0);
   const Consistency estimated = consistency(false, {});
   EXPECT_NEAR(estimated.nees, 3.0, 0.5);
 }
@@ -88,6 +100,19 @@ TEST(EstimateCovariances, SayHowFarOffLandmarksOfMonocularMapsAre) {
   EXPECT_NEAR(known.inside, 0.95, 0.03);
   const Consistency estimated = consistency(true, {});
   EXPECT_NEAR(estimated.nees, 3.0, 0.5);
+}
+
+TEST(EstimateCovariances, AreZeroForTheFrameThatCountsAsExact) {
+  const LandmarkMap map = synthetic_map(small_scene(1, kPixel, kDepth));
+  const LandmarkMap estimated = estimate_covariances(map).map;
+  const auto& poses = estimated.frames().pose_covariances;
+  ASSERT_EQ(poses.size(), map.frame_count());
+  EXPECT_TRUE(poses[0]->isZero(0.0));
+  EXPECT_GT(poses[1]->diagonal().minCoeff(), 0.0);
+  AdjustOptions how;
+  how.covariances = false;
+  EXPECT_TRUE(adjust(estimated, how).map.frames().pose_covariances.empty())
+      << "of the poses before";
 }
 
 TEST(EstimateCovariances, AreInTheUnitOfTheMap) {

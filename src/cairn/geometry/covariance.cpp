@@ -37,7 +37,7 @@ std::string covariance_defect(const Eigen::Matrix3d& covariance) {
   return {};
 }
 
-std::string covariance_defect(const Matrix6d& covariance) {
+std::string pose_covariance_defect(const Matrix6d& covariance) {
   if (!covariance.allFinite()) return "has an entry that is not finite";
   constexpr double kTolerance = 1e-6;
   Matrix6d correlations = Matrix6d::Zero();

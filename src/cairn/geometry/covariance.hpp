@@ -40,7 +40,7 @@ inline bool is_plainly_covariance(const Eigen::Matrix3d& m) {
 std::string covariance_defect(const Eigen::Matrix3d& covariance);
 
 /// The same of a pose's, (δt, δφ), whatever their units.
-std::string covariance_defect(const Matrix6d& covariance);
+std::string pose_covariance_defect(const Matrix6d& covariance);
 
 /// Largest absolute eigenvalue of a symmetric matrix.
 double spectral_norm(const Eigen::Matrix3d& symmetric);

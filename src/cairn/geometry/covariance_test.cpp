@@ -40,6 +40,35 @@ TEST(CovarianceDefect, NamesWhatIsWrong) {
 }
 
 // The quick test against eigenvalues, near the edge of what is accepted.
+// Lengths of micrometres beside angles of a radian: units decide nothing.
+TEST(PoseCovarianceDefect, JudgesInAnyUnits) {
+  Random random(3);
+  for (int i = 0; i < 50; ++i) {
+    const Matrix6d a = Matrix6d::NullaryExpr([&] { return random.normal(); });
+    Vector6d units = Vector6d::Ones();
+    units.head<3>().setConstant(std::pow(10.0, random.uniform(-9.0, 9.0)));
+    const Matrix6d good = units.asDiagonal() * (a * a.transpose()) * units.asDiagonal();
+    EXPECT_EQ(pose_covariance_defect(good), "");
+    Matrix6d lopsided = good;
+    lopsided(0, 1) += 1e-3 * std::sqrt(good(0, 0) * good(1, 1));
+    EXPECT_EQ(pose_covariance_defect(lopsided), "is not symmetric");
+    Matrix6d correlated = good;
+    correlated(4, 2) = correlated(2, 4) = 1.1 * std::sqrt(good(4, 4) * good(2, 2));
+    EXPECT_EQ(pose_covariance_defect(correlated), "has a correlation that is greater than 1");
+    Matrix6d open = good;  // two directions that agree wholly, and a third that contradicts one
+    open.setZero();
+    open.diagonal() = units.cwiseAbs2();
+    open(0, 1) = open(1, 0) = 0.9 * units[0] * units[1];
+    open(0, 5) = open(5, 0) = 0.9 * units[0] * units[5];
+    open(1, 5) = open(5, 1) = -0.9 * units[1] * units[5];
+    EXPECT_EQ(pose_covariance_defect(open), "is indefinite");
+  }
+  EXPECT_EQ(pose_covariance_defect(Matrix6d(Matrix6d::Zero())), "");
+  EXPECT_EQ(pose_covariance_defect(Matrix6d(-Matrix6d::Identity())), "is indefinite");
+  EXPECT_EQ(pose_covariance_defect(Matrix6d(Matrix6d::Constant(std::nan("")))),
+            "has an entry that is not finite");
+}
+
 TEST(CovarianceDefect, AgreesWithTheEigenvalues) {
   Random random(4);
   int accepted = 0;

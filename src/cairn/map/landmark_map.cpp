@@ -195,7 +195,7 @@ class Checks {
   }
 
   void check_pose_covariance(std::size_t row, const Matrix6d& covariance) const {
-    if (const std::string defect = covariance_defect(covariance); !defect.empty()) {
+    if (const std::string defect = pose_covariance_defect(covariance); !defect.empty()) {
       refuse_frame(MapColumn::kPoseCovariances, row, "pose covariance " + defect,
                    "a symmetric matrix without negative eigenvalues");
     }

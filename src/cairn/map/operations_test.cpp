@@ -383,9 +383,41 @@ TEST(Transformed, KeepsFurtherDescriptors) {
             testing::several_map().landmarks().descriptors->further);
 }
 
+// The error of a pose, moved by hand, is that of the moved pose.
+TEST(Transformed, MovesTheCovariancesOfPoses) {
+  const LandmarkMap map = testing::several_map();
+  const Similarity3 move(
+      2.0, Rigid3(Eigen::Quaterniond(rotation_exp({0.3, -0.7, 1.1})), {4.0, -5.0, 6.0}));
+  const LandmarkMap moved = transformed(map, move);
+  const auto& covariances = moved.frames().pose_covariances;
+  ASSERT_EQ(covariances.size(), 3U);
+  EXPECT_FALSE(covariances[1]);
+  EXPECT_TRUE(covariances[0]->isZero(0.0));
+  Eigen::Matrix<double, 6, 6> jacobian;
+  const Rigid3 pose = map.world_from_camera(FrameIndex{2});
+  const Rigid3 moved_pose = moved.world_from_camera(FrameIndex{2});
+  constexpr double kStep = 1e-6;
+  for (int i = 0; i < 6; ++i) {
+    const Rigid3 off = pose.perturbed(kStep * Vector6d::Unit(i));
+    const Rigid3 moved_off(move.rigid().quaternion() * off.quaternion(), move * off.translation());
+    jacobian.col(i) = moved_pose.difference_to(moved_off) / kStep;
+  }
+  const Matrix6d expected = jacobian * *map.frames().pose_covariances[2] * jacobian.transpose();
+  EXPECT_LT((*covariances[2] - expected).cwiseAbs().maxCoeff(), 1e-6);
+}
+
+TEST(CutFrames, KeepsTheCovariancesOfTheirPoses) {
+  const LandmarkMap map = testing::several_map();
+  const FrameId last = map.frames().ids[2];
+  const LandmarkMap part = cut_frames(map, last, FrameId{last.value + 1});
+  ASSERT_EQ(part.frames().pose_covariances.size(), 1U);
+  EXPECT_EQ(*part.frames().pose_covariances[0], *map.frames().pose_covariances[2]);
+}
+
 TEST(WithOneDescriptorEach, KeepsThoseThatRepresentTheLandmarks) {
   MapTables expected = full_tables();
   expected.info.uuid.reset();
+  expected.frames.pose_covariances = testing::several_map().frames().pose_covariances;
   EXPECT_THAT(with_one_descriptor_each(testing::several_map()),
               EqualsMap(LandmarkMap(std::move(expected))));
 }

@@ -70,7 +70,7 @@ struct MapOptions {
 /// Pose of a mini-map in the previous one.
 struct MiniMapLink {
   Rigid3 previous_from_next;
-  Matrix6d covariance = Matrix6d::Zero();  ///< of that pose; see link_covariance()
+  Matrix6d covariance = Matrix6d::Zero();  ///< of that pose, wider than the marginal one
 };
 
 /// A map that was completed when another was begun.

@@ -103,6 +103,68 @@ TEST(RefinePose, IgnoresWrongDepthsButNotTheirMatches) {
   EXPECT_GT(std::count(estimate.inliers.begin(), estimate.inliers.begin() + 80, true), 74);
 }
 
+// Points as the rows of an image saw them while the camera moved, corrected for another motion.
+struct RowsView {
+  View view;
+  std::vector<double> rows;
+};
+
+RowsView seen_by_rows(const RowMotion& motion, const RowMotion& corrected_for, double noise) {
+  RowsView result;
+  Random random(8);
+  result.view.world_from_camera = Rigid3().perturbed(random_step(random, 2.0, 1.5));
+  for (int i = 0; i < 300; ++i) {
+    const double row = random.uniform(0.0, 479.0);
+    const Eigen::Vector3d x =
+        kTestPinhole.back_project({random.uniform(0.0, 639.0), row}, random.uniform(1.0, 4.0));
+    const Eigen::Vector3d seen = corrected_for.at_middle(motion.at_row(x, row), row);
+    PointMatch match = match_of(result.view.world_from_camera, seen, noise, random);
+    match.x_in_world = result.view.world_from_camera * x;
+    result.view.matches.push_back(match);
+    result.rows.push_back(row);
+  }
+  return result;
+}
+
+RowMotion motion_of(const Eigen::Vector3d& velocity_m_s, const Eigen::Vector3d& turn_rad_s) {
+  RowMotion motion;
+  motion.readout_s = 0.03;
+  motion.rows = 480.0;
+  motion.velocity_m_s = velocity_m_s;
+  motion.turn_rad_s = turn_rad_s;
+  return motion;
+}
+
+TEST(RefinedRowMotion, IsTheOneThatTheRowsShow) {
+  const RowMotion truth = motion_of({0.4, -0.3, 0.6}, {0.9, -1.4, 0.7});
+  const RowMotion assumed = motion_of({0.1, 0.0, 0.2}, {0.2, -0.6, 0.1});
+  const RowsView seen = seen_by_rows(truth, assumed, 0.0);
+  Random random(9);
+  const Rigid3 start = seen.view.world_from_camera.perturbed(random_step(random, 0.02, 0.01));
+  const RowMotion refined =
+      refined_row_motion(kTestPinhole, seen.view.matches, seen.rows, {assumed, 1e3, 1e3}, start);
+  EXPECT_LT((refined.velocity_m_s - truth.velocity_m_s).norm(), 0.02);
+  EXPECT_LT((refined.turn_rad_s - truth.turn_rad_s).norm(), 0.02);
+  EXPECT_EQ(refined.readout_s, 0.03);
+}
+
+TEST(RefinedRowMotion, WeighsTheRowsAgainstWhatWasKnown) {
+  const RowMotion truth = motion_of({0.4, -0.3, 0.6}, {0.9, -1.4, 0.7});
+  const RowMotion assumed = motion_of({0.1, 0.0, 0.2}, {0.2, -0.6, 0.1});
+  const RowsView seen = seen_by_rows(truth, assumed, 1.0);
+  const auto error = [&](double sigma) {
+    const RowMotion refined =
+        refined_row_motion(kTestPinhole, seen.view.matches, seen.rows, {assumed, sigma, sigma},
+                           seen.view.world_from_camera);
+    return (refined.turn_rad_s - truth.turn_rad_s).norm();
+  };
+  const double before = (assumed.turn_rad_s - truth.turn_rad_s).norm();
+  EXPECT_NEAR(error(1e-9), before, 1e-6) << "a certain prior stays";
+  EXPECT_LT(error(1.0), 0.2 * before);
+  EXPECT_LT(error(1e-2), before);
+  EXPECT_GT(error(1e-2), error(1.0));
+}
+
 TEST(RefinePose, NeedsNoDepth) {
   View view = make_view(3, 200, 1.0);
   for (PointMatch& match : view.matches) match.measured.depth_m = 0.0;

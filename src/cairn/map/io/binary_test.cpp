@@ -401,9 +401,9 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
   expect_refused({
-      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 33"},
-      {uuid_entry(0, 34), at_number + "34 is no section; expected 1 to 33"},
-      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 33", kHuge)},
+      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 34"},
+      {uuid_entry(0, 35), at_number + "35 is no section; expected 1 to 34"},
+      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 34", kHuge)},
       {uuid_entry(0, 2), at_number + "2 (gravity) occurs twice" + once},
       {uuid_entry(0, 1), at_number + "1 (world frame) stands below 2" + once},
       {uuid_entry(8, uuid + 8),
@@ -507,6 +507,30 @@ TEST(ReadBinary, RefusesBrokenFurtherDescriptors) {
   File none(several_map());
   none.set<std::uint32_t>(none.begin(MapColumn::kDescriptorKind), 0);
   EXPECT_THAT(refusal(none.sealed()), StartsWith("desk.cairn: byte "));
+}
+
+TEST(ReadBinary, RefusesBrokenCovariancesOfPoses) {
+  constexpr MapColumn kColumn = MapColumn::kPoseCovariances;
+  const auto at = [](std::uint64_t offset) {
+    return fmt::format("desk.cairn: byte {}: pose covariances: ",
+                       File(several_map()).begin(kColumn) + offset);
+  };
+  const auto refused = [](std::uint64_t offset, auto value) {
+    File file(several_map());
+    file.set(file.begin(kColumn) + offset, value);
+    return refusal(file.sealed());
+  };
+  constexpr std::uint64_t kRow = 21 * sizeof(double);
+  EXPECT_EQ(File(several_map()).size(kColumn), 3 * kRow);
+  EXPECT_EQ(refused(kRow + 8, 1.0), at(kRow + 8) +
+                                        "1 of the bits 3ff0000000000000; expected "
+                                        "7ff8000000000000 where unknown, else a number");
+  EXPECT_THAT(refused(2 * kRow + 8, kInfinity), HasSubstr("an entry that is not finite"));
+  EXPECT_THAT(refused(2 * kRow, -1.0), HasSubstr("pose covariance is indefinite"));
+  File unknown(several_map());
+  unknown.fill(kColumn, kUnknownBits);
+  EXPECT_EQ(refusal(unknown.sealed()),
+            at(0) + "nothing is known in it; expected the section left out");
 }
 
 TEST(ReadBinary, RefusesEveryTruncationOfSeveralDescriptors) {

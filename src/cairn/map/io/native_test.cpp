@@ -1120,6 +1120,44 @@ TEST(ReadNative, RefusesEveryLineOfSeveralDescriptorsThatIsCut) {
   }
 }
 
+// ---- covariances of poses
+
+TEST(WriteNative, WritesCovariancesOfPosesInVersion3) {
+  MapTables tables = plain_tables();
+  Matrix6d covariance = Matrix6d::Identity();
+  covariance(1, 3) = covariance(3, 1) = 0.5;
+  tables.frames.pose_covariances = {std::nullopt, covariance};
+  const LandmarkMap map(tables);
+  const std::string text = written(map);
+  EXPECT_THAT(text, StartsWith("CAIRN 3\n"));
+  EXPECT_THAT(text, HasSubstr("\nPOSE_COVARIANCE 2 1 0 0 0 0 0 1 0 0.5 0 0 1 0 0 0 1 0 0 1 0 1\n"));
+  EXPECT_THAT(read(text), EqualsMap(map));
+  EXPECT_EQ(refusal([&] { written(map, 2); }, ErrorKind::kMisuse),
+            "version 2 of the text format: would lose the covariances of the frames' poses; "
+            "expected version 3");
+  EXPECT_EQ(refusal([&] { written(map, 1); }, ErrorKind::kMisuse),
+            "version 1 of the text format: would lose the covariances of the frames' poses; "
+            "expected version 3");
+}
+
+TEST(ReadNative, RefusesBrokenCovariancesOfPoses) {
+  const std::string head = "CAIRN 3\nFRAME 2 0 0 0 1 0 0 0\nPOSE_COVARIANCE ";
+  const std::string good = "2 1 0 0 0 0 0 1 0 0.5 0 0 1 0 0 0 1 0 0 1 0 1\n";
+  EXPECT_EQ(read(head + good).frames().pose_covariances.size(), 1U);
+  EXPECT_EQ(refusal(head + "3 1\n"),
+            "desk.map:3: field 2 (frame): frame 3 is unknown; expected the id of a FRAME record "
+            "above");
+  EXPECT_THAT(refusal(head + "2 1 0 0\n"), StartsWith("desk.map:3: field 6 (covariance): "));
+  EXPECT_THAT(refusal(head + good.substr(0, good.size() - 1) + " 7\n"), StartsWith("desk.map:3: "));
+  EXPECT_EQ(refusal(head + good + "POSE_COVARIANCE " + good),
+            "desk.map:4: the same is said above already; expected it once");
+  EXPECT_EQ(refusal(head + "2 1 0 0 0 0 0 1 0 1.5 0 0 1 0 0 0 1 0 0 1 0 1\n"),
+            "desk.map:3: frame 2: pose covariance has a correlation that is greater than 1; "
+            "expected a symmetric matrix without negative eigenvalues");
+  EXPECT_THAT(refusal("CAIRN 2" + (head + good).substr(7)),
+              HasSubstr("unknown record 'POSE_COVARIANCE'; expected a record of version 2"));
+}
+
 // ---- long files
 
 // About `megabytes` of version 1 in frames and landmarks with three observations each.

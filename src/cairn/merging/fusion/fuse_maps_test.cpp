@@ -186,6 +186,49 @@ TEST(FuseMaps, ForgetsThatAnObservationDefinesALandmarkThatIsNoLongerOfOneMap) {
   EXPECT_GT(defining, 0U) << "of landmarks that stay alone";
 }
 
+// A keyframe of a placed map is as uncertain as in its map, and as the map's pose besides, which turns it about the
+// map's origin.
+TEST(FuseMaps, AddsTheUncertaintyOfAMapsPoseToThoseOfItsKeyframes) {
+  MapTables tables = testing::full_tables();
+  tables.frames.pose_covariances = {Matrix6d(Matrix6d::Zero()), std::nullopt,
+                                    Matrix6d(Matrix6d::Identity() * 1e-6)};
+  const LandmarkMap map(tables);
+  MapTables far = tables;
+  for (Eigen::Vector3d& position : far.landmarks.positions) position.x() += 500.0;
+  const LandmarkMap other(far);
+  const Similarity3 world_from_other(
+      2.0, Rigid3(Eigen::Quaterniond(rotation_exp({0.1, 0.2, -0.4})), {1.0, 2.0, 3.0}));
+  Matrix7d placed = Matrix7d::Zero();
+  placed.diagonal() << 1e-4, 2e-4, 3e-4, 1e-6, 2e-6, 3e-6, 1e-6;
+  const std::vector<PlacedMap> maps = {{&map, "one", {}},
+                                       {&other, "two", world_from_other, placed}};
+  const LandmarkMap fused = fuse_maps(maps).map;
+  const auto& covariances = fused.frames().pose_covariances;
+  ASSERT_EQ(covariances.size(), 6U);
+  EXPECT_TRUE(covariances[0]->isZero(0.0));
+  EXPECT_FALSE(covariances[1]);
+  EXPECT_FALSE(covariances[4]);
+  // The pose as a function of the map's, moved by hand.
+  const Rigid3 in_map = other.world_from_camera(FrameIndex{2});
+  const auto placed_pose = [&](const Similarity3& world_from_map) {
+    return Rigid3(world_from_map.rigid().quaternion() * in_map.quaternion(),
+                  world_from_map * in_map.translation());
+  };
+  const Rigid3 pose = placed_pose(world_from_other);
+  Eigen::Matrix<double, 6, 7> by_map;
+  constexpr double kStep = 1e-6;
+  for (int i = 0; i < 7; ++i) {
+    const Vector7d step = kStep * Vector7d::Unit(i);
+    const Similarity3 moved(world_from_other.scale() * std::exp(step[6]),
+                            world_from_other.rigid().perturbed(step.head<6>()));
+    by_map.col(i) = pose.difference_to(placed_pose(moved)) / kStep;
+  }
+  Matrix6d expected = by_map * placed * by_map.transpose();
+  expected.diagonal().head<3>().array() += 4e-6;
+  expected.diagonal().tail<3>().array() += 1e-6;
+  EXPECT_LT((*covariances[5] - expected).cwiseAbs().maxCoeff(), 1e-8);
+}
+
 TEST(FuseMaps, KeepsAllThatTheMapsHold) {
   const LandmarkMap first = testing::full_map();
   MapTables tables = testing::full_tables();

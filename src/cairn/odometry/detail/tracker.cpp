@@ -7,8 +7,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/odometry/detail/bundle_adjustment.hpp"
 #include "cairn/odometry/detail/landmark_covariance.hpp"
-#include "cairn/odometry/detail/link_covariance.hpp"
 #include "cairn/odometry/detail/marginal_covariance.hpp"
+#include "cairn/odometry/detail/stated_covariance.hpp"
 
 namespace cairn {
 namespace {
@@ -50,21 +50,6 @@ RowMotionPrior no_prior(const RowMotion& assumed) {
   constexpr double kSpeed = 0.5;  // m/s
   constexpr double kTurn = 1.0;   // rad/s
   return {assumed, kSpeed, kTurn};
-}
-
-// How far the camera had turned in all at each keyframe.
-std::vector<double> turns_to(const std::vector<Keyframe>& keyframes, const Trajectory& trajectory) {
-  std::vector<double> turns;
-  const auto poses = trajectory.poses();
-  double turn = 0.0;
-  std::size_t next = 1;
-  for (const Keyframe& keyframe : keyframes) {
-    for (; next < poses.size() && poses[next].timestamp_s <= keyframe.timestamp_s; ++next) {
-      turn += (poses[next - 1].world_from_camera.inverse() * poses[next].world_from_camera).angle();
-    }
-    turns.push_back(turn);
-  }
-  return turns;
 }
 
 }  // namespace
@@ -476,8 +461,7 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   link.previous_from_next = graph_.keyframes().back().world_from_camera;
   const MapCovariances covariances = map_covariances(options.covariance);
   link.covariance = covariances.poses.empty()
-                        ? link_covariance(keyframe_pose_covariances(graph_).back(),
-                                          turns_to(graph_.keyframes(), trajectory()).back())
+                        ? stated_covariance(keyframe_pose_covariances(graph_).back())
                         : covariances.poses.back();
   FinishedMap finished{map_.to_map(options, covariances.landmarks, covariances.poses), trajectory(),
                        link};
@@ -503,10 +487,9 @@ Odometry::Tracker::MapCovariances Odometry::Tracker::map_covariances(
   const std::vector<Keyframe>& keyframes = graph_.keyframes();
   if (marginal || keyframes.size() <= kMostMarginalKeyframes) {
     MarginalCovariances all = marginal_covariances(graph_);
-    const std::vector<double> turns = turns_to(keyframes, trajectory());
     result.poses.emplace_back(Matrix6d::Zero());
     for (std::size_t i = 1; i < keyframes.size(); ++i) {
-      result.poses.push_back(link_covariance(all.keyframes[i], turns[i]));
+      result.poses.push_back(stated_covariance(all.keyframes[i]));
     }
     if (marginal) result.landmarks = std::move(all.landmarks);
   }

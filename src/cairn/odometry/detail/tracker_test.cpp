@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/odometry/detail/tracker.hpp"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
+
+#include "cairn/geometry/covariance.hpp"
 
 #include "support/textured_wall.hpp"
 
@@ -79,7 +83,32 @@ TEST_F(TrackerTest, ANewMapBeginsInTheFrameOfItsFirstCamera) {
   const Rigid3 expected(Eigen::Matrix3d::Identity(),
                         {40 * TexturedWall::kMetresPerPixel, 0.0, 0.0});
   EXPECT_LT(finished.to_next.previous_from_next.difference_to(expected).norm(), 0.002);
+  const auto& covariances = finished.map.frames().pose_covariances;
+  ASSERT_EQ(covariances.size(), finished.map.frame_count());
+  EXPECT_EQ(*covariances[covariances.size() - 1], finished.to_next.covariance);
   EXPECT_LT(odometry_.last_pose()->difference_to(Rigid3()).norm(), 1e-12);
+}
+
+TEST_F(TrackerTest, StatesHowUncertainEachKeyframeIs) {
+  for (int right = 0; right <= 200; right += 8) track(right);
+  const LandmarkMap map = odometry_.map();
+  const auto& covariances = map.frames().pose_covariances;
+  ASSERT_EQ(covariances.size(), map.frame_count());
+  ASSERT_GE(covariances.size(), 4U);
+  EXPECT_TRUE(covariances[0]->isZero(0.0)) << "the first is where the map begins";
+  double before = 0.0;
+  for (std::uint32_t i = 1; i < map.frame_count(); ++i) {
+    const Matrix6d covariance = *covariances[i];
+    // A wall from the front: what is uncertain grows with the way along it.
+    const double along = covariance(0, 0);
+    EXPECT_GT(along, before) << i;
+    before = along;
+    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+    const double moved = std::round(pose.translation().x() / TexturedWall::kMetresPerPixel);
+    const Rigid3 truth(Eigen::Matrix3d::Identity(),
+                       {moved * TexturedWall::kMetresPerPixel, 0.0, 0.0});
+    EXPECT_LT(normalised_squared_error(pose, covariance, truth), 12.6) << i;
+  }
 }
 
 }  // namespace
