@@ -19,6 +19,7 @@
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 #include "cairn/merging/recognition/map_index.hpp"
 #include "cairn/odometry/mini_map_graph.hpp"
+#include "cairn/odometry/stated_covariance.hpp"
 
 namespace cairn {
 namespace {
@@ -131,6 +132,12 @@ LandmarkMap finished(LandmarkMap map, const MappedSequence& session, const Close
   for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) tables.frames.ids[i] = FrameId{i};
   for (std::size_t i = 0; i < tables.landmarks.ids.size(); ++i) {
     tables.landmarks.ids[i] = LandmarkId{i};
+  }
+  auto& poses = tables.frames.pose_covariances;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    // Those that adjusting estimated; the first frame's is zero.
+    const std::optional<Matrix6d> marginal = poses[i];
+    if (marginal && !marginal->isZero(0.0)) poses.set(i, stated_covariance(*marginal));
   }
   tables.info.provenance = session.maps.front().info().provenance;
   tables.info.provenance.push_back(fmt::format(

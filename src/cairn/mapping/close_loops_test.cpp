@@ -147,6 +147,21 @@ TEST(CloseLoops, SameResultWithAnyNumberOfThreadsAndByRecognition) {
   EXPECT_THAT(*two.map, EqualsMap(*one.map));
 }
 
+TEST(CloseLoops, StatesHowUncertainKeyframesAreAsOdometryDoes) {
+  CloseLoopsOptions options;
+  options.matching_rounds = 0;
+  const ClosedLoops loops = close_loops(session_in_pieces(desk(), 3, 0.0), options);
+  ASSERT_TRUE(loops.map);
+  const auto& covariances = loops.map->frames().pose_covariances;
+  ASSERT_EQ(covariances.size(), loops.map->frame_count());
+  EXPECT_TRUE(covariances[0]->isZero(0.0));
+  for (std::size_t i = 1; i < covariances.size(); ++i) {
+    // At least what common errors of the sensor amount to.
+    EXPECT_GT(covariances[i]->diagonal().head<3>().minCoeff(), 0.004 * 0.004);
+    EXPECT_GT(covariances[i]->diagonal().tail<3>().minCoeff(), 0.004 * 0.004);
+  }
+}
+
 TEST(CloseLoops, NeighboursAloneAreNoLoop) {
   const MappedSequence session = session_in_pieces(desk(), 2, 0.02);
   const ClosedLoops loops = close_loops(session);

@@ -8,7 +8,7 @@
 #include "cairn/odometry/detail/bundle_adjustment.hpp"
 #include "cairn/odometry/detail/landmark_covariance.hpp"
 #include "cairn/odometry/detail/marginal_covariance.hpp"
-#include "cairn/odometry/detail/stated_covariance.hpp"
+#include "cairn/odometry/stated_covariance.hpp"
 
 namespace cairn {
 namespace {

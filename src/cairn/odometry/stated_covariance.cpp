@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/odometry/detail/stated_covariance.hpp"
+#include "cairn/odometry/stated_covariance.hpp"
 
 namespace cairn {
 
