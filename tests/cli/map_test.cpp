@@ -247,7 +247,7 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
     EXPECT_TRUE(node.world_from_node.matrix().isApprox(world_from_map.matrix(), 1e-9));
     if (i == 2) break;
     EXPECT_EQ(graph.links[i].kind, LinkKind::kOdometry);
-    EXPECT_GT((*graph.links[i].covariance)(0, 0), 1e-4);  // a centimetre, whatever was stated
+    EXPECT_GT((*graph.links[i].covariance)(0, 0), 1.6e-5);  // 4 mm, whatever was stated
     world_from_map = world_from_map * graph.links[i].target_from_source;
   }
   FileReader g2o_file(path("minis/pose_graph.g2o"));

@@ -277,8 +277,11 @@ void KeyframeMap::correct_keyframe(std::uint32_t index, const RowMotion& motion)
       if (!landmark || graph_.landmark(*landmark).observations.size() < 2) continue;
       points.push_back({graph_.landmark(*landmark).position, graph_.measurement({index, i})});
     }
-    keyframe.world_from_camera =
-        refine_pose(sensor_.pinhole(), points, keyframe.world_from_camera).world_from_camera;
+    constexpr std::size_t kFewest = 15;
+    if (points.size() >= kFewest) {
+      keyframe.world_from_camera =
+          refine_pose(sensor_.pinhole(), points, keyframe.world_from_camera).world_from_camera;
+    }
   }
   for (std::uint32_t i = 0; i < keyframe.landmarks.size(); ++i) {
     const Keypoint& keypoint = keyframe.features.keypoints()[i];

@@ -191,8 +191,14 @@ void Odometry::Tracker::settle_previous(TrackedFrame& next) {
                             kInterpolated)
                : vague_prior(after);
   const Rigid3 before = previous_->world_from_camera;
-  solve_with_motion(*previous_, matches_of(*previous_), prior);
-  if (graph_.keyframes().back().frame == previous_->number) {
+  const bool is_keyframe = graph_.keyframes().back().frame == previous_->number;
+  std::vector<LandmarkMatch> matches = matches_of(*previous_);
+  // Landmarks that a keyframe alone saw are as wrong as its motion was.
+  std::erase_if(matches, [&](const LandmarkMatch& match) {
+    return is_keyframe && graph_.landmark(match.landmark).observations.size() < 2;
+  });
+  solve_with_motion(*previous_, matches, prior);
+  if (is_keyframe) {
     const auto index = static_cast<std::uint32_t>(graph_.keyframes().size() - 1);
     map_.correct_keyframe(index, previous_->features.row_motion());
     adjust_newest();
