@@ -128,11 +128,13 @@ function(cairn_module name)
   endif()
 endfunction()
 
-# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER | RELEASE_ONLY TEST...]): a GoogleTest program, each of its
-# tests known to CTest. Those that do not match SANITIZED, or match RELEASE_ONLY, have the label release_only: sanitizers
-# leave them out, as they take long and reach no code that others do not.
+# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER | RELEASE_ONLY TEST...] [TOGETHER SUITE...]): a GoogleTest
+# program, each of its tests known to CTest. Those that do not match SANITIZED, or match RELEASE_ONLY, have the label
+# release_only: sanitizers leave them out, as they take long and reach no code that others do not. The tests of a suite
+# in TOGETHER share what takes seconds to make: without sanitizers they run in one process, as one test of CTest, and
+# none of them may be skipped, which nobody would see.
 function(cairn_test name)
-  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS;RELEASE_ONLY" ${ARGN})
+  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS;RELEASE_ONLY;TOGETHER" ${ARGN})
   add_executable(cairn_${name}_test ${ARG_SOURCES})
   cairn_target_settings(cairn_${name}_test)
   cairn_unity(cairn_${name}_test)
@@ -140,22 +142,34 @@ function(cairn_test name)
   target_compile_options(cairn_${name}_test PRIVATE $<$<CONFIG:Release>:-O1>)
   target_include_directories(cairn_${name}_test PRIVATE "${PROJECT_SOURCE_DIR}/tests")
   target_link_libraries(cairn_${name}_test PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
-  set(slow "")
-  if(ARG_SANITIZED)
-    set(slow "-${ARG_SANITIZED}")
-  elseif(ARG_RELEASE_ONLY)
-    list(JOIN ARG_RELEASE_ONLY ":" slow)
-  endif()
   if(CAIRN_TEST_ONLY AND NOT name IN_LIST CAIRN_TEST_ONLY)
     set_target_properties(cairn_${name}_test PROPERTIES EXCLUDE_FROM_ALL ON)
+    return()
+  endif()
+  # Of a GoogleTest filter, what follows "-" is left out.
+  set(together "")
+  if(NOT CAIRN_SANITIZE)
+    foreach(suite IN LISTS ARG_TOGETHER)
+      string(APPEND together ":${suite}.*")
+      add_test(NAME ${suite} COMMAND cairn_${name}_test --gtest_filter=${suite}.*)
+      set_tests_properties(${suite} PROPERTIES TIMEOUT 1200)
+    endforeach()
+  endif()
+  string(REGEX REPLACE "^:" "-" not_together "${together}")
+  list(JOIN ARG_RELEASE_ONLY ":" slow)
+  if(ARG_SANITIZED)
+    set(quick "${ARG_SANITIZED}${not_together}")
+    set(slow "-${ARG_SANITIZED}${together}")
   elseif(slow)
-    # A filter that begins with "-" leaves out what follows it.
-    string(REGEX REPLACE "^--" "" others "-${slow}")
-    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${others}" TEST_LIST cairn_${name}_sanitized_tests
-                         DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+    set(quick "-${slow}${together}")
+    set(slow "${slow}${not_together}")
+  else()
+    set(quick "${not_together}")
+  endif()
+  gtest_discover_tests(cairn_${name}_test TEST_FILTER "${quick}" TEST_LIST cairn_${name}_quick_tests
+                       DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
+  if(slow)
     gtest_discover_tests(cairn_${name}_test TEST_FILTER "${slow}" DISCOVERY_TIMEOUT 120
                          PROPERTIES TIMEOUT 600 LABELS release_only)
-  else()
-    gtest_discover_tests(cairn_${name}_test DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
   endif()
 endfunction()

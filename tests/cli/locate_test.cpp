@@ -133,8 +133,11 @@ TEST_F(LocateCliTest, NamesWhatIsWrong) {
                  {"bare.ply: descriptors", "none", "ORB"});
 }
 
+// A suite of its own, which is skipped without real data.
+class RealLocateTest : public LocateCliTest {};
+
 // Images of one real session in the map of another; the truth is what motion capture says of the camera.
-TEST_F(LocateCliTest, FindsImagesOfAnotherRealSession) {
+TEST_F(RealLocateTest, FindsImagesOfAnotherRealSession) {
   const auto data = real_data();
   if (!data) GTEST_SKIP() << kNoRealData;
   const fs::path xyz = *data / "tum_fr1_xyz";

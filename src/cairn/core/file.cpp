@@ -258,13 +258,19 @@ std::size_t MemoryReader::read(char* buffer, std::size_t capacity) {
   return count;
 }
 
+std::size_t block_size_for(const ByteSource& source) {
+  constexpr std::uint64_t kLeast = 4096;
+  const std::uint64_t size = source.size().value_or(kBlockSize);
+  return static_cast<std::size_t>(std::clamp<std::uint64_t>(size, kLeast - 1, kBlockSize - 1)) + 1;
+}
+
 std::string read_all(ByteSource& source) {
   std::string bytes;
   std::size_t filled = 0;
   for (;;) {
     // The size is a hint: a file may grow, and a pipe has none.
     const std::size_t hint = static_cast<std::size_t>(source.size().value_or(0)) + 1;
-    bytes.resize(std::max({hint, filled + filled / 2, kBlockSize}));
+    bytes.resize(std::max({hint, filled + filled / 2, block_size_for(source)}));
     const std::size_t count = source.read(bytes.data() + filled, bytes.size() - filled);
     filled += count;
     if (count == 0) break;
@@ -341,7 +347,7 @@ void sync_files(const std::filesystem::path& folder) {
 std::string hash_file(const std::filesystem::path& path) {
   FileReader file(path);
   Hasher hasher;
-  std::vector<char> block(kBlockSize);
+  std::vector<char> block(block_size_for(file));
   while (const std::size_t count = file.read(block.data(), block.size())) {
     hasher.update({block.data(), count});
   }

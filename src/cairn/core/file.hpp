@@ -77,6 +77,10 @@ class MemoryReader final : public ByteSource {
   std::size_t position_ = 0;
 };
 
+/// Bytes to read from a source at a time: 1 MiB, or a smaller source as a whole with one more byte to detect its end.
+/// At least 4 KiB, because a file may have grown, or call itself empty as those in /proc do.
+std::size_t block_size_for(const ByteSource& source);
+
 /// The rest of a source.
 std::string read_all(ByteSource& source);
 
@@ -88,7 +92,8 @@ std::string read_file(const std::filesystem::path& path);
 /// if that is longer. Skips a byte order mark before the first line.
 class LineReader {
  public:
-  explicit LineReader(ByteSource& source, std::size_t block_size = std::size_t{1} << 20);
+  explicit LineReader(ByteSource& source) : LineReader(source, block_size_for(source)) {}
+  LineReader(ByteSource& source, std::size_t block_size);
 
   /// The next line without its '\n'; std::nullopt at the end. Valid until the next call.
   /// @throws Error (input) for a line of more than kLongestLine bytes

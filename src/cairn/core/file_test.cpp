@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <thread>
 #include <vector>
@@ -98,6 +99,48 @@ TEST(LineReader, RefusesALineWithoutEnd) {
     EXPECT_THAT(error.what(), HasSubstr("endless:1: a line of more than 67108864 bytes"));
   }
   EXPECT_LE(source.given(), 2 * kLongestLine + (std::size_t{1} << 20));
+}
+
+// More bytes than it says, as a file that grew after it was opened, or one in /proc.
+class Grown final : public ByteSource {
+ public:
+  Grown(std::uint64_t said, std::string_view bytes) : said_(said), reader_(bytes, "grown") {}
+  const std::string& name() const override { return reader_.name(); }
+  std::optional<std::uint64_t> size() const override { return said_; }
+  std::size_t read(char* buffer, std::size_t capacity) override {
+    return reader_.read(buffer, capacity);
+  }
+  void rewind() override { reader_.rewind(); }
+
+ private:
+  std::uint64_t said_;
+  MemoryReader reader_;
+};
+
+TEST(BlockSize, IsThatOfASmallSourceAndOneByteMoreUpToOneMebibyte) {
+  const auto of = [](std::uint64_t size) { return block_size_for(Grown(size, "")); };
+  EXPECT_EQ(of(0), 4096U);
+  EXPECT_EQ(of(4095), 4096U);
+  EXPECT_EQ(of(4096), 4097U);
+  EXPECT_EQ(of(100'000), 100'001U);
+  EXPECT_EQ(of((1U << 20U) - 1), 1U << 20U);
+  EXPECT_EQ(of(std::numeric_limits<std::uint64_t>::max()), 1U << 20U);
+  EXPECT_EQ(block_size_for(Endless()), 1U << 20U);
+}
+
+TEST(BlockSize, OfASourceThatHoldsMoreThanItSaysAllIsRead) {
+  std::string bytes;
+  for (int i = 0; i < 20'000; ++i) bytes += std::to_string(i) + "\n";
+  for (const std::uint64_t said : {std::uint64_t{0}, std::uint64_t{5000}}) {
+    Grown source(said, bytes);
+    EXPECT_EQ(read_all(source), bytes);
+    source.rewind();
+    LineReader lines(source);
+    std::uint64_t last = 0;
+    while (const auto line = lines.next()) last = std::stoull(std::string(*line));
+    EXPECT_EQ(last, 19'999U);
+    EXPECT_EQ(lines.bytes_read(), bytes.size());
+  }
 }
 
 TEST(FileReader, RefusesADeviceWithoutEnd) {

@@ -185,7 +185,11 @@ void Renderer::State::build_geometry() {
     rtcReleaseGeometry(geometry);
   }
   rtcCommitScene(embree.get());
-  if (rtcGetDeviceError(device.get()) != RTC_ERROR_NONE) throw std::bad_alloc();
+  if (rtcGetDeviceError(device.get()) != RTC_ERROR_NONE) {
+    // Of a scene whose tasks could not be started, Embree's destructor ends the process. Leave it.
+    static_cast<void>(embree.release());
+    throw std::bad_alloc();
+  }
 }
 
 void Renderer::State::build_shading(double light_grid_m) {

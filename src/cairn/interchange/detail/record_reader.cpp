@@ -32,7 +32,7 @@ void ReadingProgress::advance(std::uint64_t bytes, const std::string& source) {
 }
 
 BinaryRecords::BinaryRecords(ByteSource& source, ReadingProgress& progress)
-    : source_(source), progress_(progress), buffer_(kBlock) {}
+    : source_(source), progress_(progress), buffer_(block_size_for(source)) {}
 
 bool BinaryRecords::fill(std::size_t least) {
   if (end_ - begin_ >= least) return true;

@@ -28,12 +28,6 @@ namespace {
 constexpr std::size_t kBlockSize = std::size_t{1} << 20;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// Bytes to read at a time: a block, or a whole small source plus one byte to detect its end.
-std::size_t block_size_for(const ByteSource& source) {
-  const std::uint64_t size = source.size().value_or(kBlockSize);
-  return size < kBlockSize ? static_cast<std::size_t>(size) + 1 : kBlockSize;
-}
-
 // ---- sizes, estimated from the bytes alone so that columns grow without copying
 
 struct RecordCounts {
@@ -355,7 +349,7 @@ class NativeReader {
 
   LandmarkMap read() {
     if (source_.size()) reserve(estimate_records(source_));
-    LineReader lines(source_, block_size_for(source_));
+    LineReader lines(source_);
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;

@@ -155,12 +155,6 @@ bool parse(std::string_view text, T& value) {
   return error == std::errc{} && stop == end;
 }
 
-// Small for a small file, with one more byte to detect its end.
-std::size_t block_size_for(const ByteSource& source) {
-  const std::uint64_t size = source.size().value_or(kBlockSize);
-  return static_cast<std::size_t>(std::clamp<std::uint64_t>(size, 4095, kBlockSize - 1)) + 1;
-}
-
 // Bytes of a field in a binary point, without a list.
 std::uint64_t fixed_size(const PointField& field) {
   return field.list_count ? 0 : field.count * size_of(field.type);
@@ -401,9 +395,7 @@ std::size_t HeadedSource::read_more(char* buffer, std::size_t capacity) {
 // ---- TextRows
 
 TextRows::TextRows(HeadedSource& source)
-    : source_(source),
-      header_lines_(source.header_lines()),
-      lines_(source, block_size_for(source)) {}
+    : source_(source), header_lines_(source.header_lines()), lines_(source) {}
 
 std::optional<std::string_view> TextRows::next_filled() {
   while (const auto line = lines_.next()) {
