@@ -121,8 +121,8 @@ void ConvertArguments::add_to(CLI::App& command) {
 #ifdef CAIRN_HAS_ADJUSTMENT
   auto* const estimate = command.add_flag(
       "--estimate-covariances", estimate_covariances,
-      "Replace the covariances of landmarks and poses by estimates from their observations, with the first "
-      "frame fixed; without depths, the distance to the farthest frame is fixed too");
+      "Replace the covariances of landmarks and poses by estimates from their observations, with "
+      "the first frame fixed; without depths, the distance to the farthest frame is fixed too");
   add_number(command, "--pixel-noise", pixel_noise,
              "With --estimate-covariances: standard deviation of an observation, in pixels "
              "(default: from the residuals)")

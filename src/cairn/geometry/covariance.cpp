@@ -40,11 +40,12 @@ std::string covariance_defect(const Eigen::Matrix3d& covariance) {
 std::string pose_covariance_defect(const Matrix6d& covariance) {
   if (!covariance.allFinite()) return "has an entry that is not finite";
   constexpr double kTolerance = 1e-6;
+  const Matrix6d symmetric = 0.5 * (covariance + covariance.transpose());
   Matrix6d correlations = Matrix6d::Zero();
   for (int row = 0; row < 6; ++row) {
     for (int column = 0; column < 6; ++column) {
       const double size = std::sqrt(std::abs(covariance(row, row) * covariance(column, column)));
-      const double entry = 0.5 * (covariance(row, column) + covariance(column, row));
+      const double entry = symmetric(row, column);
       if (std::abs(covariance(row, column) - entry) > kTolerance * size) return "is not symmetric";
       if (std::abs(entry) > (1.0 + kTolerance) * size) {
         return "has a correlation that is greater than 1";
