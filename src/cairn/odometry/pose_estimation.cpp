@@ -19,6 +19,14 @@ struct NormalEquations {
   Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
 };
 
+// Weights of a residual's three rows.
+Eigen::Vector3d weights_of(const PointResidual& residual, bool robust) {
+  const double pixel = robust ? huber_weight(residual.squared_pixel(), kPixel95) : 1.0;
+  // Truncated, because a grossly wrong depth is more frequent than a wrong match.
+  const double depth = residual.squared_depth() > kDepth99 ? 0.0 : 1.0;
+  return {pixel, pixel, depth};
+}
+
 NormalEquations accumulate(const Pinhole& pinhole, std::span<const PointMatch> matches,
                            const std::vector<bool>& use, const Rigid3& world_from_camera,
                            bool robust) {
@@ -30,13 +38,10 @@ NormalEquations accumulate(const Pinhole& pinhole, std::span<const PointMatch> m
     const Eigen::Vector3d x_in_camera = camera_from_world * arm;
     if (x_in_camera.z() < kNearestDepth) continue;
     const PointResidual residual = point_residual(pinhole, matches[i].measured, x_in_camera);
-    const double pixel_weight = robust ? huber_weight(residual.squared_pixel(), kPixel95) : 1.0;
-    // Truncated, because a grossly wrong depth is more frequent than a wrong match.
-    const double depth_weight = residual.squared_depth() > kDepth99 ? 0.0 : 1.0;
     const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_world;
     const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
-    const Eigen::Vector3d weights(pixel_weight, pixel_weight, depth_weight);
-    const Eigen::Matrix<double, 3, 6> weighted = weights.asDiagonal() * by_pose;
+    const Eigen::Matrix<double, 3, 6> weighted =
+        weights_of(residual, robust).asDiagonal() * by_pose;
     sum.information += by_pose.transpose() * weighted;
     sum.gradient += weighted.transpose() * residual.value;
   }
@@ -143,16 +148,14 @@ RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch>
       const Eigen::Vector3d x_in_camera = change.at_row(world_axes.transpose() * arm, rows[i]);
       if (x_in_camera.z() < kNearestDepth) continue;
       const PointResidual residual = point_residual(pinhole, matches[i].measured, x_in_camera);
-      const double pixel_weight = huber_weight(residual.squared_pixel(), kPixel95);
-      const double depth_weight = residual.squared_depth() > kDepth99 ? 0.0 : 1.0;
       Eigen::Matrix<double, 3, 12> by_both;
       by_both.leftCols<6>() =
           derivative_by_pose(residual.by_x_in_camera * world_axes.transpose(), arm);
       const double time = change.time_of_row(rows[i]);
       by_both.middleCols<3>(6) = time * by_both.leftCols<3>() * world_axes;
       by_both.rightCols<3>() = time * by_both.middleCols<3>(3) * world_axes;
-      const Eigen::Vector3d weight(pixel_weight, pixel_weight, depth_weight);
-      const Eigen::Matrix<double, 3, 12> weighted = weight.asDiagonal() * by_both;
+      const Eigen::Matrix<double, 3, 12> weighted =
+          weights_of(residual, true).asDiagonal() * by_both;
       information += by_both.transpose() * weighted;
       gradient += weighted.transpose() * residual.value;
     }

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 
 namespace cairn {
+
 Eigen::Vector3d RowMotion::at_middle(const Eigen::Vector3d& x_in_camera, double v) const {
   const double time = time_of_row(v);
   return rotation_exp(time * turn_rad_s) * x_in_camera + time * velocity_m_s;

@@ -38,6 +38,13 @@ struct WorldLandmarks {
   std::vector<Matrix3d> covariances;
 };
 
+// How a point moves with its map's pose in the world: x = s·R·x' + t moves by δt, δφ × (x - t) and δ log s · (x - t).
+Eigen::Matrix<double, 3, 7> derivative_by_map(const Vector3d& arm) {
+  Eigen::Matrix<double, 3, 7> by_map;
+  by_map << Matrix3d::Identity(), -skew(arm), arm;
+  return by_map;
+}
+
 WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   const LandmarkMap& map = *placed.map;
   const LandmarkTable& landmarks = map.landmarks();
@@ -49,10 +56,8 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
     for (std::size_t i = begin; i < end; ++i) {
       world.positions[i] = placed.world_from_map * landmarks.positions[i];
       if (landmarks.covariances.empty() || !is_known(landmarks.covariances[i])) continue;
-      // x = s·R·x' + t moves by δt, δφ × (x - t) and δ log s · (x - t).
-      const Vector3d arm = world.positions[i] - placed.world_from_map.translation();
-      Eigen::Matrix<double, 3, 7> by_pose;
-      by_pose << Matrix3d::Identity(), -skew(arm), arm;
+      const Eigen::Matrix<double, 3, 7> by_pose =
+          derivative_by_map(world.positions[i] - placed.world_from_map.translation());
       const Matrix3d sum = linear * landmarks.covariances[i] * linear.transpose() +
                            by_pose * placed.covariance * by_pose.transpose();
       world.covariances[i] = 0.5 * (sum + sum.transpose());
@@ -68,7 +73,7 @@ std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex fram
   const Vector3d arm =
       placed.world_from_map.linear() * placed.map->world_from_camera(frame).translation();
   Eigen::Matrix<double, 6, 7> by_pose = Eigen::Matrix<double, 6, 7>::Zero();
-  by_pose.topRows<3>() << Matrix3d::Identity(), -skew(arm), arm;
+  by_pose.topRows<3>() = derivative_by_map(arm);
   by_pose.block<3, 3>(3, 3).setIdentity();
   const Matrix6d sum = left_transformed_covariance(*in_map[frame.value], placed.world_from_map) +
                        by_pose * placed.covariance * by_pose.transpose();

@@ -84,8 +84,8 @@ class Odometry::Tracker {
   std::optional<RowMotion> between_;      // mean velocity from the last frame but one to the last
   double between_s_ = 0.0;                // the time between them
   bool motion_is_certain_ = true;         // of previous_
-  bool motion_is_steady_ =
-      true;  // at previous_, so that its velocity is known without the next frame
+  // At previous_, so that its velocity is known without the next frame.
+  bool motion_is_steady_ = true;
   std::optional<RowMotion> velocity_;  // at the last frame
   std::uint32_t reference_ = 0;  // keyframe that shares most landmarks with the last tracked frame
   std::size_t reference_found_ = 0;
