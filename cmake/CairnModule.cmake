@@ -56,6 +56,7 @@ set(CAIRN_UNITY_APART
     "apps/cairn/demo.cpp apps/cairn/evaluate.cpp apps/cairn/experiment_sweep.cpp"
     "apps/cairn/experiment_paper.cpp apps/cairn/evaluate_trajectory.cpp apps/cairn/report.cpp"
     "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"
+    "python/bindings/atlas.cpp"
     "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
     "src/cairn/atlas/store/sqlite_store.cpp"
     "src/cairn/interchange/colmap_database.cpp src/cairn/interchange/detail/zip_archive.cpp src/cairn/interchange/mcap.cpp src/cairn/interchange/opensfm.cpp src/cairn/interchange/rtabmap.cpp"
@@ -101,13 +102,13 @@ set(CAIRN_UNITY_APART
     "src/cairn/simulation/detail/canvas.cpp src/cairn/simulation/environment.cpp"
     "src/cairn/trajectory/trajectory_evaluation_test.cpp")
 
-# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...])
+# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...] [LONG TEST...])
 #
 # One static library cairn_NAME (alias cairn::NAME) for the current folder, and one test program of
 # its x_test.cpp files. OPTIONAL modules are not part of cairn::cairn: a
 # consumer asks for them as components (cairn-config.cmake.in).
 function(cairn_module name)
-  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS;RELEASE_ONLY" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS;RELEASE_ONLY;LONG" ${ARGN})
   add_library(cairn_${name} STATIC ${ARG_SOURCES})
   add_library(cairn::${name} ALIAS cairn_${name})
   if(CAIRN_TEST_ONLY)
@@ -124,17 +125,18 @@ function(cairn_module name)
     set_property(GLOBAL APPEND PROPERTY CAIRN_CORE_MODULES cairn_${name})
   endif()
   if(CAIRN_BUILD_TESTS AND ARG_TESTS)
-    cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name} RELEASE_ONLY ${ARG_RELEASE_ONLY})
+    cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name} RELEASE_ONLY ${ARG_RELEASE_ONLY} LONG ${ARG_LONG})
   endif()
 endfunction()
 
-# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER | RELEASE_ONLY TEST...] [TOGETHER SUITE...]): a GoogleTest
-# program, each of its tests known to CTest. Those that do not match SANITIZED, or match RELEASE_ONLY, have the label
-# release_only: sanitizers leave them out, as they take long and reach no code that others do not. The tests of a suite
-# in TOGETHER share what takes seconds to make: without sanitizers they run in one process, as one test of CTest, and
+# cairn_test(NAME SOURCES ... DEPENDS ... [SANITIZED FILTER | RELEASE_ONLY TEST...] [LONG TEST...] [TOGETHER SUITE...]): a
+# GoogleTest program, each of its tests known to CTest. Those that do not match SANITIZED, or match RELEASE_ONLY, have the
+# label release_only: sanitizers leave them out, as they take long and reach no code that others do not. Those of LONG have
+# the label long: besides, they show at length what others show too, so they wait for scripts/test --full. The tests of a
+# suite in TOGETHER share what takes seconds to make: without sanitizers they run in one process, as one test of CTest, and
 # none of them may be skipped, which nobody would see.
 function(cairn_test name)
-  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS;RELEASE_ONLY;TOGETHER" ${ARGN})
+  cmake_parse_arguments(ARG "" "SANITIZED" "SOURCES;DEPENDS;RELEASE_ONLY;LONG;TOGETHER" ${ARGN})
   add_executable(cairn_${name}_test ${ARG_SOURCES})
   cairn_target_settings(cairn_${name}_test)
   cairn_unity(cairn_${name}_test)
@@ -147,29 +149,34 @@ function(cairn_test name)
     return()
   endif()
   # Of a GoogleTest filter, what follows "-" is left out.
-  set(together "")
+  set(apart ${ARG_LONG})
   if(NOT CAIRN_SANITIZE)
     foreach(suite IN LISTS ARG_TOGETHER)
-      string(APPEND together ":${suite}.*")
+      list(APPEND apart "${suite}.*")
       add_test(NAME ${suite} COMMAND cairn_${name}_test --gtest_filter=${suite}.*)
       set_tests_properties(${suite} PROPERTIES TIMEOUT 1200)
     endforeach()
   endif()
-  string(REGEX REPLACE "^:" "-" not_together "${together}")
+  list(JOIN apart ":" apart)
   list(JOIN ARG_RELEASE_ONLY ":" slow)
   if(ARG_SANITIZED)
-    set(quick "${ARG_SANITIZED}${not_together}")
-    set(slow "-${ARG_SANITIZED}${together}")
+    set(quick "${ARG_SANITIZED}-${apart}")
+    set(slow "-${ARG_SANITIZED}:${apart}")
   elseif(slow)
-    set(quick "-${slow}${together}")
-    set(slow "${slow}${not_together}")
+    set(quick "-${slow}:${apart}")
+    set(slow "${slow}-${apart}")
   else()
-    set(quick "${not_together}")
+    set(quick "-${apart}")
   endif()
   gtest_discover_tests(cairn_${name}_test TEST_FILTER "${quick}" TEST_LIST cairn_${name}_quick_tests
                        DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600)
   if(slow)
     gtest_discover_tests(cairn_${name}_test TEST_FILTER "${slow}" DISCOVERY_TIMEOUT 120
                          PROPERTIES TIMEOUT 600 LABELS release_only)
+  endif()
+  if(ARG_LONG)
+    list(JOIN ARG_LONG ":" long)
+    gtest_discover_tests(cairn_${name}_test TEST_FILTER "${long}" TEST_LIST cairn_${name}_long_tests
+                         DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 600 LABELS long)
   endif()
 endfunction()

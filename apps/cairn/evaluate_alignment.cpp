@@ -10,13 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
@@ -203,11 +203,11 @@ void judge_covariance(const Similarity3& truth, JudgedAlignment& judged) {
   const auto& with_scale = result.covariance_with_scale;
   // Six rows have no scale.
   if (!with_scale && pose.scale() != truth.scale()) return;
-  Eigen::MatrixXd covariance = *result.covariance;
-  if (with_scale) covariance = *with_scale;
+  const Eigen::VectorXd spectrum =
+      with_scale ? Eigen::VectorXd(symmetric_eigenvalues<7>(*with_scale))
+                 : Eigen::VectorXd(symmetric_eigenvalues<6>(*result.covariance));
   // As of a map aligned to itself, whose residuals are none.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(covariance, Eigen::EigenvaluesOnly);
-  if (!(spectrum.eigenvalues().minCoeff() > 1e-12 * spectrum.eigenvalues().maxCoeff())) return;
+  if (!(spectrum.minCoeff() > 1e-12 * spectrum.maxCoeff())) return;
   judged.normalised_squared_error =
       with_scale ? normalised_squared_error(pose, *with_scale, truth)
                  : normalised_squared_error(pose.rigid(), *result.covariance, truth.rigid());

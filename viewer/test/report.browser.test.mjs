@@ -39,6 +39,8 @@ function sampleOf(name) {
 const sampleFile = (name) => sampleOf(name).path;
 
 const reportPath = () => sampleFile("small");
+/** A test that takes seconds and looks at details, or at much at once: it waits for scripts/test --full. */
+const thorough = (name, check) => test(name, { skip: !process.env.CAIRN_TEST_FULL && "of scripts/test --full" }, check);
 /** What must hold of any report. */
 const kAnyReport = [
   ["sample", reportPath],
@@ -197,7 +199,7 @@ for (const [kind, path] of kAnyReport) {
   });
 }
 
-test("strategies can be hidden and shown, by chip and by digit", async () => {
+thorough("strategies can be hidden and shown, by chip and by digit", async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     const first = page.locator("[data-scene]").first();
     const panes = () => first.locator(".pane:visible").count();
@@ -275,7 +277,7 @@ test("a drag turns all linked views, or one once they are not", async () => {
   });
 });
 
-test("layers, colours and point size change what is drawn", async () => {
+thorough("layers, colours and point size change what is drawn", async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     await moveSlider(page, 3);
     const seen = new Set([(await drawing(page)).sum]);
@@ -473,7 +475,7 @@ test("a camera in the view is entered by a click, in one view once they are not 
   });
 });
 
-test("a keyframe on paper is as it is on the screen", async () => {
+thorough("a keyframe on paper is as it is on the screen", async () => {
   await withReport(reportPath(), { colorScheme: "dark" }, async ({ page }) => {
     await page.locator(".stage").first().scrollIntoViewIfNeeded();
     await settled(page);
@@ -501,7 +503,7 @@ test("a keyframe on paper is as it is on the screen", async () => {
   });
 });
 
-test("on a phone a keyframe is entered and left without opening the options", async () => {
+thorough("on a phone a keyframe is entered and left without opening the options", async () => {
   await withReport(reportPath(), kPhone, async ({ page }) => {
     const tools = keyframeTools(page);
     await tools.scrollIntoViewIfNeeded();
@@ -518,7 +520,7 @@ test("on a phone a keyframe is entered and left without opening the options", as
   });
 });
 
-test("an image of a keyframe that cannot be decoded is not shown, and nothing else fails", async () => {
+thorough("an image of a keyframe that cannot be decoded is not shown, and nothing else fails", async () => {
   await withReport(sampleFile("hostile"), {}, async ({ page }) => {
     await page.locator(".stage").first().scrollIntoViewIfNeeded();
     await chooseKeyframe(page, 0);
@@ -546,7 +548,7 @@ test("tables sort by a click or the keyboard and say so", async () => {
   });
 });
 
-test("exports are valid SVG, PNG and CSV", async () => {
+thorough("exports are valid SVG, PNG and CSV", async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     for (const id of ["yaw", "xy", "convergence", "basin", "success", "errors"]) {
       const group = page.locator(`#section-${id} .exports`);
@@ -574,7 +576,7 @@ test("exports are valid SVG, PNG and CSV", async () => {
 });
 
 for (const [kind, path] of kAnyReport) {
-  test(`dark follows the system, and the choice overrules it (${kind})`, async () => {
+  thorough(`dark follows the system, and the choice overrules it (${kind})`, async () => {
     await withReport(path(), { colorScheme: "dark" }, async ({ page }) => {
       const background = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
       const dark = await background();
@@ -587,7 +589,7 @@ for (const [kind, path] of kAnyReport) {
 }
 
 for (const [kind, path] of kAnyReport) {
-  test(`on a phone nothing is wider than the screen (${kind})`, async () => {
+  thorough(`on a phone nothing is wider than the screen (${kind})`, async () => {
     await withReport(path(), kPhone, async ({ page }) => {
       await scrollThrough(page);
       const [page_, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
@@ -612,7 +614,7 @@ const cutOff = (page) =>
   });
 
 for (const [name, width] of [["answer", 1400], ["answer", 390], ["small", 1400], ["small", 390], ["network", 1400], ["network", 390]]) {
-  test(`nothing of the ${name} sample is cut off at ${width} pixels`, async () => {
+  thorough(`nothing of the ${name} sample is cut off at ${width} pixels`, async () => {
     await withReport(sampleFile(name), width < 500 ? kPhone : {}, async ({ page }) => {
       await scrollThrough(page);
       assert.deepEqual(await cutOff(page), []);
@@ -641,7 +643,7 @@ for (const [name, width] of [["answer", 1400], ["answer", 390], ["small", 1400],
   });
 }
 
-test("the whole figure fits the window, and the slider covers no view", async () => {
+thorough("the whole figure fits the window, and the slider covers no view", async () => {
   for (const name of ["answer", "network"]) {
     await withReport(sampleFile(name), {}, async ({ page }) => {
       await page.locator("[data-scene]").first().scrollIntoViewIfNeeded();
@@ -739,7 +741,7 @@ test("the pose is copied with all its digits, and the page reads it as given", a
   });
 });
 
-test("a candidate is chosen by the keyboard, in the answer or over the view, and both follow", async () => {
+thorough("a candidate is chosen by the keyboard, in the answer or over the view, and both follow", async () => {
   await withReport(sampleFile("answer"), {}, async ({ page }) => {
     await scrollThrough(page);
     await page.locator("[data-scene]").first().scrollIntoViewIfNeeded();
@@ -770,7 +772,7 @@ test("a candidate is chosen by the keyboard, in the answer or over the view, and
   });
 });
 
-test("curves start at zero unless another axis is chosen", async () => {
+thorough("curves start at zero unless another axis is chosen", async () => {
   await withReport(sampleFile("answer"), {}, async ({ page }) => {
     await scrollThrough(page);
     const ticks = () => page.locator("#section-flat .chart-svg g[aria-label='y-axis tick label'] text").allTextContents();
@@ -784,7 +786,7 @@ test("curves start at zero unless another axis is chosen", async () => {
   });
 });
 
-test("paper has every chart and view within its width, in light colours, and nothing folded away", async () => {
+thorough("paper has every chart and view within its width, in light colours, and nothing folded away", async () => {
   for (const scheme of [{}, { colorScheme: "dark" }]) {
     await withReport(sampleFile("answer"), scheme, async ({ page }) => {
       const theme = await page.getAttribute("html", "data-theme");
@@ -825,7 +827,7 @@ test("paper has every chart and view within its width, in light colours, and not
   }
 });
 
-test("colours of text stand out from what is behind them, in light and dark", async () => {
+thorough("colours of text stand out from what is behind them, in light and dark", async () => {
   for (const scheme of [{}, { colorScheme: "dark" }]) {
     await withReport(sampleFile("answer"), scheme, async ({ page }) => {
       const low = await page.evaluate(() => {
@@ -882,10 +884,10 @@ test("every control can be reached and pressed without a mouse", async () => {
     const missed = await page.evaluate(() => [...document.querySelectorAll("button, select, input:not([type=radio]), a[href], summary")]
       .filter((element) => element.offsetParent !== null && !element.disabled && !window.reached_.has(element)).map((element) => element.outerHTML.slice(0, 80)));
     assert.deepEqual(missed, []);
-  });
+  }, true);
 });
 
-test("every control has a name and focus is visible", async () => {
+thorough("every control has a name and focus is visible", async () => {
   await withReport(reportPath(), {}, async ({ page }) => {
     const nameless = await page.evaluate(() =>
       [...document.querySelectorAll("button, select, input, a, canvas[role], svg[role]")]
@@ -900,7 +902,7 @@ test("every control has a name and focus is visible", async () => {
   });
 });
 
-test("without WebGL the page says so and the rest works", async () => {
+thorough("without WebGL the page says so and the rest works", async () => {
   const blind = await launch(["--disable-3d-apis"]);
   const opened = await openReport(blind, reportPath());
   try {
@@ -978,7 +980,7 @@ test("a click in the 3D view of a network picks a map or a link", async () => {
   });
 });
 
-test("a keyframe of a network is entered, shows what it saw, moves with its map and is left", async () => {
+thorough("a keyframe of a network is entered, shows what it saw, moves with its map and is left", async () => {
   await withReport(sampleFile("network"), {}, async ({ page }) => {
     await page.locator(".stage").first().scrollIntoViewIfNeeded();
     await settled(page);
@@ -1096,9 +1098,8 @@ test("a script that is not the page's own cannot run", async () => {
 });
 
 // What it takes is printed, not tested: a busy machine is no defect.
-for (const [name, limitMb, isLong] of [["paper", 15, false], ["million", Infinity, true]]) {
-  const skip = isLong && !process.env.CAIRN_TEST_FULL && "takes long: of scripts/test --full";
-  test(`the ${name} sample opens and redraws on a drag`, { skip }, async () => {
+for (const [name, limitMb] of [["paper", 15], ["million", Infinity]]) {
+  thorough(`the ${name} sample opens and redraws on a drag`, async () => {
     const path = sampleFile(name);
     const megabytes = statSync(path).size / 1e6;
     await withReport(path, {}, async ({ page, openMs }) => {

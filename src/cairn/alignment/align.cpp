@@ -8,7 +8,6 @@
 #include <string_view>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/alignment/by_parts.hpp"
@@ -16,6 +15,7 @@
 #include "cairn/alignment/straightened.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/placement/refine.hpp"
 
@@ -433,10 +433,8 @@ void AlignOptions::validate() const {
       const bool finite = covariance.allFinite();
       const bool symmetric =
           finite && (covariance - covariance.transpose()).norm() <= 1e-9 * covariance.norm();
-      const bool valid = symmetric && Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(
-                                          covariance, Eigen::EigenvaluesOnly)
-                                              .eigenvalues()
-                                              .minCoeff() >= -1e-9 * covariance.norm();
+      const bool valid =
+          symmetric && symmetric_eigenvalues<6>(covariance)[0] >= -1e-9 * covariance.norm();
       require(valid, "prior.covariance", "no covariance",
               "a symmetric matrix without negative eigenvalues");
     }

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Geometry>
 
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
@@ -329,14 +329,7 @@ Similarity3 single_pose(const Side& side, bool free_scale) {
       there.emplace_back(side.trials[i].own * point);
     }
   }
-  Eigen::Matrix3Xd from(3, static_cast<Eigen::Index>(here.size()));
-  Eigen::Matrix3Xd to(3, static_cast<Eigen::Index>(here.size()));
-  for (std::size_t i = 0; i < here.size(); ++i) {
-    from.col(static_cast<Eigen::Index>(i)) = here[i];
-    to.col(static_cast<Eigen::Index>(i)) = there[i];
-  }
-  const Eigen::Matrix4d matrix = Eigen::umeyama(from, to, free_scale);
-  return Similarity3::from_matrix(matrix);
+  return Similarity3::from_matrix(least_squares_similarity(here, there, free_scale));
 }
 
 // Covariance within the parts and between them.

@@ -7,8 +7,8 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
 namespace cairn {
@@ -92,7 +92,7 @@ Eigen::Matrix3d Deformation::derivative(const Eigen::Vector3d& x) const {
 double Deformation::shear(const Eigen::Vector3d& x) const {
   const Eigen::Matrix3d linear = derivative(x);
   if (!(linear.determinant() > 0.0)) return std::numeric_limits<double>::infinity();
-  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(linear).singularValues();
+  const Eigen::Vector3d values = singular_values(linear).values;
   return values[0] / values[2];
 }
 
@@ -102,9 +102,9 @@ Similarity3 Deformation::near(const Eigen::Vector3d& x) const {
   if (!(linear.determinant() > 0.0)) {
     return Rigid3(Eigen::Quaterniond::Identity(), there - x);
   }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
-  const double scale = std::cbrt(svd.singularValues().prod());
+  const SingularValues3 svd = singular_values(linear);
+  const Eigen::Matrix3d turn = svd.u * svd.v.transpose();
+  const double scale = std::cbrt(svd.values.prod());
   return {scale, Rigid3(Eigen::Quaterniond(turn), there - scale * (turn * x))};
 }
 

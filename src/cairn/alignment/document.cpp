@@ -8,11 +8,10 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
 #include "cairn/core/detail/json_field.hpp"
 #include "cairn/core/json_text.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -255,9 +254,7 @@ std::optional<Eigen::Matrix<double, kSize, kSize, Eigen::DontAlign>> covariance_
   const bool symmetric = (matrix - matrix.transpose()).norm() <= kRounding * matrix.norm();
   const auto refuse = [&] { field.refuse("a positive semidefinite 6x6 or 7x7 matrix"); };
   if (!symmetric) refuse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>> spectrum(
-      matrix, Eigen::EigenvaluesOnly);
-  const auto& values = spectrum.eigenvalues();
+  const auto values = symmetric_eigenvalues<kSize>(matrix);
   if (!(values.minCoeff() >= -kRounding * values.maxCoeff())) refuse();
   return matrix;
 }

@@ -7,12 +7,12 @@
 #include <type_traits>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/error_statistics.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -79,10 +79,9 @@ void CovarianceCalibrationOptions::validate() const {
 std::optional<double> normalised_squared_error(const Eigen::Vector3d& error,
                                                const Eigen::Matrix3d& covariance) {
   constexpr double kSmallestRatio = 1e-14;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  const Eigen::Vector3d& variances = solver.eigenvalues();  // ascending
+  const auto [variances, directions] = symmetric_eigen<3>(covariance);
   if (!(variances[0] > kSmallestRatio * variances[2])) return std::nullopt;
-  const Eigen::Vector3d along = solver.eigenvectors().transpose() * error;
+  const Eigen::Vector3d along = directions.transpose() * error;
   return (along.array().square() / variances.array()).sum();
 }
 

@@ -3,10 +3,10 @@
 
 #include <cmath>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include "cairn/core/number_text.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 
@@ -53,18 +53,12 @@ std::string pose_covariance_defect(const Matrix6d& covariance) {
       if (size > 0.0) correlations(row, column) = entry / size;
     }
   }
-  const double smallest = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(
-                              correlations, Eigen::EigenvaluesOnly)
-                              .eigenvalues()[0];
-  if (smallest < -kTolerance) return "is indefinite";
+  if (symmetric_eigenvalues<6>(correlations)[0] < -kTolerance) return "is indefinite";
   return {};
 }
 
 double spectral_norm(const Eigen::Matrix3d& symmetric) {
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(symmetric, Eigen::EigenvaluesOnly)
-      .eigenvalues()
-      .cwiseAbs()
-      .maxCoeff();
+  return symmetric_eigenvalues<3>(symmetric).cwiseAbs().maxCoeff();
 }
 
 Eigen::Matrix3d rotated_covariance(const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& r) {
@@ -114,7 +108,7 @@ Matrix7d inverse_covariance(const Similarity3& pose, const Matrix7d& covariance)
 double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
                                 const Rigid3& truth) {
   const Eigen::Matrix<double, 6, 1> error = estimate.difference_to(truth);
-  return error.dot(Eigen::Matrix<double, 6, 6>(covariance).ldlt().solve(error));
+  return error.dot(solve_symmetric<6>(covariance, error));
 }
 
 double normalised_squared_error(const Similarity3& estimate, const Matrix7d& covariance,
@@ -122,7 +116,7 @@ double normalised_squared_error(const Similarity3& estimate, const Matrix7d& cov
   Eigen::Matrix<double, 7, 1> error;
   error << estimate.rigid().difference_to(truth.rigid()),
       std::log(truth.scale() / estimate.scale());
-  return error.dot(Eigen::Matrix<double, 7, 7>(covariance).ldlt().solve(error));
+  return error.dot(solve_symmetric<7>(covariance, error));
 }
 
 }  // namespace cairn

@@ -14,12 +14,12 @@
 #include <unordered_map>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/database_file.hpp"
@@ -234,13 +234,10 @@ class Graph {
     Eigen::Matrix<double, 6, 6> information;
     for (int i = 0; i < 36; ++i) information(i / 6, i % 6) = numbers[static_cast<std::size_t>(i)];
     if (!information.allFinite()) return std::nullopt;
-    const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(0.5 *
-                                                         (information + information.transpose()));
-    if (factor.info() != Eigen::Success) return std::nullopt;
-    const Eigen::Matrix<double, 6, 6> inverse =
-        factor.solve(Eigen::Matrix<double, 6, 6>::Identity());
-    if (!inverse.allFinite()) return std::nullopt;
-    return Matrix6d(0.5 * (inverse + inverse.transpose()));
+    const auto inverse =
+        inverse_of_positive_definite(0.5 * (information + information.transpose()));
+    if (!inverse || !inverse->allFinite()) return std::nullopt;
+    return Matrix6d(0.5 * (*inverse + inverse->transpose()));
   }
 
   sqlite::Database& database_;

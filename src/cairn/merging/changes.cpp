@@ -10,11 +10,11 @@
 #include <unordered_map>
 #include <utility>
 
-#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
 
@@ -389,13 +389,7 @@ struct Motion {
 };
 
 Rigid3 rigid_fit(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
-  Eigen::Matrix3Xd a(3, static_cast<Eigen::Index>(from.size()));
-  Eigen::Matrix3Xd b(3, static_cast<Eigen::Index>(to.size()));
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    a.col(static_cast<Eigen::Index>(i)) = from[i];
-    b.col(static_cast<Eigen::Index>(i)) = to[i];
-  }
-  return Rigid3::from_matrix(Eigen::umeyama(a, b, false), 1e-6);
+  return Rigid3::from_matrix(least_squares_similarity(from, to, false), 1e-6);
 }
 
 // The rigid motion that explains most of the similar landmarks of two places.

@@ -5,10 +5,10 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/odometry/detail/residual_limits.hpp"
 
 namespace cairn {
@@ -99,10 +99,9 @@ PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> mat
       // The last round is plain least squares of those that fit.
       const NormalEquations sum = accumulate(pinhole, matches, estimate.inliers,
                                              estimate.world_from_camera, round + 1 < kRounds);
-      const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(sum.information);
-      if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > 0.0)) break;
-      const Vector6d delta = -solver.solve(sum.gradient);
-      if (!delta.allFinite()) break;
+      const auto solution = solve_positive_definite<6>(sum.information, sum.gradient);
+      if (!solution || !solution->allFinite()) break;
+      const Vector6d delta = -*solution;
       estimate.world_from_camera = estimate.world_from_camera.perturbed(delta);
       constexpr double kSettled = 1e-7;  // metres, radians
       if (delta.norm() < kSettled) break;
@@ -112,9 +111,8 @@ PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> mat
   }
   const NormalEquations sum =
       accumulate(pinhole, matches, estimate.inliers, estimate.world_from_camera, false);
-  const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(sum.information);
-  if (solver.info() == Eigen::Success && solver.vectorD().minCoeff() > 0.0) {
-    estimate.covariance = solver.solve(Eigen::Matrix<double, 6, 6>::Identity());
+  if (const auto covariance = inverse_of_positive_definite(sum.information)) {
+    estimate.covariance = *covariance;
   } else {
     estimate.inlier_count = 0;  // the pose is undetermined
     estimate.inliers.assign(matches.size(), false);
@@ -159,10 +157,9 @@ RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch>
       information += by_both.transpose() * weighted;
       gradient += weighted.transpose() * residual.value;
     }
-    const Eigen::LDLT<Matrix12d> solver(information);
-    if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > 0.0)) break;
-    const Vector12d delta = -solver.solve(gradient);
-    if (!delta.allFinite()) break;
+    const auto solution = solve_positive_definite<12>(information, gradient);
+    if (!solution || !solution->allFinite()) break;
+    const Vector12d delta = -*solution;
     pose = pose.perturbed(delta.head<6>());
     change.velocity_m_s += delta.segment<3>(6);
     change.turn_rad_s += delta.tail<3>();

@@ -9,12 +9,12 @@
 #include <string_view>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -152,11 +152,9 @@ Matrix6 error_by_perturbation(const Rigid3& measured) {
 
 // The inverse of a positive definite matrix; std::nullopt for others.
 std::optional<Matrix6> inverse(const Matrix6& matrix) {
-  const Eigen::LLT<Matrix6> cholesky(matrix);
-  if (cholesky.info() != Eigen::Success) return std::nullopt;
-  const Matrix6 result = cholesky.solve(Matrix6::Identity());
-  if (!result.allFinite()) return std::nullopt;
-  return 0.5 * (result + result.transpose());
+  const auto result = inverse_of_positive_definite(matrix);
+  if (!result || !result->allFinite()) return std::nullopt;
+  return 0.5 * (*result + result->transpose());
 }
 
 }  // namespace

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -23,9 +23,8 @@ std::string defect_of(const Matrix& covariance) {
   if ((covariance - covariance.transpose()).cwiseAbs().maxCoeff() > tolerance) {
     return "not symmetric";
   }
-  using Plain = Eigen::Matrix<double, Matrix::RowsAtCompileTime, Matrix::ColsAtCompileTime>;
-  const Eigen::SelfAdjointEigenSolver<Plain> solver(covariance, Eigen::EigenvaluesOnly);
-  return solver.eigenvalues().minCoeff() < -tolerance ? "indefinite" : "";
+  const auto values = symmetric_eigenvalues<Matrix::RowsAtCompileTime>(covariance);
+  return values[0] < -tolerance ? "indefinite" : "";
 }
 
 }  // namespace

@@ -7,13 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -56,10 +53,16 @@ std::vector<Pair> pairs_at(const Trajectory& estimate, const Trajectory& truth,
   return pairs;
 }
 
-Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& sum) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
-  return svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
+// The shortest x with the least |rows·x - goal|.
+Vector7d least_squares(const Eigen::Matrix<double, Eigen::Dynamic, 7>& rows,
+                       const Eigen::VectorXd& goal) {
+  constexpr double kOpen = 1e-12;
+  const SymmetricEigen<7> normal = symmetric_eigen<7>(rows.transpose() * rows);
+  Eigen::Matrix<double, 7, 1> along = normal.vectors.transpose() * (rows.transpose() * goal);
+  for (int i = 0; i < 7; ++i) {
+    along[i] = normal.values[i] > kOpen * normal.values[6] ? along[i] / normal.values[i] : 0.0;
+  }
+  return normal.vectors * along;
 }
 
 // Closed-form solution for given pairs, with the mean squared residual angle.
@@ -76,17 +79,17 @@ std::pair<State, double> start_from(const std::vector<Pair>& pairs, bool with_sc
              turn(pairs[i].world_from_camera, pairs[i + apart].world_from_camera).transpose();
     }
   }
-  const Eigen::Matrix3d turn = nearest_rotation(sum);
+  const Eigen::Matrix3d turn = nearest_rotation(singular_values(sum));
   Eigen::Matrix3d worlds = Eigen::Matrix3d::Zero();
   for (const Pair& pair : pairs) {
     worlds +=
         pair.world_from_body.rotation() * turn * pair.world_from_camera.rotation().transpose();
   }
-  const Eigen::Matrix3d world = nearest_rotation(worlds);
+  const Eigen::Matrix3d world = nearest_rotation(singular_values(worlds));
   double squared_angles = 0.0;
   // Body + R_body·t_hand = s·W·t_camera + t_world, linear in the two t and s.
   const auto rows = static_cast<Eigen::Index>(3 * pairs.size());
-  Eigen::MatrixXd design(rows, 7);
+  Eigen::Matrix<double, Eigen::Dynamic, 7> design(rows, 7);
   Eigen::VectorXd goal(rows);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const Eigen::Matrix3d body = pairs[i].world_from_body.rotation();
@@ -102,7 +105,7 @@ std::pair<State, double> start_from(const std::vector<Pair>& pairs, bool with_sc
         Eigen::Vector3d::Zero());
     squared_angles += off.angle() * off.angle();
   }
-  const Eigen::VectorXd solution = design.completeOrthogonalDecomposition().solve(goal);
+  const Vector7d solution = least_squares(design, goal);
   State state;
   state.body_from_camera = Rigid3(turn, solution.head<3>());
   state.truth_from_estimate = Rigid3(world, solution.segment<3>(3));
@@ -240,26 +243,24 @@ Vector14 Solver::step() const {
   for (std::size_t i = 0; i < residuals_.size(); ++i) {
     gradient += derivatives_[i].transpose() * residuals_[i];
   }
-  return -normal_matrix().ldlt().solve(gradient);
+  return -solve_symmetric<kUnknowns>(normal_matrix(), gradient);
 }
 
 // Errors of consecutive poses are correlated. Therefore, parts of the sequence count as independent, but not
 // the poses within them.
 Matrix14 Solver::covariance(const Matrix14& normal) const {
   constexpr std::size_t kParts = 15;
-  Matrix14 spread = Matrix14::Zero();
+  Matrix14 result = Matrix14::Zero();
   for (std::size_t part = 0; part < kParts; ++part) {
     Vector14 gradient = Vector14::Zero();
     const std::size_t end = (part + 1) * residuals_.size() / kParts;
     for (std::size_t i = part * residuals_.size() / kParts; i < end; ++i) {
       gradient += derivatives_[i].transpose() * residuals_[i];
     }
-    spread += gradient * gradient.transpose();
+    const Vector14 by_part = solve_symmetric<kUnknowns>(normal, gradient);
+    result += by_part * by_part.transpose();
   }
-  spread *= static_cast<double>(kParts) / static_cast<double>(kParts - 1);
-  const Matrix14 inverse = normal.ldlt().solve(Matrix14::Identity());
-  const Matrix14 result = inverse * spread * inverse.transpose();
-  return 0.5 * (result + result.transpose());
+  return static_cast<double>(kParts) / static_cast<double>(kParts - 1) * result;
 }
 
 HandEyeResult Solver::run() {
@@ -295,8 +296,8 @@ HandEyeResult Solver::run() {
   const Matrix14 scaled =
       root.cwiseInverse().asDiagonal() * normal * root.cwiseInverse().asDiagonal();
   constexpr double kLeast = 1e-5;
-  const bool determined = scaled.allFinite() &&
-                          Eigen::SelfAdjointEigenSolver<Matrix14>(scaled).eigenvalues()[0] > kLeast;
+  const bool determined =
+      scaled.allFinite() && symmetric_eigenvalues<kUnknowns>(scaled)[0] > kLeast;
   if (!determined) {
     result.reason =
         "the motion does not determine the hand-eye offset: it needs turns about two axes or more";

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/trajectory/trajectory_error.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -28,12 +29,7 @@ std::optional<Similarity3> align_trajectories(const Trajectory& estimate, const 
     for (const auto& [a, b] : pairs) {
       sum += true_pose(b).rotation() * estimated(a).rotation().transpose();
     }
-    // The rotation nearest to the sum.
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const double sign =
-        (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
-    const Eigen::Matrix3d rotation =
-        svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
+    const Eigen::Matrix3d rotation = nearest_rotation(singular_values(sum));
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     for (const auto& [a, b] : pairs) {
       translation += true_pose(b).translation() - rotation * estimated(a).translation();
@@ -42,18 +38,16 @@ std::optional<Similarity3> align_trajectories(const Trajectory& estimate, const 
   }
   constexpr std::size_t kFewest = 3;
   if (pairs.size() < kFewest) return std::nullopt;
-  const auto count = static_cast<Eigen::Index>(pairs.size());
-  Eigen::Matrix3Xd from(3, count);
-  Eigen::Matrix3Xd to(3, count);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const auto& [a, b] = pairs[static_cast<std::size_t>(i)];
-    from.col(i) = estimated(a).translation();
-    to.col(i) = true_pose(b).translation();
+  std::vector<Eigen::Vector3d> from;
+  std::vector<Eigen::Vector3d> to;
+  for (const auto& [a, b] : pairs) {
+    from.push_back(estimated(a).translation());
+    to.push_back(true_pose(b).translation());
   }
   const bool with_scale = alignment == TrajectoryAlignment::kSim3;
-  const bool still = (from.colwise() - from.col(0)).isZero(0.0);
+  const bool still = std::equal(from.begin() + 1, from.end(), from.begin());
   if (with_scale && still) return std::nullopt;  // a point has no scale
-  const Eigen::Matrix4d transform = Eigen::umeyama(from, to, with_scale);
+  const Eigen::Matrix4d transform = least_squares_similarity(from, to, with_scale);
   const double scale = with_scale ? std::cbrt(transform.topLeftCorner<3, 3>().determinant()) : 1.0;
   if (!(scale > 0.0) || !std::isfinite(scale)) return std::nullopt;
   const Eigen::Matrix3d rotation = transform.topLeftCorner<3, 3>() / scale;

@@ -5,9 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include <Eigen/Eigenvalues>
-
 #include "cairn/core/hash.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 
@@ -47,7 +46,7 @@ std::string matrix_bytes(const Matrix& matrix) {
 
 template <class Matrix>
 std::optional<Matrix> covariance_of_bytes(std::string_view bytes) {
-  constexpr auto kSize = static_cast<Eigen::Index>(Matrix::RowsAtCompileTime);
+  constexpr int kSize = Matrix::RowsAtCompileTime;
   const auto values = numbers(bytes, static_cast<std::size_t>(kSize * kSize));
   if (!values) return std::nullopt;
   Matrix matrix;
@@ -56,9 +55,7 @@ std::optional<Matrix> covariance_of_bytes(std::string_view bytes) {
   }
   const double largest = matrix.cwiseAbs().maxCoeff();
   if ((matrix - matrix.transpose()).cwiseAbs().maxCoeff() > 1e-6 * largest) return std::nullopt;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::MatrixXd(matrix),
-                                                              Eigen::EigenvaluesOnly);
-  if (solver.eigenvalues().minCoeff() < -1e-6 * largest) return std::nullopt;
+  if (symmetric_eigenvalues<kSize>(matrix)[0] < -1e-6 * largest) return std::nullopt;
   return matrix;
 }
 

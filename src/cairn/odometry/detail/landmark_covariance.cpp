@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/odometry/detail/landmark_covariance.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/odometry/detail/linearisation.hpp"
 
 namespace cairn {
@@ -19,12 +19,7 @@ std::vector<Matrix6d> keyframe_pose_covariances(const LandmarkGraph& graph) {
       const LinearisedObservation at = linearise(graph, {k, i}, graph.landmark(*index).position);
       information += at.by_pose.transpose() * at.by_pose;
     }
-    const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(information);
-    Matrix6d covariance = Matrix6d::Zero();
-    if (solver.info() == Eigen::Success && solver.vectorD().minCoeff() > 0.0) {
-      covariance = solver.solve(Eigen::Matrix<double, 6, 6>::Identity());
-    }
-    covariances.push_back(covariance);
+    covariances.emplace_back(inverse_of_positive_definite(information).value_or(Matrix6d::Zero()));
   }
   return covariances;
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 namespace cairn {
@@ -35,7 +35,7 @@ class PoseStep {
     information.diagonal().array() *= 1.0 + kDamping;
     Eigen::Matrix<double, 6, 1> gradient;
     gradient << force_, torque_;
-    return information.ldlt().solve(gradient);
+    return solve_symmetric<6>(information, gradient);
   }
 
  private:

@@ -7,12 +7,11 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "cairn/core/detail/sampling.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/placement/detail/spatial_groups.hpp"
@@ -260,7 +259,7 @@ RobustAlignment::Run RobustAlignment::run_with(
     }
     // The pose does not move along directions that the matches do not determine.
     sum.information.diagonal().array() += kDamping * sum.information.trace();
-    const Vector<kFreedoms> delta = sum.information.ldlt().solve(sum.gradient);
+    const Vector<kFreedoms> delta = solve_symmetric<kFreedoms>(sum.information, sum.gradient);
     const double motion = delta.norm();
     run.target_from_source = moved_about<kFreedoms>(run.target_from_source, delta, pivot, length);
     ++run.iterations;
@@ -423,10 +422,9 @@ PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, doubl
   evidence.information = trial.stiffness();
 
   PoseUncertainty open;
-  const Eigen::SelfAdjointEigenSolver<typename Equations<kFreedoms>::Matrix> eigen(
-      evidence.information);
+  const SymmetricEigen<kFreedoms> eigen = symmetric_eigen<kFreedoms>(evidence.information);
   for (int i = 0; i < kFreedoms; ++i) {
-    const Vector<kFreedoms> direction = eigen.eigenvectors().col(i);
+    const Vector<kFreedoms> direction = eigen.vectors.col(i);
     if (trial.holds(direction)) continue;
     open.unobservable.push_back(open_direction<kFreedoms>(direction, evidence.length));
   }

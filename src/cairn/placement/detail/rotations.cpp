@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "cairn/geometry/decompositions.hpp"
+
 namespace cairn {
 
 std::vector<Eigen::Quaterniond> all_rotations(std::size_t count) {
@@ -27,7 +29,7 @@ std::vector<Eigen::Quaterniond> all_rotations(std::size_t count) {
 
 std::vector<Eigen::Quaterniond> rotations_about(const Eigen::Vector3d& from,
                                                 const Eigen::Vector3d& to, std::size_t count) {
-  const Eigen::Quaterniond upright = Eigen::Quaterniond::FromTwoVectors(from, to);
+  const Eigen::Quaterniond upright = rotation_between(from, to);
   std::vector<Eigen::Quaterniond> rotations;
   rotations.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <utility>
 
-#include <Eigen/SVD>
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -14,16 +14,13 @@ namespace {
 constexpr double kFlat = 1e-9;
 
 Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& correlation) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(correlation,
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Vector3d& s = svd.singularValues();
+  const SingularValues3 svd = singular_values(correlation);
+  const Eigen::Vector3d& s = svd.values;
   if (!(s[0] > 0.0)) return Eigen::Matrix3d::Identity();
   if (s[1] <= kFlat * s[0]) {
-    return Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0))
-        .toRotationMatrix();
+    return rotation_between(svd.v.col(0), svd.u.col(0)).toRotationMatrix();
   }
-  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
-  return svd.matrixU() * Eigen::Vector3d(1.0, 1.0, sign).asDiagonal() * svd.matrixV().transpose();
+  return nearest_rotation(svd);
 }
 
 // `pair(i)` gives from and to, `weight(i)` the weight of one of `count` pairs.

@@ -3,11 +3,8 @@
 
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
 namespace {
@@ -25,21 +22,20 @@ PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
   using Matrix = typename PoseEvidence<kFreedoms>::Matrix;
   PoseUncertainty result;
   const double length = evidence.length;
-  using Eigenvectors = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kFreedoms, kFreedoms>>;
-  const Eigenvectors information(evidence.information);
+  const SymmetricEigen<kFreedoms> information = symmetric_eigen<kFreedoms>(evidence.information);
   for (int i = 0; i < kFreedoms; ++i) {
-    if (information.eigenvalues()[i] > kOpen * information.eigenvalues()[kFreedoms - 1]) continue;
-    result.unobservable.push_back(
-        open_direction<kFreedoms>(information.eigenvectors().col(i), length));
+    if (information.values[i] > kOpen * information.values[kFreedoms - 1]) continue;
+    result.unobservable.push_back(open_direction<kFreedoms>(information.vectors.col(i), length));
   }
   if (!result.unobservable.empty()) return result;
 
-  const Matrix inverse = evidence.information.inverse();
+  const Matrix inverse = information.vectors * information.values.cwiseInverse().asDiagonal() *
+                         information.vectors.transpose();
   const Matrix about_pivot = inverse * evidence.scatter * inverse;
-  const Eigenvectors spread(about_pivot);
+  const SymmetricEigen<kFreedoms> spread = symmetric_eigen<kFreedoms>(about_pivot);
   for (int i = 0; i < kFreedoms; ++i) {
-    if (!(spread.eigenvalues()[i] > evidence.reach * evidence.reach)) continue;
-    result.unobservable.push_back(open_direction<kFreedoms>(spread.eigenvectors().col(i), length));
+    if (!(spread.values[i] > evidence.reach * evidence.reach)) continue;
+    result.unobservable.push_back(open_direction<kFreedoms>(spread.vectors.col(i), length));
   }
   if (!result.unobservable.empty()) return result;
 

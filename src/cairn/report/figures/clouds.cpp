@@ -3,10 +3,10 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/core/error_statistics.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/report/detail/frame.hpp"
 
 namespace cairn::report {
@@ -41,8 +41,8 @@ Axes principal_axes(const CloudsFigure& figure) {
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for_each(
       [&](const Eigen::Vector3d& point) { spread += (point - mean) * (point - mean).transpose(); });
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread);
-  Axes axes = {solver.eigenvectors().col(2), solver.eigenvectors().col(1)};
+  const Eigen::Matrix3d directions = symmetric_eigen<3>(spread).vectors;
+  Axes axes = {directions.col(2), directions.col(1)};
   for (Eigen::Vector3d& axis : axes) {
     Eigen::Index largest = 0;
     axis.cwiseAbs().maxCoeff(&largest);
