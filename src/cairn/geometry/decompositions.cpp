@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/geometry/decompositions.hpp"
 
+#include <cmath>
+#include <numbers>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
@@ -93,7 +96,16 @@ Eigen::Matrix4d least_squares_similarity(std::span<const Eigen::Vector3d> from,
 }
 
 Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  return Eigen::Quaterniond::FromTwoVectors(from, to);
+  const Eigen::Vector3d a = from.normalized();
+  const Eigen::Vector3d b = to.normalized();
+  const Eigen::Vector3d axis = a.cross(b);
+  const double twice = 2.0 + 2.0 * a.dot(b);  // the square of |a + b|
+  constexpr double kOpposite = 1e-12;
+  if (twice < kOpposite)
+    return Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, a.unitOrthogonal()));
+  const double length = std::sqrt(twice);
+  return Eigen::Quaterniond(length / 2.0, axis.x() / length, axis.y() / length, axis.z() / length)
+      .normalized();
 }
 
 }  // namespace cairn

@@ -133,7 +133,8 @@ TEST(Decompositions, TheSimilarityOfExactPointsIsTheTruth) {
 
 TEST(Decompositions, ADirectionIsTurnedIntoAnotherOrItsOpposite) {
   const Eigen::Vector3d from(1, 2, -3);
-  for (const Eigen::Vector3d& to : {Eigen::Vector3d(0, 5, 1), Eigen::Vector3d(-1, -2, 3)}) {
+  for (const Eigen::Vector3d& to : {Eigen::Vector3d(0, 5, 1), Eigen::Vector3d(2, 4, -6),
+                                    Eigen::Vector3d(-1, -2, 3), Eigen::Vector3d(-1, -2, 2.9999)}) {
     const Eigen::Quaterniond turn = rotation_between(from, to);
     EXPECT_TRUE((turn * from.normalized()).isApprox(to.normalized(), 1e-9));
     const double angle = std::acos(from.normalized().dot(to.normalized()));
