@@ -151,11 +151,13 @@ struct LogArguments : AtlasArguments {
         for (auto one = std::next(commit); one != log.rend() && one->run == commit->run; ++one) {
           ++others;
         }
-        console.print(
-            fmt::format("{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
-                        commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
-                        commit->verb, commit->text,
-                        all || others == 0 ? "" : fmt::format("; and {} commits before", others)));
+        console.print(fmt::format(
+            "{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
+            commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
+            commit->verb, commit->text,
+            all || others == 0
+                ? ""
+                : fmt::format("; and {} {} before", others, others == 1 ? "commit" : "commits")));
       }
       json["commits"].push_back(
           {{"id", commit->id.value},
