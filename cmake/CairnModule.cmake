@@ -103,13 +103,13 @@ set(CAIRN_UNITY_APART
     "src/cairn/simulation/detail/canvas.cpp src/cairn/simulation/environment.cpp"
     "src/cairn/trajectory/trajectory_evaluation_test.cpp")
 
-# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...] [LONG TEST...])
+# cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...])
 #
 # One static library cairn_NAME (alias cairn::NAME) for the current folder, and one test program of
 # its x_test.cpp files. OPTIONAL modules are not part of cairn::cairn: a
 # consumer asks for them as components (cairn-config.cmake.in).
 function(cairn_module name)
-  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS;RELEASE_ONLY;LONG" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIONAL" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS;TESTS;RELEASE_ONLY" ${ARGN})
   add_library(cairn_${name} STATIC ${ARG_SOURCES})
   add_library(cairn::${name} ALIAS cairn_${name})
   if(CAIRN_TEST_ONLY)
@@ -126,7 +126,7 @@ function(cairn_module name)
     set_property(GLOBAL APPEND PROPERTY CAIRN_CORE_MODULES cairn_${name})
   endif()
   if(CAIRN_BUILD_TESTS AND ARG_TESTS)
-    cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name} RELEASE_ONLY ${ARG_RELEASE_ONLY} LONG ${ARG_LONG})
+    cairn_test(${name} SOURCES ${ARG_TESTS} DEPENDS cairn::${name} RELEASE_ONLY ${ARG_RELEASE_ONLY})
   endif()
 endfunction()
 

@@ -40,7 +40,7 @@ const sampleFile = (name) => sampleOf(name).path;
 
 const reportPath = () => sampleFile("small");
 /** A test that takes seconds and looks at details, or at much at once: it waits for scripts/test --full. */
-const thorough = (name, check) => test(name, { skip: !process.env.CAIRN_TEST_FULL && "of scripts/test --full" }, check);
+const thorough = (name, check) => test(name, { skip: !process.env.CAIRN_TEST_FULL && "takes long: of scripts/test --full" }, check);
 /** What must hold of any report. */
 const kAnyReport = [
   ["sample", reportPath],
