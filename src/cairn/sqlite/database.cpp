@@ -71,6 +71,15 @@ void configure(sqlite3* handle, int what, int value) {
   sqlite3_db_config(handle, what, value, nullptr);
 }
 
+// SQLite is also out of memory, however much there is, if a row claims to be longer than it can handle.
+bool is_room_for_longest_value(sqlite3* handle) {
+  if (handle == nullptr) return false;
+  void* const room =
+      sqlite3_malloc64(static_cast<sqlite3_uint64>(sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, -1)));
+  sqlite3_free(room);
+  return room != nullptr;
+}
+
 }  // namespace
 
 void detail::Connection::fail(int code, std::string_view doing) const {
@@ -107,6 +116,11 @@ void detail::Connection::fail(int code, std::string_view doing) const {
       throw Error(ErrorKind::kStorage, name, why, "");
     }
     case SQLITE_NOMEM:
+      if (is_room_for_longest_value(handle)) {
+        throw Error(ErrorKind::kInput, name,
+                    "damaged, or memory was short for a moment: SQLite is out of memory",
+                    "a sound SQLite database");
+      }
       throw Error(ErrorKind::kStorage, name, "out of memory", "");
     case SQLITE_MISUSE:
     case SQLITE_RANGE:

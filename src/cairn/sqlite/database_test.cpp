@@ -279,6 +279,34 @@ TEST_F(SqliteTest, SurvivesEveryFlippedByte) {
   EXPECT_GT(refused, 100);
 }
 
+// SQLite's number of pages of such a row overflows, and it is "out of memory".
+TEST_F(SqliteTest, CallsAFileDamagedInWhichARowClaimsGigabytes) {
+  {
+    Database database = fresh();
+    // The row of the schema goes on in other pages.
+    database.execute("CREATE TABLE " + std::string(3'000, 't') + " (a)");
+  }
+  std::string bytes = read_file(path());
+  const auto at = [&bytes](std::size_t i) { return static_cast<std::uint8_t>(bytes.at(i)); };
+  // The first row of page 1 begins with its length in bytes of 7 bits, behind free space; see "B-tree Pages" of
+  // SQLite's file format.
+  constexpr std::size_t kRows = 108;
+  const std::size_t row = at(kRows) * 256U + at(kRows + 1);
+  std::size_t length = 1;
+  while (at(row + length - 1) >= 0x80) ++length;
+  constexpr std::uint64_t kClaimed = 0xffff'ffff;
+  const std::size_t start = row + length - 5;
+  for (std::size_t i = 0; i < 5; ++i) {
+    bytes.at(start + i) =
+        static_cast<char>((kClaimed >> (7 * (4 - i)) & 0x7fU) | (i < 4 ? 0x80U : 0U));
+  }
+  bytes.at(kRows) = static_cast<char>(start / 256);
+  bytes.at(kRows + 1) = static_cast<char>(start % 256);
+  std::ofstream(path(), std::ios::binary) << bytes;
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { Database(path(), {}).has_table("t"); }),
+              HasSubstr("damaged"));
+}
+
 TEST_F(SqliteTest, RefusesAFileCutShort) {
   {
     Database database = fresh("sound.db");
