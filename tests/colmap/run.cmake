@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Two COLMAP models of one simulated place, made from different images, and one of another session: at least one of their
 # three pairs is aligned with the right pose and merges with all images, and none is aligned with a wrong one. COLMAP's
-# models differ from run to run. Takes minutes: runs only with CAIRN_TEST_FULL in the environment, as scripts/test --full
-# sets it.
+# models differ from run to run.
 #
 #   cmake -D PYTHON=... -D SCRIPT=benchmarks/colmap_pairs.py -D CAIRN=... -D WORK=... -P run.cmake
 
-if(NOT DEFINED ENV{CAIRN_TEST_FULL})
-  message("skipped: only in scripts/test --full")
-  return()
-endif()
 find_program(colmap colmap)
 execute_process(COMMAND "${PYTHON}" -c "import numpy" RESULT_VARIABLE no_numpy OUTPUT_QUIET ERROR_QUIET)
 if(NOT colmap OR NOT no_numpy EQUAL 0)
