@@ -24,6 +24,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 
 #include <dlfcn.h>
 #include <execinfo.h>
@@ -37,11 +38,18 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
+// The allocator behind ours: that of glibc or, where a sanitizer frees the memory, of the sanitizer.
 extern "C" {
+#ifdef CAIRN_FAULTS_UNDER_ADDRESS_SANITIZER
+#define CAIRN_BEHIND(name) __interceptor_##name
+#else
+#define CAIRN_BEHIND(name) __libc_##name
+#endif
+void* CAIRN_BEHIND(malloc)(std::size_t);
+void* CAIRN_BEHIND(calloc)(std::size_t, std::size_t);
+void* CAIRN_BEHIND(realloc)(void*, std::size_t);
+void* CAIRN_BEHIND(memalign)(std::size_t, std::size_t);
 void* __libc_malloc(std::size_t);
-void* __libc_calloc(std::size_t, std::size_t);
-void* __libc_realloc(void*, std::size_t);
-void* __libc_memalign(std::size_t, std::size_t);
 }
 
 namespace {
@@ -345,8 +353,9 @@ int main_of_program(int argc, char** argv, char** environment) {
   started = true;
   const int code = real_main(argc, argv, environment);
   before_change();
-  // What runs at exit is the libraries' own.
+  // What runs at exit is the libraries' own, and the sanitizer's, which starts a symbolizer.
   started = false;
+  ::unsetenv("LD_PRELOAD");
   write_counts();
   return code;
 }
@@ -363,31 +372,31 @@ int __libc_start_main(Main main, int argc, char** argv, Main init, void (*fini)(
                                                    rtld_fini, stack_end);
 }
 
-// Memory. free() stays glibc's own.
+// Memory. free() stays what it is.
 
 void* malloc(std::size_t size) {
-  return fails(kAllocate) ? nullptr : __libc_malloc(size);
+  return fails(kAllocate) ? nullptr : CAIRN_BEHIND(malloc)(size);
 }
 
 void* calloc(std::size_t count, std::size_t size) {
-  return fails(kAllocate) ? nullptr : __libc_calloc(count, size);
+  return fails(kAllocate) ? nullptr : CAIRN_BEHIND(calloc)(count, size);
 }
 
 void* realloc(void* memory, std::size_t size) {
-  return fails(kAllocate) ? nullptr : __libc_realloc(memory, size);
+  return fails(kAllocate) ? nullptr : CAIRN_BEHIND(realloc)(memory, size);
 }
 
 void* memalign(std::size_t alignment, std::size_t size) {
-  return fails(kAllocate) ? nullptr : __libc_memalign(alignment, size);
+  return fails(kAllocate) ? nullptr : CAIRN_BEHIND(memalign)(alignment, size);
 }
 
 void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  return fails(kAllocate) ? nullptr : __libc_memalign(alignment, size);
+  return fails(kAllocate) ? nullptr : CAIRN_BEHIND(memalign)(alignment, size);
 }
 
 int posix_memalign(void** memory, std::size_t alignment, std::size_t size) {
   if (fails(kAllocate)) return ENOMEM;
-  void* const made = __libc_memalign(alignment, size);
+  void* const made = CAIRN_BEHIND(memalign)(alignment, size);
   if (made == nullptr) return ENOMEM;
   *memory = made;
   return 0;
@@ -611,3 +620,57 @@ int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*
 }
 
 }  // extern "C"
+
+#ifdef CAIRN_FAULTS_UNDER_ADDRESS_SANITIZER
+
+// The sanitizer's own operators would not call malloc().
+
+namespace {
+
+void* allocated_or_null(std::size_t size, std::align_val_t alignment = std::align_val_t(16)) {
+  return memalign(static_cast<std::size_t>(alignment), size);
+}
+
+void* allocated(std::size_t size, std::align_val_t alignment = std::align_val_t(16)) {
+  void* const memory = allocated_or_null(size, alignment);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) {
+  return allocated(size);
+}
+
+void* operator new[](std::size_t size) {
+  return allocated(size);
+}
+
+void* operator new(std::size_t size, const std::nothrow_t& /*throws*/) noexcept {
+  return allocated_or_null(size);
+}
+
+void* operator new[](std::size_t size, const std::nothrow_t& /*throws*/) noexcept {
+  return allocated_or_null(size);
+}
+
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocated(size, alignment);
+}
+
+void* operator new[](std::size_t size, std::align_val_t alignment) {
+  return allocated(size, alignment);
+}
+
+void* operator new(std::size_t size, std::align_val_t alignment,
+                   const std::nothrow_t& /*throws*/) noexcept {
+  return allocated_or_null(size, alignment);
+}
+
+void* operator new[](std::size_t size, std::align_val_t alignment,
+                     const std::nothrow_t& /*throws*/) noexcept {
+  return allocated_or_null(size, alignment);
+}
+
+#endif

@@ -167,6 +167,12 @@ TrialResult parse_run(RowReader row) {
   return run;
 }
 
+// Bytes that were not on the disk when the power failed are missing or zero.
+bool is_lost(std::string_view start, std::string_view header) {
+  return std::equal(start.begin(), start.end(), header.begin(),
+                    [](char found, char written) { return found == written || found == '\0'; });
+}
+
 }  // namespace
 
 std::string runs_header() {
@@ -222,7 +228,7 @@ std::string row_checksum(std::string_view before) {
 
 std::size_t sound_size(std::string_view table, std::string_view header, std::string_view name) {
   if (!table.starts_with(header)) {
-    if (header.starts_with(table)) return 0;
+    if (is_lost(table.substr(0, header.size()), header)) return 0;
     throw Error(ErrorKind::kInput, fmt::format("{}:1", name),
                 printable(table.substr(0, table.find('\n'))),
                 std::string(header.substr(0, header.size() - 1)));

@@ -93,6 +93,12 @@ TEST(RunsFile, IsSoundUpToARowThatIsNotComplete) {
             timings_header().size() + timings_row(full_run()).size());
   EXPECT_EQ(sound_size(timings_header().substr(0, 9), timings_header(), "t"), 0U);
   EXPECT_THROW(sound_size("a,b\n", timings_header(), "t"), Error);
+  // The power failed before the header was on the disk.
+  std::string lost = timings_header() + timings_row(full_run());
+  std::fill_n(lost.begin() + 3, lost.size() - 3, '\0');
+  EXPECT_EQ(sound_size(lost, timings_header(), "t"), 0U);
+  lost[0] ^= 1;
+  EXPECT_THROW(sound_size(lost, timings_header(), "t"), Error);
 }
 
 TEST(RunsFile, IsSoundWhereAPairsNameHasQuotesAndLineEnds) {

@@ -144,6 +144,7 @@ class RowFile {
       if (text_.empty()) {
         truncate(0);
         append(header);
+        sync();  // a row is never without the header
         text_ = header;
       }
       rows_ = parse_csv(text_, path_.string());
