@@ -80,13 +80,12 @@ class Likeness {
 // Neighbours, in the first set, of a landmark of the second.
 struct Surroundings {
   std::array<std::uint32_t, kCandidates> candidates;  // kNone: fewer, or their descriptors differ
-  float farthest = 0.0F;     // distance of the farthest neighbour; 0: too few neighbours
-  std::uint16_t others = 0;  // number of neighbours
+  float farthest = 0.0F;  // distance of the farthest neighbour; 0: too few neighbours
 };
 
 struct Model {
-  double share = 0.5;
-  double variance = 0.0;  // that the covariances do not explain
+  double share;
+  double variance;  // that the covariances do not explain
 };
 
 // A candidate partner.
@@ -140,7 +139,6 @@ void Associator::look_around() {
           const std::size_t found = tree.nearest(second_.positions[i], nearest);
           if (found > 1) {
             around.farthest = static_cast<float>(std::sqrt(nearest[found - 1].squared_distance));
-            around.others = static_cast<std::uint16_t>(found - 1);
           }
           for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
             const std::uint32_t candidate = nearest[j].index;
@@ -174,11 +172,11 @@ Hypothesis Associator::hypothesis(std::uint32_t candidate, std::uint32_t second,
 
 // Landmarks lie on surfaces, so their number in a small ball is proportional to the square of its radius.
 double Associator::by_chance(std::uint32_t second, double trace) const {
-  const Surroundings& around = around_[second];
-  if (around.others == 0 || !(around.farthest > 0.0F)) return 0.0;
-  const double r = around.farthest;
+  const double r = around_[second].farthest;
+  if (!(r > 0.0)) return 0.0;
+  const auto others = static_cast<double>(std::min(first_.positions.size(), kSurrounding) - 1);
   const double reach = std::min(r, 2.0 * std::sqrt(trace / 3.0));
-  const double density = around.others / (4.0 / 3.0 * std::numbers::pi * r * r * reach);
+  const double density = others / (4.0 / 3.0 * std::numbers::pi * r * r * reach);
   const bool compared = likeness_ && likeness_->knows_second(second);
   return compared ? kAlikeByChance * density : density;
 }
@@ -219,8 +217,7 @@ Model Associator::estimate() const {
   double scale = 0.0;
   for (const Surroundings& around : around_) scale = std::max(scale, double{around.farthest});
   const double least = 1e-16 * scale * scale + std::numeric_limits<double>::min();
-  Model model;
-  model.variance = std::max(least, near * near);
+  Model model = {.share = 0.5, .variance = std::max(least, near * near)};
   const std::size_t stride = std::max<std::size_t>(1, around_.size() / kSample);
   const std::size_t count = (around_.size() + stride - 1) / stride;
   struct Sums {
@@ -264,8 +261,7 @@ Model Associator::estimate() const {
       sum.weight += each.weight;
       sum.excess += each.excess;
     }
-    model.share =
-        std::clamp(sum.same / static_cast<double>(std::max<std::size_t>(count, 1)), 1e-3, 0.999);
+    model.share = std::clamp(sum.same / static_cast<double>(count), 1e-3, 0.999);
     if (sum.weight > 0.0) model.variance = sum.excess / (3.0 * sum.weight);
     model.variance = std::max(least, std::min(most * most, model.variance));
   }
@@ -293,7 +289,7 @@ std::vector<Association> Associator::likeliest(const Model& model) const {
             within = each.mahalanobis <= options_.gate;
           }
           const double total = model.share * any + (1.0 - model.share) * by_chance(i, trace);
-          if (within && total > 0.0) best[k].probability = model.share * highest / total;
+          if (within) best[k].probability = model.share * highest / total;
         }
       });
   return best;

@@ -30,7 +30,7 @@ BlockCholesky::BlockCholesky(std::size_t blocks, Index block_size, std::span<con
   factors_.resize(fronts_.size());
 }
 
-// Minimum degree ordering.
+// Minimum degree ordering, which takes the pattern as symmetric.
 void BlockCholesky::order() {
   std::vector<Eigen::Triplet<double, int>> entries;
   for (std::size_t i = 0; i < blocks_; ++i) {
@@ -38,7 +38,6 @@ void BlockCholesky::order() {
   }
   for (const auto& [row, column] : places_) {
     entries.emplace_back(static_cast<int>(row), static_cast<int>(column), 1.0);
-    entries.emplace_back(static_cast<int>(column), static_cast<int>(row), 1.0);
   }
   const auto count = static_cast<Index>(blocks_);
   Eigen::SparseMatrix<double, Eigen::ColMajor, int> pattern(count, count);
@@ -67,7 +66,7 @@ void BlockCholesky::analyse() {
     std::vector<std::size_t> ancestor(blocks_, kNone);
     for (std::size_t j = 0; j < blocks_; ++j) {
       for (std::size_t i : earlier[j]) {
-        while (i != kNone && i < j) {
+        while (i < j) {  // kNone is no less
           const std::size_t next = ancestor[i];
           ancestor[i] = j;
           if (next == kNone) parent[i] = j;
@@ -126,9 +125,9 @@ void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& b
   front_of_.assign(blocks_, kNone);
   // From the last column: each starts a front, or joins the one that starts after it.
   std::vector<Front> reversed;
-  std::vector<double> zeros;  // by front: blocks of its columns that are zero
+  double zeros = 0.0;  // blocks of the last front's columns that are zero
   for (std::size_t j = blocks_; j-- > 0;) {
-    if (!reversed.empty() && parent[j] == j + 1 && reversed.back().first == j + 1) {
+    if (parent[j] == j + 1) {
       Front& last = reversed.back();
       const std::size_t width = last.width + 1;
       const double more =
@@ -136,10 +135,10 @@ void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& b
       const double columns = static_cast<double>(width);
       const double all =
           columns * (columns + 1.0) / 2.0 + columns * static_cast<double>(last.rows.size());
-      if (zeros.back() + more <= most_zeros(width) * all) {
+      if (zeros + more <= most_zeros(width) * all) {
         last.first = j;
         last.width = width;
-        zeros.back() += more;
+        zeros += more;
         continue;
       }
     }
@@ -148,7 +147,7 @@ void BlockCholesky::merge_columns(const std::vector<std::vector<std::size_t>>& b
     front.width = 1;
     front.rows = below[j];
     reversed.push_back(std::move(front));
-    zeros.push_back(0.0);
+    zeros = 0.0;
   }
   fronts_.assign(std::make_move_iterator(reversed.rbegin()),
                  std::make_move_iterator(reversed.rend()));

@@ -166,8 +166,9 @@ bool PoseLeastSquares::iterate(Eigen::VectorXd& x) const {
   return length <= enough;
 }
 
+// With damping, there is never a factor to reuse.
 std::optional<Eigen::VectorXd> PoseLeastSquares::step(double damping) {
-  if (has_factor_ && damping == 0.0) {
+  if (has_factor_) {
     Eigen::VectorXd x;
     if (iterate(x)) return x;
   }
