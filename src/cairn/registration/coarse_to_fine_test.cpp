@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/coarse_to_fine.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -13,6 +16,7 @@
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/icp.hpp"
+#include "cairn/registration/score/fitness.hpp"
 
 namespace cairn {
 namespace {
@@ -99,6 +103,128 @@ TEST(CoarseToFine, QuartersThePointsWhileAFewHundredAreLeft) {
   EXPECT_EQ(samples_of(1200), 1);
   EXPECT_EQ(samples_of(4799), 1);
   EXPECT_EQ(samples_of(4800), 2);
+}
+
+std::vector<Eigen::Vector3d> in_cube(std::uint64_t seed, std::size_t count) {
+  Random random(seed);
+  std::vector<Eigen::Vector3d> points(count);
+  for (auto& x : points) x = {random.uniform(), random.uniform(), random.uniform()};
+  return points;
+}
+
+// Far shorter than the points' distances: the nearest point is the right one, if it is there.
+const Rigid3 kSmallMotion = Rigid3::from_roll_pitch_yaw({1e-3, -1e-3, 5e-4}, 1e-3, 0, -1e-3);
+
+TEST(CoarseToFine, DoesNotSampleTheTargetOfALimitedSearch) {
+  const auto source = in_cube(1, 1300);
+  const auto target = moved_points(source, kSmallMotion);
+  const BatchTree tree(target);
+  const auto error = [&](double max_distance) {
+    const CoarseAlignment found = align_samples({source, {}, {}}, {tree, target, {}},
+                                                {.matching = {.max_distance = max_distance}});
+    EXPECT_GT(found.iterations, 0);
+    return PoseDistance::of(source)(found.target_from_source, kSmallMotion);
+  };
+  EXPECT_LT(error(100.0), 1e-12);
+  EXPECT_GT(error(std::numeric_limits<double>::infinity()), 1e-6)
+      << "few of a sample's points are in the other, drawn independently";
+}
+
+TEST(CoarseToFine, CountsOnlyPointsThatCanBeUsed) {
+  // Of either set 1100 points are useful, too few for a sample.
+  auto source = in_cube(2, 1300);
+  auto target = moved_points(source, kSmallMotion);
+  std::vector<double> confidences(1300, 1.0);
+  for (std::size_t i = 0; i < 200; ++i) confidences[6 * i] = i % 2 == 0 ? 0.0 : -1.0;
+  const std::vector<double> weights = [&] {
+    std::vector<double> result = confidences;
+    for (double& weight : result) weight = std::max(weight, 0.0);
+    return result;
+  }();
+  const BatchTree tree(target);
+  EXPECT_EQ(align_samples({source, {}, weights}, {tree, target, {}}, {}).iterations, 0);
+  // All useful target points are searched, none of the others.
+  std::vector<Eigen::Vector3d> useful;
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    if (confidences[i] > 0.0) useful.push_back(source[i]);
+  }
+  useful.insert(useful.end(), useful.begin(), useful.begin() + 300);
+  const CoarseAlignment found =
+      align_samples({useful, {}, {}}, {tree, target, confidences}, {.matching = {.k = 1}});
+  EXPECT_GT(found.iterations, 0);
+  EXPECT_LT(PoseDistance::of(source)(found.target_from_source, kSmallMotion), 1e-12);
+}
+
+TEST(CoarseToFine, WeighsSampledPointsByTheirOwnWeight) {
+  // What is in its place weighs most, what is not weighs next to nothing or nothing.
+  const auto place = in_cube(3, 3000);
+  const auto target = moved_points(place, kSmallMotion);
+  auto source = place;
+  std::vector<double> weights(source.size(), 1.0);
+  for (std::size_t i = 0; i < source.size(); i += 2) {
+    source[i] += Eigen::Vector3d(0.0, 0.0, i % 3 == 0 ? 5.0 : 0.5);
+    weights[i] = i % 3 == 0 ? 0.0 : 1e-12;
+  }
+  const BatchTree tree(target);
+  const CoarseAlignment found = align_samples({source, {}, weights}, {tree, target, {}},
+                                              {.matching = {.max_distance = 100.0}});
+  EXPECT_GT(found.iterations, 0);
+  EXPECT_LT(PoseDistance::of(place)(found.target_from_source, kSmallMotion), 1e-9);
+}
+
+TEST(CoarseToFine, KeepsOnlyMutualMatchesIfAsked) {
+  // What the source alone has is far off, so that no target point is nearest to it.
+  auto source = in_cube(4, 2000);
+  const auto target = moved_points(source, kSmallMotion);
+  for (const Eigen::Vector3d& x : in_cube(5, 500)) {
+    source.emplace_back(0.1 * x + Eigen::Vector3d(10.0, 0.0, 0.0));
+  }
+  const BatchTree tree(target);
+  const auto error = [&](bool reciprocal) {
+    const CoarseAlignment found =
+        align_samples({source, {}, {}}, {tree, target, {}},
+                      {.matching = {.max_distance = 100.0}, .reciprocal = reciprocal});
+    return PoseDistance::of(target)(found.target_from_source, kSmallMotion);
+  };
+  EXPECT_LT(error(true), 0.01);
+  EXPECT_GT(error(false), 0.1);
+}
+
+TEST(CoarseToFine, EndsWhenAStepIsShorterThanTheSamplingError) {
+  const auto target = in_cube(6, 1200);
+  const auto source =
+      moved_points(in_cube(7, 1200), Rigid3::from_roll_pitch_yaw({0.1, 0.05, 0}, 0, 0, 0.1));
+  const BatchTree tree(target);
+  const auto after = [&](int most) {
+    return align_samples({source, {}, {}}, {tree, target, {}},
+                         {.matching = {.max_distance = 100.0}, .max_iterations = most});
+  };
+  const int last = after(100).iterations;
+  ASSERT_GT(last, 3);
+  ASSERT_LT(last, 100);
+  const PoseDistance distance = PoseDistance::of(source);
+  for (int i = 1; i <= last; ++i) {
+    const CoarseAlignment before = after(i - 1 == 0 ? 1 : i - 1);
+    const Rigid3 start = i == 1 ? Rigid3() : before.target_from_source;
+    const auto squared = nearest_squared_distances(source, start, tree, Executor(1));
+    const double sampling_error = std::sqrt(*fitness_score(squared) / 300.0);
+    const double step = distance(after(i).target_from_source, start);
+    if (i < last) {
+      EXPECT_GT(step, 0.8 * sampling_error) << i;
+    } else {
+      EXPECT_LT(step, 1.2 * sampling_error) << i;
+    }
+  }
+}
+
+TEST(CoarseToFine, EndsAtOnceWhereMatchesAreExact) {
+  const auto source = in_cube(8, 1200);
+  const auto target = moved_points(source, kSmallMotion);
+  const BatchTree tree(target);
+  EXPECT_EQ(align_samples({source, {}, {}}, {tree, target, {}}, {.matching = {.max_distance = 1.0}})
+                .iterations,
+            2)
+      << "one moves, and one finds that nothing is left but rounding";
 }
 
 TEST(CoarseToFine, MatchesSamplesByTheirConfidence) {
