@@ -15,6 +15,7 @@
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp.hpp"
 #include "cairn/registration/score/fitness.hpp"
 
@@ -143,16 +144,25 @@ TEST(CoarseToFine, CountsOnlyPointsThatCanBeUsed) {
   }();
   const BatchTree tree(target);
   EXPECT_EQ(align_samples({source, {}, weights}, {tree, target, {}}, {}).iterations, 0);
-  // All useful target points are searched, none of the others.
-  std::vector<Eigen::Vector3d> useful;
-  for (std::size_t i = 0; i < source.size(); ++i) {
-    if (confidences[i] > 0.0) useful.push_back(source[i]);
-  }
-  useful.insert(useful.end(), useful.begin(), useful.begin() + 300);
+  // All target points are searched; what is nearest to one that cannot be used is not matched.
   const CoarseAlignment found =
-      align_samples({useful, {}, {}}, {tree, target, confidences}, {.matching = {.k = 1}});
+      align_samples({source, {}, {}}, {tree, target, confidences}, {.matching = {.k = 1}});
   EXPECT_GT(found.iterations, 0);
   EXPECT_LT(PoseDistance::of(source)(found.target_from_source, kSmallMotion), 1e-12);
+}
+
+TEST(CoarseToFine, DrawsOneOfEachSoManyConsecutivePoints) {
+  // Sixteen copies of each place in a row: every sample has each of them equally often.
+  const auto places = in_cube(9, 300);
+  auto target = moved_points(places, kSmallMotion);
+  Random random(10);
+  for (auto& x : target) x += 1e-3 * Eigen::Vector3d(random.uniform(), random.uniform(), 0.0);
+  std::vector<Eigen::Vector3d> source;
+  for (const Eigen::Vector3d& x : places) source.insert(source.end(), 16, x);
+  const BatchTree tree(target);
+  const CoarseAlignment found = align_samples({source, {}, {}}, {tree, target, {}}, {});
+  EXPECT_LT(PoseDistance::of(places)(found.target_from_source, closest_motion(places, target)),
+            1e-12);
 }
 
 TEST(CoarseToFine, WeighsSampledPointsByTheirOwnWeight) {
@@ -190,10 +200,9 @@ TEST(CoarseToFine, KeepsOnlyMutualMatchesIfAsked) {
   EXPECT_GT(error(false), 0.1);
 }
 
-TEST(CoarseToFine, EndsWhenAStepIsShorterThanTheSamplingError) {
-  const auto target = in_cube(6, 1200);
-  const auto source =
-      moved_points(in_cube(7, 1200), Rigid3::from_roll_pitch_yaw({0.1, 0.05, 0}, 0, 0, 0.1));
+// Whether only the last step is shorter than the sampling error.
+void expect_end_within_chance(const std::vector<Eigen::Vector3d>& source,
+                              const std::vector<Eigen::Vector3d>& target) {
   const BatchTree tree(target);
   const auto after = [&](int most) {
     return align_samples({source, {}, {}}, {tree, target, {}},
@@ -203,17 +212,27 @@ TEST(CoarseToFine, EndsWhenAStepIsShorterThanTheSamplingError) {
   ASSERT_GT(last, 3);
   ASSERT_LT(last, 100);
   const PoseDistance distance = PoseDistance::of(source);
+  Rigid3 start;
   for (int i = 1; i <= last; ++i) {
-    const CoarseAlignment before = after(i - 1 == 0 ? 1 : i - 1);
-    const Rigid3 start = i == 1 ? Rigid3() : before.target_from_source;
+    // Of all points, whose mean distance is about the sample's.
     const auto squared = nearest_squared_distances(source, start, tree, Executor(1));
     const double sampling_error = std::sqrt(*fitness_score(squared) / 300.0);
-    const double step = distance(after(i).target_from_source, start);
+    const Rigid3 end = after(i).target_from_source;
     if (i < last) {
-      EXPECT_GT(step, 0.8 * sampling_error) << i;
+      EXPECT_GT(distance(end, start), 0.8 * sampling_error) << i;
     } else {
-      EXPECT_LT(step, 1.2 * sampling_error) << i;
+      EXPECT_LT(distance(end, start), 1.2 * sampling_error) << i;
     }
+    start = end;
+  }
+}
+
+TEST(CoarseToFine, EndsWhenAStepIsShorterThanTheSamplingError) {
+  const auto target = in_cube(6, 1200);
+  const auto source = in_cube(7, 1200);
+  for (const double away : {0.1, 30.0}) {
+    expect_end_within_chance(
+        moved_points(source, Rigid3::from_roll_pitch_yaw({away, 0.05, 0}, 0, 0, 0.1)), target);
   }
 }
 

@@ -229,6 +229,14 @@ TEST(PoseUncertainty, IsOpenWhereTheInformationIsRoundingBesideTheLargest) {
   EXPECT_EQ(open_with(Vector6d::Zero()), 6U);
 }
 
+TEST(PoseUncertainty, NamesADirectionOnceThatIsOpenForTwoReasons) {
+  PoseEvidence<6> evidence;
+  evidence.information = Vector6d(1, 1, 1, 1, 1, 1e-13).asDiagonal();
+  evidence.scatter = 0.01 * evidence.information;
+  evidence.reach = 10.0;
+  EXPECT_EQ(pose_uncertainty(Similarity3(), evidence).unobservable.size(), 1U);
+}
+
 TEST(PoseUncertainty, OfASimilarityIsThatOfItsMotionAboutThePivot) {
   PoseEvidence<7> evidence;
   evidence.pivot = {3, -1, 2};

@@ -133,7 +133,7 @@ TEST_P(BatchTreeOnTarget, FindsWhatBruteForceFindsTiesIncluded) {
       ASSERT_EQ(tree.size(), size);
       const Points queries = queries_for(cloud.points, size > 9 ? 100 : 37, random);
       const Answers all = brute_force(cloud.points, queries, size);
-      for (const std::size_t k : {1UL, 2UL, 3UL, 5UL, 7UL, 10UL, 15UL, 20UL, 23UL, 24UL, 1000UL}) {
+      for (const std::size_t k : {1UL, 2UL, 3UL, 5UL, 7UL, 10UL, 15UL, 20UL, 23UL, 24UL, 150UL}) {
         BatchTree::Batch batch = tree.batch(k);
         EXPECT_EQ(batch.count(), std::min(k, size));
         ASSERT_EQ(ask(batch, queries), nearest_of(all, k))
@@ -178,7 +178,7 @@ TEST(BatchTree, FindsWhatBruteForceFindsForOneQuery) {
     const BatchTree tree(cloud.points);
     const Points queries = queries_for(cloud.points, 300, random);
     const Answers all = brute_force(cloud.points, queries, 400);
-    for (const std::size_t k : {1UL, 5UL, 1000UL}) {
+    for (const std::size_t k : {1UL, 5UL, 100UL}) {
       const Answers expected = nearest_of(all, k);
       for (std::size_t i = 0; i < queries.size(); ++i) {
         std::vector<Neighbor> found(k);
