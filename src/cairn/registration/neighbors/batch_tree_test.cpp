@@ -165,6 +165,35 @@ TEST_P(BatchTreeOnTarget, FindsTheSameWhateverItRemembers) {
   }
 }
 
+TEST_P(BatchTreeOnTarget, OrdersPointsThatSinglePrecisionCannotTellApart) {
+  // Points on a sphere, seen from about its middle: all are almost equally far.
+  Random random(19);
+  for (const double extent : {1.0, 1e3}) {
+    for (const double unequal : {1e-9, 1e-7, 1e-5, 1e-3}) {
+      Points points = {Eigen::Vector3d(extent, 0, 0), Eigen::Vector3d(-extent, extent, extent)};
+      const Eigen::Vector3d middle(0.3 * extent, -0.1 * extent, 0.2);
+      for (int i = 0; i < 200; ++i) {
+        const Eigen::Vector3d side(random.normal(), random.normal(), random.normal());
+        points.push_back(middle + (1.0 + unequal * extent * random.uniform()) * side.normalized());
+      }
+      const BatchTree tree(points);
+      std::vector<BatchTree::Batch> batches = {tree.batch(1), tree.batch(5), tree.batch(20)};
+      Points queries(40, middle);
+      for (const double motion : {0.0, 0.3, 0.1, 1.0, 10.0, 0.3}) {
+        for (auto& query : queries) {
+          query += motion * unequal * extent *
+                   Eigen::Vector3d(random.normal(), random.normal(), random.normal());
+        }
+        const Answers most = brute_force(points, queries, 20);
+        for (BatchTree::Batch& batch : batches) {
+          ASSERT_EQ(ask(batch, queries), nearest_of(most, batch.count()))
+              << extent << ", " << unequal << ", k = " << batch.count() << ", motion " << motion;
+        }
+      }
+    }
+  }
+}
+
 std::string target_name(const ::testing::TestParamInfo<std::int64_t>& tested) {
   return hwy::TargetName(tested.param);
 }
@@ -233,6 +262,24 @@ TEST(BatchTree, HasNothingToFindInAnEmptySet) {
   BatchTree::Batch batch = tree.batch(3);
   EXPECT_EQ(batch.count(), 0U);
   EXPECT_THAT(ask(batch, {{1, 2, 3}}), ElementsAre(std::vector<Neighbor>()));
+}
+
+TEST(BatchTree, LooksAtAllPointsWhereSomeAreBeyondSinglePrecision) {
+  Random random(20);
+  Points points = {{1e30, 0, 0}, {-1e30, 0, 0}};
+  for (int i = 0; i < 50; ++i) points.push_back(in_cube(random, 1.0));
+  const BatchTree tree(points);
+  const Points queries = {{0.1, 0.2, 0.3}, {0.0, 0.0, 0.0}, {1e29, 0.0, 0.0}};
+  for (const std::size_t k : {1UL, 5UL}) {
+    const Answers expected = brute_force(points, queries, k);
+    BatchTree::Batch batch = tree.batch(k);
+    EXPECT_EQ(ask(batch, queries), expected);
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      std::vector<Neighbor> found(k);
+      tree.nearest(queries[i], found);
+      EXPECT_EQ(found, expected[i]);
+    }
+  }
 }
 
 TEST(BatchTree, HasNoAnswersWithoutQueries) {
