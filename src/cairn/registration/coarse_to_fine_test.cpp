@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/coarse_to_fine.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -12,7 +15,9 @@
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp.hpp"
+#include "cairn/registration/score/fitness.hpp"
 
 namespace cairn {
 namespace {
@@ -99,6 +104,146 @@ TEST(CoarseToFine, QuartersThePointsWhileAFewHundredAreLeft) {
   EXPECT_EQ(samples_of(1200), 1);
   EXPECT_EQ(samples_of(4799), 1);
   EXPECT_EQ(samples_of(4800), 2);
+}
+
+std::vector<Eigen::Vector3d> in_cube(std::uint64_t seed, std::size_t count) {
+  Random random(seed);
+  std::vector<Eigen::Vector3d> points(count);
+  for (auto& x : points) x = {random.uniform(), random.uniform(), random.uniform()};
+  return points;
+}
+
+// Far shorter than the points' distances: the nearest point is the right one, if it is there.
+const Rigid3 kSmallMotion = Rigid3::from_roll_pitch_yaw({1e-3, -1e-3, 5e-4}, 1e-3, 0, -1e-3);
+
+TEST(CoarseToFine, DoesNotSampleTheTargetOfALimitedSearch) {
+  const auto source = in_cube(1, 1300);
+  const auto target = moved_points(source, kSmallMotion);
+  const BatchTree tree(target);
+  const auto error = [&](double max_distance) {
+    const CoarseAlignment found = align_samples({source, {}, {}}, {tree, target, {}},
+                                                {.matching = {.max_distance = max_distance}});
+    EXPECT_GT(found.iterations, 0);
+    return PoseDistance::of(source)(found.target_from_source, kSmallMotion);
+  };
+  EXPECT_LT(error(100.0), 1e-12);
+  EXPECT_GT(error(std::numeric_limits<double>::infinity()), 1e-6)
+      << "few of a sample's points are in the other, drawn independently";
+}
+
+TEST(CoarseToFine, CountsOnlyPointsThatCanBeUsed) {
+  // Of either set 1100 points are useful, too few for a sample.
+  auto source = in_cube(2, 1300);
+  auto target = moved_points(source, kSmallMotion);
+  std::vector<double> confidences(1300, 1.0);
+  for (std::size_t i = 0; i < 200; ++i) confidences[6 * i] = i % 2 == 0 ? 0.0 : -1.0;
+  const std::vector<double> weights = [&] {
+    std::vector<double> result = confidences;
+    for (double& weight : result) weight = std::max(weight, 0.0);
+    return result;
+  }();
+  const BatchTree tree(target);
+  EXPECT_EQ(align_samples({source, {}, weights}, {tree, target, {}}, {}).iterations, 0);
+  // All target points are searched; what is nearest to one that cannot be used is not matched.
+  const CoarseAlignment found =
+      align_samples({source, {}, {}}, {tree, target, confidences}, {.matching = {.k = 1}});
+  EXPECT_GT(found.iterations, 0);
+  EXPECT_LT(PoseDistance::of(source)(found.target_from_source, kSmallMotion), 1e-12);
+}
+
+TEST(CoarseToFine, DrawsOneOfEachSoManyConsecutivePoints) {
+  // Sixteen copies of each place in a row: every sample has each of them equally often.
+  const auto places = in_cube(9, 300);
+  auto target = moved_points(places, kSmallMotion);
+  Random random(10);
+  for (auto& x : target) x += 1e-3 * Eigen::Vector3d(random.uniform(), random.uniform(), 0.0);
+  std::vector<Eigen::Vector3d> source;
+  for (const Eigen::Vector3d& x : places) source.insert(source.end(), 16, x);
+  const BatchTree tree(target);
+  const CoarseAlignment found = align_samples({source, {}, {}}, {tree, target, {}}, {});
+  EXPECT_LT(PoseDistance::of(places)(found.target_from_source, closest_motion(places, target)),
+            1e-12);
+}
+
+TEST(CoarseToFine, WeighsSampledPointsByTheirOwnWeight) {
+  // What is in its place weighs most, what is not weighs next to nothing or nothing.
+  const auto place = in_cube(3, 3000);
+  const auto target = moved_points(place, kSmallMotion);
+  auto source = place;
+  std::vector<double> weights(source.size(), 1.0);
+  for (std::size_t i = 0; i < source.size(); i += 2) {
+    source[i] += Eigen::Vector3d(0.0, 0.0, i % 3 == 0 ? 5.0 : 0.5);
+    weights[i] = i % 3 == 0 ? 0.0 : 1e-12;
+  }
+  const BatchTree tree(target);
+  const CoarseAlignment found = align_samples({source, {}, weights}, {tree, target, {}},
+                                              {.matching = {.max_distance = 100.0}});
+  EXPECT_GT(found.iterations, 0);
+  EXPECT_LT(PoseDistance::of(place)(found.target_from_source, kSmallMotion), 1e-9);
+}
+
+TEST(CoarseToFine, KeepsOnlyMutualMatchesIfAsked) {
+  // What the source alone has is far off, so that no target point is nearest to it.
+  auto source = in_cube(4, 2000);
+  const auto target = moved_points(source, kSmallMotion);
+  for (const Eigen::Vector3d& x : in_cube(5, 500)) {
+    source.emplace_back(0.1 * x + Eigen::Vector3d(10.0, 0.0, 0.0));
+  }
+  const BatchTree tree(target);
+  const auto error = [&](bool reciprocal) {
+    const CoarseAlignment found =
+        align_samples({source, {}, {}}, {tree, target, {}},
+                      {.matching = {.max_distance = 100.0}, .reciprocal = reciprocal});
+    return PoseDistance::of(target)(found.target_from_source, kSmallMotion);
+  };
+  EXPECT_LT(error(true), 0.01);
+  EXPECT_GT(error(false), 0.1);
+}
+
+// Whether only the last step is shorter than the sampling error.
+void expect_end_within_chance(const std::vector<Eigen::Vector3d>& source,
+                              const std::vector<Eigen::Vector3d>& target) {
+  const BatchTree tree(target);
+  const auto after = [&](int most) {
+    return align_samples({source, {}, {}}, {tree, target, {}},
+                         {.matching = {.max_distance = 100.0}, .max_iterations = most});
+  };
+  const int last = after(100).iterations;
+  ASSERT_GT(last, 3);
+  ASSERT_LT(last, 100);
+  const PoseDistance distance = PoseDistance::of(source);
+  Rigid3 start;
+  for (int i = 1; i <= last; ++i) {
+    // Of all points, whose mean distance is about the sample's.
+    const auto squared = nearest_squared_distances(source, start, tree, Executor(1));
+    const double sampling_error = std::sqrt(*fitness_score(squared) / 300.0);
+    const Rigid3 end = after(i).target_from_source;
+    if (i < last) {
+      EXPECT_GT(distance(end, start), 0.8 * sampling_error) << i;
+    } else {
+      EXPECT_LT(distance(end, start), 1.2 * sampling_error) << i;
+    }
+    start = end;
+  }
+}
+
+TEST(CoarseToFine, EndsWhenAStepIsShorterThanTheSamplingError) {
+  const auto target = in_cube(6, 1200);
+  const auto source = in_cube(7, 1200);
+  for (const double away : {0.1, 30.0}) {
+    expect_end_within_chance(
+        moved_points(source, Rigid3::from_roll_pitch_yaw({away, 0.05, 0}, 0, 0, 0.1)), target);
+  }
+}
+
+TEST(CoarseToFine, EndsAtOnceWhereMatchesAreExact) {
+  const auto source = in_cube(8, 1200);
+  const auto target = moved_points(source, kSmallMotion);
+  const BatchTree tree(target);
+  EXPECT_EQ(align_samples({source, {}, {}}, {tree, target, {}}, {.matching = {.max_distance = 1.0}})
+                .iterations,
+            2)
+      << "one moves, and one finds that nothing is left but rounding";
 }
 
 TEST(CoarseToFine, MatchesSamplesByTheirConfidence) {

@@ -181,11 +181,7 @@ TEST(MarginalCovariances, NothingInNothingOut) {
 
 TEST(MarginalCovariances, TooManyKeyframesAreRefused) {
   LandmarkGraph graph(testing::test_sensor());
-  for (std::size_t k = 0; k <= kMostMarginalKeyframes; ++k) {
-    Keyframe keyframe;
-    keyframe.features = testing::features_of({}, {});
-    graph.add_keyframe(std::move(keyframe));
-  }
+  for (std::size_t k = 0; k <= kMostMarginalKeyframes; ++k) graph.add_keyframe(Keyframe());
   try {
     marginal_covariances(graph);
     ADD_FAILURE() << "accepted";

@@ -94,6 +94,20 @@ TEST(ClosestMotion, NeverMirrors) {
   EXPECT_NEAR(closest_motion(from, to).rotation().determinant(), 1.0, 1e-12);
 }
 
+TEST(ClosestMotion, KeepsItsPrecisionFarFromTheOrigin) {
+  Random random(5);
+  const Eigen::Vector3d far(1e6, 2e6, -1e6);
+  Points from(50);
+  for (auto& p : from) p = random_vector(random);
+  Points to = moved(from, Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0.3, 0.2, -0.1));
+  const Rigid3 near = closest_motion(from, to);
+  for (auto& p : from) p += far;
+  for (auto& p : to) p += far;
+  const Rigid3 found = closest_motion(from, to);
+  EXPECT_LT((found.inverse() * near).angle(), 1e-8);
+  EXPECT_LT((found * from[7] - to[7]).norm(), 1e-8);
+}
+
 TEST(ClosestMotion, HandlesCoplanarPoints) {
   Random random(4);
   Points from(10);
@@ -108,6 +122,17 @@ TEST(ClosestMotion, TurnsCollinearPointsOntoTheirLineWithoutSpin) {
   const auto turn = Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0, 0, 0.4);
   const Rigid3 found = closest_motion(from, moved(from, turn));
   EXPECT_LT(distance(found, turn), 1e-9) << "the smallest rotation that fits, none about the line";
+}
+
+TEST(ClosestMotion, SpinsAThinCloudUnlessItsWidthIsRounding) {
+  const Rigid3 spin = Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0.4, 0, 0);
+  const auto found = [&](double width) {
+    Points from;
+    for (int i = 0; i < 11; ++i) from.emplace_back(0.1 * i, i % 2 == 0 ? width : 0.0, 0.0);
+    return closest_motion(from, moved(from, spin));
+  };
+  EXPECT_LT(distance(found(1e-3), spin), 1e-6);
+  EXPECT_LT(found(1e-6).angle(), 1e-5);
 }
 
 TEST(ClosestMotion, OnlyTranslatesCoincidingPoints) {

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
@@ -102,7 +104,137 @@ TEST(PoseUncertainty, TakesAWeightAsTheEstimateDid) {
   const Matrix6d expected = (30.0 / 28.0) / (10.0 / 8.0) * *few.covariance;
   EXPECT_LT((*all.covariance - expected).norm(), 1e-9 * expected.norm());
   const std::vector<double> none(30, 0.0);
-  EXPECT_FALSE(pose_uncertainty(Rigid3(), source, target, one_to_one(30), none).covariance);
+  const PoseUncertainty weightless =
+      pose_uncertainty(Rigid3(), source, target, one_to_one(30), none);
+  EXPECT_FALSE(weightless.covariance);
+  EXPECT_TRUE(weightless.unobservable.empty()) << "nothing is known of it";
+}
+
+// The sandwich estimator in the pose's own parameters, derivatives by finite differences.
+Matrix6d plain_sandwich(const Rigid3& pose, const Points& source, const Points& target,
+                        const std::vector<Match>& matches, const std::vector<double>& weights) {
+  constexpr double kStep = 1e-6;
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 6> scatter = Eigen::Matrix<double, 6, 6>::Zero();
+  for (const Match& match : matches) {
+    const Eigen::Vector3d& x = source[match.source];
+    Eigen::Matrix<double, 3, 6> jacobian;
+    for (int i = 0; i < 6; ++i) {
+      const Vector6d step = kStep * Vector6d::Unit(i);
+      jacobian.col(i) = (pose.perturbed(step) * x - pose.perturbed(-step) * x) / (2.0 * kStep);
+    }
+    const double weight = weights[match.source];
+    const Vector6d gradient = weight * jacobian.transpose() * (pose * x - target[match.target]);
+    information += weight * jacobian.transpose() * jacobian;
+    scatter += gradient * gradient.transpose();
+  }
+  const auto count = static_cast<double>(matches.size());
+  const Eigen::Matrix<double, 6, 6> inverse = information.inverse();
+  return count / (count - 2.0) * inverse * scatter * inverse;
+}
+
+struct WeightedPairs {
+  Rigid3 pose;
+  Points source;
+  Points target;
+  std::vector<Match> matches;
+  std::vector<double> weights;
+
+  PoseUncertainty uncertainty() const {
+    Points moved;
+    for (const auto& p : source) moved.push_back(pose * p);
+    return pose_uncertainty(pose, moved, target, matches, weights);
+  }
+};
+
+WeightedPairs weighted_pairs(std::uint64_t seed) {
+  Random random(seed);
+  WeightedPairs pairs;
+  pairs.pose = Rigid3::from_roll_pitch_yaw({3, -4, 5}, 0.4, -0.3, 2.0);
+  pairs.target.resize(12);
+  for (std::uint32_t i = 0; i < 12; ++i) {
+    pairs.source.push_back(random_vector(random));
+    pairs.weights.push_back(random.uniform(0.1, 3.0));
+    const std::uint32_t partner = (i * 5 + 3) % 12;
+    pairs.target[partner] = pairs.pose * pairs.source[i] + 0.05 * random_vector(random);
+    pairs.matches.push_back({i, partner, 0.0});
+  }
+  pairs.matches.erase(pairs.matches.begin() + 4);
+  return pairs;
+}
+
+TEST(PoseUncertainty, IsTheSandwichOfTheDerivativesByThePose) {
+  const WeightedPairs pairs = weighted_pairs(4);
+  const PoseUncertainty found = pairs.uncertainty();
+  ASSERT_TRUE(found.covariance);
+  const Matrix6d expected =
+      plain_sandwich(pairs.pose, pairs.source, pairs.target, pairs.matches, pairs.weights);
+  EXPECT_LT((*found.covariance - expected).norm(), 1e-6 * expected.norm());
+}
+
+TEST(PoseUncertainty, DoesNotDependOnTheUnitsOfLengthAndWeight) {
+  const WeightedPairs pairs = weighted_pairs(5);
+  const Matrix6d once = *pairs.uncertainty().covariance;
+  for (const double unit : {1e-7, 1e7}) {
+    WeightedPairs scaled = pairs;
+    scaled.pose = Rigid3(pairs.pose.quaternion(), unit * pairs.pose.translation());
+    for (auto& p : scaled.source) p *= unit;
+    for (auto& p : scaled.target) p *= unit;
+    const PoseUncertainty in_unit = scaled.uncertainty();
+    ASSERT_TRUE(in_unit.covariance) << unit;
+    Vector6d units;
+    units << unit, unit, unit, 1, 1, 1;
+    const Matrix6d expected = units.asDiagonal() * once * units.asDiagonal();
+    const Matrix6d ratio = in_unit.covariance->cwiseQuotient(expected);
+    EXPECT_LT((ratio - Matrix6d::Ones()).cwiseAbs().maxCoeff(), 1e-6) << unit;
+
+    WeightedPairs weighted = pairs;
+    for (double& weight : weighted.weights) weight *= unit * unit;
+    ASSERT_TRUE(weighted.uncertainty().covariance) << unit;
+    EXPECT_LT((*weighted.uncertainty().covariance - once).norm(), 1e-9 * once.norm());
+  }
+}
+
+TEST(PoseUncertainty, DoesNotDependOnWhereTheTargetIs) {
+  WeightedPairs pairs = weighted_pairs(6);
+  const Matrix6d here = *pairs.uncertainty().covariance;
+  const Eigen::Vector3d far(1e6, -2e6, 1e6);
+  pairs.pose = Rigid3(pairs.pose.quaternion(), pairs.pose.translation() + far);
+  for (auto& p : pairs.target) p += far;
+  const PoseUncertainty there = pairs.uncertainty();
+  ASSERT_TRUE(there.covariance);
+  EXPECT_LT((*there.covariance - here).norm(), 1e-6 * here.norm());
+}
+
+TEST(PoseUncertainty, NeedsThreeMatches) {
+  const Points source = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const Points target = {{0, 0, 0.1}, {1.1, 0, 0}, {0, 1, 0}};
+  EXPECT_TRUE(pose_uncertainty(Rigid3(), source, target, one_to_one(3)).covariance);
+  const PoseUncertainty of_two = pose_uncertainty(Rigid3(), source, target, one_to_one(2));
+  EXPECT_FALSE(of_two.covariance);
+  EXPECT_TRUE(of_two.unobservable.empty()) << "nothing is known of it";
+}
+
+TEST(PoseUncertainty, IsOpenWhereTheInformationIsRoundingBesideTheLargest) {
+  const auto open_with = [](const Vector6d& diagonal) {
+    PoseEvidence<6> evidence;
+    evidence.information = diagonal.asDiagonal();
+    const PoseUncertainty uncertainty = pose_uncertainty(Similarity3(), evidence);
+    EXPECT_EQ(uncertainty.covariance.has_value(), uncertainty.unobservable.empty());
+    return uncertainty.unobservable.size();
+  };
+  EXPECT_EQ(open_with(Vector6d(1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-11)), 0U);
+  EXPECT_EQ(open_with(Vector6d(1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-13)), 1U);
+  EXPECT_EQ(open_with(Vector6d(1, 1, 1, 1, 1, 1e10)), 5U);
+  EXPECT_EQ(open_with(Vector6d::Zero()), 6U);
+}
+
+TEST(PoseUncertainty, NamesADirectionOnceThatIsOpenForTwoReasons) {
+  PoseEvidence<6> evidence;
+  evidence.information = Vector6d(1, 1, 1, 1, 1, 1e-13).asDiagonal();
+  evidence.scatter = 0.01 * evidence.information;
+  evidence.reach = 10.0;
+  EXPECT_EQ(pose_uncertainty(Similarity3(), evidence).unobservable.size(), 1U);
 }
 
 TEST(PoseUncertainty, OfASimilarityIsThatOfItsMotionAboutThePivot) {
@@ -152,7 +284,7 @@ TEST(PoseUncertainty, KeepsTheSenseOfAScrewThatIsOpen) {
 
 TEST(PoseUncertainty, FindsTheSpinOfALine) {
   Points points;
-  for (int i = 0; i < 10; ++i) points.emplace_back(0.1 * i, 0.2 * i, 0.0);
+  for (int i = 0; i < 10; ++i) points.emplace_back(5.0 + 0.1 * i, 0.2 * i - 3.0, 2.0);
   Points noisy = points;
   for (std::size_t i = 0; i < noisy.size(); ++i)
     noisy[i] += Eigen::Vector3d(0, 0, i % 2 == 0 ? 1e-3 : -1e-3);
@@ -180,7 +312,10 @@ TEST(PoseUncertainty, IsOpenWhereItGoesBeyondTheReachOfTheEvidence) {
   evidence.scatter = Vector6d(0.01, 0.01, 0.09, 0.01, 0.01, 0.01).asDiagonal();
   evidence.reach = 0.31;
   EXPECT_TRUE(pose_uncertainty(Similarity3(), evidence).covariance);
-  evidence.reach = 0.29;
+  evidence.scatter(2, 2) = 0.0625;
+  evidence.reach = 0.25;
+  EXPECT_TRUE(pose_uncertainty(Similarity3(), evidence).covariance) << "exactly at its end";
+  evidence.reach = 0.24;
   const PoseUncertainty open = pose_uncertainty(Similarity3(), evidence);
   EXPECT_FALSE(open.covariance);
   ASSERT_EQ(open.unobservable.size(), 1U);

@@ -357,20 +357,17 @@ void BatchTree::Batch::settle(const Eigen::Vector3d& query, std::size_t slot,
                               std::span<Neighbor> found) const {
   Best best(found);
   const std::uint32_t* const candidates = candidates_of(slot);
-  std::size_t count = 0;
   for (std::size_t j = 0; j < capacity_; ++j) {
     const std::uint32_t candidate = candidates[j * kBlock];
     if (candidate >= nodes_->size()) continue;  // padding of a leaf
     best.add({index_[candidate], squared_distance(points_[candidate], query)});
-    ++count;
   }
   const Eigen::Vector3d offset = query - nodes_->centre;
   const Eigen::Vector3d place(place_[0][slot], place_[1][slot], place_[2][slot]);
   const double outside = outside_[slot] - (offset - place).norm() * (1.0 + kRounding) -
                          coordinate_error(extent(place));
   if (outside > 0.0 && best.worst() < outside * outside * (1.0 - kRounding)) return;
-  nodes_->nearest(query, found,
-                  outside_[slot] >= 0.0F && count >= count_ ? best.worst() : kInfinity);
+  nodes_->nearest(query, found, outside_[slot] >= 0.0F ? best.worst() : kInfinity);
 }
 
 }  // namespace cairn

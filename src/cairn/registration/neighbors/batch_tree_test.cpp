@@ -101,6 +101,12 @@ Answers brute_force(const Points& points, const Points& queries, std::size_t k) 
   return result;
 }
 
+// The k nearest of more, nearest first.
+Answers nearest_of(Answers answers, std::size_t k) {
+  for (auto& answer : answers) answer.resize(std::min(k, answer.size()));
+  return answers;
+}
+
 Answers ask(BatchTree::Batch& batch, const Points& queries, const Executor& executor = Executor()) {
   Answers result(queries.size());
   batch.for_each(queries, executor, [&](std::size_t i, const NearestList auto& nearest) {
@@ -126,10 +132,11 @@ TEST_P(BatchTreeOnTarget, FindsWhatBruteForceFindsTiesIncluded) {
       const BatchTree tree(cloud.points);
       ASSERT_EQ(tree.size(), size);
       const Points queries = queries_for(cloud.points, size > 9 ? 100 : 37, random);
-      for (const std::size_t k : {1UL, 2UL, 3UL, 5UL, 7UL, 10UL, 15UL, 20UL, 23UL, 24UL, 1000UL}) {
+      const Answers all = brute_force(cloud.points, queries, size);
+      for (const std::size_t k : {1UL, 2UL, 3UL, 5UL, 7UL, 10UL, 15UL, 20UL, 23UL, 24UL, 150UL}) {
         BatchTree::Batch batch = tree.batch(k);
         EXPECT_EQ(batch.count(), std::min(k, size));
-        ASSERT_EQ(ask(batch, queries), brute_force(cloud.points, queries, k))
+        ASSERT_EQ(ask(batch, queries), nearest_of(all, k))
             << size << " points, " << cloud.name << ", k = " << k;
       }
     }
@@ -140,19 +147,48 @@ TEST_P(BatchTreeOnTarget, FindsTheSameWhateverItRemembers) {
   Random random(13);
   for (const Cloud& cloud : clouds(400)) {
     const BatchTree tree(cloud.points);
-    const Points start = queries_for(cloud.points, 200, random);
+    Points queries = queries_for(cloud.points, 200, random);
     const double size = (cloud.points[0] - cloud.points[399]).norm();
-    for (const std::size_t k : {1UL, 5UL, 20UL}) {
-      BatchTree::Batch batch = tree.batch(k);
-      Points queries = start;
-      for (const double motion : {0.0, 1e-12, 1e-6, 1e-3, 1e-2, 0.0, 0.3, 1e-2, 30.0, 1e-3}) {
+    std::vector<BatchTree::Batch> batches = {tree.batch(1), tree.batch(5), tree.batch(20)};
+    for (const double motion : {0.0, 1e-12, 1e-6, 1e-3, 1e-2, 0.0, 0.3, 1e-2, 30.0, 1e-3}) {
+      for (auto& query : queries) {
+        // Some stay, and some move elsewhere than the others.
+        if (random.index(10) != 0) query.x() += motion * size;
+        if (random.index(10) == 0) query.y() -= motion * size * random.uniform();
+      }
+      const Answers most = brute_force(cloud.points, queries, 20);
+      for (BatchTree::Batch& batch : batches) {
+        ASSERT_EQ(ask(batch, queries), nearest_of(most, batch.count()))
+            << cloud.name << ", k = " << batch.count() << ", motion " << motion;
+      }
+    }
+  }
+}
+
+TEST_P(BatchTreeOnTarget, OrdersPointsThatSinglePrecisionCannotTellApart) {
+  // Points on a sphere, seen from about its middle: all are almost equally far.
+  Random random(19);
+  for (const double extent : {1.0, 1e3}) {
+    for (const double unequal : {1e-9, 1e-7, 1e-5, 1e-3}) {
+      Points points = {Eigen::Vector3d(extent, 0, 0), Eigen::Vector3d(-extent, extent, extent)};
+      const Eigen::Vector3d middle(0.3 * extent, -0.1 * extent, 0.2);
+      for (int i = 0; i < 200; ++i) {
+        const Eigen::Vector3d side(random.normal(), random.normal(), random.normal());
+        points.push_back(middle + (1.0 + unequal * extent * random.uniform()) * side.normalized());
+      }
+      const BatchTree tree(points);
+      std::vector<BatchTree::Batch> batches = {tree.batch(1), tree.batch(5), tree.batch(20)};
+      Points queries(40, middle);
+      for (const double motion : {0.0, 0.3, 0.1, 1.0, 10.0, 0.3}) {
         for (auto& query : queries) {
-          // Some stay, and some move elsewhere than the others.
-          if (random.index(10) != 0) query.x() += motion * size;
-          if (random.index(10) == 0) query.y() -= motion * size * random.uniform();
+          query += motion * unequal * extent *
+                   Eigen::Vector3d(random.normal(), random.normal(), random.normal());
         }
-        ASSERT_EQ(ask(batch, queries), brute_force(cloud.points, queries, k))
-            << cloud.name << ", k = " << k << ", motion " << motion;
+        const Answers most = brute_force(points, queries, 20);
+        for (BatchTree::Batch& batch : batches) {
+          ASSERT_EQ(ask(batch, queries), nearest_of(most, batch.count()))
+              << extent << ", " << unequal << ", k = " << batch.count() << ", motion " << motion;
+        }
       }
     }
   }
@@ -170,8 +206,9 @@ TEST(BatchTree, FindsWhatBruteForceFindsForOneQuery) {
   for (const Cloud& cloud : clouds(400)) {
     const BatchTree tree(cloud.points);
     const Points queries = queries_for(cloud.points, 300, random);
-    for (const std::size_t k : {1UL, 5UL, 1000UL}) {
-      const Answers expected = brute_force(cloud.points, queries, k);
+    const Answers all = brute_force(cloud.points, queries, 400);
+    for (const std::size_t k : {1UL, 5UL, 100UL}) {
+      const Answers expected = nearest_of(all, k);
       for (std::size_t i = 0; i < queries.size(); ++i) {
         std::vector<Neighbor> found(k);
         found.resize(tree.nearest(queries[i], found));
@@ -225,6 +262,24 @@ TEST(BatchTree, HasNothingToFindInAnEmptySet) {
   BatchTree::Batch batch = tree.batch(3);
   EXPECT_EQ(batch.count(), 0U);
   EXPECT_THAT(ask(batch, {{1, 2, 3}}), ElementsAre(std::vector<Neighbor>()));
+}
+
+TEST(BatchTree, LooksAtAllPointsWhereSomeAreBeyondSinglePrecision) {
+  Random random(20);
+  Points points = {{1e30, 0, 0}, {-1e30, 0, 0}};
+  for (int i = 0; i < 50; ++i) points.push_back(in_cube(random, 1.0));
+  const BatchTree tree(points);
+  const Points queries = {{0.1, 0.2, 0.3}, {0.0, 0.0, 0.0}, {1e29, 0.0, 0.0}};
+  for (const std::size_t k : {1UL, 5UL}) {
+    const Answers expected = brute_force(points, queries, k);
+    BatchTree::Batch batch = tree.batch(k);
+    EXPECT_EQ(ask(batch, queries), expected);
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      std::vector<Neighbor> found(k);
+      tree.nearest(queries[i], found);
+      EXPECT_EQ(found, expected[i]);
+    }
+  }
 }
 
 TEST(BatchTree, HasNoAnswersWithoutQueries) {
