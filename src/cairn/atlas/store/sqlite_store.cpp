@@ -111,12 +111,24 @@ void migrate(sqlite::Database& database, std::int64_t from) {
   database.execute(fmt::format("PRAGMA user_version = {}", kAtlasSchema));
 }
 
+// Where an atlas is made until it is complete.
+fs::path unfinished_of(const fs::path& atlas) {
+  return folder_of(atlas) / fmt::format(".{}.cairn-unfinished", atlas.filename().string());
+}
+
+// A process that was killed when the atlas was complete has left its file that name, too.
+void remove_second_name(const fs::path& atlas) {
+  std::error_code ignored;
+  const fs::path second = unfinished_of(atlas);
+  if (fs::equivalent(atlas, second, ignored)) fs::remove(second, ignored);
+}
+
 // The file in which an atlas is made until it is complete, locked as long as this lives. One that a killed process
 // left is taken over.
 class Unfinished {
  public:
   explicit Unfinished(const fs::path& atlas)
-      : path_(folder_of(atlas) / fmt::format(".{}.cairn-unfinished", atlas.filename().string())),
+      : path_(unfinished_of(atlas)),
         beside_{path_.string() + "-wal", path_.string() + "-shm", path_.string() + "-journal"} {
     for (;;) {
       descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
@@ -323,7 +335,10 @@ bool is_sqlite_store(const std::filesystem::path& path) {
 std::unique_ptr<AtlasStore> open_sqlite_store(const fs::path& path,
                                               const AtlasStoreOptions& options) {
   sqlite::Database database = open_database(path, options);
-  if (!options.read_only) configure(database);
+  if (!options.read_only) {
+    configure(database);
+    remove_second_name(path);
+  }
   require_schema(database, path, options.read_only);
   for (const char* const table :
        {"commits", "changes", "maps", "map_chunks", "nodes", "links", "poses"}) {

@@ -73,6 +73,19 @@ TEST_F(SqliteStoreTest, LeavesAnAtlasAloneThatHasTheUnfinishedNameToo) {
   EXPECT_FALSE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
 }
 
+TEST_F(SqliteStoreTest, LosesItsSecondNameWhenItIsNextOpenedForWriting) {
+  const fs::path second = folder_ / ".town.atlas.cairn-unfinished";
+  fs::create_hard_link(path(), second);
+  open_sqlite_store(path(), {.read_only = true});
+  EXPECT_TRUE(fs::exists(second));
+  EXPECT_THAT(open_sqlite_store(path(), {})->verify().problems, IsEmpty());
+  EXPECT_FALSE(fs::exists(second));
+  // Another file of that name may be one that a process is just making.
+  folder_.write(second.filename().string(), "half of an atlas");
+  open_sqlite_store(path(), {});
+  EXPECT_TRUE(fs::exists(second));
+}
+
 TEST_F(SqliteStoreTest, IsNotMadeByTwoProcessesAtOnce) {
   folder_.write(".new.atlas.cairn-unfinished", "");
   const int other = ::open((folder_ / ".new.atlas.cairn-unfinished").c_str(), O_RDWR | O_CLOEXEC);
