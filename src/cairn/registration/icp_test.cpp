@@ -574,6 +574,8 @@ TEST(AlignWhereMatchesComeBack, StopsWithAPoseOfTheCycle) {
     EXPECT_EQ(cycle.first, through.repetition->cycle.first);
     EXPECT_EQ(cycle.length, through.repetition->cycle.length);
     EXPECT_EQ(stopped.iterations, cycle.first + cycle.length);
+    EXPECT_GE(best, cycle.first);
+    EXPECT_LT(best, cycle.first + cycle.length);
     ASSERT_LT(stopped.iterations, through.iterations);
 
     // From there on every pose is one of the cycle's.
