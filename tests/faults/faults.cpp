@@ -49,7 +49,6 @@ void* CAIRN_BEHIND(malloc)(std::size_t);
 void* CAIRN_BEHIND(calloc)(std::size_t, std::size_t);
 void* CAIRN_BEHIND(realloc)(void*, std::size_t);
 void* CAIRN_BEHIND(memalign)(std::size_t, std::size_t);
-void* __libc_malloc(std::size_t);
 }
 
 namespace {
@@ -242,7 +241,7 @@ void keep(int descriptor, const void* bytes, std::size_t size, off_t offset) {
       status.st_size > offset ? static_cast<std::size_t>(status.st_size - offset) : 0;
   const std::size_t old_bytes = bytes == nullptr || known < size ? known : size;
   auto* const memory =
-      static_cast<unsigned char*>(__libc_malloc(sizeof(Change) + old_bytes + size));
+      static_cast<unsigned char*>(CAIRN_BEHIND(malloc)(sizeof(Change) + old_bytes + size));
   auto* const change = reinterpret_cast<Change*>(memory);
   unsigned char* const old = memory + sizeof(Change);
   *change = {

@@ -13,28 +13,18 @@
 #include "cairn/core/random.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
 
+#include "support/moved_poses.hpp"
 #include "support/refusal.hpp"
 
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::moved_along;
 
 Similarity3 pose(Random& random) {
-  const double x = random.uniform(-2.0, 2.0);
-  const double y = random.uniform(-2.0, 2.0);
-  const double z = random.uniform(-2.0, 2.0);
-  const double roll = random.uniform(-3.0, 3.0);
-  const double pitch = random.uniform(-1.0, 1.0);
-  const double yaw = random.uniform(-3.0, 3.0);
-  return {random.uniform(0.5, 2.0), Rigid3::from_roll_pitch_yaw({x, y, z}, roll, pitch, yaw)};
-}
-
-Similarity3 moved_along(const Similarity3& pose, int direction, double by) {
-  if (direction == 6) return {pose.scale() * std::exp(by), pose.rigid()};
-  Vector6d delta = Vector6d::Zero();
-  delta[direction] = by;
-  return {pose.scale(), pose.rigid().perturbed(delta)};
+  const Rigid3 rigid = testing::random_pose(random);
+  return {random.uniform(0.5, 2.0), rigid};
 }
 
 TEST(Disagreement, IsHowFarANodesLandmarksAreApartInRadii) {

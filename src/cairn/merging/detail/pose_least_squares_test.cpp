@@ -12,8 +12,12 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 
+#include "support/moved_poses.hpp"
+
 namespace cairn {
 namespace {
+
+using testing::moved_along;
 
 constexpr double kDeviation = 0.01;
 
@@ -28,14 +32,7 @@ struct Ring {
       for (const std::size_t step : {1, 3}) edge(i, (i + step) % count, scales);
     }
   }
-  Rigid3 pose() {
-    const double x = random.uniform(-2.0, 2.0);
-    const double y = random.uniform(-2.0, 2.0);
-    const double z = random.uniform(-2.0, 2.0);
-    const double roll = random.uniform(-3.0, 3.0);
-    const double pitch = random.uniform(-1.0, 1.0);
-    return Rigid3::from_roll_pitch_yaw({x, y, z}, roll, pitch, random.uniform(-3.0, 3.0));
-  }
+  Rigid3 pose() { return testing::random_pose(random); }
   Similarity3 off(const Similarity3& pose, double deviation, bool scales) {
     Vector6d error;
     for (int k = 0; k < 6; ++k) error[k] = deviation * random.normal();
@@ -60,13 +57,6 @@ struct Ring {
   std::vector<PoseEdge> edges;
 };
 
-Similarity3 nudged(const Similarity3& pose, int direction, double by) {
-  if (direction == 6) return {pose.scale() * std::exp(by), pose.rigid()};
-  Vector6d delta = Vector6d::Zero();
-  delta[direction] = by;
-  return {pose.scale(), pose.rigid().perturbed(delta)};
-}
-
 TEST(PoseLeastSquares, NoPoseNearbyIsBetter) {
   for (const bool scales : {false, true}) {
     for (std::uint64_t seed = 1; seed <= 5; ++seed) {
@@ -80,7 +70,7 @@ TEST(PoseLeastSquares, NoPoseNearbyIsBetter) {
         for (int direction = 0; direction < (scales ? 7 : 6); ++direction) {
           for (const double by : {-1e-4, 1e-4}) {
             std::vector<Similarity3> poses = problem.poses();
-            poses[i] = nudged(poses[i], direction, by);
+            poses[i] = moved_along(poses[i], direction, by);
             EXPECT_GT(PoseLeastSquares(ring.edges, poses).cost(), least)
                 << seed << ": " << i << ", " << direction;
           }
@@ -116,7 +106,7 @@ TEST(PoseLeastSquares, CovariancesAreTheInverseOfTheCostsCurvature) {
       std::vector<Similarity3> poses = ring.truth;
       for (const auto& [k, by] : {std::pair(a, by_a), std::pair(b, by_b)}) {
         const auto pose = static_cast<std::size_t>(1 + k / size);
-        poses[pose] = nudged(poses[pose], k % size, by);
+        poses[pose] = moved_along(poses[pose], k % size, by);
       }
       return PoseLeastSquares(ring.edges, poses).cost();
     };

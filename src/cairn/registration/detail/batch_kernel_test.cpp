@@ -7,13 +7,12 @@
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
+#include <hwy/tests/hwy_gtest.h>
 
 #include "cairn/core/random.hpp"
 
@@ -141,18 +140,11 @@ std::vector<std::uint32_t> by_distance(const std::vector<Eigen::Vector3f>& point
 }
 
 // Runs the code for one of the instruction sets that this machine has.
-class BatchKernelOnTarget : public ::testing::TestWithParam<std::int64_t> {
- protected:
-  void SetUp() override { hwy::SetSupportedTargetsForTest(GetParam()); }
-  void TearDown() override { hwy::SetSupportedTargetsForTest(0); }
-};
-
-std::string target_name(const ::testing::TestParamInfo<std::int64_t>& tested) {
-  return hwy::TargetName(tested.param);
-}
+class BatchKernelOnTarget : public hwy::TestWithParamTarget {};
 
 INSTANTIATE_TEST_SUITE_P(All, BatchKernelOnTarget,
-                         ::testing::ValuesIn(hwy::SupportedAndGeneratedTargets()), target_name);
+                         ::testing::ValuesIn(hwy::SupportedAndGeneratedTargets()),
+                         hwy::TestParamTargetName);
 
 TEST_P(BatchKernelOnTarget, IsCertainOfTheNearestAndBoundsTheOthers) {
   Random random(1);

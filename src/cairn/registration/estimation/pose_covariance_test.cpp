@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {
@@ -141,9 +142,7 @@ struct WeightedPairs {
   std::vector<double> weights;
 
   PoseUncertainty uncertainty() const {
-    Points moved;
-    for (const auto& p : source) moved.push_back(pose * p);
-    return pose_uncertainty(pose, moved, target, matches, weights);
+    return pose_uncertainty(pose, moved_points(source, pose), target, matches, weights);
   }
 };
 
