@@ -12,6 +12,8 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -39,14 +41,8 @@ MapTables small_tables() {
   return tables;
 }
 
-std::string message_of(const Metric& metric, const LandmarkMap& map) {
-  try {
-    metric.evaluate(map);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
+std::string refusal(const Metric& metric, const LandmarkMap& map) {
+  return testing::refusal(ErrorKind::kInput, [&] { metric.evaluate(map); });
 }
 
 TEST(CovarianceMetric, IsEquationOneWithTheFrobeniusNorm) {
@@ -127,22 +123,22 @@ TEST(ProductMetric, NeedsAFactor) {
 TEST(Metrics, FailByNameWhereTheMapLacksTheirInput) {
   MapTables without_covariances = small_tables();
   without_covariances.landmarks.covariances.clear();
-  EXPECT_THAT(message_of(covariance_metric(), LandmarkMap(without_covariances)),
+  EXPECT_THAT(refusal(covariance_metric(), LandmarkMap(without_covariances)),
               AllOf(HasSubstr("metric covariance"), HasSubstr("no landmark covariances")));
 
   MapTables without_cameras = small_tables();
   without_cameras.frames.cameras.clear();
-  EXPECT_THAT(message_of(reprojection_metric(), LandmarkMap(without_cameras)),
+  EXPECT_THAT(refusal(reprojection_metric(), LandmarkMap(without_cameras)),
               AllOf(HasSubstr("metric reprojection"), HasSubstr("no cameras")));
 
   MapTables without_observations = small_tables();
   without_observations.observations = {};
   for (const Metric& metric :
        {observations_metric(), distance_metric(), parallax_metric(), reprojection_metric()}) {
-    EXPECT_THAT(message_of(metric, LandmarkMap(without_observations)),
+    EXPECT_THAT(refusal(metric, LandmarkMap(without_observations)),
                 AllOf(HasSubstr("metric " + metric.name), HasSubstr("no observations")));
   }
-  EXPECT_THAT(message_of(column_metric("trust"), LandmarkMap(small_tables())),
+  EXPECT_THAT(refusal(column_metric("trust"), LandmarkMap(small_tables())),
               HasSubstr("no column 'trust'"));
 }
 
@@ -156,8 +152,8 @@ TEST(Metrics, FailOfASingleLandmarkToo) {
   tables.observations.frames.resize(2);
   tables.observations.pixels.resize(2);
   const LandmarkMap map(tables);
-  EXPECT_THAT(message_of(covariance_metric(), map), HasSubstr("no landmark covariances"));
-  EXPECT_THAT(message_of(reprojection_metric(), map), HasSubstr("no cameras"));
+  EXPECT_THAT(refusal(covariance_metric(), map), HasSubstr("no landmark covariances"));
+  EXPECT_THAT(refusal(reprojection_metric(), map), HasSubstr("no cameras"));
 }
 
 TEST(MetricNamed, KnowsEachMetricByItsName) {

@@ -9,6 +9,8 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -24,13 +26,7 @@ std::string nested(std::size_t depth, const std::string& open, const std::string
 }
 
 std::string refusal(const std::string& text) {
-  try {
-    parse_json<json>(text, "a.json");
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return {};
+  return testing::refusal(ErrorKind::kInput, [&] { parse_json<json>(text, "a.json"); });
 }
 
 TEST(ParseJson, ReadsValuesAndSaysWhatIsNone) {

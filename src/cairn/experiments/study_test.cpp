@@ -9,6 +9,8 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -36,13 +38,8 @@ success: {rotation_deg: 3, translation_m: 0.1, score_m2: 0.01}
 statistics: {confidence_level: 0.9, equivalence_margin: 0.1}
 )";
 
-std::string message_of(const std::string& yaml) {
-  try {
-    parse_study(yaml, "study.yaml");
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
+std::string refusal(const std::string& yaml) {
+  return testing::refusal(ErrorKind::kInput, [&] { parse_study(yaml, "study.yaml"); });
 }
 
 std::string replaced(std::string text, const std::string& what, const std::string& by) {
@@ -91,35 +88,34 @@ TEST(StudyFile, HasThePapersDefaults) {
 }
 
 TEST(StudyFile, NamesLineAndKeyOfADefect) {
-  EXPECT_THAT(message_of("name: [\n"), HasSubstr("study.yaml:"));
-  EXPECT_THAT(message_of(""), HasSubstr("no keys"));
-  EXPECT_THAT(message_of("name: s\n"), HasSubstr("pairs is missing"));
+  EXPECT_THAT(refusal("name: [\n"), HasSubstr("study.yaml:"));
+  EXPECT_THAT(refusal(""), HasSubstr("no keys"));
+  EXPECT_THAT(refusal("name: s\n"), HasSubstr("pairs is missing"));
   EXPECT_THAT(
-      message_of(replaced(kFull, "seed: 7", "sead: 7")),
+      refusal(replaced(kFull, "seed: 7", "sead: 7")),
       AllOf(HasSubstr("study.yaml:2: study: 'sead' is no key"), HasSubstr("initial_poses")));
-  EXPECT_THAT(message_of(replaced(kFull, "count: 3", "count: 0")),
+  EXPECT_THAT(refusal(replaced(kFull, "count: 3", "count: 0")),
               HasSubstr("study.yaml:11: initial_poses.count: '0'; expected a whole number from 1"));
-  EXPECT_THAT(message_of(replaced(kFull, "[-1, 1]", "[1, -1]")),
+  EXPECT_THAT(refusal(replaced(kFull, "[-1, 1]", "[1, -1]")),
               HasSubstr("initial_poses.x_m: the low end is above the high one"));
-  EXPECT_THAT(message_of(replaced(kFull, "[-60, 60]", "[-60, 60, 1]")), HasSubstr("3 numbers"));
-  EXPECT_THAT(message_of(replaced(kFull, "yaw_deg: [-60", "yaw_deg: [nan")), HasSubstr("'nan'"));
-  EXPECT_THAT(message_of(replaced(kFull, "observations]", "magic]")),
+  EXPECT_THAT(refusal(replaced(kFull, "[-60, 60]", "[-60, 60, 1]")), HasSubstr("3 numbers"));
+  EXPECT_THAT(refusal(replaced(kFull, "yaw_deg: [-60", "yaw_deg: [nan")), HasSubstr("'nan'"));
+  EXPECT_THAT(refusal(replaced(kFull, "observations]", "magic]")),
               AllOf(HasSubstr("strategies[1]: 'magic'"), HasSubstr("base, covariance")));
-  EXPECT_THAT(message_of(replaced(kFull, "[icp, robust]", "[icp, magic]")),
+  EXPECT_THAT(refusal(replaced(kFull, "[icp, robust]", "[icp, magic]")),
               AllOf(HasSubstr("methods[1]: 'magic'"), HasSubstr("icp, fast, robust, anywhere")));
-  EXPECT_THAT(message_of(replaced(kFull, "[icp, robust]", "[icp, icp]")),
+  EXPECT_THAT(refusal(replaced(kFull, "[icp, robust]", "[icp, icp]")),
               HasSubstr("each method once"));
-  EXPECT_THAT(message_of(replaced(kFull, "[base, observations]", "[base, base]")),
+  EXPECT_THAT(refusal(replaced(kFull, "[base, observations]", "[base, base]")),
               HasSubstr("given twice"));
-  EXPECT_THAT(message_of(replaced(kFull, "k: [5, 7]", "k: 5")), HasSubstr("k: no list"));
-  EXPECT_THAT(message_of(replaced(kFull, "source: a.map", "simulate: {environment: desk}")),
+  EXPECT_THAT(refusal(replaced(kFull, "k: [5, 7]", "k: 5")), HasSubstr("k: no list"));
+  EXPECT_THAT(refusal(replaced(kFull, "source: a.map", "simulate: {environment: desk}")),
               HasSubstr("both files and a simulation"));
-  EXPECT_THAT(message_of(replaced(kFull, "source: a.map\n", "\n")), HasSubstr("no maps"));
-  EXPECT_THAT(message_of(replaced(kFull, "name: real", "name: desk_5")),
+  EXPECT_THAT(refusal(replaced(kFull, "source: a.map\n", "\n")), HasSubstr("no maps"));
+  EXPECT_THAT(refusal(replaced(kFull, "name: real", "name: desk_5")),
               HasSubstr("'desk_5' names two pairs"));
-  EXPECT_THAT(message_of(replaced(kFull, "name: real", "name: ../x")),
-              HasSubstr("letters, digits"));
-  EXPECT_THAT(message_of(replaced(kFull, "seed: 7", "seed: 7\nseed: 8")), HasSubstr("twice"));
+  EXPECT_THAT(refusal(replaced(kFull, "name: real", "name: ../x")), HasSubstr("letters, digits"));
+  EXPECT_THAT(refusal(replaced(kFull, "seed: 7", "seed: 7\nseed: 8")), HasSubstr("twice"));
 }
 
 TEST(StudyFile, TakesMemoryInProportionToItsText) {

@@ -14,6 +14,8 @@
 #include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -225,28 +227,21 @@ TEST(FeatureExtractor, DepthIsUnknownWithoutReadings) {
 }
 
 template <class Call>
-std::string message_of(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
-    return error.what();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return {};
+std::string refusal(const Call& call) {
+  return testing::refusal(ErrorKind::kMisuse, call);
 }
 
 TEST(FeatureExtractor, ImagesOfAnotherSizeOrKindAreRefused) {
   const FeatureExtractor extractor(kPlain, {});
   const cv::Mat gray(240, 320, CV_8UC1, cv::Scalar(0));
-  EXPECT_THAT(message_of([&] { extractor.extract(cv::Mat::zeros(480, 640, CV_8UC1), {}); }),
+  EXPECT_THAT(refusal([&] { extractor.extract(cv::Mat::zeros(480, 640, CV_8UC1), {}); }),
               HasSubstr("640 x 480"));
-  EXPECT_THAT(message_of([&] { extractor.extract({}, {}); }), HasSubstr("0 x 0"));
-  EXPECT_THAT(message_of([&] { extractor.extract(cv::Mat::zeros(240, 320, CV_8UC3), {}); }),
+  EXPECT_THAT(refusal([&] { extractor.extract({}, {}); }), HasSubstr("0 x 0"));
+  EXPECT_THAT(refusal([&] { extractor.extract(cv::Mat::zeros(240, 320, CV_8UC3), {}); }),
               HasSubstr("8 bit"));
-  EXPECT_THAT(message_of([&] { extractor.extract(gray, cv::Mat::zeros(120, 160, CV_32FC1)); }),
+  EXPECT_THAT(refusal([&] { extractor.extract(gray, cv::Mat::zeros(120, 160, CV_32FC1)); }),
               HasSubstr("depth image"));
-  EXPECT_THAT(message_of([&] { extractor.extract(gray, cv::Mat::zeros(240, 320, CV_16UC1)); }),
+  EXPECT_THAT(refusal([&] { extractor.extract(gray, cv::Mat::zeros(240, 320, CV_16UC1)); }),
               HasSubstr("32-bit float"));
 }
 
@@ -254,7 +249,7 @@ TEST(FeatureOptions, ValuesOutOfRangeAreNamed) {
   const auto message = [](const auto& change) {
     FeatureOptions options;
     change(options);
-    return message_of([&] { options.validate(); });
+    return refusal([&] { options.validate(); });
   };
   EXPECT_THAT(message([](auto& o) { o.count = 49; }), HasSubstr("FeatureOptions.count: 49"));
   EXPECT_THAT(message([](auto& o) { o.count = 20001; }), HasSubstr("count"));
@@ -271,7 +266,7 @@ TEST(FeatureOptions, ValuesOutOfRangeAreNamed) {
 TEST(FeatureExtractor, ACameraWithADefectIsRefused) {
   Camera camera = kPlain;
   camera.parameters[0] = 0.0;
-  EXPECT_THAT(message_of([&] { FeatureExtractor(camera, {}); }), HasSubstr("camera"));
+  EXPECT_THAT(refusal([&] { FeatureExtractor(camera, {}); }), HasSubstr("camera"));
 }
 
 }  // namespace

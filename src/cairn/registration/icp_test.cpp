@@ -28,6 +28,7 @@
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "support/brute_force_search.hpp"
+#include "support/refusal.hpp"
 
 namespace cairn {
 namespace {
@@ -475,14 +476,8 @@ TEST(Align, StopsWhenAsked) {
   EXPECT_EQ(result.iterations, 1);
 }
 
-std::string message_of(const PointSet& source, const PointSet& target, const IcpOptions& options) {
-  try {
-    icp(source, target, options);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
-    return error.what();
-  }
-  return "no error";
+std::string refusal(const PointSet& source, const PointSet& target, const IcpOptions& options) {
+  return testing::refusal(ErrorKind::kMisuse, [&] { icp(source, target, options); });
 }
 
 TEST(Align, RefusesMisuseByName) {
@@ -490,7 +485,7 @@ TEST(Align, RefusesMisuseByName) {
   const auto with = [&](auto&& change) {
     IcpOptions options;
     change(options);
-    return message_of(points, points, options);
+    return refusal(points, points, options);
   };
   const double nan = std::nan("");
   EXPECT_THAT(with([](auto& o) { o.k = 0; }), HasSubstr("IcpOptions.k: 0; expected at least 1"));
@@ -513,27 +508,26 @@ TEST(Align, RefusesMisuseByName) {
 
   PointSet short_of_confidences = points;
   short_of_confidences.confidences.pop_back();
-  EXPECT_THAT(message_of(points, short_of_confidences, {}),
-              HasSubstr("target: 9 confidences of 10"));
+  EXPECT_THAT(refusal(points, short_of_confidences, {}), HasSubstr("target: 9 confidences of 10"));
   PointSet not_finite = points;
   not_finite.positions[3].y() = nan;
-  EXPECT_THAT(message_of(not_finite, points, {}), HasSubstr("source: position of point 3"));
+  EXPECT_THAT(refusal(not_finite, points, {}), HasSubstr("source: position of point 3"));
   not_finite = points;
   not_finite.positions.front().x() = nan;
-  EXPECT_THAT(message_of(points, not_finite, {}), HasSubstr("target: position of point 0"));
+  EXPECT_THAT(refusal(points, not_finite, {}), HasSubstr("target: position of point 0"));
   PointSet far = points;
   far.positions[3].y() = -1e40;
-  EXPECT_THAT(message_of(points, far, {}),
+  EXPECT_THAT(refusal(points, far, {}),
               HasSubstr("target: position of point 3 is beyond the limit"));
   PointSet nan_confidence = points;
   nan_confidence.confidences[4] = nan;
-  EXPECT_THAT(message_of(points, nan_confidence, {}), HasSubstr("confidence of point 4"));
+  EXPECT_THAT(refusal(points, nan_confidence, {}), HasSubstr("confidence of point 4"));
   nan_confidence = points;
   nan_confidence.confidences.front() = nan;
-  EXPECT_THAT(message_of(nan_confidence, points, {}), HasSubstr("confidence of point 0"));
+  EXPECT_THAT(refusal(nan_confidence, points, {}), HasSubstr("confidence of point 0"));
   IcpOptions weigh;
   weigh.weight_by_source_confidence = true;
-  EXPECT_THAT(message_of({points.positions, {}}, points, weigh), HasSubstr("no confidences"));
+  EXPECT_THAT(refusal({points.positions, {}}, points, weigh), HasSubstr("no confidences"));
 }
 
 // Points without structure, of random confidence: weighted matches among them do not settle for long.

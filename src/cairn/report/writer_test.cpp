@@ -18,6 +18,7 @@
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/maps.hpp"
+#include "support/refusal.hpp"
 #include "support/report_page.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -41,12 +42,7 @@ std::string written(const Report& report, std::string_view page = kStubPage) {
 }
 
 std::string refusal(const Report& report, std::string_view page = kStubPage) {
-  try {
-    written(report, page);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
+  return testing::refusal(ErrorKind::kMisuse, [&] { written(report, page); });
 }
 
 Answer ambiguous_answer() {

@@ -12,6 +12,7 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -40,15 +41,10 @@ ImageOf pattern() {
 }
 
 template <class Read>
-std::string message_of(Read&& read, const std::filesystem::path& path) {
-  try {
-    read(path);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_THAT(error.what(), HasSubstr(path.string()));
-    return error.what();
-  }
-  return "no error";
+std::string refusal(Read&& read, const std::filesystem::path& path) {
+  const std::string message = testing::refusal(ErrorKind::kInput, [&] { read(path); });
+  if (!message.empty()) EXPECT_THAT(message, HasSubstr(path.string()));
+  return message;
 }
 
 TEST(ImageFile, ComesBackAsWritten) {
@@ -87,21 +83,20 @@ TEST(ImageFile, RefusesWhatIsCutOffAtAnyByte) {
     const std::string whole = read_text(folder / name);
     for (std::size_t size = 0; size < whole.size(); size += 1 + whole.size() / 200) {
       const auto path = folder.write("cut", whole.substr(0, size));
-      EXPECT_THAT(message_of(read_gray_image, path), HasSubstr("expected")) << name << " " << size;
+      EXPECT_THAT(refusal(read_gray_image, path), HasSubstr("expected")) << name << " " << size;
     }
   }
 }
 
 TEST(ImageFile, RefusesWhatIsNoImage) {
   const TemporaryFolder folder;
-  EXPECT_THAT(message_of(read_gray_image, folder / "missing.png"), HasSubstr("No such file"));
-  EXPECT_THAT(message_of(read_gray_image, folder.path()), HasSubstr("Is a directory"));
-  EXPECT_THAT(message_of(read_gray_image, folder.write("a", "")), HasSubstr("empty"));
-  EXPECT_THAT(message_of(read_gray_image, folder.write("a", "text")),
+  EXPECT_THAT(refusal(read_gray_image, folder / "missing.png"), HasSubstr("No such file"));
+  EXPECT_THAT(refusal(read_gray_image, folder.path()), HasSubstr("Is a directory"));
+  EXPECT_THAT(refusal(read_gray_image, folder.write("a", "")), HasSubstr("empty"));
+  EXPECT_THAT(refusal(read_gray_image, folder.write("a", "text")),
               HasSubstr("neither PNG nor JPEG"));
   write_png(folder / "gray.png", pattern<GrayImage>());
-  EXPECT_THAT(message_of(read_depth_image, folder / "gray.png"),
-              HasSubstr("one channel of 16 bits"));
+  EXPECT_THAT(refusal(read_depth_image, folder / "gray.png"), HasSubstr("one channel of 16 bits"));
 }
 
 // FNV-1a over all pixels.
@@ -155,14 +150,13 @@ TEST(ImageFile, RefusesBeforeDecodingWhatClaimsToBeHuge) {
   write_png(folder / "a.png", pattern<GrayImage>());
   const std::string png = read_text(folder / "a.png");
   // The same header as the file's own is no reason to refuse: the checksum above is right.
-  EXPECT_EQ(message_of(read_gray_image, folder.write("b.png", with_png_size(png, 32, 24))),
-            "no error");
+  EXPECT_EQ(refusal(read_gray_image, folder.write("b.png", with_png_size(png, 32, 24))), "");
   for (const auto& [width, height] : {std::pair{30000U, 30000U}, std::pair{16385U, 1U},
                                       std::pair{1U, 16385U}, std::pair{16384U, 4097U}}) {
     const auto path = folder.write("huge.png", with_png_size(png, width, height));
-    EXPECT_THAT(message_of(read_gray_image, path), HasSubstr("16384 pixels a side"));
+    EXPECT_THAT(refusal(read_gray_image, path), HasSubstr("16384 pixels a side"));
   }
-  EXPECT_THAT(message_of(read_gray_image, folder.write("c.png", with_png_size(png, 0, 24))),
+  EXPECT_THAT(refusal(read_gray_image, folder.write("c.png", with_png_size(png, 0, 24))),
               HasSubstr("cannot be decoded"));
 
   write_jpeg(folder / "a.jpg", pattern<ColorImage>());
@@ -170,8 +164,7 @@ TEST(ImageFile, RefusesBeforeDecodingWhatClaimsToBeHuge) {
   const std::size_t frame = jpeg.find("\xff\xc0");  // the marker that the image's size follows
   ASSERT_NE(frame, std::string::npos);
   for (std::size_t i = 5; i < 9; ++i) jpeg[frame + i] = '\x7f';
-  EXPECT_THAT(message_of(read_gray_image, folder.write("huge.jpg", jpeg)),
-              HasSubstr("32639 x 32639"));
+  EXPECT_THAT(refusal(read_gray_image, folder.write("huge.jpg", jpeg)), HasSubstr("32639 x 32639"));
 }
 
 // Damage anywhere gives an image or a refusal, and neither a crash nor another kind of error.
@@ -187,7 +180,7 @@ TEST(ImageFile, SurvivesDamageAtAnyByte) {
         std::string damaged = whole;
         damaged[i] = static_cast<char>(damaged[i] ^ flip);
         const auto path = folder.write("damaged", damaged);
-        if (message_of(read_color_image, path) != "no error") ++refused;
+        if (!refusal(read_color_image, path).empty()) ++refused;
       }
     }
     EXPECT_GT(refused, 20) << name;

@@ -11,46 +11,28 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+
+#include "support/refusal.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace cairn::sqlite {
 namespace {
 
 using testing::HasSubstr;
+using testing::message_of;
 
 class SqliteTest : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              ("cairn_sqlite_" + std::to_string(getpid()) + "_" +
-               testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::filesystem::path path(const std::string& name = "a.db") const { return folder_ / name; }
 
   Database fresh(const std::string& name = "a.db") const {
     return Database(path(name), {.access = Access::kCreate, .untrusted = false});
   }
 
-  template <class Action>
-  static std::string message_of(ErrorKind kind, const Action& action) {
-    try {
-      action();
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), kind) << error.what();
-      return error.what();
-    }
-    ADD_FAILURE() << "no Error";
-    return {};
-  }
-
-  std::filesystem::path folder_;
+  testing::TemporaryFolder folder_;
 };
 
 std::vector<std::byte> bytes_of(const std::string& text) {
@@ -107,7 +89,8 @@ TEST_F(SqliteTest, NamesFileAndColumnOfAnotherTypeThanExpected) {
 TEST_F(SqliteTest, RefusesWhatIsNoDatabase) {
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { Database{path("none.db")}; }),
               HasSubstr("no such file"));
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { Database{folder_}; }), HasSubstr("is a folder"));
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { Database{folder_.path()}; }),
+              HasSubstr("is a folder"));
   ASSERT_EQ(mkfifo(path("pipe").c_str(), 0600), 0);
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { Database{path("pipe")}; }),
               HasSubstr("no regular file"));

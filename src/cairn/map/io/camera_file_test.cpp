@@ -8,6 +8,8 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -18,14 +20,8 @@ CameraFile parsed(std::string_view text) {
   return read_camera_file(reader);
 }
 
-std::string message_of(std::string_view text) {
-  try {
-    parsed(text);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
+std::string refusal(std::string_view text) {
+  return testing::refusal(ErrorKind::kInput, [&] { parsed(text); });
 }
 
 TEST(CameraFile, ComesBackAsWritten) {
@@ -53,15 +49,15 @@ TEST(CameraFile, ReadsWhatAPersonWrites) {
 }
 
 TEST(CameraFile, NamesLineAndKeyOfWhatItRefuses) {
-  EXPECT_THAT(message_of(""), HasSubstr("camera.yaml: camera model"));
-  EXPECT_THAT(message_of("model PINHOLE\n"), HasSubstr("camera.yaml:1: 'model PINHOLE' is no key"));
-  EXPECT_THAT(message_of("\nwidth: 0\n"), HasSubstr("camera.yaml:2: width: '0' is no image size"));
-  EXPECT_THAT(message_of("height: 99999999999999999999\n"), HasSubstr("height"));
-  EXPECT_THAT(message_of("parameters: 1 2 3\n"), HasSubstr("parameters: no list in brackets"));
-  EXPECT_THAT(message_of("parameters: [1, x]\n"), HasSubstr("'x' is not a number"));
-  EXPECT_THAT(message_of("depth_units_per_metre: -1\n"), HasSubstr("not a positive number"));
-  EXPECT_THAT(message_of("readout_s: 0\n"), HasSubstr("readout_s: '0' is not a positive number"));
-  EXPECT_THAT(message_of("model: PINHOLE\nwidth: 4\nheight: 4\nparameters: [1]\n"),
+  EXPECT_THAT(refusal(""), HasSubstr("camera.yaml: camera model"));
+  EXPECT_THAT(refusal("model PINHOLE\n"), HasSubstr("camera.yaml:1: 'model PINHOLE' is no key"));
+  EXPECT_THAT(refusal("\nwidth: 0\n"), HasSubstr("camera.yaml:2: width: '0' is no image size"));
+  EXPECT_THAT(refusal("height: 99999999999999999999\n"), HasSubstr("height"));
+  EXPECT_THAT(refusal("parameters: 1 2 3\n"), HasSubstr("parameters: no list in brackets"));
+  EXPECT_THAT(refusal("parameters: [1, x]\n"), HasSubstr("'x' is not a number"));
+  EXPECT_THAT(refusal("depth_units_per_metre: -1\n"), HasSubstr("not a positive number"));
+  EXPECT_THAT(refusal("readout_s: 0\n"), HasSubstr("readout_s: '0' is not a positive number"));
+  EXPECT_THAT(refusal("model: PINHOLE\nwidth: 4\nheight: 4\nparameters: [1]\n"),
               HasSubstr("has 4 parameters"));
 }
 

@@ -28,6 +28,7 @@
 #include "cairn/geometry/limits.hpp"
 
 #include "support/maps.hpp"
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -71,13 +72,8 @@ std::string written(const LandmarkMap& map, std::optional<int> version = std::nu
 
 // The message with which a file is refused.
 std::string refusal(const std::function<void()>& call, ErrorKind kind = ErrorKind::kInput) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind);
-    return error.what();
-  }
-  return "accepted";
+  const std::string message = testing::refusal(kind, call);
+  return message.empty() ? "accepted" : message;
 }
 
 std::string refusal(std::string_view text) {

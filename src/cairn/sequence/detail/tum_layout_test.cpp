@@ -9,6 +9,8 @@
 
 #include "cairn/core/error.hpp"
 
+#include "support/refusal.hpp"
+
 namespace cairn {
 namespace {
 
@@ -21,14 +23,8 @@ std::vector<ImageEntry> parsed(std::string_view text, const LogSink& log = {}) {
   return read_image_list(reader, log);
 }
 
-std::string message_of(std::string_view text) {
-  try {
-    parsed(text);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
+std::string refusal(std::string_view text) {
+  return testing::refusal(ErrorKind::kInput, [&] { parsed(text); });
 }
 
 std::vector<ImageEntry> at(const std::vector<double>& times) {
@@ -57,12 +53,12 @@ TEST(ImageList, SortsWhatIsOutOfOrderAndSaysSo) {
 }
 
 TEST(ImageList, NamesLineAndFieldOfWhatItRefuses) {
-  EXPECT_THAT(message_of("# nothing\n"), HasSubstr("rgb.txt: no images"));
-  EXPECT_THAT(message_of("1 a\nx b\n"), HasSubstr("rgb.txt:2: field 1 (timestamp): 'x'"));
-  EXPECT_THAT(message_of("1\n"), HasSubstr("rgb.txt:1: field 2 (file): missing"));
-  EXPECT_THAT(message_of("1 ../a.png\n"), HasSubstr("leaves the sequence's folder"));
-  EXPECT_THAT(message_of("1 /etc/passwd\n"), HasSubstr("leaves the sequence's folder"));
-  EXPECT_THAT(message_of("1 a\n2 b\n1 c\n"), HasSubstr("rgb.txt:3: field 1 (timestamp)"));
+  EXPECT_THAT(refusal("# nothing\n"), HasSubstr("rgb.txt: no images"));
+  EXPECT_THAT(refusal("1 a\nx b\n"), HasSubstr("rgb.txt:2: field 1 (timestamp): 'x'"));
+  EXPECT_THAT(refusal("1\n"), HasSubstr("rgb.txt:1: field 2 (file): missing"));
+  EXPECT_THAT(refusal("1 ../a.png\n"), HasSubstr("leaves the sequence's folder"));
+  EXPECT_THAT(refusal("1 /etc/passwd\n"), HasSubstr("leaves the sequence's folder"));
+  EXPECT_THAT(refusal("1 a\n2 b\n1 c\n"), HasSubstr("rgb.txt:3: field 1 (timestamp)"));
 }
 
 TEST(AssociateImages, IsOneToOneTheClosestFirst) {
