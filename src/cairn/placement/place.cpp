@@ -770,6 +770,13 @@ PlacementResult PreparedPair::Parts::timed(const Work& work) {
   } else {
     work(TimeLimit(start, callers_), result);
     if (result.cut_short) result.reason += "; the time limit cut the work short";
+    for (const auto& [cloud, name] :
+         {std::pair(&source_, "source"), std::pair(&target_, "target")}) {
+      if (!cloud->ignores_covariances()) continue;
+      result.reason += fmt::format(
+          "; the covariances of the {} are not used, because they exceed a tenth of its extent",
+          name);
+    }
   }
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -367,6 +367,51 @@ TEST(Place, CallsASymmetricSceneAmbiguous) {
   }
 }
 
+// A fence of equal fields, seen in two sessions.
+LandmarkCloud fence(const std::vector<Eigen::Vector3d>& field, int first, int last,
+                    Random& random) {
+  LandmarkCloud cloud;
+  for (int i = first; i < last; ++i) {
+    for (const Eigen::Vector3d& post : field) {
+      if (random.uniform() > 0.9) continue;
+      const Eigen::Vector3d noise(random.normal(), random.normal(), random.normal());
+      cloud.positions.push_back(post + i * Eigen::Vector3d::UnitX() + 0.004 * noise);
+    }
+  }
+  return cloud;
+}
+
+TEST(Place, CallsNoPoseOfARepeatedStructureAligned) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    Random random(seed);
+    std::vector<Eigen::Vector3d> field(4);
+    for (Eigen::Vector3d& post : field) {
+      post = {random.uniform(), random.uniform(), 0.5 * random.uniform()};
+    }
+    const LandmarkCloud target = fence(field, 0, 60, random);
+    const LandmarkCloud source = fence(field, 15, 45, random);
+    const PlacementResult result = place(source, target, two_threads(seed));
+    EXPECT_NE(result.verdict, Verdict::kAligned) << "seed " << seed << ": " << result.reason;
+  }
+}
+
+TEST(Place, UsesNoCovariancesThatArePlaceholders) {
+  const SyntheticPair pair = synthetic_pair({.seed = 11, .overlap = 0.5});
+  LandmarkCloud source = landmark_cloud(pair.source);
+  LandmarkCloud target = landmark_cloud(pair.target);
+  source.covariances.clear();
+  target.covariances.clear();
+  const PlacementResult without = place(source, target, two_threads());
+  source.covariances.assign(source.size(), Eigen::Matrix3d::Identity());
+  target.covariances.assign(target.size(), Eigen::Matrix3d::Identity());
+  const PlacementResult with = place(source, target, two_threads());
+  EXPECT_EQ(with.verdict, Verdict::kAligned) << with.reason;
+  EXPECT_EQ(with.alignment.target_from_source.matrix(),
+            without.alignment.target_from_source.matrix());
+  EXPECT_THAT(with.reason, HasSubstr("the covariances of the source are not used"));
+  EXPECT_THAT(with.reason, HasSubstr("the covariances of the target are not used"));
+}
+
 TEST(Place, IsNotFooledByAPlaneUpsideDown) {
   // Nearly all landmarks on a plane, which fits upside down as well but for what stands on it.
   Random random(8);

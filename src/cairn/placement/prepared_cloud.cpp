@@ -120,6 +120,10 @@ PreparedCloud::Parts::Parts(const LandmarkCloud& landmarks, const Executor& exec
 PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Executor& executor,
                              std::string_view name) {
   cloud.validate(name);
+  if (has_placeholder_covariances(cloud)) {
+    cloud.covariances.clear();
+    ignores_covariances_ = true;
+  }
   auto order = random_order(cloud, random_of(cloud, seed));
   centred_ = std::make_shared<const CentredCloud>(ordered(std::move(cloud), order));
   order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
@@ -131,6 +135,7 @@ PreparedCloud PreparedCloud::scaled(double scale, const Executor& executor) cons
   PreparedCloud result;
   result.centred_ = cairn::scaled(*centred_, scale);
   result.order_ = order_;
+  result.ignores_covariances_ = ignores_covariances_;
   result.parts_ = std::make_shared<const Parts>(result.centred_->landmarks, executor);
   return result;
 }

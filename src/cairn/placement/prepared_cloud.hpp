@@ -25,6 +25,7 @@ class PreparedCloud {
   static constexpr std::size_t kSample = 4096;
   static constexpr std::size_t kGroups = Proximity::kGroups;  ///< spatial parts of the sample
 
+  /// Leaves out covariances that are placeholders (has_placeholder_covariances()).
   /// @param seed of the random order, which also depends on the landmarks
   /// @param name of the cloud, for messages
   /// @throws Error (misuse) as LandmarkCloud::validate()
@@ -32,6 +33,8 @@ class PreparedCloud {
                          const Executor& executor = Executor(), std::string_view name = "cloud");
 
   std::size_t size() const { return landmarks().size(); }
+  /// Whether the cloud's covariances were placeholders, and so were left out.
+  bool ignores_covariances() const { return ignores_covariances_; }
   /// Centred, in random order; landmarks of larger weight tend to come earlier. The first n are a sample.
   const LandmarkCloud& landmarks() const { return centred_->landmarks; }
   const std::shared_ptr<const CentredCloud>& centred() const { return centred_; }
@@ -69,6 +72,7 @@ class PreparedCloud {
   std::shared_ptr<const CentredCloud> centred_;
   std::shared_ptr<const std::vector<std::uint32_t>> order_;
   std::shared_ptr<const Parts> parts_;
+  bool ignores_covariances_ = false;
 };
 
 }  // namespace cairn

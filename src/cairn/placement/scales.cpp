@@ -12,6 +12,13 @@ namespace {
 
 constexpr std::size_t kSampled = 4096;  // enough for medians
 constexpr double kLeastFine = 1e-3;     // of the coarse scale; maps may hold copies of one landmark
+// Largest noise that is believed, of an extent. Maps that state more state placeholders, e.g. the identity, by which all
+// poses in a room would be one.
+constexpr double kMostNoise = 0.1;
+
+std::size_t stride(const LandmarkCloud& cloud) {
+  return 1 + cloud.size() / kSampled;
+}
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
@@ -42,25 +49,33 @@ std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
   return spacings;
 }
 
+double cloud_noise(const LandmarkCloud& cloud) {
+  std::vector<double> deviations;
+  for (std::size_t i = 0; i < cloud.covariances.size(); i += stride(cloud)) {
+    deviations.push_back(std::sqrt(cloud.covariances[i].trace() / 3.0));
+  }
+  return median(std::move(deviations));
+}
+
+bool has_placeholder_covariances(const LandmarkCloud& cloud) {
+  return cloud_noise(cloud) > kMostNoise * cloud_extent(cloud);
+}
+
 CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
                          const Executor& executor) {
-  const std::size_t stride = 1 + cloud.size() / kSampled;
   std::vector<Eigen::Vector3d> sample;
-  std::vector<double> deviations;
-  for (std::size_t i = 0; i < cloud.size(); i += stride) {
+  for (std::size_t i = 0; i < cloud.size(); i += stride(cloud)) {
     sample.push_back(cloud.positions[i]);
-    if (!cloud.covariances.empty()) {
-      deviations.push_back(std::sqrt(cloud.covariances[i].trace() / 3.0));
-    }
   }
   return {cloud_extent(cloud), median(landmark_spacings(sample, tree, executor)),
-          median(std::move(deviations))};
+          cloud_noise(cloud)};
 }
 
 KernelScales kernel_scales(const CloudScales& source, const CloudScales& target) {
   KernelScales scales;
-  scales.fine =
-      std::max(std::min(source.spacing, target.spacing), std::hypot(source.noise, target.noise));
+  const double noise = std::hypot(source.noise, target.noise);
+  const bool is_believed = noise <= kMostNoise * std::min(source.extent, target.extent);
+  scales.fine = std::max(std::min(source.spacing, target.spacing), is_believed ? noise : 0.0);
   scales.fine *= kSmoothSpacings;
   scales.coarse = std::max(0.5 * std::min(source.extent, target.extent), scales.fine);
   // If all landmarks coincide.

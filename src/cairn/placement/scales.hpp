@@ -24,6 +24,13 @@ struct CloudScales {
 /// CloudScales::extent alone.
 double cloud_extent(const LandmarkCloud& cloud);
 
+/// CloudScales::noise alone.
+double cloud_noise(const LandmarkCloud& cloud);
+
+/// Whether the covariances state noise of more than a tenth of the extent. No map is so bad: they are placeholders, e.g.
+/// the identity.
+bool has_placeholder_covariances(const LandmarkCloud& cloud);
+
 /// Number of neighbours that define a landmark's spacing.
 inline constexpr std::size_t kSpacingNeighbors = 8;
 
@@ -50,7 +57,9 @@ inline constexpr double kErrorScale = 4.0;
 struct KernelScales {
   double coarse =
       0.0;  ///< half the extent of the smaller cloud: the largest error that one start can correct
-  double fine = 0.0;  ///< one and a half times the finer spacing, or the noise of a match if larger
+  /// One and a half times the finer spacing, or the noise of a match if larger. Noise of more than a tenth of the smaller
+  /// extent is not believed.
+  double fine = 0.0;
 };
 
 KernelScales kernel_scales(const CloudScales& source, const CloudScales& target);

@@ -58,6 +58,20 @@ TEST(CloudScales, NoiseIsAlongOneAxis) {
   EXPECT_NEAR(scales_of(cloud).noise, 0.04, 1e-12);
 }
 
+TEST(CloudScales, CovariancesArePlaceholdersFromATenthOfTheExtentOn) {
+  LandmarkCloud cloud = ball(500, 1.0, 3);
+  EXPECT_FALSE(has_placeholder_covariances(cloud));
+  const double tenth = 0.1 * cloud_extent(cloud);
+  cloud.covariances.assign(500, 0.99 * tenth * tenth * Eigen::Matrix3d::Identity());
+  EXPECT_FALSE(has_placeholder_covariances(cloud));
+  cloud.covariances.assign(500, 1.01 * tenth * tenth * Eigen::Matrix3d::Identity());
+  EXPECT_TRUE(has_placeholder_covariances(cloud));
+  // A few bad landmarks make no bad map.
+  cloud.covariances.assign(500, 1e-6 * Eigen::Matrix3d::Identity());
+  std::fill_n(cloud.covariances.begin(), 200, Eigen::Matrix3d::Identity());
+  EXPECT_FALSE(has_placeholder_covariances(cloud));
+}
+
 TEST(LandmarkSpacings, ReachTheEighthNeighbourAsBruteForceDoes) {
   const LandmarkCloud cloud = ball(200, 1.0, 4);
   const auto spacings = landmark_spacings(cloud.positions, BatchTree(cloud.positions), Executor(2));
@@ -86,8 +100,18 @@ TEST(KernelScales, BeginWithTheSmallerCloudAndEndWithTheFinerSpacingOrTheNoise) 
   EXPECT_DOUBLE_EQ(scales.coarse, 1.0);
   EXPECT_DOUBLE_EQ(scales.fine, 0.3);
   EXPECT_DOUBLE_EQ(kernel_scales(narrow, wide).fine, scales.fine);
-  const CloudScales blurred{.extent = 2.0, .spacing = 0.5, .noise = 0.4};
-  EXPECT_DOUBLE_EQ(kernel_scales(wide, blurred).fine, 1.5 * 0.4);
+  const CloudScales dense{.extent = 2.0, .spacing = 0.05, .noise = 0.0};
+  const CloudScales blurred{.extent = 10.0, .spacing = 0.2, .noise = 0.15};
+  EXPECT_DOUBLE_EQ(kernel_scales(dense, blurred).fine, 1.5 * 0.15);
+}
+
+TEST(KernelScales, DoNotBelieveNoiseOfMoreThanATenthOfTheSmallerExtent) {
+  const CloudScales room{.extent = 3.0, .spacing = 0.1, .noise = 0.0};
+  CloudScales table{.extent = 1.5, .spacing = 0.05, .noise = 0.15};
+  EXPECT_DOUBLE_EQ(kernel_scales(room, table).fine, 1.5 * 0.15);
+  table.noise = 0.16;
+  EXPECT_DOUBLE_EQ(kernel_scales(room, table).fine, 1.5 * 0.05);
+  EXPECT_DOUBLE_EQ(kernel_scales(table, room).fine, 1.5 * 0.05);
 }
 
 TEST(KernelScales, AreUsableWhereLandmarksCoincide) {

@@ -16,6 +16,8 @@ struct Support {
   /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r, in the sample.
   static constexpr std::size_t kRadii = 6;
   std::array<std::size_t, kRadii> within = {};
+  /// Of `within`: the widest radius, a quarter of r, at which most matches are no chance.
+  static constexpr std::size_t kFine = 2;
   /// One-to-one matches of all landmarks, as a share of the smaller cloud. Mapping many landmarks onto one
   /// does not increase it.
   double share = 0.0;

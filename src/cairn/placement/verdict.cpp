@@ -20,6 +20,12 @@ constexpr double kMostContradicted = 0.25;  // of those that agree or are contra
 constexpr double kFewestInAgreement =
     0.02;  // of all, including those that end behind a seen surface
 
+// Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/method.md explains
+// the choice.
+constexpr double kAsWell = 0.5;
+// Smaller differences of the share of contradicted lines of sight tell nothing.
+constexpr double kSameContradicted = 0.1;
+
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
 }
@@ -63,6 +69,24 @@ std::string other_surroundings(const SightCounts& around) {
         percent(share(around.agree, around.total())), around.total(), 100.0 * kFewestInAgreement);
   }
   return {};
+}
+
+// Whether the landmarks match at another pose as well as at the best. The probability compares how close matches are
+// to those of all other poses, which tells nothing where many poses match like the best, as along a fence.
+bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
+  const auto looks = [](const Support& support) {
+    return support.spread_likeness + (support.agreement ? support.agreement->evidence() : 0.0);
+  };
+  const Support& there = other.support;
+  const Support& here = best.support;
+  for (std::size_t i = Support::kFine; i < Support::kRadii; ++i) {
+    if (static_cast<double>(there.within[i]) < kAsWell * static_cast<double>(here.within[i])) {
+      return false;
+    }
+  }
+  return there.spread_evidence >= kAsWell * here.spread_evidence &&
+         looks(there) >= kAsWell * looks(here) &&
+         other.contradicted.value_or(0.0) <= best.contradicted.value_or(0.0) + kSameContradicted;
 }
 
 // The evidence for and against the best candidate.
@@ -122,6 +146,14 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
     }
     if (!result.covariance) {
       return ambiguous("the matches lie in too few places to compute a covariance");
+    }
+    const auto as_well = std::count_if(
+        candidates.begin() + 1, candidates.end(),
+        [&](const PlacementCandidate& candidate) { return fits_as_well(candidate, best); });
+    if (as_well > 0) {
+      return ambiguous(
+          fmt::format("the landmarks match as well at {} other {}, as where a structure repeats",
+                      as_well, as_well == 1 ? "pose" : "poses"));
     }
     if (const std::string other = other_surroundings(around); !other.empty()) {
       return ambiguous("the maps may show two places that share one object: " + other);

@@ -45,9 +45,9 @@ struct Judgement {
       reason;  ///< one sentence for people: the decision and the number behind it, then the evidence
 };
 
-/// Judges the likeliest candidate. A pose without a covariance, with an open direction, or contradicted by
-/// the surroundings of its matches is at most ambiguous: an object that stands in two places matches as
-/// well as a place does.
+/// Judges the likeliest candidate. A pose without a covariance, with an open direction, with another pose at which
+/// the landmarks match as well, or contradicted by the surroundings of its matches is at most ambiguous: an object
+/// that stands in two places matches as well as a place does.
 ///
 /// @param candidates likeliest first
 /// @param result     pose of the first candidate, with covariance and open directions

@@ -27,11 +27,14 @@ Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
   return judge(candidates, result, 3000);
 }
 
+// @param support share of the 3000 landmarks that match, all of them closely
 PlacementCandidate candidate(double probability, double support = 0.4) {
-  return {.target_from_source = {},
-          .support = {.share = support},
-          .contradicted = 0.015,
-          .probability = probability};
+  PlacementCandidate result{.target_from_source = {},
+                            .support = {.share = support, .spread_evidence = 2000.0 * support},
+                            .contradicted = 0.015,
+                            .probability = probability};
+  result.support.within.fill(static_cast<std::size_t>(3000.0 * support));
+  return result;
 }
 
 TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
@@ -42,6 +45,47 @@ TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
   EXPECT_THAT(judgement.reason, HasSubstr("1.5 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("99.60 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("3000"));
+}
+
+TEST(Verdict, AmbiguousIfTheLandmarksMatchAsWellAtAnotherPoseHoweverUnlikelyThat) {
+  const auto with = [](const auto& change) {
+    PlacementCandidate other = candidate(0.001, 0.39);
+    change(other);
+    return verdict_of({candidate(0.996), other});
+  };
+  const Judgement judgement = with([](PlacementCandidate&) {});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, StartsWith("the landmarks match as well at 1 other pose"));
+  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.38), candidate(0.001, 0.5)}).reason,
+              StartsWith("the landmarks match as well at 2 other poses"));
+  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.1), candidate(0.001, 0.5)}).reason,
+              StartsWith("the landmarks match as well at 1 other pose"));
+  // Half as well is as well.
+  EXPECT_EQ(verdict_of({candidate(0.996), candidate(0.001, 0.2)}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(verdict_of({candidate(0.996), candidate(0.001, 0.19)}).verdict, Verdict::kAligned);
+  // One kind of evidence that tells them apart is enough.
+  using Other = PlacementCandidate;
+  EXPECT_EQ(with([](Other& other) { other.support.within[2] = 599; }).verdict, Verdict::kAligned);
+  EXPECT_EQ(with([](Other& other) { other.support.within[5] = 599; }).verdict, Verdict::kAligned);
+  EXPECT_EQ(with([](Other& other) { other.support.spread_evidence = 399.0; }).verdict,
+            Verdict::kAligned);
+  EXPECT_EQ(with([](Other& other) { other.contradicted = 0.2; }).verdict, Verdict::kAligned);
+  // Landmarks that match roughly only tell nothing.
+  EXPECT_EQ(with([](Other& other) { other.support.within[1] = 0; }).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with([](Other& other) { other.contradicted = 0.1; }).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with([](Other& other) { other.contradicted.reset(); }).verdict, Verdict::kAmbiguous);
+}
+
+TEST(Verdict, BelievesLooksThatTellPosesApartAtWhichLandmarksMatchAsWell) {
+  PlacementCandidate best = candidate(0.996);
+  best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
+  PlacementCandidate other = candidate(0.001);
+  other.support.agreement = DescriptorAgreement{200, 2, 2, 1.25};
+  EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
+  other.support.agreement = best.support.agreement;
+  EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAmbiguous);
+  best.support.spread_likeness = 1000.0;
+  EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
 }
 
 TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {

@@ -25,7 +25,6 @@ constexpr Weights kWithNeither = {-8.397, 6.702, 1.571, 1.122, 0.0};
 // Added to numbers of matches, so that few matches have little effect.
 constexpr double kMatchesMore = 20.0;
 constexpr double kFineMore = 3.0;
-constexpr std::size_t kFine = 2;  // of Support::within: a quarter of the radius
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
   if (candidate.support.agreement) return candidate.contradicted ? kWithAll : kWithDescriptors;
@@ -37,7 +36,7 @@ double log_odds(double share) {
 }
 
 double fine_matches(const PlacementCandidate& candidate) {
-  return static_cast<double>(candidate.support.within[kFine]);
+  return static_cast<double>(candidate.support.within[Support::kFine]);
 }
 
 // The largest number of any other candidate; for a single candidate, that of an assumed, clearly worse one.
