@@ -2,12 +2,16 @@
 #include "cairn/core/detail/file_lock.hpp"
 
 #include <cerrno>
+#include <string>
+#include <system_error>
 #include <utility>
 
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+#include "cairn/core/error.hpp"
 
 namespace cairn::detail {
 
@@ -46,6 +50,28 @@ FileLock::FileLock(std::filesystem::path path, bool create) : path_(std::move(pa
 
 FileLock::~FileLock() {
   close();
+}
+
+void FileLock::require() const {
+  if (holds()) return;
+  const auto fail = [&](std::string what, std::string expected) {
+    throw Error(ErrorKind::kStorage, path_.string(), std::move(what), std::move(expected));
+  };
+  switch (state_) {
+    case State::kLocked:
+    case State::kTaken:
+      fail("another process is writing it", "one process a folder");
+      break;
+    case State::kUnlockable:
+      fail("cannot be locked: another process may be writing it", "no such file, if none is");
+      break;
+    case State::kForeign:
+      fail("is not a file that this user's processes leave", "no such file");
+      break;
+    case State::kFailed:
+      fail("cannot be written: " + std::generic_category().message(error_number_), "");
+      break;
+  }
 }
 
 bool FileLock::open(bool create) {

@@ -26,6 +26,12 @@ class FileLock {
   FileLock& operator=(const FileLock&) = delete;
 
   State state() const { return state_; }
+  /// Whether no other FileLock can hold the file. If the file system cannot lock files, only that of one just made.
+  bool holds() const {
+    return state_ == State::kLocked || (state_ == State::kUnlockable && is_new_);
+  }
+  /// @throws Error (storage) naming the file and why it is not held
+  void require() const;
   /// Whether the file did not exist before.
   bool is_new() const { return is_new_; }
   /// Of the open file, for reading and writing; negative unless kLocked or kUnlockable.
