@@ -14,10 +14,10 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include "cairn/core/csv.hpp"
+#include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -34,6 +34,7 @@ constexpr std::string_view kIdentity = "study.txt";
 constexpr std::string_view kRuns = "runs.csv";
 constexpr std::string_view kTimings = "timings.csv";
 constexpr std::string_view kProcessors = "processors.txt";
+constexpr std::string_view kLock = ".study.cairn-unfinished";
 
 [[noreturn]] void fail(const fs::path& path, std::string_view what) {
   throw Error(ErrorKind::kStorage, path.string(),
@@ -124,6 +125,21 @@ void write_processors(const fs::path& folder, const std::set<std::string>& kinds
   });
 }
 
+// Held by the process that writes a folder, from before it reads what is there.
+class FolderLock {
+ public:
+  explicit FolderLock(const fs::path& folder) : file_(folder / kLock, true) { file_.require(); }
+  ~FolderLock() {
+    std::error_code ignored;
+    fs::remove(file_.path(), ignored);
+  }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  detail::FileLock file_;
+};
+
 // A table that is only ever appended to.
 class RowFile {
  public:
@@ -131,13 +147,6 @@ class RowFile {
       : path_(std::move(path)),
         descriptor_(::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
     if (descriptor_ < 0) fail(path_, "cannot be written");
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
-      const bool taken = errno == EWOULDBLOCK;
-      ::close(descriptor_);
-      if (!taken) fail(path_, "cannot be locked");
-      throw Error(ErrorKind::kStorage, path_.string(), "another process is writing it",
-                  "one process a folder");
-    }
     try {
       text_ = read_file(path_);
       text_.resize(sound_size(text_, header, path_.string()));
@@ -202,12 +211,15 @@ void Shard::validate() const {
 }
 
 struct StudyFolder::Files {
-  Files(const fs::path& folder, const StudyPlan& the_plan, const Shard& the_shard)
-      : plan(the_plan),
+  Files(std::unique_ptr<FolderLock> the_lock, const fs::path& folder, const StudyPlan& the_plan,
+        const Shard& the_shard)
+      : lock(std::move(the_lock)),
+        plan(the_plan),
         shard(the_shard),
         runs(folder / kRuns, runs_header()),
         timings(folder / kTimings, timings_header()) {}
 
+  std::unique_ptr<FolderLock> lock;
   StudyPlan plan;
   Shard shard;
   RowFile runs;
@@ -222,6 +234,7 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw Error(ErrorKind::kStorage, folder.string(), error.message(), "");
+  auto lock = std::make_unique<FolderLock>(folder);
   const Identity identity = identity_of(plan, shard, inputs);
   const fs::path path = folder / kIdentity;
   if (fs::exists(path)) {
@@ -234,7 +247,7 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
     }
     write_file(path, [&](const ByteSink& sink) { sink(identity.text()); });
   }
-  files_ = std::make_unique<Files>(folder, plan, shard);
+  files_ = std::make_unique<Files>(std::move(lock), folder, plan, shard);
 
   const std::vector<TrialResult> runs = parse_runs(files_->runs.text(), files_->runs.name());
   files_->done = std::min(runs.size(), files_->timings.rows());

@@ -37,7 +37,7 @@ struct Shard {
 /// A folder with the runs of a study or of a shard, safe against being killed at any time: complete rows of
 /// runs.csv and timings.csv are kept, no row is written twice; from a truncated or damaged row on, all are
 /// dropped and run again.
-/// Used by one process at a time.
+/// Used by one process at a time: a second is refused, before it reads or writes anything.
 class StudyFolder {
  public:
   /// Creates the folder, or continues with its content.

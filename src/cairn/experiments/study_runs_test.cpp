@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/study_runs.hpp"
 
+#include <barrier>
 #include <filesystem>
+#include <memory>
 #include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -239,6 +242,29 @@ TEST_F(StudyRunsTest, AreWrittenByOneProcessAtATime) {
   run(folder_ / "a");
   const StudyFolder rows(folder_ / "a", plan_, {});
   EXPECT_THAT(refusal(folder_ / "a", plan_), HasSubstr("another process is writing it"));
+}
+
+TEST_F(StudyRunsTest, OfTwoStudiesStartedTogetherOneIsRefused) {
+  Study other = small_study();
+  other.seed = 4;
+  const StudyPlan plans[] = {plan_, StudyPlan(other)};
+  for (int i = 0; i < 20; ++i) {
+    const fs::path folder = folder_ / std::to_string(i);
+    std::unique_ptr<StudyFolder> opened[2];
+    std::barrier start(2);
+    const auto open = [&](int which) {
+      start.arrive_and_wait();
+      try {
+        opened[which] = std::make_unique<StudyFolder>(folder, plans[which], Shard());
+      } catch (const Error&) {
+      }
+    };
+    std::thread thread(open, 1);
+    open(0);
+    thread.join();
+    ASSERT_NE(opened[0] == nullptr, opened[1] == nullptr);
+    EXPECT_THAT(content(folder / "study.txt"), HasSubstr(opened[0] ? "seed 3\n" : "seed 4\n"));
+  }
 }
 
 TEST(Shard, CoversEachRunOnce) {
