@@ -41,7 +41,7 @@ struct SweepArguments {
 
  private:
   Shard shard() const;
-  MapPair load_pair(const StudyPair& pair) const;
+  MapPair load_pair(const StudyPair& pair, const std::vector<StudyInput>& inputs) const;
   MapPair simulated(const StudyPair& pair) const;
 };
 
@@ -102,7 +102,8 @@ MapPair SweepArguments::simulated(const StudyPair& pair) const {
 }
 
 // A simulated pair is made once, and then read like any other: its maps can be looked at.
-MapPair SweepArguments::load_pair(const StudyPair& pair) const {
+MapPair SweepArguments::load_pair(const StudyPair& pair,
+                                  const std::vector<StudyInput>& inputs) const {
   PairFiles files;
   if (const auto* given = std::get_if<PairFiles>(&pair.maps)) {
     files = study_paths(*given, study_path);
@@ -121,6 +122,10 @@ MapPair SweepArguments::load_pair(const StudyPair& pair) const {
   }
   MapPair loaded{pair.name, read_study_map(files.source), read_study_map(files.target), {}};
   if (files.truth) loaded.truth = read_pose_file(*files.truth);
+  // The rows are to be those of the files that study.txt names, read perhaps hours later.
+  for (const StudyInput& input : inputs) {
+    if (input.pair == pair.name) input.require_unchanged();
+  }
   return loaded;
 }
 
@@ -138,7 +143,10 @@ int SweepArguments::run() {
   const Study study = parse_study(yaml, study_path);
   check_pairs(study, study_path);
   const StudyPlan plan(study);
-  StudyFolder folder(output, plan, part, input_lines(study, study_path));
+  const std::vector<StudyInput> inputs = study_inputs(study, study_path);
+  std::vector<std::string> input_lines;
+  for (const StudyInput& input : inputs) input_lines.push_back(input.line());
+  StudyFolder folder(output, plan, part, input_lines);
   write_text(output, "study.yaml", yaml);
 
   const std::size_t all = part.end(plan.size()) - part.begin(plan.size());
@@ -157,7 +165,7 @@ int SweepArguments::run() {
     };
   }
   run_study(
-      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair); }, options);
+      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); }, options);
   if (part.count > 1) {
     console.print(fmt::format("{}: {} runs, shard {} of {}; 'cairn experiment merge' joins them\n",
                               output, all, part.index, part.count));

@@ -188,6 +188,26 @@ TEST_F(SweepTest, RefusesMapsThatChangedMeanwhile) {
   EXPECT_EQ(content("results/runs.csv"), before);
 }
 
+TEST_F(SweepTest, RefusesAMapThatIsReplacedWhileItRuns) {
+  std::string study = content("study.yaml");
+  study.replace(study.find("count: 12"), 9, "count: 400");
+  // Only the second pair reads it.
+  study.replace(study.find("b, source: target.map"), 21, "b, source: third.map");
+  write("study.yaml", study);
+  std::filesystem::copy_file(path("target.map"), path("third.map"));
+  Command sweep(command({"experiment", "sweep", "study.yaml", "-o", "r", "--threads", "1"}),
+                {.folder = path("")});
+  const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (std::chrono::steady_clock::now() < limit && !std::filesystem::exists(path("r/runs.csv"))) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  write_map(synthetic_map({.seed = 9, .landmarks = 100, .frames = 5}), path("third.map"));
+  const CommandResult result = sweep.wait();
+  EXPECT_EQ(result.exit_code, kBadInput);
+  EXPECT_THAT(result.errors, HasSubstr("third.map: was changed while the study ran"));
+  for (const TrialResult& run : runs("r")) EXPECT_EQ(run.trial.pair, "a");
+}
+
 TEST_F(SweepTest, NamesWhatIsWrongWithAStudy) {
   write("bad.yaml",
         "name: x\npairs: [{name: a, source: nowhere.map, target: target.map}]\n"

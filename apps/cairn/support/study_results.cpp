@@ -75,19 +75,28 @@ void check_pairs(const Study& study, const std::string& study_path) {
   }
 }
 
-std::vector<std::string> input_lines(const Study& study, const std::string& study_path) {
-  std::vector<std::string> lines;
+std::string StudyInput::line() const {
+  return fmt::format("input {} {} {}", pair, role, hash);
+}
+
+void StudyInput::require_unchanged() const {
+  const std::string now = hash_file(path);
+  if (now == hash) return;
+  throw Error(ErrorKind::kInput, path,
+              fmt::format("was changed while the study ran, its hash is {}", now), hash);
+}
+
+std::vector<StudyInput> study_inputs(const Study& study, const std::string& study_path) {
+  std::vector<StudyInput> inputs;
   for (const StudyPair& pair : study.pairs) {
     const auto* given = std::get_if<PairFiles>(&pair.maps);
     if (given == nullptr) continue;
     const PairFiles files = study_paths(*given, study_path);
-    lines.push_back(fmt::format("input {} source {}", pair.name, hash_file(files.source)));
-    lines.push_back(fmt::format("input {} target {}", pair.name, hash_file(files.target)));
-    if (files.truth) {
-      lines.push_back(fmt::format("input {} truth {}", pair.name, hash_file(*files.truth)));
-    }
+    inputs.push_back({pair.name, "source", files.source, hash_file(files.source)});
+    inputs.push_back({pair.name, "target", files.target, hash_file(files.target)});
+    if (files.truth) inputs.push_back({pair.name, "truth", *files.truth, hash_file(*files.truth)});
   }
-  return lines;
+  return inputs;
 }
 
 LandmarkMap read_study_map(const std::string& path) {

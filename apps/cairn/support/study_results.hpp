@@ -19,8 +19,22 @@ PairFiles study_paths(PairFiles files, const std::string& study_path);
 /// @throws Error (input) naming the study's file and the pair
 void check_pairs(const Study& study, const std::string& study_path);
 
-/// What the runs of a study depend on besides its text: each file's name and hash.
-std::vector<std::string> input_lines(const Study& study, const std::string& study_path);
+/// A file that the runs of a study depend on.
+struct StudyInput {
+  std::string pair;  ///< name
+  std::string role;  ///< source, target or truth
+  std::string path;
+  std::string hash;
+
+  /// As StudyFolder takes it.
+  std::string line() const;
+  /// For after the file was read.
+  /// @throws Error (input) naming the file if its content is another now
+  void require_unchanged() const;
+};
+
+/// The files of a study, with the hashes of their content.
+std::vector<StudyInput> study_inputs(const Study& study, const std::string& study_path);
 
 /// A map in metres.
 /// @throws Error (input)
