@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -171,9 +172,15 @@ int SweepArguments::run() {
                               output, all, part.index, part.count));
     return kDone;
   }
-  conclude_study(study, output, common);
+  tell_study(study, conclude_study(study, output, common), output, common);
   return kDone;
 }
+
+struct SavedStudy {
+  std::string path;
+  std::string yaml;
+  Study study;
+};
 
 struct MergeArguments {
   CommonArguments common;
@@ -182,6 +189,9 @@ struct MergeArguments {
 
   void add_to(CLI::App& command);
   int run() const;
+
+ private:
+  SavedStudy read_study() const;
 };
 
 void MergeArguments::add_to(CLI::App& command) {
@@ -199,14 +209,43 @@ void MergeArguments::add_to(CLI::App& command) {
       "  cairn experiment merge part1 part2 -o results");
 }
 
+// How the runs are judged is not in study.txt, and may differ between the shards' files.
+std::string judgement_of(const Study& study) {
+  return fmt::format(
+      "success within {} degrees and {} m{}, confidence level {}, margin {}",
+      study.success.rotation_deg, study.success.translation_m,
+      study.success_score ? fmt::format(" or by a score below {} m^2", *study.success_score) : "",
+      study.confidence_level, study.equivalence_margin);
+}
+
+// The study of all shards.
+SavedStudy MergeArguments::read_study() const {
+  std::optional<SavedStudy> first;
+  for (const std::string& folder : shards) {
+    const std::string path = (fs::path(folder) / "study.yaml").string();
+    SavedStudy saved{path, read_file(path), {}};
+    saved.study = parse_study(saved.yaml, path);
+    require_runs_of(folder, saved.study, path);
+    if (!first) {
+      first = std::move(saved);
+    } else if (judgement_of(saved.study) != judgement_of(first->study)) {
+      throw Error(ErrorKind::kInput, path, judgement_of(saved.study),
+                  fmt::format("{}, as in {}", judgement_of(first->study), first->path));
+    }
+  }
+  return *first;
+}
+
 int MergeArguments::run() const {
   require_outputs(common);
-  std::vector<fs::path> folders(shards.begin(), shards.end());
-  remark_on_processors(merge_study(folders, output), common.console());
-  const std::string path = (folders.front() / "study.yaml").string();
-  const std::string yaml = read_file(path);
-  write_text(output, "study.yaml", yaml);
-  conclude_study(parse_study(yaml, path), output, common);
+  const SavedStudy saved = read_study();
+  detail::OutputFolder folder = result_folder(output);
+  const std::string unfinished = folder.unfinished().string();
+  remark_on_processors(merge_study({shards.begin(), shards.end()}, unfinished), common.console());
+  write_text(unfinished, "study.yaml", saved.yaml);
+  StudyConclusion conclusion = conclude_study(saved.study, unfinished, common);
+  folder.commit();
+  tell_study(saved.study, std::move(conclusion), output, common);
   return kDone;
 }
 

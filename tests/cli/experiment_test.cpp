@@ -103,8 +103,18 @@ TEST_F(ExperimentTest, PaperOverwritesNothing) {
   std::filesystem::create_directory(path("full"));
   write("full/notes.txt", "mine");
   expect_refusal({"experiment", "paper", "source.map", "target.map", "-o", "full"}, kSystemError,
-                 {"full", "is not empty", "a new or empty folder"});
+                 {"full", "is not empty", "a new or an empty folder"});
   EXPECT_EQ(content("full/notes.txt"), "mine");
+}
+
+TEST_F(ExperimentTest, PaperClearsWhatAKilledRunLeft) {
+  std::filesystem::create_directories(path(".r.cairn-unfinished/r/tables"));
+  write(".r.cairn-unfinished/.lock", "");
+  write(".r.cairn-unfinished/r/tables/old.csv", "half a table");
+  answer({"experiment", "paper", "source.map", "target.map", "-o", "r"});
+  EXPECT_TRUE(std::filesystem::exists(path("r/experiment.json")));
+  EXPECT_FALSE(std::filesystem::exists(path("r/tables/old.csv")));
+  EXPECT_FALSE(std::filesystem::exists(path(".r.cairn-unfinished")));
 }
 
 TEST_F(ExperimentTest, PaperNamesABadOption) {
@@ -228,6 +238,26 @@ TEST_F(SweepTest, MergeRefusesAPartThatIsMissing) {
   expect_refusal({"experiment", "merge", "part1", "-o", "m"}, kBadInput,
                  {"shard 2 of 2 is missing"});
   EXPECT_FALSE(std::filesystem::exists(path("m")));
+}
+
+TEST_F(SweepTest, MergeRefusesAStudyFileThatIsNotThatOfTheRuns) {
+  for (const char* const shard : {"1/2", "2/2"}) {
+    answer({"experiment", "sweep", "study.yaml", "--shard", shard, "-o",
+            std::string("part") + shard[0]});
+  }
+  const std::string study = content("study.yaml");
+  std::string other = study;
+  other.replace(other.find("seed: 3"), 7, "seed: 4");
+  write("part1/study.yaml", other);
+  expect_refusal({"experiment", "merge", "part1", "part2", "-o", "m"}, kBadInput,
+                 {"part1/study.yaml", "'seed 4'", "'seed 3'"});
+  write("part1/study.yaml", study);
+  write("part2/study.yaml", study + "success: {rotation_deg: 1}\n");
+  expect_refusal({"experiment", "merge", "part1", "part2", "-o", "m"}, kBadInput,
+                 {"part2/study.yaml: success within 1 degrees", "part1/study.yaml"});
+  EXPECT_FALSE(std::filesystem::exists(path("m")));
+  write("part2/study.yaml", study + "# A comment changes nothing.\n");
+  answer({"experiment", "merge", "part1", "part2", "-o", "m"});
 }
 
 // The authors' own map, cut in two as nobody knows the truth of: what agrees is all there is to see.

@@ -18,6 +18,7 @@
 
 #include "cairn/core/csv.hpp"
 #include "cairn/core/detail/file_lock.hpp"
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -202,6 +203,43 @@ class RowFile {
   std::vector<CsvRow> rows_;
 };
 
+// The rows that both tables hold.
+// @throws Error (input) if a row is not the study's run of its place
+std::size_t matching_rows(const std::string& runs_text, const std::string& name,
+                          std::size_t timings, const StudyPlan& plan, const Shard& shard) {
+  const std::vector<TrialResult> runs = parse_runs(runs_text, name);
+  const std::size_t rows = std::min(runs.size(), timings);
+  const std::size_t begin = shard.begin(plan.size());
+  const std::size_t most = shard.end(plan.size()) - begin;
+  if (rows > most) {
+    throw Error(ErrorKind::kInput, name, fmt::format("{} rows", rows),
+                fmt::format("at most {}", most));
+  }
+  for (std::size_t i = 0; i < rows; ++i) {
+    if (runs[i].trial == plan.trial(begin + i)) continue;
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, i + 2),
+                "is not the study's run of this place", "the rows as they were written");
+  }
+  return rows;
+}
+
+// A table as it was read, up to the first row that is not sound.
+struct SoundTable {
+  std::string text;
+  std::size_t rows = 0;
+  bool is_whole = false;  // nothing follows
+};
+
+SoundTable read_table(const fs::path& path, const std::string& header) {
+  SoundTable table{read_file(path)};
+  const std::size_t sound = sound_size(table.text, header, path.string());
+  table.is_whole = sound == table.text.size();
+  table.text.resize(sound);
+  const std::vector<CsvRow> rows = parse_csv(table.text, path.string());
+  table.rows = rows.empty() ? 0 : rows.size() - 1;
+  return table;
+}
+
 }  // namespace
 
 void Shard::validate() const {
@@ -249,18 +287,8 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
   }
   files_ = std::make_unique<Files>(std::move(lock), folder, plan, shard);
 
-  const std::vector<TrialResult> runs = parse_runs(files_->runs.text(), files_->runs.name());
-  files_->done = std::min(runs.size(), files_->timings.rows());
-  if (files_->done > identity.runs) {
-    throw Error(ErrorKind::kInput, files_->runs.name(), fmt::format("{} rows", files_->done),
-                fmt::format("at most {}", identity.runs));
-  }
-  const std::size_t begin = shard.begin(plan.size());
-  for (std::size_t i = 0; i < files_->done; ++i) {
-    if (runs[i].trial == plan.trial(begin + i)) continue;
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}", files_->runs.name(), i + 2),
-                "is not the study's run of this place", "the rows as they were written");
-  }
+  files_->done =
+      matching_rows(files_->runs.text(), files_->runs.name(), files_->timings.rows(), plan, shard);
   files_->runs.keep(files_->done);
   files_->timings.keep(files_->done);
   files_->runs.forget_text();
@@ -338,6 +366,18 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
   }
 }
 
+void require_runs_of(const fs::path& folder, const Study& study, std::string_view name) {
+  const std::string runs = read_identity(folder).study;
+  const std::string given = canonical_text(study);
+  // The inputs follow, of which a study knows only the paths.
+  const std::string rest = runs.starts_with(given) ? runs.substr(given.size()) : runs;
+  if (rest.empty() || (rest != runs && rest.starts_with("input "))) return;
+  const auto [there, here] = first_difference(runs, given);
+  throw Error(ErrorKind::kInput, std::string(name),
+              fmt::format("is not the study of the runs beside it: {}", printable(here)),
+              fmt::format("{}, as {} says", printable(there), kIdentity));
+}
+
 std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
   if (shards.empty()) throw Error(ErrorKind::kMisuse, "merge", "no folder", "the shards' folders");
   std::map<std::size_t, std::pair<fs::path, Identity>> parts;
@@ -374,32 +414,27 @@ std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const 
     const std::string header = text;
     for (const auto& [index, part] : parts) {
       const fs::path path = part.first / name;
-      const std::string content = read_file(path);
-      const std::size_t sound = sound_size(content, header, path.string());
-      const std::vector<CsvRow> rows = parse_csv(content.substr(0, sound), path.string());
-      const std::size_t count = rows.empty() ? 0 : rows.size() - 1;
-      if (count != part.second.runs || sound != content.size()) {
-        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", count),
+      const SoundTable table = read_table(path, header);
+      if (table.rows != part.second.runs || !table.is_whole) {
+        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", table.rows),
                     fmt::format("{}; run the shard again to complete it", part.second.runs));
       }
-      text += content.substr(header.size());
+      text += table.text.substr(header.size());
     }
   }
   std::error_code error;
-  if (fs::exists(merged, error) && !fs::is_empty(merged, error)) {
-    throw Error(ErrorKind::kStorage, merged.string(), "holds something already",
-                "a new or empty folder");
-  }
-  fs::create_directories(merged, error);
+  if (merged.has_parent_path()) fs::create_directories(merged.parent_path(), error);
   if (error) throw Error(ErrorKind::kStorage, merged.string(), error.message(), "");
+  detail::OutputFolder output(merged);
   for (const auto& [name, text] : tables) {
-    write_file(merged / name, [&](const ByteSink& sink) { sink(text); });
+    write_file(output.unfinished() / name, [&](const ByteSink& sink) { sink(text); });
   }
   const Identity whole{Shard{}, total, first->study};
-  write_file(merged / kIdentity, [&](const ByteSink& sink) { sink(whole.text()); });
+  write_file(output.unfinished() / kIdentity, [&](const ByteSink& sink) { sink(whole.text()); });
   std::set<std::string> processors;
   for (const fs::path& folder : shards) processors.merge(read_processors(folder));
-  write_processors(merged, processors);
+  write_processors(output.unfinished(), processors);
+  output.commit();
   return {processors.begin(), processors.end()};
 }
 

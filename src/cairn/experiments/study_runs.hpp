@@ -7,6 +7,7 @@
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
@@ -81,11 +82,17 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
                const StudyOptions& options = {});
 
+/// @param name of the study's file, for messages
+/// @throws Error (input) if the folder's runs are not of this study, naming the difference
+void require_runs_of(const std::filesystem::path& folder, const Study& study,
+                     std::string_view name);
+
 /// Joins the complete folders of all shards of one study, in any order, to the folder that a single process
-/// would have written; runs.csv is identical.
+/// would have written; runs.csv is identical. The folder appears whole or not at all.
+/// @param merged a new or empty folder
 /// @return the kinds of processor that wrote the rows, as StudyFolder::processors()
 /// @throws Error (input) naming a folder of another study, incomplete, missing or given twice; (storage) if
-///        `merged` exists or cannot be written
+///        `merged` holds anything or cannot be written
 std::vector<std::string> merge_study(const std::vector<std::filesystem::path>& shards,
                                      const std::filesystem::path& merged);
 

@@ -214,6 +214,35 @@ TEST_F(StudyRunsTest, MergeRefusesWhatIsNotTheWholeOfOneStudy) {
   EXPECT_THAT(message({folder_ / "none"}), HasSubstr("study.txt"));
 }
 
+TEST_F(StudyRunsTest, MergeClearsWhatAKilledMergeLeft) {
+  run(folder_ / "a");
+  fs::create_directories(folder_ / ".m.cairn-unfinished/m");
+  folder_.write(".m.cairn-unfinished/.lock", "");
+  folder_.write(".m.cairn-unfinished/m/.runs.csv.cairn-unfinished", "half");
+  merge_study({folder_ / "a"}, folder_ / "m");
+  EXPECT_EQ(content(folder_ / "m/runs.csv"), content(folder_ / "a/runs.csv"));
+  EXPECT_FALSE(fs::exists(folder_ / ".m.cairn-unfinished"));
+  EXPECT_THROW(merge_study({folder_ / "a"}, folder_ / "m"), Error) << "it is there";
+}
+
+TEST_F(StudyRunsTest, AreOfTheStudyThatTheyWereMadeFrom) {
+  { const StudyFolder rows(folder_ / "a", plan_, {}, {"input x 1"}); }
+  require_runs_of(folder_ / "a", small_study(), "study.yaml");
+  Study judged_otherwise = small_study();
+  judged_otherwise.success.rotation_deg *= 2.0;
+  require_runs_of(folder_ / "a", judged_otherwise, "study.yaml");
+  Study other = small_study();
+  other.seed = 4;
+  try {
+    require_runs_of(folder_ / "a", other, "study.yaml");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_THAT(error.what(), HasSubstr("study.yaml: is not the study of the runs beside it: "
+                                        "'seed 4'; expected 'seed 3'"));
+  }
+}
+
 TEST_F(StudyRunsTest, KeepTheRowsOfAnotherStudy) {
   run(folder_ / "a");
   Study other = small_study();
