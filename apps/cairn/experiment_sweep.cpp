@@ -36,12 +36,14 @@ struct SweepArguments {
   std::string study_path;
   std::string output;
   std::string shard_text;
+  bool check_only = false;
 
   void add_to(CLI::App& command);
   int run();
 
  private:
   Shard shard() const;
+  int check(const StudyPlan& plan, const Shard& part, const std::vector<std::string>& inputs) const;
   MapPair load_pair(const StudyPair& pair, const std::vector<StudyInput>& inputs) const;
   MapPair simulated(const StudyPair& pair) const;
 };
@@ -53,6 +55,9 @@ void SweepArguments::add_to(CLI::App& command) {
       ->required();
   add_text(command, "--shard", shard_text,
            "Run only part i of n; 'cairn experiment merge' joins the parts", "i/n");
+  command.add_flag("--check", check_only,
+                   "Run and write nothing; the exit code is 0 if all runs are in the folder and "
+                   "sound, else 4");
   common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
   command.footer(
@@ -137,6 +142,14 @@ void remark_on_processors(const std::vector<std::string>& kinds, const Console& 
       fmt::join(kinds, ", ")));
 }
 
+int SweepArguments::check(const StudyPlan& plan, const Shard& part,
+                          const std::vector<std::string>& inputs) const {
+  const bool complete = is_complete(output, plan, part, inputs);
+  common.console().print(fmt::format(
+      "{}: {}\n", output, complete ? "complete" : "not complete; without --check it goes on"));
+  return complete ? kDone : kNoTrustworthyAlignment;
+}
+
 int SweepArguments::run() {
   const Shard part = shard();
   require_outputs(common);
@@ -147,6 +160,7 @@ int SweepArguments::run() {
   const std::vector<StudyInput> inputs = study_inputs(study, study_path);
   std::vector<std::string> input_lines;
   for (const StudyInput& input : inputs) input_lines.push_back(input.line());
+  if (check_only) return check(plan, part, input_lines);
   StudyFolder folder(output, plan, part, input_lines);
   write_text(output, "study.yaml", yaml);
 

@@ -218,6 +218,24 @@ TEST_F(SweepTest, RefusesAMapThatIsReplacedWhileItRuns) {
   for (const TrialResult& run : runs("r")) EXPECT_EQ(run.trial.pair, "a");
 }
 
+TEST_F(SweepTest, CheckTellsWhetherAShardIsCompleteAndChangesNothing) {
+  const auto check = [&] {
+    return cairn({"experiment", "sweep", "study.yaml", "--shard", "1/2", "-o", "part1", "--check"})
+        .exit_code;
+  };
+  EXPECT_EQ(check(), kNoAlignment);
+  EXPECT_FALSE(std::filesystem::exists(path("part1")));
+  answer({"experiment", "sweep", "study.yaml", "--shard", "1/2", "-o", "part1"});
+  EXPECT_EQ(check(), kDone);
+  std::string damaged = content("part1/runs.csv");
+  damaged[damaged.size() / 2] ^= 1;
+  write("part1/runs.csv", damaged);
+  EXPECT_EQ(check(), kNoAlignment);
+  EXPECT_EQ(content("part1/runs.csv"), damaged);
+  write_map(synthetic_map({.seed = 9, .landmarks = 100, .frames = 5}), path("source.map"));
+  EXPECT_EQ(check(), kBadInput);
+}
+
 TEST_F(SweepTest, NamesWhatIsWrongWithAStudy) {
   write("bad.yaml",
         "name: x\npairs: [{name: a, source: nowhere.map, target: target.map}]\n"

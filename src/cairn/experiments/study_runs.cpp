@@ -366,6 +366,22 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
   }
 }
 
+bool is_complete(const fs::path& folder, const StudyPlan& plan, const Shard& shard,
+                 const std::vector<std::string>& inputs) {
+  shard.validate();
+  if (!fs::exists(folder / kIdentity)) return false;
+  const Identity identity = identity_of(plan, shard, inputs);
+  require_same(folder, read_identity(folder).text(), identity.text());
+  if (!fs::exists(folder / kRuns) || !fs::exists(folder / kTimings)) return false;
+  const SoundTable runs = read_table(folder / kRuns, runs_header());
+  const SoundTable timings = read_table(folder / kTimings, timings_header());
+  const bool is_whole = runs.is_whole && timings.is_whole && runs.rows == identity.runs &&
+                        timings.rows == identity.runs;
+  if (!is_whole) return false;
+  matching_rows(runs.text, (folder / kRuns).string(), timings.rows, plan, shard);
+  return true;
+}
+
 void require_runs_of(const fs::path& folder, const Study& study, std::string_view name) {
   const std::string runs = read_identity(folder).study;
   const std::string given = canonical_text(study);

@@ -82,6 +82,12 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
                const StudyOptions& options = {});
 
+/// Whether the folder holds all runs of the shard, each row sound. Changes nothing.
+/// @param inputs as of StudyFolder
+/// @throws Error (input) as StudyFolder
+bool is_complete(const std::filesystem::path& folder, const StudyPlan& plan, const Shard& shard,
+                 const std::vector<std::string>& inputs = {});
+
 /// @param name of the study's file, for messages
 /// @throws Error (input) if the folder's runs are not of this study, naming the difference
 void require_runs_of(const std::filesystem::path& folder, const Study& study,

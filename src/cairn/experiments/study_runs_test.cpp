@@ -225,6 +225,28 @@ TEST_F(StudyRunsTest, MergeClearsWhatAKilledMergeLeft) {
   EXPECT_THROW(merge_study({folder_ / "a"}, folder_ / "m"), Error) << "it is there";
 }
 
+TEST_F(StudyRunsTest, AreCompleteOnlyIfAllAreThereAndSound) {
+  EXPECT_FALSE(is_complete(folder_ / "none", plan_, {}));
+  EXPECT_FALSE(fs::exists(folder_ / "none"));
+  run(folder_ / "a");
+  EXPECT_TRUE(is_complete(folder_ / "a", plan_, {}));
+  for (const char* const name : {"runs.csv", "timings.csv"}) {
+    const fs::path path = folder_ / "a" / name;
+    const std::string whole = content(path);
+    std::string damaged = whole;
+    damaged[whole.size() / 2] ^= 1;
+    for (const std::string& text :
+         {damaged, whole + "more", whole.substr(0, whole.size() - 1), std::string()}) {
+      write_file(path, [&](const ByteSink& sink) { sink(text); });
+      EXPECT_FALSE(is_complete(folder_ / "a", plan_, {})) << name;
+      EXPECT_EQ(content(path), text);
+    }
+    write_file(path, [&](const ByteSink& sink) { sink(whole); });
+  }
+  EXPECT_THROW(is_complete(folder_ / "a", plan_, {}, {"input x 1"}), Error);
+  EXPECT_THROW(is_complete(folder_ / "a", plan_, {1, 2}), Error);
+}
+
 TEST_F(StudyRunsTest, AreOfTheStudyThatTheyWereMadeFrom) {
   { const StudyFolder rows(folder_ / "a", plan_, {}, {"input x 1"}); }
   require_runs_of(folder_ / "a", small_study(), "study.yaml");
