@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/paper.hpp"
 #include "cairn/experiments/paper_tables.hpp"
@@ -153,7 +154,8 @@ int PaperArguments::run() {
     loaded->description["kept_landmarks"] =
         landmarks_observed(loaded->map, options.points.min_observations).size();
   }
-  make_result_folder(output);
+  detail::OutputFolder folder = result_folder(output);
+  const std::string unfinished = folder.unfinished().string();
   pair.name = std::filesystem::path(source).stem().string() + "_to_" +
               std::filesystem::path(target).stem().string();
   pair.source = std::move(source_map.map);
@@ -168,22 +170,22 @@ int PaperArguments::run() {
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
-  write_runs(output, results.runs);
-  write_tables(output, tables);
-  write_tables(output, {paper_durations(results)});
+  write_runs(unfinished, results.runs);
+  write_tables(unfinished, tables);
+  write_tables(unfinished, {paper_durations(results)});
   if (!results.searches.empty()) {
     std::vector<TrialResult> runs;
     for (const QuadrantSearch& search : results.searches) {
       runs.insert(runs.end(), search.runs.begin(), search.runs.end());
     }
-    write_runs(output, runs, "xy_search_");
+    write_runs(unfinished, runs, "xy_search_");
   }
-  write_text(output, "summary.md", summary(results, tables));
+  write_text(unfinished, "summary.md", summary(results, tables));
   std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
-  write_figures(output, sections);
-  write_clouds(output, pair, results, options.points);
+  write_figures(unfinished, sections);
+  write_clouds(unfinished, pair, results, options.points);
   if (!images.empty()) {
-    common.console().remark(write_common_view(output, pair, results, images[0], images[1]));
+    common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
   }
 
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
@@ -201,7 +203,8 @@ int PaperArguments::run() {
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
   json["runs"] = Json::array();
   for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
-  write_text(output, "experiment.json", to_text(json));
+  write_text(unfinished, "experiment.json", to_text(json));
+  folder.commit();
   write_document(json, common);
   if (!common.report_path.empty()) {
     json.erase("runs");

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -35,13 +36,15 @@ struct SweepArguments {
   std::string study_path;
   std::string output;
   std::string shard_text;
+  bool check_only = false;
 
   void add_to(CLI::App& command);
   int run();
 
  private:
   Shard shard() const;
-  MapPair load_pair(const StudyPair& pair) const;
+  int check(const StudyPlan& plan, const Shard& part, const std::vector<std::string>& inputs) const;
+  MapPair load_pair(const StudyPair& pair, const std::vector<StudyInput>& inputs) const;
   MapPair simulated(const StudyPair& pair) const;
 };
 
@@ -52,6 +55,9 @@ void SweepArguments::add_to(CLI::App& command) {
       ->required();
   add_text(command, "--shard", shard_text,
            "Run only part i of n; 'cairn experiment merge' joins the parts", "i/n");
+  command.add_flag("--check", check_only,
+                   "Run and write nothing; the exit code is 0 if all runs are in the folder and "
+                   "sound, else 4");
   common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
   command.footer(
@@ -102,7 +108,8 @@ MapPair SweepArguments::simulated(const StudyPair& pair) const {
 }
 
 // A simulated pair is made once, and then read like any other: its maps can be looked at.
-MapPair SweepArguments::load_pair(const StudyPair& pair) const {
+MapPair SweepArguments::load_pair(const StudyPair& pair,
+                                  const std::vector<StudyInput>& inputs) const {
   PairFiles files;
   if (const auto* given = std::get_if<PairFiles>(&pair.maps)) {
     files = study_paths(*given, study_path);
@@ -121,6 +128,10 @@ MapPair SweepArguments::load_pair(const StudyPair& pair) const {
   }
   MapPair loaded{pair.name, read_study_map(files.source), read_study_map(files.target), {}};
   if (files.truth) loaded.truth = read_pose_file(*files.truth);
+  // The rows are to be those of the files that study.txt names, read perhaps hours later.
+  for (const StudyInput& input : inputs) {
+    if (input.pair == pair.name) input.require_unchanged();
+  }
   return loaded;
 }
 
@@ -131,6 +142,14 @@ void remark_on_processors(const std::vector<std::string>& kinds, const Console& 
       fmt::join(kinds, ", ")));
 }
 
+int SweepArguments::check(const StudyPlan& plan, const Shard& part,
+                          const std::vector<std::string>& inputs) const {
+  const bool complete = is_complete(output, plan, part, inputs);
+  common.console().print(fmt::format(
+      "{}: {}\n", output, complete ? "complete" : "not complete; without --check it goes on"));
+  return complete ? kDone : kNoTrustworthyAlignment;
+}
+
 int SweepArguments::run() {
   const Shard part = shard();
   require_outputs(common);
@@ -138,7 +157,11 @@ int SweepArguments::run() {
   const Study study = parse_study(yaml, study_path);
   check_pairs(study, study_path);
   const StudyPlan plan(study);
-  StudyFolder folder(output, plan, part, input_lines(study, study_path));
+  const std::vector<StudyInput> inputs = study_inputs(study, study_path);
+  std::vector<std::string> input_lines;
+  for (const StudyInput& input : inputs) input_lines.push_back(input.line());
+  if (check_only) return check(plan, part, input_lines);
+  StudyFolder folder(output, plan, part, input_lines);
   write_text(output, "study.yaml", yaml);
 
   const std::size_t all = part.end(plan.size()) - part.begin(plan.size());
@@ -157,15 +180,21 @@ int SweepArguments::run() {
     };
   }
   run_study(
-      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair); }, options);
+      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); }, options);
   if (part.count > 1) {
     console.print(fmt::format("{}: {} runs, shard {} of {}; 'cairn experiment merge' joins them\n",
                               output, all, part.index, part.count));
     return kDone;
   }
-  conclude_study(study, output, common);
+  tell_study(study, conclude_study(study, output, common), output, common);
   return kDone;
 }
+
+struct SavedStudy {
+  std::string path;
+  std::string yaml;
+  Study study;
+};
 
 struct MergeArguments {
   CommonArguments common;
@@ -174,6 +203,9 @@ struct MergeArguments {
 
   void add_to(CLI::App& command);
   int run() const;
+
+ private:
+  SavedStudy read_study() const;
 };
 
 void MergeArguments::add_to(CLI::App& command) {
@@ -191,14 +223,43 @@ void MergeArguments::add_to(CLI::App& command) {
       "  cairn experiment merge part1 part2 -o results");
 }
 
+// How the runs are judged is not in study.txt, and may differ between the shards' files.
+std::string judgement_of(const Study& study) {
+  return fmt::format(
+      "success within {} degrees and {} m{}, confidence level {}, margin {}",
+      study.success.rotation_deg, study.success.translation_m,
+      study.success_score ? fmt::format(" or by a score below {} m^2", *study.success_score) : "",
+      study.confidence_level, study.equivalence_margin);
+}
+
+// The study of all shards.
+SavedStudy MergeArguments::read_study() const {
+  std::optional<SavedStudy> first;
+  for (const std::string& folder : shards) {
+    const std::string path = (fs::path(folder) / "study.yaml").string();
+    SavedStudy saved{path, read_file(path), {}};
+    saved.study = parse_study(saved.yaml, path);
+    require_runs_of(folder, saved.study, path);
+    if (!first) {
+      first = std::move(saved);
+    } else if (judgement_of(saved.study) != judgement_of(first->study)) {
+      throw Error(ErrorKind::kInput, path, judgement_of(saved.study),
+                  fmt::format("{}, as in {}", judgement_of(first->study), first->path));
+    }
+  }
+  return *first;
+}
+
 int MergeArguments::run() const {
   require_outputs(common);
-  std::vector<fs::path> folders(shards.begin(), shards.end());
-  remark_on_processors(merge_study(folders, output), common.console());
-  const std::string path = (folders.front() / "study.yaml").string();
-  const std::string yaml = read_file(path);
-  write_text(output, "study.yaml", yaml);
-  conclude_study(parse_study(yaml, path), output, common);
+  const SavedStudy saved = read_study();
+  detail::OutputFolder folder = result_folder(output);
+  const std::string unfinished = folder.unfinished().string();
+  remark_on_processors(merge_study({shards.begin(), shards.end()}, unfinished), common.console());
+  write_text(unfinished, "study.yaml", saved.yaml);
+  StudyConclusion conclusion = conclude_study(saved.study, unfinished, common);
+  folder.commit();
+  tell_study(saved.study, std::move(conclusion), output, common);
   return kDone;
 }
 

@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -295,88 +296,41 @@ std::string mini_map_name(std::size_t index) {
 
 constexpr const char* kPoseGraphFile = "pose_graph.json";
 
-// Tells an unfinished folder of ours from anybody else's.
-constexpr const char* kUnfinishedMark = ".cairn-unfinished";
-
-fs::path unfinished_folder(const std::string& output) {
-  return output + ".unfinished";
-}
-
-void refuse_foreign_folder(const fs::path& folder) {
-  std::error_code ignored;
-  const auto status = fs::symlink_status(folder, ignored);
-  if (!fs::exists(status)) return;
-  const bool is_ours = fs::is_directory(status) && (fs::is_empty(folder, ignored) ||
-                                                    fs::exists(folder / kUnfinishedMark, ignored));
-  if (is_ours) return;
-  throw Error(ErrorKind::kStorage, folder.string(),
-              "is in the way of the unfinished mini-maps and was not created by cairn",
-              "another output name, or this file moved away");
-}
-
-// Makes a folder to be renamed when it is complete. One that a killed run left behind is cleared.
-void make_unfinished_folder(const fs::path& folder) {
-  refuse_foreign_folder(folder);
-  fs::remove_all(folder);
-  fs::create_directory(folder);
-  write_file(folder / kUnfinishedMark, [](const ByteSink&) {});
-}
-
-// The folder appears whole or not at all.
 void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
-  const fs::path unfinished = unfinished_folder(output);
-  try {
-    make_unfinished_folder(unfinished);
-  } catch (const fs::filesystem_error& error) {
-    throw Error(ErrorKind::kStorage, output, error.code().message(),
-                "a folder that can be created");
+  detail::OutputFolder folder(output);
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < mapped.maps.size(); ++i) names.push_back(mini_map_name(i));
+  const PoseGraph graph = pose_graph(mapped, names);
+  Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
+  index["session"] = graph.nodes.empty() ? Json(nullptr) : Json(graph.nodes.front().session);
+  index["pose_graph"] = kPoseGraphFile;
+  index["mini_maps"] = Json::array();
+  for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
+    const LandmarkMap& mini_map = mapped.maps[i];
+    write_map(mini_map, folder.unfinished() / names[i]);
+    index["mini_maps"].push_back(
+        {{"file", names[i]},
+         {"uuid", to_json(mini_map.info().uuid)},
+         {"world_from_map", to_json(graph.nodes[i].world_from_node.matrix())},
+         {"keyframes", mini_map.frame_count()},
+         {"landmarks", mini_map.landmark_count()},
+         {"first_timestamp", mini_map.frames().timestamps_s.front().value()},
+         {"last_timestamp", mini_map.frames().timestamps_s.back().value()}});
   }
-  try {
-    std::vector<std::string> names;
-    for (std::size_t i = 0; i < mapped.maps.size(); ++i) names.push_back(mini_map_name(i));
-    const PoseGraph graph = pose_graph(mapped, names);
-    Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
-    index["session"] = graph.nodes.empty() ? Json(nullptr) : Json(graph.nodes.front().session);
-    index["pose_graph"] = kPoseGraphFile;
-    index["mini_maps"] = Json::array();
-    for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
-      const LandmarkMap& mini_map = mapped.maps[i];
-      write_map(mini_map, unfinished / names[i]);
-      index["mini_maps"].push_back(
-          {{"file", names[i]},
-           {"uuid", to_json(mini_map.info().uuid)},
-           {"world_from_map", to_json(graph.nodes[i].world_from_node.matrix())},
-           {"keyframes", mini_map.frame_count()},
-           {"landmarks", mini_map.landmark_count()},
-           {"first_timestamp", mini_map.frames().timestamps_s.front().value()},
-           {"last_timestamp", mini_map.frames().timestamps_s.back().value()}});
-    }
-    index["links"] = Json::array();
-    for (std::size_t i = 0; i < mapped.links.size(); ++i) {
-      index["links"].push_back({{"source", mini_map_name(i + 1)},
-                                {"target", mini_map_name(i)},
-                                {"target_from_source", to_json(mapped.links[i].previous_from_next)},
-                                {"covariance", to_json(mapped.links[i].covariance)}});
-    }
-    write_file(unfinished / kPoseGraphFile,
-               [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });
-    write_file(unfinished / "pose_graph.g2o",
-               [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
-    write_file(unfinished / "mini_maps.json",
-               [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
-    fs::remove(unfinished / kUnfinishedMark);
-    fs::rename(unfinished, output);
-    sync_files(fs::path(output).has_parent_path() ? fs::path(output).parent_path() : ".");
-  } catch (const fs::filesystem_error& error) {
-    std::error_code ignored;
-    fs::remove_all(unfinished, ignored);
-    throw Error(ErrorKind::kStorage, output, error.code().message(),
-                "a folder that can be created");
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove_all(unfinished, ignored);
-    throw;
+  index["links"] = Json::array();
+  for (std::size_t i = 0; i < mapped.links.size(); ++i) {
+    index["links"].push_back({{"source", mini_map_name(i + 1)},
+                              {"target", mini_map_name(i)},
+                              {"target_from_source", to_json(mapped.links[i].previous_from_next)},
+                              {"covariance", to_json(mapped.links[i].covariance)}});
   }
+  write_file(folder.unfinished() / kPoseGraphFile,
+             [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });
+  write_file(folder.unfinished() / "pose_graph.g2o",
+             [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
+  write_file(folder.unfinished() / "mini_maps.json",
+             [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
+  folder.commit();
 }
 
 void MapArguments::write(const MappedSequence& mapped) const {
@@ -518,7 +472,6 @@ int MapArguments::run() {
       throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
     }
     require_folder_of(output);
-    refuse_foreign_folder(unfinished_folder(output));
   }
   const CameraFile camera_file = load_camera();
   SequenceOptions sequence_options;

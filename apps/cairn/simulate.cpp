@@ -149,7 +149,7 @@ void SimulateArguments::check() {
 }
 
 void SimulateArguments::refuse_existing() const {
-  if (SequenceWriter::left_unfinished(folder)) return;
+  if (SequenceWriter::is_unfinished(folder)) return;
   for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
     if (std::filesystem::exists(std::filesystem::path(folder) / name)) {
       throw Error(ErrorKind::kMisuse, folder, fmt::format("holds {} already", name),
@@ -256,16 +256,16 @@ int SimulateArguments::run() {
     const FileReader readable(path);  // fails before the work
     inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
   }
+  // Takes the folder before the work, so that two runs into one do not both do it.
+  SequenceWriter writer(
+      folder, {.depth_units_per_metre = depth_units_per_metre,
+               .color_format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg});
   const auto start = std::chrono::steady_clock::now();
   const Executor executor = common.executor();
   Environment place = make_environment(environment_options, executor);
   Trajectory trajectory = make_trajectory(place);
   const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
   const auto ready = std::chrono::steady_clock::now();
-
-  SequenceWriter writer(
-      folder, {.depth_units_per_metre = depth_units_per_metre,
-               .color_format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg});
   write(simulator, writer);
   writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
     write_tum_trajectory(simulator.trajectory(), sink);

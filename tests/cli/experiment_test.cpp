@@ -103,8 +103,18 @@ TEST_F(ExperimentTest, PaperOverwritesNothing) {
   std::filesystem::create_directory(path("full"));
   write("full/notes.txt", "mine");
   expect_refusal({"experiment", "paper", "source.map", "target.map", "-o", "full"}, kSystemError,
-                 {"full", "is not empty", "a new or empty folder"});
+                 {"full", "is not empty", "a new or an empty folder"});
   EXPECT_EQ(content("full/notes.txt"), "mine");
+}
+
+TEST_F(ExperimentTest, PaperClearsWhatAKilledRunLeft) {
+  std::filesystem::create_directories(path(".r.cairn-unfinished/r/tables"));
+  write(".r.cairn-unfinished/.lock", "");
+  write(".r.cairn-unfinished/r/tables/old.csv", "half a table");
+  answer({"experiment", "paper", "source.map", "target.map", "-o", "r"});
+  EXPECT_TRUE(std::filesystem::exists(path("r/experiment.json")));
+  EXPECT_FALSE(std::filesystem::exists(path("r/tables/old.csv")));
+  EXPECT_FALSE(std::filesystem::exists(path(".r.cairn-unfinished")));
 }
 
 TEST_F(ExperimentTest, PaperNamesABadOption) {
@@ -188,6 +198,44 @@ TEST_F(SweepTest, RefusesMapsThatChangedMeanwhile) {
   EXPECT_EQ(content("results/runs.csv"), before);
 }
 
+TEST_F(SweepTest, RefusesAMapThatIsReplacedWhileItRuns) {
+  std::string study = content("study.yaml");
+  study.replace(study.find("count: 12"), 9, "count: 400");
+  // Only the second pair reads it.
+  study.replace(study.find("b, source: target.map"), 21, "b, source: third.map");
+  write("study.yaml", study);
+  std::filesystem::copy_file(path("target.map"), path("third.map"));
+  Command sweep(command({"experiment", "sweep", "study.yaml", "-o", "r", "--threads", "1"}),
+                {.folder = path("")});
+  const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (std::chrono::steady_clock::now() < limit && !std::filesystem::exists(path("r/runs.csv"))) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  write_map(synthetic_map({.seed = 9, .landmarks = 100, .frames = 5}), path("third.map"));
+  const CommandResult result = sweep.wait();
+  EXPECT_EQ(result.exit_code, kBadInput);
+  EXPECT_THAT(result.errors, HasSubstr("third.map: was changed while the study ran"));
+  for (const TrialResult& run : runs("r")) EXPECT_EQ(run.trial.pair, "a");
+}
+
+TEST_F(SweepTest, CheckTellsWhetherAShardIsCompleteAndChangesNothing) {
+  const auto check = [&] {
+    return cairn({"experiment", "sweep", "study.yaml", "--shard", "1/2", "-o", "part1", "--check"})
+        .exit_code;
+  };
+  EXPECT_EQ(check(), kNoAlignment);
+  EXPECT_FALSE(std::filesystem::exists(path("part1")));
+  answer({"experiment", "sweep", "study.yaml", "--shard", "1/2", "-o", "part1"});
+  EXPECT_EQ(check(), kDone);
+  std::string damaged = content("part1/runs.csv");
+  damaged[damaged.size() / 2] ^= 1;
+  write("part1/runs.csv", damaged);
+  EXPECT_EQ(check(), kNoAlignment);
+  EXPECT_EQ(content("part1/runs.csv"), damaged);
+  write_map(synthetic_map({.seed = 9, .landmarks = 100, .frames = 5}), path("source.map"));
+  EXPECT_EQ(check(), kBadInput);
+}
+
 TEST_F(SweepTest, NamesWhatIsWrongWithAStudy) {
   write("bad.yaml",
         "name: x\npairs: [{name: a, source: nowhere.map, target: target.map}]\n"
@@ -208,6 +256,26 @@ TEST_F(SweepTest, MergeRefusesAPartThatIsMissing) {
   expect_refusal({"experiment", "merge", "part1", "-o", "m"}, kBadInput,
                  {"shard 2 of 2 is missing"});
   EXPECT_FALSE(std::filesystem::exists(path("m")));
+}
+
+TEST_F(SweepTest, MergeRefusesAStudyFileThatIsNotThatOfTheRuns) {
+  for (const char* const shard : {"1/2", "2/2"}) {
+    answer({"experiment", "sweep", "study.yaml", "--shard", shard, "-o",
+            std::string("part") + shard[0]});
+  }
+  const std::string study = content("study.yaml");
+  std::string other = study;
+  other.replace(other.find("seed: 3"), 7, "seed: 4");
+  write("part1/study.yaml", other);
+  expect_refusal({"experiment", "merge", "part1", "part2", "-o", "m"}, kBadInput,
+                 {"part1/study.yaml", "'seed 4'", "'seed 3'"});
+  write("part1/study.yaml", study);
+  write("part2/study.yaml", study + "success: {rotation_deg: 1}\n");
+  expect_refusal({"experiment", "merge", "part1", "part2", "-o", "m"}, kBadInput,
+                 {"part2/study.yaml: success within 1 degrees", "part1/study.yaml"});
+  EXPECT_FALSE(std::filesystem::exists(path("m")));
+  write("part2/study.yaml", study + "# A comment changes nothing.\n");
+  answer({"experiment", "merge", "part1", "part2", "-o", "m"});
 }
 
 // The authors' own map, cut in two as nobody knows the truth of: what agrees is all there is to see.

@@ -11,6 +11,8 @@
 #include <thread>
 #include <vector>
 
+#include "cairn/core/detail/output_folder.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/g2o.hpp"
@@ -280,23 +282,21 @@ TEST_F(MapCliTest, LoopsAreClosedInOneMapOfNewPosesOnly) {
   EXPECT_THAT(files(), ElementsAre("s"));
 }
 
-TEST_F(MapCliTest, AForeignFolderWhereUnfinishedMiniMapsWouldStandIsLeftAlone) {
-  fs::create_directory(path("minis.unfinished"));
-  write("minis.unfinished/thesis.txt", "years of work");
-  expect_refusal({"map", "s", "-o", "minis", "--mini-map-length", "6f"}, kSystemError,
-                 {"minis.unfinished", "was not created by cairn"});
-  EXPECT_EQ(content("minis.unfinished/thesis.txt"), "years of work");
-  EXPECT_FALSE(fs::exists(path("minis")));
+TEST_F(MapCliTest, UnfinishedMiniMapsOfAProcessAtWorkAreLeftAlone) {
+  const cairn::detail::OutputFolder at_work(path("minis"));
+  write_file(at_work.unfinished() / "0000.map", [](const ByteSink& sink) { sink("half a map"); });
+  answer({"map", "s", "-o", "minis", "--mini-map-length", "6f"});
+  EXPECT_EQ(read_text(at_work.unfinished() / "0000.map"), "half a map");
+  EXPECT_TRUE(fs::exists(path("minis/mini_maps.json")));
 }
 
 TEST_F(MapCliTest, WhatAKilledRunLeftOfMiniMapsIsCleared) {
-  fs::create_directory(path("minis.unfinished"));
-  write("minis.unfinished/.cairn-unfinished", "");
-  write("minis.unfinished/9999.map", "half a map");
+  fs::create_directories(path(".minis.cairn-unfinished/minis"));
+  write(".minis.cairn-unfinished/.lock", "");
+  write(".minis.cairn-unfinished/minis/9999.map", "half a map");
   answer({"map", "s", "-o", "minis", "--mini-map-length", "6f"});
   EXPECT_THAT(files(), ElementsAre("minis", "s"));
   EXPECT_FALSE(fs::exists(path("minis/9999.map")));
-  EXPECT_FALSE(fs::exists(path("minis/.cairn-unfinished")));
 }
 
 TEST_F(MapCliTest, DepthInTheWrongUnitIsRemarkedOn) {

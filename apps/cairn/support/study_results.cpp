@@ -2,6 +2,7 @@
 #include "support/study_results.hpp"
 
 #include <filesystem>
+#include <utility>
 #include <variant>
 
 #include <fmt/format.h>
@@ -75,19 +76,28 @@ void check_pairs(const Study& study, const std::string& study_path) {
   }
 }
 
-std::vector<std::string> input_lines(const Study& study, const std::string& study_path) {
-  std::vector<std::string> lines;
+std::string StudyInput::line() const {
+  return fmt::format("input {} {} {}", pair, role, hash);
+}
+
+void StudyInput::require_unchanged() const {
+  const std::string now = hash_file(path);
+  if (now == hash) return;
+  throw Error(ErrorKind::kInput, path,
+              fmt::format("was changed while the study ran, its hash is {}", now), hash);
+}
+
+std::vector<StudyInput> study_inputs(const Study& study, const std::string& study_path) {
+  std::vector<StudyInput> inputs;
   for (const StudyPair& pair : study.pairs) {
     const auto* given = std::get_if<PairFiles>(&pair.maps);
     if (given == nullptr) continue;
     const PairFiles files = study_paths(*given, study_path);
-    lines.push_back(fmt::format("input {} source {}", pair.name, hash_file(files.source)));
-    lines.push_back(fmt::format("input {} target {}", pair.name, hash_file(files.target)));
-    if (files.truth) {
-      lines.push_back(fmt::format("input {} truth {}", pair.name, hash_file(*files.truth)));
-    }
+    inputs.push_back({pair.name, "source", files.source, hash_file(files.source)});
+    inputs.push_back({pair.name, "target", files.target, hash_file(files.target)});
+    if (files.truth) inputs.push_back({pair.name, "truth", *files.truth, hash_file(*files.truth)});
   }
-  return lines;
+  return inputs;
 }
 
 LandmarkMap read_study_map(const std::string& path) {
@@ -98,18 +108,24 @@ LandmarkMap read_study_map(const std::string& path) {
   return map;
 }
 
-void conclude_study(const Study& study, const std::string& folder, const CommonArguments& common) {
+StudyConclusion conclude_study(const Study& study, const std::string& folder,
+                               const CommonArguments& common) {
   const std::string path = (fs::path(folder) / "runs.csv").string();
   const std::vector<TrialResult> runs = parse_runs(read_file(path), path);
   const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common.executor()});
   const std::vector<ResultTable> tables = study_tables(study, analysis);
-  const std::vector<std::string> answers = study_answers(study, analysis);
+  StudyConclusion conclusion;
+  conclusion.runs = runs.size();
+  conclusion.findings = study_findings(study, analysis);
+  conclusion.answers = study_answers(study, analysis);
+  conclusion.sections = report::study_sections(study, analysis, runs);
   write_tables(folder, tables);
-  write_text(folder, "summary.md", summary(study, answers, tables));
+  write_text(folder, "summary.md", summary(study, conclusion.answers, tables));
 
   CommonArguments seeded = common;
   seeded.seed = study.seed;
-  Json json =
+  Json& json = conclusion.json;
+  json =
       document("experiment", seeded, {{"runs", {{"path", "runs.csv"}, {"hash", hash_file(path)}}}},
                {{"max_rotation_deg", study.success.rotation_deg},
                 {"max_translation_m", study.success.translation_m},
@@ -118,22 +134,27 @@ void conclude_study(const Study& study, const std::string& folder, const CommonA
                 {"equivalence_margin", study.equivalence_margin}});
   json["experiment"] = "sweep";
   json["name"] = study.name;
-  json["answers"] = answers;
+  json["answers"] = conclusion.answers;
   json["tables"] = Json::array();
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
   write_text(folder, "experiment.json", to_text(json));
-  write_document(json, common);
-  std::vector<report::Section> sections = report::study_sections(study, analysis, runs);
-  write_figures(folder, sections);
+  write_figures(folder, conclusion.sections);
+  return conclusion;
+}
+
+void tell_study(const Study& study, StudyConclusion conclusion, const std::string& folder,
+                const CommonArguments& common) {
+  write_document(conclusion.json, common);
   if (!common.report_path.empty()) {
-    json.erase("tables");
+    conclusion.json.erase("tables");
     report::Report report = begin_report("", common);
-    set_provenance(report, json);
-    add_study(report, study.name, study_findings(study, analysis), answers, std::move(sections));
+    set_provenance(report, conclusion.json);
+    add_study(report, study.name, conclusion.findings, conclusion.answers,
+              std::move(conclusion.sections));
     write_report(report, common);
   }
-  std::string text = fmt::format("{}: {} runs\n\n", folder, runs.size());
-  for (const std::string& answer : answers) text += answer + "\n";
+  std::string text = fmt::format("{}: {} runs\n\n", folder, conclusion.runs);
+  for (const std::string& answer : conclusion.answers) text += answer + "\n";
   common.console().print(text);
 }
 

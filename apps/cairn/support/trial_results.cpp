@@ -74,16 +74,13 @@ std::string markdown_of(const std::vector<ResultTable>& tables) {
   return text;
 }
 
-void make_result_folder(const std::string& folder) {
+detail::OutputFolder result_folder(const fs::path& folder) {
   std::error_code error;
-  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
-    throw Error(ErrorKind::kStorage, folder, "is a file", "a folder for the results");
+  if (folder.has_parent_path()) fs::create_directories(folder.parent_path(), error);
+  if (error) {
+    throw Error(ErrorKind::kStorage, folder.string(), "cannot be created: " + error.message(), "");
   }
-  if (fs::is_directory(folder, error) && !fs::is_empty(folder, error)) {
-    throw Error(ErrorKind::kStorage, folder, "is not empty", "a new or empty folder");
-  }
-  fs::create_directories(folder, error);
-  if (error) throw Error(ErrorKind::kStorage, folder, "cannot be created: " + error.message(), "");
+  return detail::OutputFolder(folder);
 }
 
 void write_text(const std::string& folder, const std::string& name, const std::string& text) {

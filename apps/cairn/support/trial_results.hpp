@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/experiments/result_table.hpp"
 #include "cairn/experiments/run.hpp"
 
@@ -18,9 +20,10 @@ Json to_json(const ResultTable& table);
 /// Each table with its name and title, for a summary.
 std::string markdown_of(const std::vector<ResultTable>& tables);
 
-/// Makes the folder that results go to; refuses one that holds anything.
+/// The folder that results go to, which appears when all are written; makes those it is to be in.
+/// @param folder new or empty
 /// @throws Error (storage)
-void make_result_folder(const std::string& folder);
+detail::OutputFolder result_folder(const std::filesystem::path& folder);
 
 /// Writes runs.csv and timings.csv.
 void write_runs(const std::string& folder, const std::vector<TrialResult>& runs,

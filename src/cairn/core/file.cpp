@@ -10,10 +10,10 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/text.hpp"
@@ -46,6 +46,11 @@ mode_t file_mode_mask() {
   return mask;
 }
 
+// Whether changing the mode of one's own file failed because its file system, e.g. FAT, has no modes.
+bool has_no_modes(int error_number) {
+  return error_number == EPERM || error_number == ENOTSUP || error_number == ENOSYS;
+}
+
 // Writes a folder's entries to the disk, e.g. after a rename.
 void sync_folder(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder.empty() ? "." : folder;
@@ -67,80 +72,64 @@ class TemporaryFile {
     constexpr int kMostAtOnce = 64;        // writers of one destination
     constexpr std::size_t kLongest = 200;  // of the 255 bytes that a name may have
     const std::string name = destination.filename().string().substr(0, kLongest);
-    for (int i = 0; i < kMostAtOnce;) {
+    for (int i = 0; i < kMostAtOnce; ++i) {
       const std::string suffix = i == 0 ? std::string() : fmt::format("-{}", i);
-      path_ = destination.parent_path() / fmt::format(".{}.cairn-unfinished{}", name, suffix);
-      descriptor_ =
-          ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0600);
-      error_number_ = errno;
-      if (descriptor_ < 0) {
-        const bool is_occupied = error_number_ == EACCES || error_number_ == EPERM ||
-                                 error_number_ == ELOOP || error_number_ == EISDIR;
-        if (!is_occupied) return;
-        ++i;
-      } else if (is_regular() && lock() && is_in_place()) {
-        if (::ftruncate(descriptor_, 0) == 0) return;
+      file_.emplace(destination.parent_path() / fmt::format(".{}.cairn-unfinished{}", name, suffix),
+                    true);
+      error_number_ = file_->error_number();
+      if (file_->descriptor() >= 0) {
+        if (::ftruncate(file_->descriptor(), 0) == 0) return;
         error_number_ = errno;
-        ::unlink(path_.c_str());
-        close();
+        ::unlink(file_->path().c_str());
+        file_.reset();
         return;
-      } else {
-        // If another writer has just renamed the file, its temporary name is free again.
-        if (!is_locked_ || is_in_place()) ++i;
-        close();
       }
+      const bool is_occupied = error_number_ == 0 || error_number_ == EACCES ||
+                               error_number_ == EPERM || error_number_ == ELOOP ||
+                               error_number_ == EISDIR;
+      if (!is_occupied) return;
     }
-    error_number_ = error_number_ != 0 ? error_number_ : EBUSY;
+    if (error_number_ == 0) error_number_ = EBUSY;
   }
 
   ~TemporaryFile() {
-    if (descriptor_ < 0) return;
-    if (!path_.empty()) ::unlink(path_.c_str());
-    close();
+    // Deleted before it is unlocked, so that no other process takes it over.
+    if (descriptor() >= 0 && !is_renamed_) ::unlink(file_->path().c_str());
   }
 
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
   /// Negative if the file could not be opened.
-  int descriptor() const { return descriptor_; }
+  int descriptor() const { return file_ ? file_->descriptor() : -1; }
   /// Why it could not be opened.
   int error_number() const { return error_number_; }
 
   /// Renames the file to its destination, before it is closed so that no other process takes it over.
   bool rename_to(const std::filesystem::path& destination) {
-    if (::rename(path_.c_str(), destination.c_str()) != 0) return false;
-    path_.clear();
-    return true;
+    is_renamed_ = ::rename(file_->path().c_str(), destination.c_str()) == 0;
+    return is_renamed_;
   }
 
  private:
-  void close() {
-    ::close(std::exchange(descriptor_, -1));
-    is_locked_ = false;
-  }
-  bool is_regular() const {
-    struct stat status = {};
-    return ::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode);
-  }
-  bool lock() {
-    is_locked_ = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
-    // If the file system cannot lock files, only the names separate writers.
-    if (!is_locked_ && errno != EWOULDBLOCK && errno != EINTR) is_locked_ = true;
-    return is_locked_;
-  }
-  bool is_in_place() const {
-    struct stat open = {};
-    struct stat named = {};
-    return ::fstat(descriptor_, &open) == 0 && ::lstat(path_.c_str(), &named) == 0 &&
-           open.st_ino == named.st_ino && open.st_dev == named.st_dev;
-  }
-
-  std::filesystem::path path_;
-  int descriptor_ = -1;
+  // If the file system cannot lock files, only the names separate writers.
+  std::optional<detail::FileLock> file_;
   int error_number_ = 0;
-  bool is_locked_ = false;
+  bool is_renamed_ = false;
 };
+
+// The file that a link stands for, whether it exists or not; `path` itself if it is no link.
+std::filesystem::path without_links(std::filesystem::path path) {
+  constexpr int kMostLinks = 40;  // as the kernel
+  for (int i = 0; i < kMostLinks; ++i) {
+    std::error_code error;
+    if (!std::filesystem::is_symlink(std::filesystem::symlink_status(path, error))) return path;
+    const std::filesystem::path target = std::filesystem::read_symlink(path, error);
+    if (error) fail_writing(path, error.value());
+    path = path.parent_path() / target;
+  }
+  fail_writing(path, ELOOP);
+}
 
 // A file being written; removed again unless committed.
 class OutputFile {
@@ -156,10 +145,7 @@ class OutputFile {
       if (descriptor_ < 0) fail_writing(path, errno);
       return;
     }
-    destination_ = path;
-    if (std::filesystem::is_symlink(std::filesystem::symlink_status(path, ignored))) {
-      destination_ = std::filesystem::weakly_canonical(path);
-    }
+    destination_ = without_links(path);
     if (std::filesystem::exists(status) && ::access(destination_.c_str(), W_OK) != 0) {
       fail_writing(path, errno);
     }
@@ -167,10 +153,10 @@ class OutputFile {
     if (temporary_->descriptor() < 0) fail_writing(path, temporary_->error_number());
     // The temporary file is private; give it the permissions of the file it replaces, or of new files.
     struct stat existing = {};
-    if (::stat(destination_.c_str(), &existing) == 0) {
-      ::fchmod(temporary_->descriptor(), existing.st_mode & 07777);
-    } else {
-      ::fchmod(temporary_->descriptor(), 0666 & ~file_mode_mask());
+    const bool has_mode = ::stat(destination_.c_str(), &existing) == 0;
+    const mode_t mode = has_mode ? existing.st_mode & 07777 : 0666 & ~file_mode_mask();
+    if (::fchmod(temporary_->descriptor(), mode) != 0 && !has_no_modes(errno)) {
+      fail_writing(path, errno);
     }
   }
 

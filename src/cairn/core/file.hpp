@@ -129,9 +129,9 @@ enum class Durability {
 };
 
 /// Writes a file atomically: writes to a temporary file in the same folder, which replaces `path` after
-/// `produce` has returned and all is on disk. Follows a link; writes directly to a device or pipe. The next
-/// call for the same path reuses the temporary file ".NAME.cairn-unfinished" of a killed process.
-/// Thread-safe.
+/// `produce` has returned and all is on disk. Follows a link, even to a file that does not exist yet; writes
+/// directly to a device or pipe. The next call for the same path reuses the temporary file
+/// ".NAME.cairn-unfinished" of a killed process of this user. Thread-safe.
 /// @param durability with kLater, a crash of the machine may leave the file empty
 /// @throws Error (storage) naming path and reason (no such folder, no permission, disk full); an earlier
 ///        file at `path` then remains

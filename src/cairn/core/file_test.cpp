@@ -273,6 +273,37 @@ TEST(WriteFile, LeavesAloneWhatStandsWhereItsTemporaryFileWould) {
   EXPECT_TRUE(std::filesystem::is_symlink(folder / ".a.cairn-unfinished"));
 }
 
+TEST(WriteFile, TakesOverNoFileThatHasAnotherNameOrOwner) {
+  const TemporaryFolder folder;
+  const auto other = folder.write("other", "of somebody");
+  std::filesystem::create_hard_link(other, folder / ".a.cairn-unfinished");
+  write_file(folder / "a", [](const ByteSink& sink) { sink("x"); });
+  EXPECT_EQ(read_text(folder / "a"), "x");
+  EXPECT_EQ(read_text(other), "of somebody");
+  if (::geteuid() != 0) return;  // only root can make a file of another user
+  const auto theirs = folder.write(".b.cairn-unfinished", "theirs");
+  ASSERT_EQ(::chown(theirs.c_str(), 12345, 12345), 0);
+  write_file(folder / "b", [](const ByteSink& sink) { sink("x"); });
+  struct stat status = {};
+  ASSERT_EQ(::stat((folder / "b").c_str(), &status), 0);
+  EXPECT_EQ(status.st_uid, ::geteuid());
+  EXPECT_EQ(read_text(theirs), "theirs");
+}
+
+TEST(WriteFile, FollowsLinksToFilesThatDoNotExistYet) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "real");
+  std::filesystem::create_symlink("real/a", folder / "first");
+  std::filesystem::create_symlink(folder / "first", folder / "second");
+  write_file(folder / "second", [](const ByteSink& sink) { sink("x"); });
+  EXPECT_EQ(read_text(folder / "real/a"), "x");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "first"));
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "second"));
+  std::filesystem::create_symlink("ring", folder / "ring");
+  EXPECT_THROW(write_file(folder / "ring", [](const ByteSink& sink) { sink("x"); }), Error);
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "ring"));
+}
+
 TEST(WriteFile, FollowsLinksAndKeepsRights) {
   const TemporaryFolder folder;
   const auto path = folder.write("a", "before");

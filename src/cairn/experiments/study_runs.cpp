@@ -14,10 +14,11 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include "cairn/core/csv.hpp"
+#include "cairn/core/detail/file_lock.hpp"
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -34,6 +35,7 @@ constexpr std::string_view kIdentity = "study.txt";
 constexpr std::string_view kRuns = "runs.csv";
 constexpr std::string_view kTimings = "timings.csv";
 constexpr std::string_view kProcessors = "processors.txt";
+constexpr std::string_view kLock = ".study.cairn-unfinished";
 
 [[noreturn]] void fail(const fs::path& path, std::string_view what) {
   throw Error(ErrorKind::kStorage, path.string(),
@@ -124,6 +126,21 @@ void write_processors(const fs::path& folder, const std::set<std::string>& kinds
   });
 }
 
+// Held by the process that writes a folder, from before it reads what is there.
+class FolderLock {
+ public:
+  explicit FolderLock(const fs::path& folder) : file_(folder / kLock, true) { file_.require(); }
+  ~FolderLock() {
+    std::error_code ignored;
+    fs::remove(file_.path(), ignored);
+  }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  detail::FileLock file_;
+};
+
 // A table that is only ever appended to.
 class RowFile {
  public:
@@ -131,13 +148,6 @@ class RowFile {
       : path_(std::move(path)),
         descriptor_(::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
     if (descriptor_ < 0) fail(path_, "cannot be written");
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
-      const bool taken = errno == EWOULDBLOCK;
-      ::close(descriptor_);
-      if (!taken) fail(path_, "cannot be locked");
-      throw Error(ErrorKind::kStorage, path_.string(), "another process is writing it",
-                  "one process a folder");
-    }
     try {
       text_ = read_file(path_);
       text_.resize(sound_size(text_, header, path_.string()));
@@ -193,6 +203,43 @@ class RowFile {
   std::vector<CsvRow> rows_;
 };
 
+// The rows that both tables hold.
+// @throws Error (input) if a row is not the study's run of its place
+std::size_t matching_rows(const std::string& runs_text, const std::string& name,
+                          std::size_t timings, const StudyPlan& plan, const Shard& shard) {
+  const std::vector<TrialResult> runs = parse_runs(runs_text, name);
+  const std::size_t rows = std::min(runs.size(), timings);
+  const std::size_t begin = shard.begin(plan.size());
+  const std::size_t most = shard.end(plan.size()) - begin;
+  if (rows > most) {
+    throw Error(ErrorKind::kInput, name, fmt::format("{} rows", rows),
+                fmt::format("at most {}", most));
+  }
+  for (std::size_t i = 0; i < rows; ++i) {
+    if (runs[i].trial == plan.trial(begin + i)) continue;
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, i + 2),
+                "is not the study's run of this place", "the rows as they were written");
+  }
+  return rows;
+}
+
+// A table as it was read, up to the first row that is not sound.
+struct SoundTable {
+  std::string text;
+  std::size_t rows = 0;
+  bool is_whole = false;  // nothing follows
+};
+
+SoundTable read_table(const fs::path& path, const std::string& header) {
+  SoundTable table{read_file(path)};
+  const std::size_t sound = sound_size(table.text, header, path.string());
+  table.is_whole = sound == table.text.size();
+  table.text.resize(sound);
+  const std::vector<CsvRow> rows = parse_csv(table.text, path.string());
+  table.rows = rows.empty() ? 0 : rows.size() - 1;
+  return table;
+}
+
 }  // namespace
 
 void Shard::validate() const {
@@ -202,12 +249,15 @@ void Shard::validate() const {
 }
 
 struct StudyFolder::Files {
-  Files(const fs::path& folder, const StudyPlan& the_plan, const Shard& the_shard)
-      : plan(the_plan),
+  Files(std::unique_ptr<FolderLock> the_lock, const fs::path& folder, const StudyPlan& the_plan,
+        const Shard& the_shard)
+      : lock(std::move(the_lock)),
+        plan(the_plan),
         shard(the_shard),
         runs(folder / kRuns, runs_header()),
         timings(folder / kTimings, timings_header()) {}
 
+  std::unique_ptr<FolderLock> lock;
   StudyPlan plan;
   Shard shard;
   RowFile runs;
@@ -222,6 +272,7 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw Error(ErrorKind::kStorage, folder.string(), error.message(), "");
+  auto lock = std::make_unique<FolderLock>(folder);
   const Identity identity = identity_of(plan, shard, inputs);
   const fs::path path = folder / kIdentity;
   if (fs::exists(path)) {
@@ -234,20 +285,10 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
     }
     write_file(path, [&](const ByteSink& sink) { sink(identity.text()); });
   }
-  files_ = std::make_unique<Files>(folder, plan, shard);
+  files_ = std::make_unique<Files>(std::move(lock), folder, plan, shard);
 
-  const std::vector<TrialResult> runs = parse_runs(files_->runs.text(), files_->runs.name());
-  files_->done = std::min(runs.size(), files_->timings.rows());
-  if (files_->done > identity.runs) {
-    throw Error(ErrorKind::kInput, files_->runs.name(), fmt::format("{} rows", files_->done),
-                fmt::format("at most {}", identity.runs));
-  }
-  const std::size_t begin = shard.begin(plan.size());
-  for (std::size_t i = 0; i < files_->done; ++i) {
-    if (runs[i].trial == plan.trial(begin + i)) continue;
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}", files_->runs.name(), i + 2),
-                "is not the study's run of this place", "the rows as they were written");
-  }
+  files_->done =
+      matching_rows(files_->runs.text(), files_->runs.name(), files_->timings.rows(), plan, shard);
   files_->runs.keep(files_->done);
   files_->timings.keep(files_->done);
   files_->runs.forget_text();
@@ -325,6 +366,34 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
   }
 }
 
+bool is_complete(const fs::path& folder, const StudyPlan& plan, const Shard& shard,
+                 const std::vector<std::string>& inputs) {
+  shard.validate();
+  if (!fs::exists(folder / kIdentity)) return false;
+  const Identity identity = identity_of(plan, shard, inputs);
+  require_same(folder, read_identity(folder).text(), identity.text());
+  if (!fs::exists(folder / kRuns) || !fs::exists(folder / kTimings)) return false;
+  const SoundTable runs = read_table(folder / kRuns, runs_header());
+  const SoundTable timings = read_table(folder / kTimings, timings_header());
+  const bool is_whole = runs.is_whole && timings.is_whole && runs.rows == identity.runs &&
+                        timings.rows == identity.runs;
+  if (!is_whole) return false;
+  matching_rows(runs.text, (folder / kRuns).string(), timings.rows, plan, shard);
+  return true;
+}
+
+void require_runs_of(const fs::path& folder, const Study& study, std::string_view name) {
+  const std::string runs = read_identity(folder).study;
+  const std::string given = canonical_text(study);
+  // The inputs follow, of which a study knows only the paths.
+  const std::string rest = runs.starts_with(given) ? runs.substr(given.size()) : runs;
+  if (rest.empty() || (rest != runs && rest.starts_with("input "))) return;
+  const auto [there, here] = first_difference(runs, given);
+  throw Error(ErrorKind::kInput, std::string(name),
+              fmt::format("is not the study of the runs beside it: {}", printable(here)),
+              fmt::format("{}, as {} says", printable(there), kIdentity));
+}
+
 std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const fs::path& merged) {
   if (shards.empty()) throw Error(ErrorKind::kMisuse, "merge", "no folder", "the shards' folders");
   std::map<std::size_t, std::pair<fs::path, Identity>> parts;
@@ -361,32 +430,27 @@ std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const 
     const std::string header = text;
     for (const auto& [index, part] : parts) {
       const fs::path path = part.first / name;
-      const std::string content = read_file(path);
-      const std::size_t sound = sound_size(content, header, path.string());
-      const std::vector<CsvRow> rows = parse_csv(content.substr(0, sound), path.string());
-      const std::size_t count = rows.empty() ? 0 : rows.size() - 1;
-      if (count != part.second.runs || sound != content.size()) {
-        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", count),
+      const SoundTable table = read_table(path, header);
+      if (table.rows != part.second.runs || !table.is_whole) {
+        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", table.rows),
                     fmt::format("{}; run the shard again to complete it", part.second.runs));
       }
-      text += content.substr(header.size());
+      text += table.text.substr(header.size());
     }
   }
   std::error_code error;
-  if (fs::exists(merged, error) && !fs::is_empty(merged, error)) {
-    throw Error(ErrorKind::kStorage, merged.string(), "holds something already",
-                "a new or empty folder");
-  }
-  fs::create_directories(merged, error);
+  if (merged.has_parent_path()) fs::create_directories(merged.parent_path(), error);
   if (error) throw Error(ErrorKind::kStorage, merged.string(), error.message(), "");
+  detail::OutputFolder output(merged);
   for (const auto& [name, text] : tables) {
-    write_file(merged / name, [&](const ByteSink& sink) { sink(text); });
+    write_file(output.unfinished() / name, [&](const ByteSink& sink) { sink(text); });
   }
   const Identity whole{Shard{}, total, first->study};
-  write_file(merged / kIdentity, [&](const ByteSink& sink) { sink(whole.text()); });
+  write_file(output.unfinished() / kIdentity, [&](const ByteSink& sink) { sink(whole.text()); });
   std::set<std::string> processors;
   for (const fs::path& folder : shards) processors.merge(read_processors(folder));
-  write_processors(merged, processors);
+  write_processors(output.unfinished(), processors);
+  output.commit();
   return {processors.begin(), processors.end()};
 }
 

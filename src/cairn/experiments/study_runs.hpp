@@ -7,6 +7,7 @@
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/executor.hpp"
@@ -37,7 +38,7 @@ struct Shard {
 /// A folder with the runs of a study or of a shard, safe against being killed at any time: complete rows of
 /// runs.csv and timings.csv are kept, no row is written twice; from a truncated or damaged row on, all are
 /// dropped and run again.
-/// Used by one process at a time.
+/// Used by one process at a time: a second is refused, before it reads or writes anything.
 class StudyFolder {
  public:
   /// Creates the folder, or continues with its content.
@@ -81,11 +82,23 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
                const StudyOptions& options = {});
 
+/// Whether the folder holds all runs of the shard, each row sound. Changes nothing.
+/// @param inputs as of StudyFolder
+/// @throws Error (input) as StudyFolder
+bool is_complete(const std::filesystem::path& folder, const StudyPlan& plan, const Shard& shard,
+                 const std::vector<std::string>& inputs = {});
+
+/// @param name of the study's file, for messages
+/// @throws Error (input) if the folder's runs are not of this study, naming the difference
+void require_runs_of(const std::filesystem::path& folder, const Study& study,
+                     std::string_view name);
+
 /// Joins the complete folders of all shards of one study, in any order, to the folder that a single process
-/// would have written; runs.csv is identical.
+/// would have written; runs.csv is identical. The folder appears whole or not at all.
+/// @param merged a new or empty folder
 /// @return the kinds of processor that wrote the rows, as StudyFolder::processors()
 /// @throws Error (input) naming a folder of another study, incomplete, missing or given twice; (storage) if
-///        `merged` exists or cannot be written
+///        `merged` holds anything or cannot be written
 std::vector<std::string> merge_study(const std::vector<std::filesystem::path>& shards,
                                      const std::filesystem::path& merged);
 

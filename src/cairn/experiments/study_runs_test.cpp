@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/study_runs.hpp"
 
+#include <barrier>
 #include <filesystem>
+#include <memory>
 #include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -211,6 +214,57 @@ TEST_F(StudyRunsTest, MergeRefusesWhatIsNotTheWholeOfOneStudy) {
   EXPECT_THAT(message({folder_ / "none"}), HasSubstr("study.txt"));
 }
 
+TEST_F(StudyRunsTest, MergeClearsWhatAKilledMergeLeft) {
+  run(folder_ / "a");
+  fs::create_directories(folder_ / ".m.cairn-unfinished/m");
+  folder_.write(".m.cairn-unfinished/.lock", "");
+  folder_.write(".m.cairn-unfinished/m/.runs.csv.cairn-unfinished", "half");
+  merge_study({folder_ / "a"}, folder_ / "m");
+  EXPECT_EQ(content(folder_ / "m/runs.csv"), content(folder_ / "a/runs.csv"));
+  EXPECT_FALSE(fs::exists(folder_ / ".m.cairn-unfinished"));
+  EXPECT_THROW(merge_study({folder_ / "a"}, folder_ / "m"), Error) << "it is there";
+}
+
+TEST_F(StudyRunsTest, AreCompleteOnlyIfAllAreThereAndSound) {
+  EXPECT_FALSE(is_complete(folder_ / "none", plan_, {}));
+  EXPECT_FALSE(fs::exists(folder_ / "none"));
+  run(folder_ / "a");
+  EXPECT_TRUE(is_complete(folder_ / "a", plan_, {}));
+  for (const char* const name : {"runs.csv", "timings.csv"}) {
+    const fs::path path = folder_ / "a" / name;
+    const std::string whole = content(path);
+    std::string damaged = whole;
+    damaged[whole.size() / 2] ^= 1;
+    for (const std::string& text :
+         {damaged, whole + "more", whole.substr(0, whole.size() - 1), std::string()}) {
+      write_file(path, [&](const ByteSink& sink) { sink(text); });
+      EXPECT_FALSE(is_complete(folder_ / "a", plan_, {})) << name;
+      EXPECT_EQ(content(path), text);
+    }
+    write_file(path, [&](const ByteSink& sink) { sink(whole); });
+  }
+  EXPECT_THROW(is_complete(folder_ / "a", plan_, {}, {"input x 1"}), Error);
+  EXPECT_THROW(is_complete(folder_ / "a", plan_, {1, 2}), Error);
+}
+
+TEST_F(StudyRunsTest, AreOfTheStudyThatTheyWereMadeFrom) {
+  { const StudyFolder rows(folder_ / "a", plan_, {}, {"input x 1"}); }
+  require_runs_of(folder_ / "a", small_study(), "study.yaml");
+  Study judged_otherwise = small_study();
+  judged_otherwise.success.rotation_deg *= 2.0;
+  require_runs_of(folder_ / "a", judged_otherwise, "study.yaml");
+  Study other = small_study();
+  other.seed = 4;
+  try {
+    require_runs_of(folder_ / "a", other, "study.yaml");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_THAT(error.what(), HasSubstr("study.yaml: is not the study of the runs beside it: "
+                                        "'seed 4'; expected 'seed 3'"));
+  }
+}
+
 TEST_F(StudyRunsTest, KeepTheRowsOfAnotherStudy) {
   run(folder_ / "a");
   Study other = small_study();
@@ -239,6 +293,29 @@ TEST_F(StudyRunsTest, AreWrittenByOneProcessAtATime) {
   run(folder_ / "a");
   const StudyFolder rows(folder_ / "a", plan_, {});
   EXPECT_THAT(refusal(folder_ / "a", plan_), HasSubstr("another process is writing it"));
+}
+
+TEST_F(StudyRunsTest, OfTwoStudiesStartedTogetherOneIsRefused) {
+  Study other = small_study();
+  other.seed = 4;
+  const StudyPlan plans[] = {plan_, StudyPlan(other)};
+  for (int i = 0; i < 20; ++i) {
+    const fs::path folder = folder_ / std::to_string(i);
+    std::unique_ptr<StudyFolder> opened[2];
+    std::barrier start(2);
+    const auto open = [&](int which) {
+      start.arrive_and_wait();
+      try {
+        opened[which] = std::make_unique<StudyFolder>(folder, plans[which], Shard());
+      } catch (const Error&) {
+      }
+    };
+    std::thread thread(open, 1);
+    open(0);
+    thread.join();
+    ASSERT_NE(opened[0] == nullptr, opened[1] == nullptr);
+    EXPECT_THAT(content(folder / "study.txt"), HasSubstr(opened[0] ? "seed 3\n" : "seed 4\n"));
+  }
 }
 
 TEST(Shard, CoversEachRunOnce) {

@@ -15,11 +15,11 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
-#include "cairn/interchange/detail/output_folder.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/map/io/losses.hpp"
@@ -898,14 +898,16 @@ void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm for
                   const MapWriteOptions& options) {
   const ModelWriter writer(map, folder, form, options);
   writer.remark();  // before writing, because the caller may refuse the loss
-  detail::write_folder(folder, [&](const fs::path& unfinished) {
-    write_file(unfinished / file_name("cameras", form),
-               [&](const ByteSink& sink) { writer.write_cameras(sink); });
-    write_file(unfinished / file_name("images", form),
-               [&](const ByteSink& sink) { writer.write_images(sink); });
-    write_file(unfinished / file_name("points3D", form),
-               [&](const ByteSink& sink) { writer.write_points(sink); });
-  });
+  detail::OutputFolder output(folder);
+  const auto write = [&](std::string_view stem,
+                         void (ModelWriter::*produce)(const ByteSink&) const) {
+    write_file(output.unfinished() / file_name(stem, form),
+               [&](const ByteSink& sink) { (writer.*produce)(sink); });
+  };
+  write("cameras", &ModelWriter::write_cameras);
+  write("images", &ModelWriter::write_images);
+  write("points3D", &ModelWriter::write_points);
+  output.commit();
 }
 
 std::vector<MapFormat> colmap_formats() {

@@ -256,21 +256,21 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   if (options.log && !lost.empty()) options.log({lost, RemarkKind::kLoss});
   const fs::path points = path.parent_path() / kPointsName;
   std::error_code ignored;
-  if (map.landmark_count() > 0) {
-    if (fs::exists(points, ignored)) {
-      throw Error(ErrorKind::kStorage, points.string(),
-                  "is there already, and is to hold the landmarks of " + path.string(),
-                  "a folder without it");
-    }
-    all["ply_file_path"] = kPointsName;
-    write_file(points, [&](const ByteSink& sink) { write_ply(map, sink); });
+  const bool has_points = map.landmark_count() > 0;
+  if (has_points && fs::exists(points, ignored)) {
+    throw Error(ErrorKind::kStorage, points.string(),
+                "is there already, and is to hold the landmarks of " + path.string(),
+                "a folder without it");
   }
+  if (has_points) all["ply_file_path"] = kPointsName;
   try {
+    // Both are written before one has its name: what a killed process leaves is no file that the next run refuses.
     write_file(path, [&](const ByteSink& sink) {
       sink(all.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+      if (has_points) write_file(points, [&](const ByteSink& ply) { write_ply(map, ply); });
     });
   } catch (...) {
-    if (map.landmark_count() > 0) fs::remove(points, ignored);
+    if (has_points) fs::remove(points, ignored);
     throw;
   }
 }

@@ -9,6 +9,7 @@
 
 #include "cairn/interchange/formats.hpp"
 
+#include "support/full_file.hpp"
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
@@ -75,6 +76,26 @@ TEST_F(NerfstudioTest, ErrorsNameThePlace) {
       refused(R"({"fl_x": 1, "frames": [{"transform_matrix": [[2,0,0,0],[0,1,0,0],[0,0,1,0]]}]})"),
       HasSubstr("/frames/0/transform_matrix: is no rigid motion"));
   EXPECT_THAT(refused(R"({"fl_x": 1})"), HasSubstr("has no 'frames'"));
+}
+
+TEST_F(NerfstudioTest, WhatAKilledWriterLeavesIsWrittenOver) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {{CameraId{0}, "SIMPLE_PINHOLE", 200, 100, {150, 90, 50}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {std::string(2000, 'a') + ".png", "b.png"};
+  const LandmarkMap map{std::move(tables)};
+  for (const char* const name : {"whole", "killed"}) {
+    std::filesystem::create_directory(folder_ / name);
+  }
+  write(map, "whole/transforms.json");
+  const auto size = std::filesystem::file_size(folder_ / "whole/sparse_pc.ply");
+  testing::kill_when_a_file_exceeds(size, [&] { write(map, "killed/transforms.json"); });
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "killed/sparse_pc.ply"));
+  write(map, "killed/transforms.json");
+  for (const char* const name : {"transforms.json", "sparse_pc.ply"}) {
+    EXPECT_EQ(testing::read_text(folder_ / "killed" / name),
+              testing::read_text(folder_ / "whole" / name));
+  }
 }
 
 TEST_F(NerfstudioTest, WhatIsWrittenIsReadBack) {

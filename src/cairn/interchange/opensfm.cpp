@@ -694,15 +694,24 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
                 "is there already, and would be overwritten", "a folder without it");
   }
   writer.remark();  // before writing, because the caller may refuse the loss
-  // The tracks first, so that a reconstruction never exists without them.
-  if (has_tracks) {
-    write_file(tracks, [&](const ByteSink& sink) { writer.write_tracks(sink); });
-  }
+  // All are written before the first has its name, and the reconstruction gets its own last: what a killed process
+  // leaves is no file that the next run would refuse, nor a reconstruction without its tracks.
+  const auto write_control_points = [&] {
+    if (!has_control_points) return;
+    write_file(control_points, [&](const ByteSink& sink) { writer.write_control_points(sink); });
+  };
+  const auto write_beside = [&] {
+    if (!has_tracks) return write_control_points();
+    write_file(tracks, [&](const ByteSink& sink) {
+      writer.write_tracks(sink);
+      write_control_points();
+    });
+  };
   try {
-    if (has_control_points) {
-      write_file(control_points, [&](const ByteSink& sink) { writer.write_control_points(sink); });
-    }
-    write_file(path, [&](const ByteSink& sink) { writer.write_reconstruction(sink); });
+    write_file(path, [&](const ByteSink& sink) {
+      writer.write_reconstruction(sink);
+      write_beside();
+    });
   } catch (...) {
     if (has_tracks) fs::remove(tracks, ignored);
     if (has_control_points) fs::remove(control_points, ignored);

@@ -15,6 +15,7 @@
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 
+#include "support/full_file.hpp"
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
 #include "support/real_data.hpp"
@@ -351,6 +352,22 @@ TEST_F(OpenSfmTest, WhatIsWrittenIsReadBack) {
   }
   EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { all_formats().write(map, out); }),
               HasSubstr("tracks.csv: is there already"));
+}
+
+TEST_F(OpenSfmTest, WhatAKilledWriterLeavesIsWrittenOver) {
+  const LandmarkMap map = read();
+  for (const char* const name : {"whole", "killed"})
+    std::filesystem::create_directory(folder_ / name);
+  all_formats().write(map, folder_ / "whole/reconstruction.json");
+  const auto size = std::filesystem::file_size(folder_ / "whole/tracks.csv");
+  testing::kill_when_a_file_exceeds(
+      size, [&] { all_formats().write(map, folder_ / "killed/reconstruction.json"); });
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "killed/tracks.csv"));
+  all_formats().write(map, folder_ / "killed/reconstruction.json");
+  for (const char* const name : {"reconstruction.json", "tracks.csv"}) {
+    EXPECT_EQ(testing::read_text(folder_ / "killed" / name),
+              testing::read_text(folder_ / "whole" / name));
+  }
 }
 
 TEST_F(OpenSfmTest, CamerasAreWrittenAsModelsOfOpenSfm) {

@@ -43,7 +43,9 @@ ImageOf pattern() {
 template <class Read>
 std::string refusal(Read&& read, const std::filesystem::path& path) {
   const std::string message = testing::refusal(ErrorKind::kInput, [&] { read(path); });
-  if (!message.empty()) EXPECT_THAT(message, HasSubstr(path.string()));
+  if (!message.empty()) {
+    EXPECT_THAT(message, HasSubstr(path.string()));
+  }
   return message;
 }
 

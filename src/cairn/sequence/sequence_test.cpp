@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <limits>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -23,6 +25,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using testing::TemporaryFolder;
+using ::testing::UnorderedElementsAre;
 
 const ColorImage kColor(32, 24, 50);
 
@@ -33,6 +36,14 @@ std::string message_of(auto&& action) {
     return error.what();
   }
   return "no error";
+}
+
+std::vector<std::string> names_in(const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    names.push_back(entry.path().filename());
+  }
+  return names;
 }
 
 TEST(RgbdSequence, ComesBackAsWritten) {
@@ -144,24 +155,42 @@ TEST(SequenceWriter, FailingItLeavesNothingOfItsOwn) {
 TEST(SequenceWriter, TakesOverWhatAKilledOneLeft) {
   const TemporaryFolder folder;
   const DepthImage depth(32, 24, 1.5F);
+  std::filesystem::create_directories(folder / "s/rgb");
+  folder.write("s/rgb/mine.png", "of the user");
   const auto killed = [&] {
     SequenceWriter writer(folder / "s");
     writer.add(1.0, kColor, depth);
-    writer.add_file("camera.yaml", [](const ByteSink& sink) { sink("old"); });
-    EXPECT_TRUE(SequenceWriter::left_unfinished(folder / "s"));
+    writer.add(2.0, kColor, depth);
+    writer.add_file("groundtruth.txt", [](const ByteSink& sink) { sink("old"); });
+    EXPECT_TRUE(SequenceWriter::is_unfinished(folder / "s"));
     std::_Exit(::testing::Test::HasFailure() ? 1 : 0);
   };
   EXPECT_EXIT(killed(), ::testing::ExitedWithCode(0), "");
-  EXPECT_TRUE(SequenceWriter::left_unfinished(folder / "s"));
+  EXPECT_TRUE(SequenceWriter::is_unfinished(folder / "s"));
   {
     SequenceWriter writer(folder / "s");
-    writer.add(1.0, kColor, depth);
-    writer.add_file("camera.yaml", [](const ByteSink& sink) { sink("new"); });
+    writer.add(3.0, kColor, depth);
     writer.finish();
   }
-  EXPECT_FALSE(SequenceWriter::left_unfinished(folder / "s"));
+  EXPECT_FALSE(SequenceWriter::is_unfinished(folder / "s"));
   EXPECT_EQ(RgbdSequence(folder / "s").frames().size(), 1U);
+  EXPECT_THAT(names_in(folder / "s"), UnorderedElementsAre("rgb", "depth", "rgb.txt", "depth.txt"));
+  EXPECT_THAT(names_in(folder / "s/rgb"), UnorderedElementsAre("mine.png", "3.000000.png"));
+  EXPECT_THAT(names_in(folder / "s/depth"), UnorderedElementsAre("3.000000.png"));
   EXPECT_THROW(SequenceWriter(folder / "s"), Error);
+}
+
+TEST(SequenceWriter, LeavesTheFolderOfAWriterAtWorkAlone) {
+  const TemporaryFolder folder;
+  const DepthImage depth(32, 24, 1.5F);
+  SequenceWriter first(folder / "s");
+  first.add(1.0, kColor, depth);
+  EXPECT_THAT(message_of([&] { SequenceWriter(folder / "s"); }),
+              HasSubstr("another process is writing it"));
+  first.add(2.0, kColor, depth);
+  first.finish();
+  EXPECT_EQ(RgbdSequence(folder / "s").frames().size(), 2U);
+  EXPECT_FALSE(RgbdSequence(folder / "s").read(0).gray.empty());
 }
 
 TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {

@@ -2,13 +2,16 @@
 #include "cairn/sequence/sequence_writer.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <limits>
 #include <string_view>
 #include <system_error>
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/sequence/image_file.hpp"
@@ -16,10 +19,17 @@
 namespace cairn {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr int kJpegQuality = 95;
 
-// In the folder of a sequence from its first file to its last.
+// In the folder of a sequence from its first file to its last, locked by its writer. Lists the files, one a line,
+// before they are made.
 constexpr std::string_view kUnfinished = ".sequence.cairn-unfinished";
+
+[[noreturn]] void fail(const fs::path& path, std::string_view what, const std::error_code& why) {
+  throw Error(ErrorKind::kStorage, path.string(), fmt::format("{}: {}", what, why.message()), "");
+}
 
 StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre) {
   constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
@@ -42,39 +52,91 @@ void SequenceWriterOptions::validate() const {
   }
 }
 
-SequenceWriter::SequenceWriter(const std::filesystem::path& folder,
-                               const SequenceWriterOptions& options)
+SequenceWriter::SequenceWriter(const fs::path& folder, const SequenceWriterOptions& options)
     : folder_(folder), options_(options) {
   options_.validate();
-  if (std::filesystem::exists(folder / "rgb.txt") && !left_unfinished(folder)) {
-    throw Error(ErrorKind::kMisuse, folder.string(), "holds a sequence already", "a new folder");
+  try {
+    take_folder();
+    for (const char* const part : {"rgb", "depth"}) make_folder(folder / part);
+  } catch (...) {
+    discard();
+    throw;
   }
-  std::error_code ignored;
-  for (const auto& part : {folder / "rgb", folder / "depth", folder}) {
-    if (!std::filesystem::exists(part, ignored)) made_.push_back(part);
+}
+
+void SequenceWriter::take_folder() {
+  const auto refuse_sequence = [&] {
+    if (!fs::exists(folder_ / "rgb.txt")) return;
+    throw Error(ErrorKind::kMisuse, folder_.string(), "holds a sequence already", "a new folder");
+  };
+  if (!is_unfinished(folder_)) refuse_sequence();
+  make_folder(folder_);
+  unfinished_ = std::make_unique<detail::FileLock>(folder_ / kUnfinished, true);
+  unfinished_->require();
+  if (unfinished_->is_new()) {
+    refuse_sequence();  // another writer may just have finished it
+  } else {
+    delete_leftovers();
   }
-  for (const auto& part : {folder / "rgb", folder / "depth"}) {
+}
+
+void SequenceWriter::delete_leftovers() const {
+  FileReader list(unfinished_->path());
+  LineReader lines(list);
+  while (const auto line = lines.next()) {
+    const fs::path name(*line);
+    const fs::path part = name.parent_path();
+    const bool is_in_folder = !name.has_root_directory() && name.has_filename() &&
+                              name.filename() != ".." &&
+                              (part.empty() || part == "rgb" || part == "depth");
+    if (!is_in_folder) continue;
+    const std::string hidden = fmt::format(".{}.cairn-unfinished", name.filename().string());
     std::error_code error;
-    std::filesystem::create_directories(part, error);
-    if (error) {
-      throw Error(ErrorKind::kStorage, part.string(), "cannot be made: " + error.message(), "");
+    for (const fs::path& file : {folder_ / name, folder_ / part / hidden}) {
+      fs::remove(file, error);
+      if (error) fail(file, "cannot be deleted", error);
     }
   }
-  write_file(
-      folder / kUnfinished, [](const ByteSink&) {}, Durability::kLater);
+  if (::ftruncate(unfinished_->descriptor(), 0) != 0) {
+    fail(unfinished_->path(), "cannot be written", {errno, std::generic_category()});
+  }
+}
+
+void SequenceWriter::make_folder(const fs::path& folder) {
+  std::error_code error;
+  const bool was_left = unfinished_ && !unfinished_->is_new();
+  if (was_left || !fs::exists(folder, error)) made_.push_back(folder);
+  fs::create_directories(folder, error);
+  if (error) fail(folder, "cannot be made", error);
+}
+
+// Notes files in the hidden one, before they are made.
+void SequenceWriter::list(std::string names) const {
+  while (!names.empty()) {
+    const ssize_t written = ::write(unfinished_->descriptor(), names.data(), names.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) {
+      fail(unfinished_->path(), "cannot be written", {errno, std::generic_category()});
+    }
+    names.erase(0, static_cast<std::size_t>(written));
+  }
+}
+
+// Deletes the files while the folder is locked, so that no other writer takes over what is being deleted.
+void SequenceWriter::discard() {
+  std::error_code ignored;
+  for (const Entry& entry : entries_) {
+    fs::remove(folder_ / entry.color, ignored);
+    fs::remove(folder_ / entry.depth, ignored);
+  }
+  for (const auto& file : files_) fs::remove(file, ignored);
+  if (unfinished_ && unfinished_->holds()) fs::remove(unfinished_->path(), ignored);
+  // Removes only empty folders; keeps other files.
+  for (auto made = made_.rbegin(); made != made_.rend(); ++made) fs::remove(*made, ignored);
 }
 
 SequenceWriter::~SequenceWriter() {
-  if (finished_) return;
-  std::error_code ignored;
-  for (const Entry& entry : entries_) {
-    std::filesystem::remove(folder_ / entry.color, ignored);
-    std::filesystem::remove(folder_ / entry.depth, ignored);
-  }
-  for (const auto& file : files_) std::filesystem::remove(file, ignored);
-  std::filesystem::remove(folder_ / kUnfinished, ignored);
-  // Removes only empty folders; keeps other files.
-  for (const auto& made : made_) std::filesystem::remove(made, ignored);
+  if (!finished_) discard();
 }
 
 void SequenceWriter::add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m) {
@@ -92,6 +154,7 @@ void SequenceWriter::add(double timestamp_s, const ColorImage& color, const Dept
       throw Error(ErrorKind::kMisuse, "timestamp", time + " was added before", "another time");
     }
     entries_.push_back(entry);
+    list(entry.color + "\n" + entry.depth + "\n");
   }
   if (png) {
     write_png(folder_ / entry.color, color, Durability::kLater);
@@ -105,6 +168,7 @@ void SequenceWriter::add(double timestamp_s, const ColorImage& color, const Dept
 void SequenceWriter::add_file(const std::string& name,
                               const std::function<void(const ByteSink&)>& write) {
   files_.push_back(folder_ / name);
+  list(name + "\n");
   write_file(files_.back(), write);
 }
 
@@ -122,19 +186,16 @@ void SequenceWriter::finish() {
   sync_files(folder_);
   add_file("depth.txt", [&](const ByteSink& sink) { sink(depth_list); });
   add_file("rgb.txt", [&](const ByteSink& sink) { sink(color_list); });
-  const std::filesystem::path unfinished = folder_ / kUnfinished;
   std::error_code error;
-  std::filesystem::remove(unfinished, error);
-  if (error) {
-    throw Error(ErrorKind::kStorage, unfinished.string(), "cannot be deleted: " + error.message(),
-                "");
-  }
+  fs::remove(unfinished_->path(), error);
+  if (error) fail(unfinished_->path(), "cannot be deleted", error);
   finished_ = true;
+  unfinished_.reset();
 }
 
-bool SequenceWriter::left_unfinished(const std::filesystem::path& folder) {
+bool SequenceWriter::is_unfinished(const fs::path& folder) {
   std::error_code ignored;
-  return std::filesystem::exists(folder / kUnfinished, ignored);
+  return fs::exists(folder / kUnfinished, ignored);
 }
 
 }  // namespace cairn

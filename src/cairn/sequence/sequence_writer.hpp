@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -11,6 +12,10 @@
 #include "cairn/sequence/image.hpp"
 
 namespace cairn {
+
+namespace detail {
+class FileLock;
+}
 
 /// Format of colour images.
 enum class ColorFormat {
@@ -28,12 +33,13 @@ struct SequenceWriterOptions {
 
 /// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
 /// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
-/// removes what it wrote. A killed process leaves a hidden file in the folder, and the next writer takes the
-/// folder over.
+/// removes what it wrote. A folder has one writer at a time. A killed process leaves a hidden file in it that lists
+/// what it wrote; the next writer deletes that and takes the folder over.
 class SequenceWriter {
  public:
   /// Creates the folder.
-  /// @throws Error (storage) if it cannot be created, (misuse) if it holds a sequence
+  /// @throws Error (storage) if it cannot be created or another writer is at work in it, (misuse) if it holds a
+  ///        sequence
   explicit SequenceWriter(const std::filesystem::path& folder,
                           const SequenceWriterOptions& options = {});
   ~SequenceWriter();
@@ -51,8 +57,8 @@ class SequenceWriter {
   /// Writes the lists, in the order of time.
   void finish();
 
-  /// Whether a writer was killed before it had finished the sequence in this folder.
-  static bool left_unfinished(const std::filesystem::path& folder);
+  /// Whether the sequence in this folder is not finished: its writer is at work or was killed.
+  static bool is_unfinished(const std::filesystem::path& folder);
 
  private:
   struct Entry {
@@ -62,9 +68,17 @@ class SequenceWriter {
     std::string depth;
   };
 
+  void take_folder();
+  void delete_leftovers() const;
+  void make_folder(const std::filesystem::path& folder);
+  void list(std::string names) const;
+  void discard();
+
   std::filesystem::path folder_;
   SequenceWriterOptions options_;
-  std::vector<std::filesystem::path> made_;  // created folders, innermost first
+  // The hidden file, locked until the sequence is finished.
+  std::unique_ptr<detail::FileLock> unfinished_;
+  std::vector<std::filesystem::path> made_;  // created folders, outermost first
   std::mutex mutex_;
   std::vector<Entry> entries_;
   std::vector<std::filesystem::path> files_;  // other than images

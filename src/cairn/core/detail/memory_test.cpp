@@ -64,7 +64,7 @@ TEST(Memory, AVectorHasItsElementsAndRoomForMore) {
   std::vector<double> values = {1.0, 2.0};
   reserve_populated(values, 1'000'000);
   EXPECT_GE(values.capacity(), 1'000'000U);
-  EXPECT_THAT(values, testing::ElementsAre(1.0, 2.0));
+  EXPECT_THAT(values, ::testing::ElementsAre(1.0, 2.0));
 }
 
 }  // namespace
