@@ -121,7 +121,8 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
     one.overlap_radius = options.overlap_radius.value_or(one.alignment.radius);
     result.result = std::move(one);
   } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCancelled) throw;
+    // Maps that cannot be aligned cost no other pair; a wrong command line does.
+    if (error.kind() == ErrorKind::kCancelled || error.kind() == ErrorKind::kMisuse) throw;
     result.error = error.what();
   }
   return result;
