@@ -84,6 +84,23 @@ TEST_F(StreamsTest, ReaderThatLeavesEarlyCostsNoFile) {
   EXPECT_EQ(read_map(path("out.map")).landmark_count(), 600U);
 }
 
+// A pipe without a reader, from the first byte on.
+TEST_F(StreamsTest, AnswerThatNobodyReadsCostsNoFile) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  constexpr std::size_t kPairs = 200;  // their lines are more than stdio's buffer holds
+  std::string pairs = "source,target\n";
+  for (std::size_t i = 0; i < kPairs; ++i) pairs += fmt::format("missing{}.map,missing.map\n", i);
+  write("pairs.csv", pairs);
+  const std::string tool = CAIRN_TOOL;
+  const auto result = run_command(
+      {"/bin/sh", "-c",
+       "exec 3<>pipe >pipe 3<&-; exec " + tool + " align --pairs pairs.csv --json all.json"},
+      {.folder = path("")});
+  EXPECT_EQ(result.exit_code, 128 + SIGPIPE);
+  EXPECT_THAT(result.errors, IsEmpty());
+  EXPECT_EQ(Json::parse(content("all.json")).at("results").size(), kPairs);
+}
+
 TEST_F(StreamsTest, QuietSilencesRemarksButNotErrors) {
   write_plain();
   EXPECT_EQ(cairn({"convert", "plain.map", "plain.ply", "--quiet"}).errors, "");
