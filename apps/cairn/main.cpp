@@ -285,6 +285,8 @@ int explain() {
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {
     std::fputs(kOutOfMemory, stderr);
+  } catch (const std::filesystem::filesystem_error& error) {
+    print_error(fmt::format("cairn: {}: {}\n", error.path1().string(), error.code().message()));
   } catch (const std::exception& error) {
     print_error(fmt::format("cairn: internal error: {}\n", error.what()));
   }

@@ -363,7 +363,7 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
     write_file(unfinished / "pose_graph.g2o",
                [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
     write_file(unfinished / "mini_maps.json",
-               [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
+               [text = to_text(index)](const ByteSink& sink) { sink(text); });
     fs::remove(unfinished / kUnfinishedMark);
     fs::rename(unfinished, output);
     sync_files(fs::path(output).has_parent_path() ? fs::path(output).parent_path() : ".");

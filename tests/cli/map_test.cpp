@@ -348,6 +348,15 @@ TEST_F(MapCliTest, TheCameraMustBeKnown) {
   answer({"map", "s", "-o", "out.map", "--camera", "PINHOLE 320 240 262 262 159.5 119.5"});
 }
 
+TEST_F(MapCliTest, MiniMapsOfASequenceWhoseNameIsNoTextAreWritten) {
+  fs::rename(path("s"), path("s\xff"));
+  answer({"map", "s\xff", "-o", "minis", "--mini-map-length", "8f"});
+  const Json index = Json::parse(content("minis/mini_maps.json"));
+  EXPECT_EQ(index.at("inputs").at("sequence"), "s\xef\xbf\xbd") << "the replacement character";
+  EXPECT_TRUE(
+      fs::exists(path("minis") / index.at("mini_maps").at(0).at("file").get<std::string>()));
+}
+
 TEST_F(MapCliTest, OutputThatIsAFileOfTheSequenceIsRefused) {
   const std::string list = content("s/rgb.txt");
   const std::string image =

@@ -353,6 +353,31 @@ TEST_F(UsageTest, UnreadableInputIsNamedWithTheReason) {
   EXPECT_FALSE(std::filesystem::exists(path("out.map")));
 }
 
+// Asking the operating system for the kind of such a file fails.
+TEST_F(UsageTest, NameThatIsTooLongIsBadInput) {
+  write_plain();
+  const std::string name = std::string(300, 'n') + ".map";
+  std::vector<Words> commands = {
+      {"info", name},
+      {"info", "plain.map", "--camera", name},
+      {"align", name, "plain.map", "--json", "out.json"},
+  };
+  if (report::has_viewer()) commands.push_back({"report", name, "-o", "out.html"});
+#ifdef CAIRN_HAS_ODOMETRY
+  commands.push_back({"map", name, "--camera", "fr1", "-o", "out.map"});
+#endif
+#ifdef CAIRN_HAS_MERGING
+  commands.push_back({"merge", name, "plain.map", "-o", "out.map"});
+#endif
+  for (const Words& words : commands) {
+    SCOPED_TRACE(words[0]);
+    expect_refusal(words, kBadInput, {name, "File name too long"});
+  }
+#ifdef CAIRN_HAS_SIMULATION
+  expect_refusal({"simulate", name}, kSystemError, {name, "File name too long"});
+#endif
+}
+
 TEST_F(UsageTest, BrokenMapIsRefusedByFileLineFieldAndValue) {
   write("broken.map", "FRAME 1 0 0 0 1 0 0 0\nFRAME 2 0 zero 0 1 0 0 0\n");
   expect_refusal({"info", "broken.map"}, kBadInput,
