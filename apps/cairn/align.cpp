@@ -266,6 +266,10 @@ void AlignArguments::check_options() const {
   if (!is_robust() && estimate_scale) {
     throw Error(ErrorKind::kMisuse, "--scale", "given with icp", "--method robust");
   }
+  if (!is_robust() && by_parts) {
+    throw Error(ErrorKind::kMisuse, "--by-parts", "given with icp, which aligns whole maps only",
+                "--method robust");
+  }
 }
 
 Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const {

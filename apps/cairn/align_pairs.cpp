@@ -56,6 +56,9 @@ std::vector<PairOfPaths> read_list(const std::string& list) {
     }
     pairs.push_back({cells[source], cells[target]});
   }
+  if (pairs.empty()) {
+    throw Error(ErrorKind::kInput, list, "lists no pair", "a row with the paths of two maps");
+  }
   return pairs;
 }
 

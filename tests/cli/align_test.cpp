@@ -659,8 +659,17 @@ TEST_F(AlignTest, RefusesOptionsOfAnotherMethod) {
   expect_refusal(pair({"--one-to-one"}), kWrongUsage, {"--one-to-one", "--method robust"});
   expect_refusal({"align", "source.map", "target.map", "--one-to-one", "--fast"}, kWrongUsage,
                  {"--one-to-one", "only icp has"});
+  expect_refusal({"align", "source.map", "target.map", "--method", "icp", "--by-parts"},
+                 kWrongUsage, {"--by-parts", "icp", "--method robust"});
   expect_refusal({"align", "source.map", "target.map", "--anywhere", "--stop-as-pcl"}, kWrongUsage,
                  {"--stop-as-pcl", "--anywhere"});
+}
+
+TEST_F(AlignTest, ListWithoutAPairIsRefused) {
+  write("pairs.csv", "source,target\n\n");
+  expect_refusal({"align", "--pairs", "pairs.csv", "--json", "all.json"}, kBadInput,
+                 {"pairs.csv", "lists no pair"});
+  EXPECT_THAT(files(), ::testing::ElementsAre("pairs.csv"));
 }
 
 TEST_F(AlignTest, AlignsManyPairsAsItDoesEach) {
