@@ -162,6 +162,7 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
           trusted += has_answer(alignment) ? 1 : 0;
           line += status_of(alignment);
           if (alignment.probability) line += " " + probability_text(*alignment.probability);
+          if (!has_answer(alignment)) line += ": " + alignment.reason;
         } else {
           line += "failed: " + found.error;
         }
@@ -171,6 +172,9 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
         }
       });
   console.print(fmt::format("{} of {} pairs aligned\n", trusted, pairs.size()));
+  if (trusted < pairs.size()) {
+    console.print("  hint: Align one of the others alone, which shows its candidates and hints.\n");
+  }
   Json json = document("align_pairs", common, {{"pairs", {{"path", list}}}}, std::move(recorded));
   json["results"] = std::move(results);
   write_document(json, common);
