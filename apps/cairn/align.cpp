@@ -22,6 +22,7 @@
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/hints.hpp"
 #include "support/reports.hpp"
 #include "support/table.hpp"
 
@@ -266,6 +267,10 @@ void AlignArguments::check_options() const {
   if (!is_robust() && estimate_scale) {
     throw Error(ErrorKind::kMisuse, "--scale", "given with icp", "--method robust");
   }
+  if (!is_robust() && by_parts) {
+    throw Error(ErrorKind::kMisuse, "--by-parts", "given with icp, which aligns whole maps only",
+                "--method robust");
+  }
 }
 
 Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const {
@@ -443,94 +448,6 @@ std::string parts_text(const PartsAlignment& parts, LengthUnit unit) {
   return text;
 }
 
-double extent_of(const LandmarkMap& map) {
-  const std::vector<Eigen::Vector3d>& positions = map.landmarks().positions;
-  if (positions.empty()) return 0.0;
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& position : positions) centre += position;
-  centre /= static_cast<double>(positions.size());
-  std::vector<double> distances;
-  for (const Eigen::Vector3d& position : positions) {
-    distances.push_back((position - centre).norm());
-  }
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
-}
-
-// Sentences that say what to do about a pose that is not aligned.
-std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
-                  bool with_scale, double required) {
-  constexpr double kLittleOverlap = 0.4;
-  constexpr double kOtherUnit = 8.0;    // no two maps of one place differ by so much in extent
-  constexpr double kLargestScale = 20;  // that --scale finds
-  constexpr double kLeastRequired = 0.5;
-  std::vector<std::string> list;
-  const auto& candidates = alignment.candidates;
-  const RegistrationResult& registration = alignment.registration;
-  const double probability = alignment.probability.value_or(0.0);
-  const bool open = !registration.unobservable.empty();
-  const bool improbable = probability < required;
-  const double ratio = extent_of(source) / extent_of(target);
-  const double factor = std::max(ratio, 1.0 / ratio);
-  if (std::isfinite(factor) && factor > kOtherUnit) {
-    std::string text = fmt::format(
-        "Check the units: the source's landmarks extend {:.3g} times as far as the target's.",
-        ratio);
-    if (!with_scale && factor <= kLargestScale) text += " Add --scale if the scales differ.";
-    list.push_back(std::move(text));
-  }
-  const bool likelier = !candidates.empty() && candidates.front().probability > probability;
-  if (likelier) {
-    list.emplace_back(
-        "Align without --initial: the search found a likelier pose, the first one above.");
-  }
-  const bool free = source.info().length_unit == LengthUnit::kFree ||
-                    target.info().length_unit == LengthUnit::kFree;
-  if (free && !with_scale) {
-    list.emplace_back("Add --scale to find the scale, which is unknown for a map of free scale.");
-  }
-  const auto& overlap = registration.overlap;
-  const std::string shares = overlap && std::min(overlap->source, overlap->target) < kLittleOverlap
-                                 ? fmt::format("{:.0f} % of the source and {:.0f} % of the target",
-                                               100.0 * overlap->source, 100.0 * overlap->target)
-                                 : "";
-  if (improbable && !likelier) {
-    if (alignment.verdict == Verdict::kRejected) {
-      list.push_back("Check that both maps show the same place" +
-                     (shares.empty() ? "." : ": at the best pose, only " + shares + " overlap."));
-    } else if (!shares.empty()) {
-      list.push_back("Map more of the common area: at the best pose, only " + shares + " overlap.");
-    }
-  }
-  if (improbable && !candidates.empty() && !candidates.front().support.agreement) {
-    list.emplace_back(
-        "Use maps that both have descriptors of one kind, which tell similar places apart; cairn "
-        "map stores them.");
-  }
-  for (const auto& [role, map] : {std::pair{"source", &source}, {"target", &target}}) {
-    if (improbable && !map->has_observations()) {
-      list.push_back(
-          fmt::format("Use a {} map with observations, which allow the free-space check.", role));
-    }
-  }
-  if (open) {
-    list.emplace_back(
-        "Use maps that overlap in more than a plane or a line; then the matches determine every "
-        "direction.");
-  }
-  if (improbable && !open && registration.covariance && probability >= kLeastRequired) {
-    const double accepted = std::floor(100.0 * probability) / 100.0;
-    list.push_back(fmt::format(
-        "Lower --min-probability to {:.2f} if a risk of {:.0f} % that the pose is wrong "
-        "is acceptable.",
-        accepted, std::ceil(100.0 * (1.0 - probability))));
-  }
-  std::string text;
-  for (const std::string& hint : list) text += "  hint: " + hint + "\n";
-  return text;
-}
-
 void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_map,
                            const std::vector<StrategyResult>& results, LengthUnit unit) const {
   const Console console = common.console();
@@ -551,12 +468,16 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
     if (one.verdict != Verdict::kRejected) {
       console.print(open_directions_text(one, estimate_scale));
     }
-    if (!one.verdict) continue;
     if (by_parts && one.parts) console.print(parts_text(*one.parts, unit));
     console.print(candidates_text(one, unit, trusted));
     if (!trusted) {
-      console.print(
-          hints(one, source_map.map, target_map.map, estimate_scale, alignment.min_probability));
+      console.print(hints(one, source_map.map, target_map.map,
+                          {.points = point_options,
+                           .min_probability = alignment.min_probability,
+                           .by_icp = !is_robust(),
+                           .has_initial = has_initial(),
+                           .with_scale = estimate_scale,
+                           .by_parts = by_parts}));
     }
   }
   if (!has_answer(results.front().alignment)) return;

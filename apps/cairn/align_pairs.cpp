@@ -56,6 +56,9 @@ std::vector<PairOfPaths> read_list(const std::string& list) {
     }
     pairs.push_back({cells[source], cells[target]});
   }
+  if (pairs.empty()) {
+    throw Error(ErrorKind::kInput, list, "lists no pair", "a row with the paths of two maps");
+  }
   return pairs;
 }
 
@@ -121,7 +124,8 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
     one.overlap_radius = options.overlap_radius.value_or(one.alignment.radius);
     result.result = std::move(one);
   } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCancelled) throw;
+    // Maps that cannot be aligned cost no other pair; a wrong command line does.
+    if (error.kind() == ErrorKind::kCancelled || error.kind() == ErrorKind::kMisuse) throw;
     result.error = error.what();
   }
   return result;
@@ -158,6 +162,7 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
           trusted += has_answer(alignment) ? 1 : 0;
           line += status_of(alignment);
           if (alignment.probability) line += " " + probability_text(*alignment.probability);
+          if (!has_answer(alignment)) line += ": " + alignment.reason;
         } else {
           line += "failed: " + found.error;
         }
@@ -167,6 +172,9 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
         }
       });
   console.print(fmt::format("{} of {} pairs aligned\n", trusted, pairs.size()));
+  if (trusted < pairs.size()) {
+    console.print("  hint: Align one of the others alone, which shows its candidates and hints.\n");
+  }
   Json json = document("align_pairs", common, {{"pairs", {{"path", list}}}}, std::move(recorded));
   json["results"] = std::move(results);
   write_document(json, common);

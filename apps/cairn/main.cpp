@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -18,6 +19,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include "cairn/core/error.hpp"
@@ -248,13 +250,25 @@ int run(int argc, char** argv) {
       ->second();
 }
 
+// Whether stdout is a pipe that nobody reads any more.
+bool reader_of_stdout_left() {
+  pollfd stream = {STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&stream, 1, 0) == 1 && (stream.revents & POLLERR) != 0;
+}
+
 // The command, from its first allocation to the last byte of its answer.
 int work(int argc, char** argv) {
   cairn::cli::catch_interrupts();
   cairn::cli::keep_command_line(argc, argv);
+  // A reader of stdout that leaves early, as head does, must not cost the files that are yet to be written.
+  const auto on_broken_pipe = std::signal(SIGPIPE, SIG_IGN);
   const int code = run(argc, argv);
   // An answer that never reached its file is no answer.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    if (on_broken_pipe == SIG_DFL && reader_of_stdout_left()) {
+      std::signal(SIGPIPE, SIG_DFL);
+      std::raise(SIGPIPE);
+    }
     print_error("cairn: stdout: cannot be written\n");
     return ExitCode::kInternalError;
   }
@@ -271,6 +285,8 @@ int explain() {
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {
     std::fputs(kOutOfMemory, stderr);
+  } catch (const std::filesystem::filesystem_error& error) {
+    print_error(fmt::format("cairn: {}: {}\n", error.path1().string(), error.code().message()));
   } catch (const std::exception& error) {
     print_error(fmt::format("cairn: internal error: {}\n", error.what()));
   }

@@ -329,7 +329,7 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   write_file(folder.unfinished() / "pose_graph.g2o",
              [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
   write_file(folder.unfinished() / "mini_maps.json",
-             [text = index.dump(2) + "\n"](const ByteSink& sink) { sink(text); });
+             [text = to_text(index)](const ByteSink& sink) { sink(text); });
   folder.commit();
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -175,13 +176,14 @@ void Assembly::add_file(const std::string& path) {
     refuse_sequence(path);
     refuse_pair_sequences(path);
   }
-  if (std::filesystem::is_directory(path)) {
+  std::error_code ignored;  // the reader explains it
+  if (std::filesystem::is_directory(path, ignored)) {
     refuse_sequence(path);
     refuse_pair_sequences(path);
     add_experiment(path);
     return;
   }
-  if (!std::filesystem::is_regular_file(path)) {
+  if (!std::filesystem::is_regular_file(path, ignored)) {
     const FileReader says_why_it_cannot_be_read(path);
     throw Error(ErrorKind::kInput, path, "no file", kExpected);
   }
@@ -248,7 +250,8 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
   const std::filesystem::path beside = std::filesystem::path(result.file).parent_path() / here;
   bool changed = false;
   for (const auto& path : {here, beside}) {
-    if (!std::filesystem::is_regular_file(path)) continue;
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(path, ignored)) continue;
     if (saved.hash && hash_file(path) != *saved.hash) {
       changed = true;
       continue;
@@ -299,7 +302,8 @@ void Assembly::add_experiment(const std::string& folder) {
   };
   const auto text_of = [&](const char* name) { return read_file(path_of(name)); };
   const std::string path = path_of("experiment.json");
-  if (!std::filesystem::is_regular_file(path)) {
+  std::error_code failure;  // the reader explains it
+  if (!std::filesystem::exists(path, failure) && !failure) {
     throw Error(ErrorKind::kInput, folder,
                 "holds no experiment.json: no experiment was completed here", kExpected);
   }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -151,7 +152,8 @@ void SimulateArguments::check() {
 void SimulateArguments::refuse_existing() const {
   if (SequenceWriter::is_unfinished(folder)) return;
   for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
-    if (std::filesystem::exists(std::filesystem::path(folder) / name)) {
+    std::error_code ignored;  // writing explains it
+    if (std::filesystem::exists(std::filesystem::path(folder) / name, ignored)) {
       throw Error(ErrorKind::kMisuse, folder, fmt::format("holds {} already", name),
                   "a new folder");
     }

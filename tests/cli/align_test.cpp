@@ -645,6 +645,29 @@ TEST_F(AlignTest, ScreenShowsThePoseWholeAndWhatWouldHelp) {
                             "times"));
 }
 
+TEST_F(AlignTest, HintsNameOnlyWhatWouldChangeTheResult) {
+  write_pair(100);
+  const auto hints = [&](const Words& how) {
+    Words words = {"align", "source.map", "target.map"};
+    words.insert(words.end(), how.begin(), how.end());
+    const CommandResult result = cairn(words);
+    EXPECT_EQ(result.exit_code, kNoAlignment) << result.errors;
+    const std::size_t first = result.output.find("  hint: ");
+    return first == std::string::npos ? "no hint" : result.output.substr(first);
+  };
+  // ICP from the identity, which nobody gave.
+  EXPECT_THAT(hints({"--method", "icp", "--max-iterations", "3"}), Not(HasSubstr("--initial")));
+  EXPECT_THAT(hints({"--min-observations", "50"}),
+              AllOf(HasSubstr("Lower --min-observations, now 50"),
+                    HasSubstr("of the source's 100 landmarks"), Not(HasSubstr("same place"))));
+  EXPECT_THAT(hints({"--min-observations", "50", "--initial-matrix", "start.txt"}),
+              HasSubstr("Lower --min-observations, now 50"));
+  EXPECT_THAT(hints({"--initial", "500 0 0 0 0 0", "--method", "icp", "--max-distance", "0.1"}),
+              HasSubstr("Align without --initial and the options of icp"));
+  write_map(synthetic_map({.seed = 3, .landmarks = 15, .frames = 20}), path("source.map"));
+  EXPECT_THAT(hints({}), HasSubstr("Use a source map with at least 20 landmarks: it has"));
+}
+
 TEST_F(AlignTest, RefusesOptionsOfAnotherMethod) {
   write_pair();
   const std::vector<Words> of_icp = {
@@ -659,8 +682,17 @@ TEST_F(AlignTest, RefusesOptionsOfAnotherMethod) {
   expect_refusal(pair({"--one-to-one"}), kWrongUsage, {"--one-to-one", "--method robust"});
   expect_refusal({"align", "source.map", "target.map", "--one-to-one", "--fast"}, kWrongUsage,
                  {"--one-to-one", "only icp has"});
+  expect_refusal({"align", "source.map", "target.map", "--method", "icp", "--by-parts"},
+                 kWrongUsage, {"--by-parts", "icp", "--method robust"});
   expect_refusal({"align", "source.map", "target.map", "--anywhere", "--stop-as-pcl"}, kWrongUsage,
                  {"--stop-as-pcl", "--anywhere"});
+}
+
+TEST_F(AlignTest, ListWithoutAPairIsRefused) {
+  write("pairs.csv", "source,target\n\n");
+  expect_refusal({"align", "--pairs", "pairs.csv", "--json", "all.json"}, kBadInput,
+                 {"pairs.csv", "lists no pair"});
+  EXPECT_THAT(files(), ::testing::ElementsAre("pairs.csv"));
 }
 
 TEST_F(AlignTest, AlignsManyPairsAsItDoesEach) {
@@ -672,11 +704,12 @@ TEST_F(AlignTest, AlignsManyPairsAsItDoesEach) {
   const Words words = {"align", "--pairs", "pairs.csv", "--seed", "5", "--json", "all.json"};
   const CommandResult result = cairn(words);
   EXPECT_EQ(result.exit_code, kNoAlignment);
-  EXPECT_THAT(result.output,
-              AllOf(ContainsRegex("source.map -> target.map: aligned >?99\\.9"),
-                    ContainsRegex("stranger.map -> target.map: (rejected|ambiguous)"),
-                    HasSubstr("none.map -> target.map: failed: none.map"),
-                    HasSubstr("2 of 4 pairs aligned")));
+  EXPECT_THAT(
+      result.output,
+      AllOf(ContainsRegex("source.map -> target.map: aligned >?99\\.9"),
+            ContainsRegex("stranger.map -> target.map: (rejected|ambiguous).*: .* one to one"),
+            HasSubstr("none.map -> target.map: failed: none.map"),
+            HasSubstr("2 of 4 pairs aligned")));
   const Json all = Json::parse(content("all.json")).at("results");
   ASSERT_EQ(all.size(), 4U);
   EXPECT_EQ(all.at(3).at("status"), "failed");

@@ -348,6 +348,32 @@ TEST_F(MapCliTest, TheCameraMustBeKnown) {
   answer({"map", "s", "-o", "out.map", "--camera", "PINHOLE 320 240 262 262 159.5 119.5"});
 }
 
+TEST_F(MapCliTest, MiniMapsOfASequenceWhoseNameIsNoTextAreWritten) {
+  fs::rename(path("s"), path("s\xff"));
+  answer({"map", "s\xff", "-o", "minis", "--mini-map-length", "8f"});
+  const Json index = Json::parse(content("minis/mini_maps.json"));
+  EXPECT_EQ(index.at("inputs").at("sequence"), "s\xef\xbf\xbd") << "the replacement character";
+  EXPECT_TRUE(
+      fs::exists(path("minis") / index.at("mini_maps").at(0).at("file").get<std::string>()));
+}
+
+TEST_F(MapCliTest, OutputThatIsAFileOfTheSequenceIsRefused) {
+  const std::string list = content("s/rgb.txt");
+  const std::string image =
+      "s/" + list.substr(list.rfind("rgb/"), list.rfind('\n') - list.rfind("rgb/"));
+  for (const auto& [option, output] :
+       {std::pair<std::string, std::string>{"--trajectory", "s/rgb.txt"},
+        {"--json", "s/depth.txt"},
+        {"--json", "s/camera.yaml"},
+        {"--json", image}}) {
+    const std::string before = content(output);
+    expect_refusal({"map", "s", "-o", "out.map", option, output}, kWrongUsage,
+                   {option, output + " is an input too"});
+    EXPECT_TRUE(content(output) == before) << output;
+  }
+  EXPECT_THAT(files(), ElementsAre("s"));
+}
+
 TEST_F(MapCliTest, MistakesInTheCommandAreNamed) {
   expect_refusal({"map"}, kWrongUsage, {"sequence"});
   expect_refusal({"map", "s"}, kWrongUsage, {"--output"});

@@ -1,8 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Pipes, full disks and interrupts.
+#include <cerrno>
+#include <chrono>
 #include <csignal>
+#include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <string>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "cli.hpp"
 
@@ -76,6 +84,23 @@ TEST_F(StreamsTest, ReaderThatLeavesEarlyCostsNoFile) {
   EXPECT_EQ(read_map(path("out.map")).landmark_count(), 600U);
 }
 
+// A pipe without a reader, from the first byte on.
+TEST_F(StreamsTest, AnswerThatNobodyReadsCostsNoFile) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  constexpr std::size_t kPairs = 200;  // their lines are more than stdio's buffer holds
+  std::string pairs = "source,target\n";
+  for (std::size_t i = 0; i < kPairs; ++i) pairs += fmt::format("missing{}.map,missing.map\n", i);
+  write("pairs.csv", pairs);
+  const std::string tool = CAIRN_TOOL;
+  const auto result = run_command(
+      {"/bin/sh", "-c",
+       "exec 3<>pipe >pipe 3<&-; exec " + tool + " align --pairs pairs.csv --json all.json"},
+      {.folder = path("")});
+  EXPECT_EQ(result.exit_code, 128 + SIGPIPE);
+  EXPECT_THAT(result.errors, IsEmpty());
+  EXPECT_EQ(Json::parse(content("all.json")).at("results").size(), kPairs);
+}
+
 TEST_F(StreamsTest, QuietSilencesRemarksButNotErrors) {
   write_plain();
   EXPECT_EQ(cairn({"convert", "plain.map", "plain.ply", "--quiet"}).errors, "");
@@ -124,6 +149,36 @@ TEST_F(StreamsTest, InterruptEndsEvenAReaderThatWaitsForItsInput) {
   const CommandResult result = command.wait();
   EXPECT_EQ(result.exit_code, 128 + SIGTERM);
   EXPECT_EQ(result.errors, "cairn: interrupted\n");
+}
+
+// A pipe that is full and that nobody reads, as a stopped terminal is.
+class FullPipe {
+ public:
+  explicit FullPipe(const std::filesystem::path& path) {
+    EXPECT_EQ(::mkfifo(path.c_str(), 0600), 0);
+    descriptor_ = ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    const std::string block(4096, '.');
+    while (::write(descriptor_, block.data(), block.size()) > 0) continue;
+    EXPECT_EQ(errno, EAGAIN);
+  }
+  ~FullPipe() { ::close(descriptor_); }
+  FullPipe(const FullPipe&) = delete;
+  FullPipe& operator=(const FullPipe&) = delete;
+
+ private:
+  int descriptor_ = -1;
+};
+
+TEST_F(StreamsTest, InterruptEndsEvenIfNobodyReadsItsMessage) {
+  const FullPipe pipe(path("pipe"));
+  const std::string tool = CAIRN_TOOL;
+  Command command(
+      {"/bin/sh", "-c", "exec " + tool + " info /dev/stdin 2>pipe"},
+      {.folder = path(""), .input_stays_open = true, .limit = std::chrono::seconds(120)});
+  EndlessMap map;
+  ASSERT_TRUE(command.feed(map.next_piece()));
+  command.send(SIGINT);
+  EXPECT_EQ(command.wait().exit_code, 128 + SIGINT);
 }
 
 }  // namespace

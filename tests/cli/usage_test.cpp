@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The command line itself: help, and every way to get it wrong.
+#include <filesystem>
 #include <string>
+#include <vector>
+
+#include "cairn/report/viewer_page.hpp"
 
 #include "cli.hpp"
 
@@ -278,6 +282,66 @@ TEST_F(UsageTest, MissingFolderOfAnOutputIsFoundBeforeTheWork) {
   expect_refusal({"info", "a.map", "--json", "."}, kSystemError, {"folder"});
 }
 
+// Inputs that lie in a folder, or that a list, a study or an earlier result names.
+TEST_F(UsageTest, OutputThatIsAnInputNoWordNamesIsRefused) {
+  write_pair(60);
+  write("pairs.csv", "source,target\nsource.map,target.map\n");
+  write("study.yaml",
+        "name: s\npairs: [{name: a, source: source.map, target: target.map, truth: truth.txt}]\n"
+        "initial_poses: {count: 2, yaw_deg: [-20, 20]}\n");
+  const Words align = {"align", "source.map", "target.map", "--initial-matrix", "truth.txt"};
+  Words saving = align;
+  saving.insert(saving.end(), {"--no-verdict", "--json", "result.json"});
+  answer(saving);
+  answer({"convert", "source.map", "model/"});
+  std::filesystem::create_directory(path("maps"));
+  for (const char* const name : {"source.map", "target.map"}) {
+    std::filesystem::copy_file(path(name), path("maps") / name);
+  }
+  std::filesystem::create_symlink("target.map", path("symlink"));
+  std::filesystem::create_hard_link(path("target.map"), path("hard"));
+
+  struct Case {
+    Words words;
+    const char* option;
+    const char* output;
+    const char* input;  // a name of the same file
+  };
+  std::vector<Case> cases = {
+      {{"align", "--pairs", "pairs.csv"}, "--json", "target.map", "target.map"},
+      {{"align", "--pairs", "pairs.csv"}, "--json", "symlink", "target.map"},
+      {{"align", "--pairs", "pairs.csv"}, "--json", "hard", "target.map"},
+      {{"experiment", "sweep", "study.yaml", "-o", "out"}, "--json", "source.map", "source.map"},
+      {{"evaluate", "alignment", "result.json", "--truth", "truth.txt"},
+       "--json",
+       "source.map",
+       "source.map"},
+      {{"info", "model"}, "--json", "model/points3D.bin", "model/points3D.bin"},
+  };
+  if (report::has_viewer()) {
+    cases.push_back({{"report", "result.json"}, "--output", "source.map", "source.map"});
+  }
+#ifdef CAIRN_HAS_MERGING
+  cases.push_back(
+      {{"merge", "maps", "-o", "merged.map"}, "--json", "maps/target.map", "maps/target.map"});
+#endif
+#ifdef CAIRN_HAS_ATLAS
+  answer({"atlas", "init", "--atlas", "town.atlas"});
+  cases.push_back({{"atlas", "add", "--atlas", "town.atlas", "maps"},
+                   "--json",
+                   "maps/source.map",
+                   "maps/source.map"});
+#endif
+  for (const Case& one : cases) {
+    const std::string before = content(one.output);
+    Words words = one.words;
+    words.insert(words.end(), {one.option, one.output});
+    expect_refusal(words, kWrongUsage,
+                   {one.option, std::string(one.input) + " is an input too", "a file of its own"});
+    EXPECT_TRUE(content(one.output) == before) << one.words[0];
+  }
+}
+
 TEST_F(UsageTest, UnreadableInputIsNamedWithTheReason) {
   write_plain();
   std::filesystem::create_directory(path("folder"));
@@ -287,6 +351,31 @@ TEST_F(UsageTest, UnreadableInputIsNamedWithTheReason) {
   expect_refusal({"align", "missing.map", "plain.map"}, kBadInput, {"missing.map"});
   expect_refusal({"convert", "missing.map", "out.map"}, kBadInput, {"missing.map"});
   EXPECT_FALSE(std::filesystem::exists(path("out.map")));
+}
+
+// Asking the operating system for the kind of such a file fails.
+TEST_F(UsageTest, NameThatIsTooLongIsBadInput) {
+  write_plain();
+  const std::string name = std::string(300, 'n') + ".map";
+  std::vector<Words> commands = {
+      {"info", name},
+      {"info", "plain.map", "--camera", name},
+      {"align", name, "plain.map", "--json", "out.json"},
+  };
+  if (report::has_viewer()) commands.push_back({"report", name, "-o", "out.html"});
+#ifdef CAIRN_HAS_ODOMETRY
+  commands.push_back({"map", name, "--camera", "fr1", "-o", "out.map"});
+#endif
+#ifdef CAIRN_HAS_MERGING
+  commands.push_back({"merge", name, "plain.map", "-o", "out.map"});
+#endif
+  for (const Words& words : commands) {
+    SCOPED_TRACE(words[0]);
+    expect_refusal(words, kBadInput, {name, "File name too long"});
+  }
+#ifdef CAIRN_HAS_SIMULATION
+  expect_refusal({"simulate", name}, kSystemError, {name, "File name too long"});
+#endif
 }
 
 TEST_F(UsageTest, BrokenMapIsRefusedByFileLineFieldAndValue) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <system_error>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -252,7 +253,8 @@ CameraFile load_camera(const std::string& text) {
     return {tum_camera(text), std::nullopt, tum_readout_s(text)};
   }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
-  if (!std::filesystem::exists(text)) {
+  std::error_code failure;  // the reader explains it
+  if (!std::filesystem::exists(text, failure) && !failure) {
     throw Error(ErrorKind::kInput, "--camera", printable(text) + " is no camera and no file",
                 kCameraHelp);
   }

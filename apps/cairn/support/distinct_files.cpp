@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/outputs.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -31,9 +32,10 @@ std::string name_of(const CLI::Option& option) {
   return names.empty() ? option.get_name() : "--" + names.front();
 }
 
-bool is_output(std::string_view name) {
+bool is_output(const CLI::App& verb, std::string_view name) {
   constexpr std::array<std::string_view, 7> kOutputs = {
       "--json", "--csv", "--report", "--output", "--trajectory", "--pose", "output"};
+  if (name == "--pose" && verb.get_name() == "link") return false;  // 'atlas link' reads a pose
   return std::find(kOutputs.begin(), kOutputs.end(), name) != kOutputs.end();
 }
 
@@ -65,7 +67,7 @@ void require_distinct_files(const CLI::App& verb) {
   std::vector<NamedPath> outputs;
   for (const CLI::Option* const option : verb.get_options()) {
     const std::string name = name_of(*option);
-    const bool written = is_output(name);
+    const bool written = is_output(verb, name);
     if (!written && !may_name_files(*option)) continue;
     for (const std::string& word : option->results()) {
       if (word.empty() || word == "-") continue;
@@ -88,6 +90,10 @@ void require_distinct_files(const CLI::App& verb) {
     for (const NamedPath& input : inputs) refuse_one_file(outputs[i], input, "the input");
     for (std::size_t j = 0; j < i; ++j) refuse_one_file(outputs[i], outputs[j], "the output");
   }
+  // Inputs that no word names: those that lie in a folder, or that a list or an earlier result names.
+  std::vector<NamedOutput> written;
+  for (const NamedPath& output : outputs) written.push_back({output.option, output.path});
+  refuse_to_read(written);
 }
 
 }  // namespace cairn::cli

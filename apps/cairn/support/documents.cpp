@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -229,7 +230,8 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 Json describe_file(const std::string& path, const CommonArguments& common, bool with_hash) {
   // A pipe cannot be read a second time.
   const bool is_wanted = with_hash || !common.json_path.empty() || !common.report_path.empty();
-  const bool can_hash = is_wanted && std::filesystem::is_regular_file(path);
+  std::error_code ignored;  // the reader explains it
+  const bool can_hash = is_wanted && std::filesystem::is_regular_file(path, ignored);
   return {{"path", path}, {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)}};
 }
 

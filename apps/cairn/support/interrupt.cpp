@@ -5,10 +5,12 @@
 #include <csignal>
 #include <cstdlib>
 #include <ctime>
+#include <string_view>
 #include <system_error>
 #include <thread>
 
-#include "support/console.hpp"
+#include <poll.h>
+#include <unistd.h>
 
 namespace cairn::cli {
 namespace {
@@ -24,6 +26,16 @@ std::atomic<int> received = SIGINT;
 bool is_ignored(int signal) {
   struct sigaction action = {};
   return ::sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+// Nobody may read stderr, so that writing to it would take for ever; and a thread that waits there holds the lock
+// of stdio's stream.
+void say_interrupted() {
+  constexpr std::string_view kMessage = "cairn: interrupted\n";
+  constexpr int kPatienceMs = 100;
+  pollfd stream = {STDERR_FILENO, POLLOUT, 0};
+  if (::poll(&stream, 1, kPatienceMs) != 1 || (stream.revents & POLLOUT) == 0) return;
+  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kMessage.data(), kMessage.size());
 }
 
 }  // namespace
@@ -60,11 +72,11 @@ std::stop_token interrupt_requests() {
 }
 
 void end_by_interrupt() {
-  // Both the work and the thread that lost patience with it may come here.
-  static std::atomic_flag said;
-  if (!said.test_and_set()) print_error("cairn: interrupted\n");
   const int signal = received;
   std::signal(signal, SIG_DFL);
+  // Both the work and the thread that lost patience with it may come here.
+  static std::atomic_flag said;
+  if (!said.test_and_set()) say_interrupted();
   sigset_t signals;
   ::sigemptyset(&signals);
   ::sigaddset(&signals, signal);

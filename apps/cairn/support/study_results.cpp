@@ -70,8 +70,10 @@ void check_pairs(const Study& study, const std::string& study_path) {
         if (!path.empty()) FileReader readable(path);
       }
     } catch (const Error& error) {
-      throw Error(ErrorKind::kInput, fmt::format("{}: pair {}", study_path, pair.name),
-                  error.what(), "");
+      // What a simulation is made of stands in the study, not on the command line.
+      const bool is_simulated = std::holds_alternative<PairSimulation>(pair.maps);
+      throw Error(is_simulated ? ErrorKind::kInput : error.kind(),
+                  fmt::format("{}: pair {}", study_path, pair.name), error.what(), "");
     }
   }
 }

@@ -16,6 +16,7 @@
 #include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
+#include "cairn/core/outputs.hpp"
 #include "cairn/core/text.hpp"
 
 namespace cairn {
@@ -203,14 +204,17 @@ class OutputFile {
 FileReader::FileReader(const std::filesystem::path& path) : name_(path.string()) {
   descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor_ < 0) fail_reading(path, errno);
-  struct stat status = {};
-  const bool known = ::fstat(descriptor_, &status) == 0;
-  if (!known || S_ISDIR(status.st_mode)) {
-    const int error_number = known ? EISDIR : errno;
-    ::close(std::exchange(descriptor_, -1));
-    fail_reading(path, error_number);
+  try {
+    struct stat status = {};
+    if (::fstat(descriptor_, &status) != 0) fail_reading(path, errno);
+    if (S_ISDIR(status.st_mode)) fail_reading(path, EISDIR);
+    if (!S_ISREG(status.st_mode)) return;
+    require_no_output(path, status);
+    size_ = static_cast<std::uint64_t>(status.st_size);
+  } catch (...) {
+    ::close(descriptor_);  // no destructor runs after a failed constructor
+    throw;
   }
-  if (S_ISREG(status.st_mode)) size_ = static_cast<std::uint64_t>(status.st_size);
 }
 
 FileReader::~FileReader() {

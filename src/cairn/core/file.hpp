@@ -44,7 +44,7 @@ inline constexpr std::size_t kLongestLine = std::size_t{1} << 26;
 /// from a pipe or device throws Error (input).
 class FileReader final : public ByteSource {
  public:
-  /// @throws Error (input) naming the path and the reason: missing, a directory, no permission
+  /// @throws Error (input) naming path and reason: missing, a directory, no permission; misuse: see refuse_to_read
   explicit FileReader(const std::filesystem::path& path);
   ~FileReader() override;
 

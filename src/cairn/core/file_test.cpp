@@ -16,7 +16,9 @@
 #include <unistd.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/outputs.hpp"
 
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -25,6 +27,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::read_text;
+using testing::refusal;
 using testing::TemporaryFolder;
 
 std::vector<std::string> lines_of(const std::filesystem::path& path, std::size_t block_size) {
@@ -183,6 +186,23 @@ TEST(FileReader, NamesWhatItCannotRead) {
   };
   EXPECT_THAT(message_for(folder / "missing"), HasSubstr("missing: cannot be read: No such file"));
   EXPECT_THAT(message_for(folder.path()), HasSubstr("Is a directory"));
+}
+
+TEST(FileReader, RefusesAFileThatIsToBeWritten) {
+  const TemporaryFolder folder;
+  const auto input = folder.write("input", "what would be lost");
+  const auto other = folder.write("other", "left alone");
+  std::filesystem::create_symlink("input", folder / "symlink");
+  std::filesystem::create_hard_link(input, folder / "hard");
+  for (const char* const name : {"input", "symlink", "hard"}) {
+    refuse_to_read({{"--csv", folder / "missing"}, {"--json", folder / name}});
+    EXPECT_EQ(refusal(ErrorKind::kMisuse, [&] { read_file(input); }),
+              "--json: " + input.string() + " is an input too; expected a file of its own")
+        << name;
+    EXPECT_EQ(read_file(other), "left alone");
+  }
+  refuse_to_read({});
+  EXPECT_EQ(read_file(input), "what would be lost");
 }
 
 TEST(WriteFile, WritesAllOrNothing) {

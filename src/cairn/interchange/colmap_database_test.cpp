@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/core/outputs.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/sqlite/database.hpp"
 
@@ -76,6 +77,14 @@ TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
   EXPECT_THAT(remarks_, Contains(HasSubstr("has no table descriptors")));
   folder_.write("database.db", "SQLite format 3");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseBesideThatIsToBeWrittenIsRefused) {
+  refuse_to_read({{"--json", file()}});
+  EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { read(folder_ / "sparse/0"); }),
+              HasSubstr("--json: " + file().string()));
+  refuse_to_read({});
+  EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
 }
 
 TEST_F(ColmapDatabaseTest, OtherKeypointsAreNotTaken) {

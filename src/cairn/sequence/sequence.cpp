@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <system_error>
 
 #include <fmt/format.h>
 
@@ -35,7 +36,10 @@ RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOp
                            const LogSink& log)
     : depth_units_per_metre_(options.depth_units_per_metre) {
   options.validate();
-  if (!std::filesystem::is_directory(folder)) {
+  std::error_code ignored;
+  const std::filesystem::file_type type = std::filesystem::status(folder, ignored).type();
+  // If the type is unknown, the reader of the list says why.
+  if (type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none) {
     throw Error(ErrorKind::kInput, folder.string(), "not a folder",
                 "the folder of a sequence with rgb.txt and depth.txt");
   }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -341,7 +342,9 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
   FileReader file(path);
   std::vector<double> times;
   const auto beside = path.parent_path() / "times.txt";
-  if (format_of(file) == TrajectoryFormat::kKitti && std::filesystem::is_regular_file(beside)) {
+  std::error_code ignored;
+  if (format_of(file) == TrajectoryFormat::kKitti &&
+      std::filesystem::is_regular_file(beside, ignored)) {
     times = read_times(beside);
   }
   return read_trajectory(file, times);

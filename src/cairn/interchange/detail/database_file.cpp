@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
 
 namespace cairn::detail {
 
@@ -25,10 +26,13 @@ bool is_database_with(const MapInput& input, std::initializer_list<std::string_v
 
 sqlite::Database open_foreign_database(const std::filesystem::path& path,
                                        const MapReadOptions& options) {
-  return sqlite::Database(path, {.access = sqlite::Access::kRead,
-                                 .immutable = true,
-                                 .untrusted = true,
-                                 .stop = options.stop});
+  sqlite::Database database(path, {.access = sqlite::Access::kRead,
+                                   .immutable = true,
+                                   .untrusted = true,
+                                   .stop = options.stop});
+  // SQLite opens the file itself, but does not know what the program is going to write.
+  const FileReader refuses_an_output(path);
+  return database;
 }
 
 }  // namespace cairn::detail
