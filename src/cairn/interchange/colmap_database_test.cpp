@@ -18,6 +18,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::refusal;
@@ -76,6 +77,14 @@ TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
   EXPECT_THAT(remarks_, Contains(HasSubstr("has no table descriptors")));
   folder_.write("database.db", "SQLite format 3");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseThatWasNotClosedIsLeftOutOrRefused) {
+  folder_.write("database.db-wal", "changes");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(AllOf(HasSubstr("was not closed"),
+                                       HasSubstr("its descriptors are left out"))));
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("was not closed"));
 }
 
 TEST_F(ColmapDatabaseTest, OtherKeypointsAreNotTaken) {

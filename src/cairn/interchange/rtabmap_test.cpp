@@ -19,6 +19,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::refusal;
@@ -266,6 +267,40 @@ TEST_F(RtabmapTest, DamageIsRefusedByName) {
   for (std::size_t size = 4096; size < bytes.size(); size += 4096) {
     EXPECT_THAT(refused(bytes.substr(0, size), "cut.db"), HasSubstr("cut.db")) << size;
   }
+}
+
+TEST_F(RtabmapTest, ADatabaseThatWasNotClosedIsRefused) {
+  make();
+  const auto database = folder_ / "map.db";
+  const auto not_closed = [&](const std::string& file) {
+    return AllOf(HasSubstr("map.db: was not closed: changes are in "), HasSubstr(file),
+                 HasSubstr("a closed database"));
+  };
+  for (const char* ending : {"-wal", "-journal"}) {
+    const auto journal = folder_.write(std::string("map.db") + ending, "\xd9\xd5\x05\xf9");
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_map(); }), not_closed(journal.string()));
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_rtabmap_graph(database); }),
+                not_closed(journal.string()));
+    std::filesystem::create_symlink(database, folder_ / "link.db");
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_ / "link.db"); }),
+                AllOf(HasSubstr("link.db: was not closed"), HasSubstr(journal.string())));
+    std::filesystem::remove(folder_ / "link.db");
+    folder_.write(journal.filename().string(), "");
+    EXPECT_EQ(read_map().frame_count(), 4U) << "an empty " << ending << " holds no changes";
+    std::filesystem::remove(journal);
+  }
+  folder_.write("map.db-journal", std::string(512, '\0'));
+  EXPECT_EQ(read_map().frame_count(), 4U) << "journal_mode = PERSIST keeps a zeroed header";
+}
+
+TEST_F(RtabmapTest, RowsInAWriteAheadLogAreNotMissedSilently) {
+  make();
+  sqlite::Database writer(folder_ / "map.db", {.access = sqlite::Access::kWrite});
+  ASSERT_EQ(writer.text("PRAGMA journal_mode = WAL"), "wal");
+  writer.execute("DELETE FROM Feature");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_map(); }), HasSubstr("map.db-wal"));
+  { const sqlite::Database closed = std::move(writer); }
+  EXPECT_EQ(read_map().landmark_count(), 0U);
 }
 
 TEST(RealRtabmap, NodesAndLinksAreRead) {
