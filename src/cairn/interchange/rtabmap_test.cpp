@@ -256,6 +256,29 @@ TEST_F(RtabmapTest, LinksBecomeAPoseGraph) {
   EXPECT_EQ(graph.links[0].kind, LinkKind::kOdometry);
 }
 
+TEST_F(RtabmapTest, FeaturesWithoutADescriptorTakeNoRoomForOne) {
+  make();
+  // With 16 KiB for each, the rows would exceed what the reader may take.
+  const auto add_rows = [&](const std::string& depths) {
+    sqlite::Database(folder_ / "map.db", {.access = sqlite::Access::kWrite})
+        .execute(
+            "DELETE FROM Feature;"
+            "INSERT INTO Feature VALUES(1,1,319.5,239.5,5,0,0,1,4,0,0.3,4096,zeroblob(16384));"
+            "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 40000) "
+            "INSERT INTO Feature SELECT 1,0,319.5,239.5,5,0,0,1," +
+            depths + ",NULL,NULL FROM n;");
+  };
+  add_rows("NULL,NULL,NULL");
+  const LandmarkMap map = read_map();
+  ASSERT_EQ(map.landmark_count(), 1U);
+  EXPECT_EQ(map.landmarks().descriptors->bytes_each, 4096U);
+  // A column has room for every landmark.
+  add_rows("4,0,0.3");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_map(); }),
+              AllOf(HasSubstr("map.db: descriptors take 16"),
+                    HasSubstr("at most 32 times the bytes of the files and 64 MiB")));
+}
+
 TEST_F(RtabmapTest, DamageIsRefusedByName) {
   make();
   {
