@@ -149,7 +149,8 @@ class DescriptorReader {
   // Whether half of the observations are near their keypoints. Undistorted images have the same keypoints at
   // slightly different positions.
   bool are_near(std::uint32_t frame, const Matrix& keypoints) const {
-    const auto& camera = model_.frames().cameras[frame];
+    const auto& cameras = model_.frames().cameras;
+    const auto camera = cameras.empty() ? std::nullopt : cameras[frame];
     const double most = camera ? 0.05 * model_.cameras()[camera->value].width : 50.0;
     std::size_t near = 0;
     for (const Wanted& w : wanted_[frame]) {

@@ -68,6 +68,13 @@ TEST_F(ColmapDatabaseTest, DescriptorsOfTheDatabaseBelongToLandmarks) {
   }
 }
 
+TEST_F(ColmapDatabaseTest, AModelWithoutCamerasGetsDescriptorsToo) {
+  fs::remove(folder_ / "sparse/0/cameras.txt");
+  EXPECT_TRUE(read(folder_ / "sparse/0").frames().cameras.empty());
+  EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_TRUE(read(file()).landmarks().descriptors);
+}
+
 TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
   change("DELETE FROM images");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
