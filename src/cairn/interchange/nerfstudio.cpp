@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
@@ -233,7 +234,12 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   all["frames"] = nlohmann::ordered_json::array();
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     nlohmann::ordered_json frame = nlohmann::ordered_json::object();
-    frame["file_path"] = detail::image_name(map, FrameIndex{i});
+    const std::string name = detail::image_name(map, FrameIndex{i});
+    if (!is_utf8(name)) {
+      throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
+                  "image name " + printable(name), "a name in UTF-8, as JSON needs it");
+    }
+    frame["file_path"] = name;
     if (!is_one_camera) frame.update(cameras[map.frames().cameras[i]->value]);
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     const Eigen::Matrix3d rotation =
@@ -266,9 +272,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
     write_file(points, [&](const ByteSink& sink) { write_ply(map, sink); });
   }
   try {
-    write_file(path, [&](const ByteSink& sink) {
-      sink(all.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-    });
+    write_file(path, [&](const ByteSink& sink) { sink(all.dump(1) + "\n"); });
   } catch (...) {
     if (map.landmark_count() > 0) fs::remove(points, ignored);
     throw;

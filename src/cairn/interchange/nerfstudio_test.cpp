@@ -98,6 +98,16 @@ TEST_F(NerfstudioTest, WhatIsWrittenIsReadBack) {
   }
 }
 
+TEST_F(NerfstudioTest, NamesThatAreNoUtf8AreRefused) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {{CameraId{0}, "PINHOLE", 200, 100, {150, 160, 90, 50}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"a.png", "caf\xe9.png"};
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(LandmarkMap(tables), "transforms.json"); }),
+              HasSubstr("frame 2: image name 'caf\\xe9.png'; expected a name in UTF-8"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "sparse_pc.ply"));
+}
+
 TEST_F(NerfstudioTest, WritingReplacesNoPoints) {
   MapTables tables = testing::plain_tables();
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(LandmarkMap(tables), "transforms.json"); }),

@@ -16,6 +16,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
@@ -487,11 +488,18 @@ class Writer {
     std::set<std::string> names;
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
       names_.push_back(detail::image_name(map, FrameIndex{i}));
-      const bool is_plain = names_.back().find_first_of("\t\n\r") == std::string::npos;
+      const bool is_plain =
+          names_.back().find_first_of("\t\n\r") == std::string::npos && is_utf8(names_.back());
       if (is_plain && names.insert(names_.back()).second) continue;
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
                   "image name " + printable(names_.back()),
-                  "distinct names without tabs and line ends, which name the shots of OpenSfM");
+                  "distinct names in UTF-8 without tabs and line ends, which name the shots of "
+                  "OpenSfM");
+    }
+    for (const ControlPoint& point : map.info().control_points) {
+      if (is_utf8(point.name)) continue;
+      throw Error(ErrorKind::kInput, "control point " + printable(point.name), "is no UTF-8",
+                  "a name in UTF-8, as JSON needs it");
     }
   }
 
@@ -589,9 +597,7 @@ class Writer {
       }
       points.push_back({{"id", point.name}, {"position", position}, {"observations", views}});
     }
-    sink(nlohmann::json{{"points", points}}.dump(1, ' ', false,
-                                                 nlohmann::json::error_handler_t::replace) +
-         "\n");
+    sink(nlohmann::json{{"points", points}}.dump(1) + "\n");
   }
 
   void remark() const {
@@ -623,7 +629,7 @@ class Writer {
 
   void begin_entry(bool is_first, const std::string& key) const {
     text_ += is_first ? "\n" : ",\n";
-    text_ += nlohmann::json(key).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    text_ += nlohmann::json(key).dump();
     text_ += ": ";
   }
 

@@ -353,6 +353,24 @@ TEST_F(OpenSfmTest, WhatIsWrittenIsReadBack) {
               HasSubstr("tracks.csv: is there already"));
 }
 
+TEST_F(OpenSfmTest, NamesThatAreNoUtf8AreRefused) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {{CameraId{0}, "PINHOLE", 200, 100, {150, 160, 90, 50}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"caf\xe9.png", "b.png"};
+  const auto path = folder_ / "reconstruction.json";
+  const auto refused_message = [&] {
+    return refusal(ErrorKind::kInput, [&] { all_formats().write(LandmarkMap(tables), path); });
+  };
+  EXPECT_THAT(refused_message(), HasSubstr("frame 1: image name 'caf\\xe9.png'; expected"));
+  tables.frames.image_names[0] = "caf\u00e9.png";
+  tables.info.control_points = {{"p\xff", 47.0, 8.0, std::nullopt, {}}};
+  EXPECT_THAT(refused_message(), HasSubstr("control point 'p\\xff': is no UTF-8"));
+  tables.info.control_points.clear();
+  all_formats().write(LandmarkMap(tables), path);
+  EXPECT_THAT(all_formats().read(path).frames().image_names, ElementsAre("b.png", "caf\u00e9.png"));
+}
+
 TEST_F(OpenSfmTest, CamerasAreWrittenAsModelsOfOpenSfm) {
   MapTables tables = testing::plain_tables();
   tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
