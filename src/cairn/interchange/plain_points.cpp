@@ -205,8 +205,10 @@ class TableReader {
       }
       table->append_text(row, lines_.line_number());
     }
-    if (!table) return finish(LandmarkMap());
-    return finish(std::move(*table).finish());
+    if (table) return std::move(*table).finish(LengthUnit::kFree);
+    MapTables none;
+    none.info.length_unit = LengthUnit::kFree;
+    return LandmarkMap(std::move(none));
   }
 
  private:
@@ -282,12 +284,6 @@ class TableReader {
     }
     return {detail::PointFormat::kPly, source_.name(),
             fmt::format("{}:{}", source_.name(), header_line_), std::move(fields), options_};
-  }
-
-  static LandmarkMap finish(LandmarkMap map) {
-    MapTables tables = std::move(map).tables();
-    tables.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(tables));
   }
 
   ByteSource& source_;
