@@ -110,7 +110,7 @@ class Reader {
       return;
     }
     detail::ReadingProgress progress(options_, sources_.tracks->size().value_or(0));
-    LineReader lines(*sources_.tracks);
+    LineReader lines(*sources_.tracks, options_.log);
     std::uint64_t reported = 0;
     while (const auto line = lines.next()) {
       constexpr std::uint64_t kBlock = 1 << 20;
@@ -164,7 +164,7 @@ class Reader {
 
   void read_control_list() {
     if (sources_.control_list == nullptr) return;
-    LineReader lines(*sources_.control_list);
+    LineReader lines(*sources_.control_list, options_.log);
     bool is_head = true;
     const std::size_t first = tables_.info.control_points.size();
     while (const auto line = lines.next()) {

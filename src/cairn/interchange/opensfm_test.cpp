@@ -253,6 +253,14 @@ TEST_F(OpenSfmTest, TracksMayHaveNoHeader) {
   EXPECT_EQ(read(kReconstruction, "b.jpg\t10\t3\t0.08\t0.16\t1\t2\t3\n").observation_count(), 1U);
 }
 
+TEST_F(OpenSfmTest, LastLinesThatMayHaveBeenCutOffAreALoss) {
+  EXPECT_EQ(read(kReconstruction, kTracks.substr(0, kTracks.size() - 1)).observation_count(), 2U);
+  EXPECT_THAT(losses_, Contains(HasSubstr("tracks.csv:5: the last line does not end")));
+  folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 402.5 12.5 40 b.jpg");
+  read();
+  EXPECT_THAT(losses_, Contains(HasSubstr("gcp_list.txt:2: the last line does not end")));
+}
+
 TEST_F(OpenSfmTest, EachProjectionHasItsModel) {
   struct Case {
     std::string camera, model;

@@ -159,11 +159,11 @@ std::optional<Matrix6> inverse(const Matrix6& matrix) {
 
 }  // namespace
 
-G2oGraph read_g2o(ByteSource& source) {
+G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
   G2oGraph graph;
   std::vector<std::uint64_t> vertex_lines;
   std::vector<Reference> references;
-  LineReader lines(source);
+  LineReader lines(source, log);
   while (const auto line = lines.next()) {
     const std::string_view text = trimmed(*line);
     if (text.empty() || text.front() == '#') continue;
