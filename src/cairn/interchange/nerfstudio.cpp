@@ -129,10 +129,13 @@ class Reader {
     const double k1 = coefficient("k1");
     const double k2 = coefficient("k2");
     const double k3 = coefficient("k3");
+    const double k4 = coefficient("k4");
+    const bool is_perspective =
+        model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE";
     if (is_fisheye) {
-      with("OPENCV_FISHEYE", {k1, k2, k3, coefficient("k4")});
-    } else if (model == "EQUIRECTANGULAR") {
-      return std::nullopt;
+      with("OPENCV_FISHEYE", {k1, k2, k3, k4});
+    } else if (!is_perspective || k4 != 0.0) {
+      return std::nullopt;  // none of Cairn's models
     } else {
       const double p1 = coefficient("p1");
       const double p2 = coefficient("p2");

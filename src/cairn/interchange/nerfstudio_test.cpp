@@ -56,6 +56,18 @@ TEST_F(NerfstudioTest, CamerasAreOfAFrameOrOfAll) {
   EXPECT_NEAR(ngp.cameras()[0].parameters[0], 100.0, 1e-9);
 }
 
+TEST_F(NerfstudioTest, OtherModelsAreNotTakenForPerspective) {
+  for (const char* model : {"PINHOLE", "SIMPLE_PINHOLE"}) {
+    const auto of_frame = R"(, "camera_model": ")" + std::string(model) + "\"";
+    EXPECT_EQ(read_bytes(document("", of_frame)).cameras()[0].model, "PINHOLE");
+  }
+  for (const char* of_frame : {R"(, "camera_model": "FISHEYE624", "k1": 0.1)",
+                               R"(, "camera_model": "EQUIRECTANGULAR")", R"(, "k4": 0.3)"}) {
+    EXPECT_TRUE(read_bytes(document("", of_frame)).cameras().empty()) << of_frame;
+    EXPECT_THAT(remarks_, Contains(HasSubstr("1 of 1 frames have no known camera")));
+  }
+}
+
 TEST_F(NerfstudioTest, PointsLieInAFileBeside) {
   folder_.write(
       "sparse_pc.ply",
