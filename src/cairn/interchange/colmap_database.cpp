@@ -33,7 +33,7 @@ constexpr std::size_t kNotFound = std::numeric_limits<std::size_t>::max();
 
 bool is_there(const fs::path& path) {
   std::error_code ignored;
-  return fs::exists(path, ignored);
+  return fs::is_regular_file(path, ignored);  // a pipe would block
 }
 
 // An observation whose descriptor is wanted.

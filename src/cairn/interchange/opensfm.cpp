@@ -765,7 +765,7 @@ std::vector<MapFormat> opensfm_formats() {
                  const auto beside = [&](const char* name, std::optional<FileReader>& file) {
                    const fs::path path = input.path.parent_path() / name;
                    std::error_code ignored;
-                   return fs::exists(path, ignored) ? &file.emplace(path) : nullptr;
+                   return fs::is_regular_file(path, ignored) ? &file.emplace(path) : nullptr;
                  };
                  std::optional<FileReader> tracks;
                  std::optional<FileReader> control_points;

@@ -111,6 +111,13 @@ PoseGraph random_graph(Random& random) {
   return graph;
 }
 
+TEST(G2o, RefusesCoordinatesBeyondTheLimit) {
+  EXPECT_EQ(complaint("VERTEX_SE3:QUAT 1 0 1e9 0 0 0 0 1\n"), "");
+  EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 -1.1e9 0 0 0 0 1\n"),
+              HasSubstr("a.g2o:1: field 4 (y): -1.1e+09 is beyond the limit; expected numbers from "
+                        "-1e9 to 1e9"));
+}
+
 TEST(G2o, KeepsAGraphThatIsConvertedBothWays) {
   Random random(1);
   const PoseGraph graph = random_graph(random);
