@@ -342,8 +342,18 @@ class Reader {
   void read_poses() {
     read_records(kRigs, [&](CsvRecords& in) {
       const std::string rig(in.field("rig_device_id"));
-      std::string sensor(in.field("sensor_device_id"));
-      if (const auto pose = read_pose(in)) rigs_of_[std::move(sensor)].emplace_back(rig, *pose);
+      const std::string sensor(in.field("sensor_device_id"));
+      const auto pose = read_pose(in);
+      if (!pose) return;
+      auto& rigs = rigs_of_[sensor];
+      // Each image of the sensor looks for a pose of each of them.
+      constexpr std::size_t kMostRigs = 100;
+      if (rigs.size() == kMostRigs) {
+        in.refuse("sensor_device_id",
+                  fmt::format("{} is in more than {} rigs", printable(sensor), kMostRigs),
+                  "as a rule one");
+      }
+      rigs.emplace_back(rig, *pose);
     });
     const bool is_there = read_records(kTrajectories, [&](CsvRecords& in) {
       const std::int64_t timestamp = in.timestamp();

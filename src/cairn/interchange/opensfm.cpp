@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <set>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 
@@ -166,12 +168,11 @@ class Reader {
     if (sources_.control_list == nullptr) return;
     LineReader lines(*sources_.control_list, options_.log);
     bool is_head = true;
-    const std::size_t first = tables_.info.control_points.size();
     while (const auto line = lines.next()) {
       const std::string_view text = trimmed(*line);
       if (text.empty() || text.front() == '#') continue;
       if (!is_head) {
-        read_control_line(text, lines.line_number(), first);
+        read_control_line(text, lines.line_number());
         continue;
       }
       is_head = false;
@@ -324,7 +325,7 @@ class Reader {
   }
 
   // Longitude, latitude, altitude, u, v and an image. Lines of one place are of one point.
-  void read_control_line(std::string_view text, std::uint64_t line_number, std::size_t first) {
+  void read_control_line(std::string_view text, std::uint64_t line_number) {
     const auto refuse = [&](std::string_view field, std::string_view what,
                             std::string_view expected) {
       throw Error(ErrorKind::kInput,
@@ -358,16 +359,13 @@ class Reader {
     const double v = number("v");
     const std::string image(next("image"));
     auto& points = tables_.info.control_points;
-    auto found = std::find_if(
-        points.begin() + static_cast<std::ptrdiff_t>(first), points.end(), [&](const auto& other) {
-          return other.longitude_deg == point.longitude_deg &&
-                 other.latitude_deg == point.latitude_deg && other.altitude_m == point.altitude_m;
-        });
-    if (found == points.end()) {
-      point.name = fmt::format("unnamed-{}", points.size() - first);
-      found = points.insert(points.end(), std::move(point));
+    const auto [place, is_new] = listed_.try_emplace(
+        std::tuple(point.longitude_deg, point.latitude_deg, point.altitude_m), points.size());
+    if (is_new) {
+      point.name = fmt::format("unnamed-{}", listed_.size() - 1);
+      points.push_back(std::move(point));
     }
-    if (shots_.contains(image)) found->views.push_back({image, Pixel{u, v}});
+    if (shots_.contains(image)) points[place->second].views.push_back({image, Pixel{u, v}});
   }
 
   // image, track, feature, x, y and more, apart by tabs.
@@ -419,6 +417,8 @@ class Reader {
   const OpenSfmSources& sources_;
   const MapReadOptions& options_;
   MapTables tables_;
+  // The control points of gcp_list.txt by longitude, latitude and altitude.
+  std::map<std::tuple<double, double, std::optional<double>>, std::size_t> listed_;
   std::unordered_map<std::string, KnownCamera> cameras_;
   std::unordered_map<std::string, Shot> shots_;
   std::unordered_map<std::string, std::uint32_t> landmarks_;

@@ -206,6 +206,13 @@ TEST_F(OpenSfmTest, ControlPointsOfAListAreReadInWgs84) {
   EXPECT_THAT(losses_, Contains(HasSubstr("control points in 'WGS84 UTM 32N' are left out")));
 }
 
+TEST_F(OpenSfmTest, ManyControlPointsOfAListTakeLinearTime) {
+  std::string list = "WGS84\n";
+  for (int i = 0; i < 100'000; ++i) list += "8 47 " + std::to_string(i) + " 0 0 b.jpg\n";
+  folder_.write("gcp_list.txt", list);
+  EXPECT_EQ(read().info().control_points.size(), 100'000U);
+}
+
 TEST_F(OpenSfmTest, BrokenControlPointsAreRefused) {
   folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 high 12.5 40 b.jpg\n");
   EXPECT_THAT(refused(), HasSubstr("gcp_list.txt:2: altitude: 'high' is not a number"));
