@@ -249,7 +249,8 @@ bool ConvertArguments::convert_trajectory(std::string_view first) const {
   } else if (std::filesystem::path(output).extension() == ".csv") {
     written = TrajectoryFormat::kEuroc;
   }
-  Trajectory trajectory = read_trajectory(input);
+  Trajectory trajectory =
+      read_trajectory(input, strict_log(common.console().log(), loading.strict));
   if (!apply.empty()) trajectory = transformed(trajectory, read_similarity_file(apply));
   if (transform.given()) trajectory = transformed(trajectory, transform.pose());
   write_file(output, [&](const ByteSink& sink) { write_trajectory(trajectory, written, sink); });

@@ -162,9 +162,10 @@ bool EvaluateAlignmentArguments::has_trajectories() const {
 }
 
 // By orientations and positions: where a path is short or straight, positions leave a turn open.
-Rigid3 world_from_map(const std::string& estimate_path, const std::string& truth_path) {
-  const Trajectory estimate = read_trajectory(estimate_path);
-  const Trajectory truth = read_trajectory(truth_path);
+Rigid3 world_from_map(const std::string& estimate_path, const std::string& truth_path,
+                      const LogSink& log) {
+  const Trajectory estimate = read_trajectory(estimate_path, log);
+  const Trajectory truth = read_trajectory(truth_path, log);
   TrajectoryEvaluationOptions options;
   options.alignment = TrajectoryAlignment::kPoses;
   const TrajectoryEvaluation evaluation = evaluate_trajectory(estimate, truth, options);
@@ -180,8 +181,9 @@ Rigid3 world_from_map(const std::string& estimate_path, const std::string& truth
 std::optional<Similarity3> EvaluateAlignmentArguments::true_pose() const {
   if (!truth.empty()) return read_similarity_file(truth);
   if (!has_trajectories()) return std::nullopt;
-  return Similarity3(world_from_map(target_trajectory, target_truth).inverse() *
-                     world_from_map(source_trajectory, source_truth));
+  return Similarity3(
+      world_from_map(target_trajectory, target_truth, common.console().log()).inverse() *
+      world_from_map(source_trajectory, source_truth, common.console().log()));
 }
 
 Json EvaluateAlignmentArguments::truth_json(const Similarity3& pose) const {

@@ -122,7 +122,8 @@ std::vector<std::optional<Eigen::Vector3d>> EvaluateMapArguments::true_positions
   if (truth_trajectory.empty()) {
     poses = keyframe_poses(map, truth->map);
   } else {
-    poses = keyframe_poses(map, read_trajectory(truth_trajectory), max_time_difference_s);
+    poses = keyframe_poses(map, read_trajectory(truth_trajectory, common.console().log()),
+                           max_time_difference_s);
   }
   return true_positions_in_first_keyframe(map, truth->map, poses);
 }

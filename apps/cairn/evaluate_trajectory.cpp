@@ -58,8 +58,8 @@ struct LoadedTrajectory {
   Trajectory trajectory;
 };
 
-LoadedTrajectory load_trajectory(const std::string& path) {
-  return {path, read_trajectory(path)};
+LoadedTrajectory load_trajectory(const std::string& path, const LogSink& log) {
+  return {path, read_trajectory(path, log)};
 }
 
 struct EvaluateTrajectoryArguments {
@@ -274,8 +274,8 @@ int EvaluateTrajectoryArguments::run() {
                       hand_eye_options.validate();
                     });
   require_outputs(common);
-  const LoadedTrajectory estimated = load_trajectory(estimate);
-  const LoadedTrajectory true_one = load_trajectory(truth);
+  const LoadedTrajectory estimated = load_trajectory(estimate, common.console().log());
+  const LoadedTrajectory true_one = load_trajectory(truth, common.console().log());
   const TrajectoryEvaluation evaluation =
       evaluate_trajectory(estimated.trajectory, true_one.trajectory, options);
   if (!evaluation.absolute) {

@@ -257,7 +257,8 @@ MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
     options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
   }
   if (!start_from.empty()) {
-    options.odometry.start = [truth = read_trajectory(start_from), path = start_from](double time) {
+    options.odometry.start = [truth = read_trajectory(start_from, common.console().log()),
+                              path = start_from](double time) {
       const auto pose = interpolated(truth, time);
       if (pose) return *pose;
       throw Error(ErrorKind::kInput, path,
@@ -593,7 +594,7 @@ MapAtPosesOptions MapArguments::options_at_poses() const {
 
 MapAtPoses MapArguments::map_at_given_poses(const Camera& model,
                                             const SequenceOptions& sequence_options) const {
-  const Trajectory given = read_trajectory(poses);
+  const Trajectory given = read_trajectory(poses, common.console().log());
   const RgbdSequence images(sequence, sequence_options, common.console().log());
   std::optional<MapAtPoses> mapped;
   with_option_names({{"FeatureOptions.count", "--features"},

@@ -163,7 +163,8 @@ void SimulateArguments::refuse_existing() const {
 Trajectory SimulateArguments::make_trajectory(const Environment& place) const {
   if (!path_is_file()) return make_path(place, path_options);
   FileReader file(path);
-  Trajectory result = resampled(read_trajectory(file), path_options.rate_hz, frames.value_or(0));
+  Trajectory result = resampled(read_trajectory(file, {}, common.console().log()),
+                                path_options.rate_hz, frames.value_or(0));
   constexpr double kTouching = 0.05;
   const auto near =
       std::count_if(result.poses().begin(), result.poses().end(), [&](const TimedPose& pose) {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 #include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -15,6 +18,7 @@
 #include "cairn/trajectory/tum.hpp"
 
 #include "bindings/support.hpp"
+#include "bindings/text.hpp"
 
 namespace cairn::python {
 namespace {
@@ -129,7 +133,14 @@ void bind_trajectory(py::module_& module) {
         return Trajectory(std::move(poses));
       });
   module.def(
-      "read_trajectory", [](const std::filesystem::path& path) { return read_trajectory(path); },
+      "read_trajectory",
+      [](const std::filesystem::path& path) {
+        std::vector<std::string> remarks;
+        Trajectory trajectory =
+            read_trajectory(path, [&](std::string_view remark) { remarks.emplace_back(remark); });
+        warn(remarks);
+        return trajectory;
+      },
       py::arg("path"),
       "read_trajectory(path)\n--\n\nReads a trajectory in the format of the TUM RGB-D benchmark, "
       "EuRoC or KITTI.");

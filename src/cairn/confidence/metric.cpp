@@ -46,11 +46,17 @@ double mean_distance(const LandmarkMap& map, LandmarkIndex landmark) {
 double largest_viewing_angle(const LandmarkMap& map, LandmarkIndex landmark) {
   const Eigen::Vector3d& position = map.landmarks().positions[landmark.value];
   const auto frames = map.observing_frames(landmark);
+  // Pairs of some, evenly spaced, if there are more.
+  const std::size_t count = std::min(frames.size(), kMostViewingRays);
+  const auto ray = [&](std::size_t i) -> Eigen::Vector3d {
+    return position -
+           map.frames().translations[frames[i * (frames.size() - 1) / (count - 1)].value];
+  };
   double largest = 0.0;
-  for (std::size_t i = 1; i < frames.size(); ++i) {
-    const Eigen::Vector3d a = position - map.frames().translations[frames[i].value];
+  for (std::size_t i = 1; i < count; ++i) {
+    const Eigen::Vector3d a = ray(i);
     for (std::size_t j = 0; j < i; ++j) {
-      const Eigen::Vector3d b = position - map.frames().translations[frames[j].value];
+      const Eigen::Vector3d b = ray(j);
       // atan2 keeps small angles exact, where acos would not.
       largest = std::max(largest, std::atan2(a.cross(b).norm(), a.dot(b)));
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -36,8 +37,11 @@ Metric observations_metric();
 /// that observed it, Eq. 4, in the map's unit of length.
 Metric distance_metric();
 
+inline constexpr std::size_t kMostViewingRays = 1000;
+
 /// Largest angle between two viewing rays of the landmark, radians in [0, π]; a wider angle means a more
-/// certain triangulated depth. 0 for a landmark observed from one place.
+/// certain triangulated depth. 0 for a landmark observed from one place. Of more than kMostViewingRays
+/// observations, compares so many, evenly spaced.
 Metric parallax_metric();
 
 /// 1 / (1 + mean reprojection error in pixels). Needs cameras; ignores observations in frames without one.

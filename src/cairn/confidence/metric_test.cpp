@@ -75,6 +75,24 @@ TEST(ParallaxMetric, IsTheWidestAngleBetweenViewingRays) {
   EXPECT_EQ(values[2], 0.0);
 }
 
+// A landmark that very many frames on a quarter circle observe.
+TEST(ParallaxMetric, ComparesSomeOfVeryManyRays) {
+  MapTables tables;
+  constexpr std::uint32_t kCount = 60'000;
+  tables.landmarks.ids = {LandmarkId{1}};
+  tables.landmarks.positions = {{0.0, 0.0, 0.0}};
+  tables.observations.offsets = {0, kCount};
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    const double angle = std::numbers::pi / 2 * i / (kCount - 1);
+    tables.frames.ids.push_back(FrameId{i});
+    tables.frames.translations.emplace_back(std::cos(angle), std::sin(angle), 0.0);
+    tables.frames.quaternions.push_back({1, 0, 0, 0});
+    tables.observations.frames.push_back(FrameIndex{i});
+    tables.observations.pixels.push_back({0, 0});
+  }
+  EXPECT_DOUBLE_EQ(parallax_metric().evaluate(LandmarkMap(tables))[0], std::numbers::pi / 2);
+}
+
 TEST(ParallaxMetric, IsInRadiansFromAnyDistance) {
   MapTables tables = small_tables();
   tables.landmarks.positions[0] = {2, 0, 2};

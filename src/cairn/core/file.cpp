@@ -274,8 +274,8 @@ std::string read_file(const std::filesystem::path& path) {
   return read_all(file);
 }
 
-LineReader::LineReader(ByteSource& source, std::size_t block_size)
-    : source_(source), buffer_(block_size > 0 ? block_size : 1) {}
+LineReader::LineReader(ByteSource& source, std::size_t block_size, LogSink log)
+    : source_(source), log_(std::move(log)), buffer_(block_size > 0 ? block_size : 1) {}
 
 std::optional<std::string_view> LineReader::next() {
   for (;;) {
@@ -291,6 +291,11 @@ std::optional<std::string_view> LineReader::next() {
       bytes_ += next_begin - begin_;
       begin_ = scanned_ = next_begin;
       ++line_number_;
+      if (!terminated_ && log_ && !trimmed(line).empty()) {
+        log_({fmt::format("{}:{}: the last line does not end; the file may have been cut off",
+                          source_.name(), line_number_),
+              RemarkKind::kLoss});
+      }
       return line;
     }
     scanned_ = end_;

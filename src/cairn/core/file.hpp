@@ -8,7 +8,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
+
+#include "cairn/core/log.hpp"
 
 namespace cairn {
 
@@ -92,8 +95,10 @@ std::string read_file(const std::filesystem::path& path);
 /// if that is longer. Skips a byte order mark before the first line.
 class LineReader {
  public:
-  explicit LineReader(ByteSource& source) : LineReader(source, block_size_for(source)) {}
-  LineReader(ByteSource& source, std::size_t block_size);
+  /// @param log receives a loss if the last line has content but no '\n': the file may have been cut off
+  explicit LineReader(ByteSource& source, LogSink log = {})
+      : LineReader(source, block_size_for(source), std::move(log)) {}
+  LineReader(ByteSource& source, std::size_t block_size, LogSink log = {});
 
   /// The next line without its '\n'; std::nullopt at the end. Valid until the next call.
   /// @throws Error (input) for a line of more than kLongestLine bytes
@@ -109,6 +114,7 @@ class LineReader {
   bool refill();
 
   ByteSource& source_;
+  LogSink log_;
   std::vector<char> buffer_;
   std::size_t begin_ = 0;
   std::size_t scanned_ = 0;

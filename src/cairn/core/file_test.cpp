@@ -59,6 +59,22 @@ TEST(LineReader, KnowsWhetherTheLastLineEnded) {
   }
 }
 
+TEST(LineReader, ReportsALastLineThatMayHaveBeenCutOff) {
+  for (const auto& [content, loss] :
+       {std::pair{"1.5\n2.5\n", ""}, std::pair{"1.5\n2.5\n ", ""}, std::pair{"", ""},
+        std::pair{"1.5\n2.", "a:2: the last line does not end; the file may have been cut off"}}) {
+    std::string reported;
+    MemoryReader source(content, "a");
+    LineReader reader(source, [&](const Remark& remark) {
+      EXPECT_EQ(remark.kind, RemarkKind::kLoss);
+      reported += remark.text;
+    });
+    while (reader.next()) {
+    }
+    EXPECT_EQ(reported, loss);
+  }
+}
+
 TEST(LineReader, FindsNothingInAnEmptyFile) {
   const TemporaryFolder folder;
   EXPECT_TRUE(lines_of(folder.write("a", ""), 8).empty());

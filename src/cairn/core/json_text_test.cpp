@@ -51,6 +51,25 @@ TEST(ParseJson, RefusesNestingThatStackCouldNotHold) {
   EXPECT_THAT(refusal(std::string(1'000'000, '[')), HasSubstr("nested too deeply"));
 }
 
+std::string object_of(std::size_t keys) {
+  std::string text = "{";
+  for (std::size_t i = 0; i < keys; ++i) {
+    text += (i == 0 ? "\"a:" : ",\"a:") + std::to_string(i) + "\": {\"b\": 1}";
+  }
+  return text + "}";
+}
+
+TEST(ParseJson, RefusesObjectsWhoseKeysWouldTakeQuadraticTime) {
+  using nlohmann::ordered_json;
+  const std::string most = object_of(kMostOrderedJsonKeys);
+  EXPECT_EQ(parse_json<ordered_json>("[" + most + "," + most + "]", "a")->size(), 2U);
+  EXPECT_THAT(testing::refusal(
+                  ErrorKind::kInput,
+                  [&] { parse_json<ordered_json>(object_of(kMostOrderedJsonKeys + 1), "a.json"); }),
+              HasSubstr("an object has too many keys; expected at most 1000"));
+  EXPECT_EQ(parse_json<json>(object_of(100'000), "a")->size(), 100'000U);
+}
+
 TEST(ParseJson, CountsWhatIsNestedOnly) {
   std::string beside = "[[]";
   for (int i = 0; i < 1000; ++i) beside += ", {}, []";

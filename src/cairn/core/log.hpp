@@ -9,7 +9,7 @@ namespace cairn {
 
 enum class RemarkKind {
   kInformation,  ///< how the input was interpreted; no data is missing
-  kLoss,         ///< data of a file or map was left out, because the result cannot hold it
+  kLoss,  ///< data of a file or map was left out, because the result cannot hold it, or may be cut off
 };
 
 /// A message of the library beside its result.

@@ -61,6 +61,15 @@ std::string plain_text(std::string_view text, std::string_view kept) {
   return result;
 }
 
+bool is_utf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t size = first_code_point(text).size;
+    if (size == 0) return false;
+    text.remove_prefix(size);
+  }
+  return true;
+}
+
 std::string without_password(std::string_view url) {
   std::string shown(url);
   const std::size_t scheme = shown.find("://");

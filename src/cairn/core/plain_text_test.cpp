@@ -16,6 +16,14 @@ TEST(PlainText, LeavesTextAsItIs) {
   }
 }
 
+TEST(PlainText, Utf8IsTold) {
+  for (const std::string text : {"", "a\tb", "Grüße, 机器人, 🤖"})
+    EXPECT_TRUE(is_utf8(text)) << text;
+  for (const std::string text : {"caf\xe9.png", "\xc3", "\xed\xa0\x80", "\xc0\x80", "a\x80"}) {
+    EXPECT_FALSE(is_utf8(text)) << text;
+  }
+}
+
 TEST(PlainText, SpellsOutWhatCommandsATerminal) {
   EXPECT_EQ(plain_text("\x1b[2Jdesk\r\n\t\x07\x7f"), "\\x1b[2Jdesk\\x0d\\x0a\\x09\\x07\\x7f");
   EXPECT_EQ(plain_text("a\nb\tc\rd", "\n\t"), "a\nb\tc\\x0dd");

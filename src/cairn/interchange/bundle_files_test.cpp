@@ -25,6 +25,7 @@ namespace {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::refusal;
 using testing::reprojection;
 using testing::TemporaryFolder;
@@ -170,6 +171,19 @@ TEST_F(BundleFilesTest, NvmIsReadInCairnsAxes) {
   const LandmarkMap map = read(scene.nvm());
   expect_scene(map, scene);
   EXPECT_EQ(map.frames().image_names[1], "a photo 1.jpg");
+}
+
+TEST_F(BundleFilesTest, ALastLineThatMayHaveBeenCutOffIsMentioned) {
+  const Scene scene{.k1 = 0.0, .k2 = 0.0};
+  // Of NVM without the parts that are not read.
+  const std::string nvm = scene.nvm().substr(0, scene.nvm().find("\n\n0\n") + 1);
+  for (std::string text : {scene.bundler(), scene.bal(), nvm}) {
+    read(text);
+    EXPECT_THAT(remarks_, Not(Contains(HasSubstr("does not end"))));
+    while (text.ends_with('\n')) text.pop_back();
+    read(text);
+    EXPECT_THAT(remarks_, Contains(HasSubstr("the last line does not end")));
+  }
 }
 
 // VisualSFM's distortion is of the measurement: m becomes m (1 + k |m|² / f²).

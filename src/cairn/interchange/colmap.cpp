@@ -829,7 +829,7 @@ constexpr std::array<std::string_view, 5> kStems = {"cameras", "images", "points
 
 bool is_there(const fs::path& path) {
   std::error_code ignored;
-  return fs::exists(path, ignored);
+  return fs::is_regular_file(path, ignored);  // a pipe would block
 }
 
 bool is_model(const fs::path& folder, ColmapForm form) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -28,16 +29,16 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kSiftBytes = 128;
 constexpr std::size_t kMostOfLandmark = 8;  // descriptors to compare
+constexpr std::size_t kNotFound = std::numeric_limits<std::size_t>::max();
 
 bool is_there(const fs::path& path) {
   std::error_code ignored;
-  return fs::exists(path, ignored);
+  return fs::is_regular_file(path, ignored);  // a pipe would block
 }
 
 // An observation whose descriptor is wanted.
 struct Wanted {
-  std::uint32_t landmark;
-  std::uint32_t place;  // among the landmark's
+  std::size_t rank;  // among those wanted, in the order of landmarks
   std::uint32_t keypoint;
   Pixel pixel;
 };
@@ -70,8 +71,6 @@ class DescriptorReader {
                    const MapReadOptions& options)
       : model_(model), database_(database), options_(options) {
     list_wanted();
-    known_.assign(model.landmark_count() * kMostOfLandmark, 0);
-    bytes_.assign(known_.size() * kSiftBytes, 0);
   }
 
   std::optional<DescriptorColumn> read() {
@@ -104,15 +103,17 @@ class DescriptorReader {
     const ObservationTable& observations = model_.observations();
     wanted_.resize(model_.frame_count());
     if (observations.keypoints.empty()) return;
+    first_.push_back(0);
     for (std::uint32_t i = 0; i < model_.landmark_count(); ++i) {
       const std::uint64_t first = observations.offsets[i];
       for (std::uint64_t k = first;
            k < std::min(observations.offsets[i + 1], first + kMostOfLandmark); ++k) {
         if (!observations.keypoints[k]) continue;
-        wanted_[observations.frames[k].value].push_back({i, static_cast<std::uint32_t>(k - first),
-                                                         *observations.keypoints[k],
-                                                         observations.pixels[k]});
+        wanted_[observations.frames[k].value].push_back(
+            {taken_.size(), *observations.keypoints[k], observations.pixels[k]});
+        taken_.push_back(kNotFound);
       }
+      first_.push_back(taken_.size());
     }
     for (std::uint32_t i = 0; i < model_.frame_count() && !model_.frames().image_names.empty();
          ++i) {
@@ -139,17 +140,20 @@ class DescriptorReader {
       return;
     }
     for (const Wanted& w : wanted) {
-      const std::size_t slot = std::size_t{w.landmark} * kMostOfLandmark + w.place;
-      known_[slot] = 1;
-      std::memcpy(&bytes_[slot * kSiftBytes], descriptors.bytes.data() + w.keypoint * kSiftBytes,
-                  kSiftBytes);
+      std::size_t& place = taken_[w.rank];
+      if (place == kNotFound) {
+        place = bytes_.size();
+        bytes_.resize(place + kSiftBytes);
+      }
+      std::memcpy(&bytes_[place], descriptors.bytes.data() + w.keypoint * kSiftBytes, kSiftBytes);
     }
   }
 
   // Whether half of the observations are near their keypoints. Undistorted images have the same keypoints at
   // slightly different positions.
   bool are_near(std::uint32_t frame, const Matrix& keypoints) const {
-    const auto& camera = model_.frames().cameras[frame];
+    const auto& cameras = model_.frames().cameras;
+    const auto camera = cameras.empty() ? std::nullopt : cameras[frame];
     const double most = camera ? 0.05 * model_.cameras()[camera->value].width : 50.0;
     std::size_t near = 0;
     for (const Wanted& w : wanted_[frame]) {
@@ -178,19 +182,18 @@ class DescriptorReader {
   }
 
   std::optional<DescriptorColumn> choose() const {
+    if (bytes_.empty()) return std::nullopt;
     DescriptorColumn column{"SIFT", kSiftBytes, {}, {}};
-    bool any = false;
     std::vector<std::span<const std::uint8_t>> of_landmark;
     for (std::size_t i = 0; i < model_.landmark_count(); ++i) {
       of_landmark.clear();
-      for (std::size_t slot = i * kMostOfLandmark; slot < (i + 1) * kMostOfLandmark; ++slot) {
-        if (known_[slot] == 0) continue;
-        of_landmark.push_back(std::span(bytes_).subspan(slot * kSiftBytes, kSiftBytes));
+      for (std::size_t rank = first_[i]; rank < first_[i + 1]; ++rank) {
+        if (taken_[rank] == kNotFound) continue;
+        of_landmark.push_back(std::span(bytes_).subspan(taken_[rank], kSiftBytes));
       }
-      any = any || !of_landmark.empty();
       detail::append_distinct(column, of_landmark, DescriptorNorm::kSquared);
     }
-    return any ? std::optional(std::move(column)) : std::nullopt;
+    return column;
   }
 
   const LandmarkMap& model_;
@@ -198,8 +201,9 @@ class DescriptorReader {
   const MapReadOptions& options_;
   std::unordered_map<std::string, std::uint32_t> frame_of_;
   std::vector<std::vector<Wanted>> wanted_;  // of each frame
-  std::vector<std::uint8_t> known_;          // kMostOfLandmark a landmark
-  std::vector<std::uint8_t> bytes_;
+  std::vector<std::size_t> first_;   // rank of each landmark's first wanted one, and the end
+  std::vector<std::size_t> taken_;   // of each rank, the start of its descriptor in bytes_
+  std::vector<std::uint8_t> bytes_;  // kSiftBytes a descriptor that was found
   std::size_t found_ = 0;
   std::size_t no_sift_ = 0;
   std::size_t other_features_ = 0;

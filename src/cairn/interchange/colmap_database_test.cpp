@@ -19,6 +19,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::refusal;
@@ -68,6 +69,13 @@ TEST_F(ColmapDatabaseTest, DescriptorsOfTheDatabaseBelongToLandmarks) {
   }
 }
 
+TEST_F(ColmapDatabaseTest, AModelWithoutCamerasGetsDescriptorsToo) {
+  fs::remove(folder_ / "sparse/0/cameras.txt");
+  EXPECT_TRUE(read(folder_ / "sparse/0").frames().cameras.empty());
+  EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_TRUE(read(file()).landmarks().descriptors);
+}
+
 TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
   change("DELETE FROM images");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
@@ -85,6 +93,14 @@ TEST_F(ColmapDatabaseTest, ADatabaseBesideThatIsToBeWrittenIsRefused) {
               HasSubstr("--json: " + file().string()));
   refuse_to_read({});
   EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseThatWasNotClosedIsLeftOutOrRefused) {
+  folder_.write("database.db-wal", "changes");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(AllOf(HasSubstr("was not closed"),
+                                       HasSubstr("its descriptors are left out"))));
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("was not closed"));
 }
 
 TEST_F(ColmapDatabaseTest, OtherKeypointsAreNotTaken) {

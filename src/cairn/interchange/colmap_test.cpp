@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
@@ -201,6 +202,12 @@ TEST_F(ColmapTest, RigsOfSeveralSensorsAreMentioned) {
   folder_.write("rigs.txt", "1 1 CAMERA 3\n2 2 CAMERA 3 CAMERA 4 1 1 0 0 0 0 0 0\n");
   read();
   EXPECT_THAT(remarks_, Contains(HasSubstr("1 rigs of several sensors")));
+}
+
+TEST_F(ColmapTest, APipeBesideIsNotWaitedFor) {
+  write_text();
+  ASSERT_EQ(::mkfifo((folder_ / "rigs.txt").c_str(), 0600), 0);
+  EXPECT_EQ(read().frame_count(), 2U);
 }
 
 TEST_F(ColmapTest, PointsWithoutPositionAreLeftOut) {

@@ -28,7 +28,6 @@
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/map/io/losses.hpp"
-#include "cairn/map/io/memory_budget.hpp"
 
 namespace cairn {
 namespace {
@@ -343,8 +342,18 @@ class Reader {
   void read_poses() {
     read_records(kRigs, [&](CsvRecords& in) {
       const std::string rig(in.field("rig_device_id"));
-      std::string sensor(in.field("sensor_device_id"));
-      if (const auto pose = read_pose(in)) rigs_of_[std::move(sensor)].emplace_back(rig, *pose);
+      const std::string sensor(in.field("sensor_device_id"));
+      const auto pose = read_pose(in);
+      if (!pose) return;
+      auto& rigs = rigs_of_[sensor];
+      // Each image of the sensor looks for a pose of each of them.
+      constexpr std::size_t kMostRigs = 100;
+      if (rigs.size() == kMostRigs) {
+        in.refuse("sensor_device_id",
+                  fmt::format("{} is in more than {} rigs", printable(sensor), kMostRigs),
+                  "as a rule one");
+      }
+      rigs.emplace_back(rig, *pose);
     });
     const bool is_there = read_records(kTrajectories, [&](CsvRecords& in) {
       const std::int64_t timestamp = in.timestamp();
@@ -640,7 +649,6 @@ class Reader {
     detail::DescribedObservations observations(bytes_each);
     const auto& images = tables_.frames.image_names;
     std::size_t without_file = 0;
-    std::uint64_t taken = 0;
     for (auto begin = seen.begin(); begin != seen.end();) {
       const FrameIndex frame = begin->frame;
       const auto end =
@@ -655,11 +663,10 @@ class Reader {
       const auto descriptors = described ? features(*described, image, "desc") : std::nullopt;
       for (; begin != end; ++begin) {
         add(observations, *begin, *keypoints, *points, described, descriptors);
-        require_budget(++taken * bytes_each);
+        require_budget(observations.descriptor_bytes());
       }
     }
-    // Those of all observations, and of each landmark the representative and further ones.
-    require_budget((2 * taken + tables_.landmarks.ids.size()) * bytes_each);
+    require_budget(observations.descriptor_bytes_to_fill(tables_.landmarks.ids.size()));
     if (without_file > 0) {
       lost(fmt::format("{} observations by images without keypoints are left out{}", without_file,
                        files_.open(folder + "/keypoints.tar")
@@ -677,12 +684,8 @@ class Reader {
     }
   }
 
-  // A small file may refer to one descriptor many times.
   void require_budget(std::uint64_t descriptor_bytes) const {
-    if (descriptor_bytes <= detail::memory_budget(read_bytes_)) return;
-    throw Error(ErrorKind::kInput, files_.name,
-                fmt::format("descriptors take {} bytes", descriptor_bytes),
-                "at most 32 times the bytes of the files and 64 MiB");
+    detail::require_descriptor_budget(descriptor_bytes, read_bytes_, files_.name);
   }
 
   void add(detail::DescribedObservations& observations, const Seen& seen,

@@ -182,6 +182,16 @@ TEST_F(KaptureTest, CamerasOfARigHaveThePoseOfTheRig) {
   EXPECT_THAT(losses_, Contains(HasSubstr("timestamps are not distinct")));
 }
 
+TEST_F(KaptureTest, ASensorInVeryManyRigsIsRefused) {
+  Files files = small_files();
+  std::string& rigs = files["sensors/rigs.txt"];
+  for (int i = 0; i < 100; ++i) rigs += fmt::format("rig{}, cam0, 1, 0, 0, 0, 0, 0, 0\n", i);
+  read(files);
+  rigs += "rig, cam0, 1, 0, 0, 0, 0, 0, 0\n";
+  EXPECT_THAT(refused(files),
+              HasSubstr("rigs.txt:101: sensor_device_id: 'cam0' is in more than 100 rigs"));
+}
+
 TEST_F(KaptureTest, Version1HasOneTypeOfKeypoints) {
   Files files = small_files();
   files["sensors/sensors.txt"].replace(18, 3, "1.0");

@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
@@ -128,10 +129,13 @@ class Reader {
     const double k1 = coefficient("k1");
     const double k2 = coefficient("k2");
     const double k3 = coefficient("k3");
+    const double k4 = coefficient("k4");
+    const bool is_perspective =
+        model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE";
     if (is_fisheye) {
-      with("OPENCV_FISHEYE", {k1, k2, k3, coefficient("k4")});
-    } else if (model == "EQUIRECTANGULAR") {
-      return std::nullopt;
+      with("OPENCV_FISHEYE", {k1, k2, k3, k4});
+    } else if (!is_perspective || k4 != 0.0) {
+      return std::nullopt;  // none of Cairn's models
     } else {
       const double p1 = coefficient("p1");
       const double p2 = coefficient("p2");
@@ -233,7 +237,12 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   all["frames"] = nlohmann::ordered_json::array();
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     nlohmann::ordered_json frame = nlohmann::ordered_json::object();
-    frame["file_path"] = detail::image_name(map, FrameIndex{i});
+    const std::string name = detail::image_name(map, FrameIndex{i});
+    if (!is_utf8(name)) {
+      throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
+                  "image name " + printable(name), "a name in UTF-8, as JSON needs it");
+    }
+    frame["file_path"] = name;
     if (!is_one_camera) frame.update(cameras[map.frames().cameras[i]->value]);
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     const Eigen::Matrix3d rotation =
@@ -266,7 +275,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   try {
     // Both are written before one has its name: what a killed process leaves is no file that the next run refuses.
     write_file(path, [&](const ByteSink& sink) {
-      sink(all.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+      sink(all.dump(1) + "\n");
       if (has_points) write_file(points, [&](const ByteSink& ply) { write_ply(map, ply); });
     });
   } catch (...) {

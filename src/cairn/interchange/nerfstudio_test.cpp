@@ -57,6 +57,18 @@ TEST_F(NerfstudioTest, CamerasAreOfAFrameOrOfAll) {
   EXPECT_NEAR(ngp.cameras()[0].parameters[0], 100.0, 1e-9);
 }
 
+TEST_F(NerfstudioTest, OtherModelsAreNotTakenForPerspective) {
+  for (const char* model : {"PINHOLE", "SIMPLE_PINHOLE"}) {
+    const auto of_frame = R"(, "camera_model": ")" + std::string(model) + "\"";
+    EXPECT_EQ(read_bytes(document("", of_frame)).cameras()[0].model, "PINHOLE");
+  }
+  for (const char* of_frame : {R"(, "camera_model": "FISHEYE624", "k1": 0.1)",
+                               R"(, "camera_model": "EQUIRECTANGULAR")", R"(, "k4": 0.3)"}) {
+    EXPECT_TRUE(read_bytes(document("", of_frame)).cameras().empty()) << of_frame;
+    EXPECT_THAT(remarks_, Contains(HasSubstr("1 of 1 frames have no known camera")));
+  }
+}
+
 TEST_F(NerfstudioTest, PointsLieInAFileBeside) {
   folder_.write(
       "sparse_pc.ply",
@@ -117,6 +129,16 @@ TEST_F(NerfstudioTest, WhatIsWrittenIsReadBack) {
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
   }
+}
+
+TEST_F(NerfstudioTest, NamesThatAreNoUtf8AreRefused) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {{CameraId{0}, "PINHOLE", 200, 100, {150, 160, 90, 50}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"a.png", "caf\xe9.png"};
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(LandmarkMap(tables), "transforms.json"); }),
+              HasSubstr("frame 2: image name 'caf\\xe9.png'; expected a name in UTF-8"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "sparse_pc.ply"));
 }
 
 TEST_F(NerfstudioTest, WritingReplacesNoPoints) {

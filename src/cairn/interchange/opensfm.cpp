@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <set>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 
@@ -16,6 +18,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
@@ -109,7 +112,7 @@ class Reader {
       return;
     }
     detail::ReadingProgress progress(options_, sources_.tracks->size().value_or(0));
-    LineReader lines(*sources_.tracks);
+    LineReader lines(*sources_.tracks, options_.log);
     std::uint64_t reported = 0;
     while (const auto line = lines.next()) {
       constexpr std::uint64_t kBlock = 1 << 20;
@@ -163,14 +166,13 @@ class Reader {
 
   void read_control_list() {
     if (sources_.control_list == nullptr) return;
-    LineReader lines(*sources_.control_list);
+    LineReader lines(*sources_.control_list, options_.log);
     bool is_head = true;
-    const std::size_t first = tables_.info.control_points.size();
     while (const auto line = lines.next()) {
       const std::string_view text = trimmed(*line);
       if (text.empty() || text.front() == '#') continue;
       if (!is_head) {
-        read_control_line(text, lines.line_number(), first);
+        read_control_line(text, lines.line_number());
         continue;
       }
       is_head = false;
@@ -323,7 +325,7 @@ class Reader {
   }
 
   // Longitude, latitude, altitude, u, v and an image. Lines of one place are of one point.
-  void read_control_line(std::string_view text, std::uint64_t line_number, std::size_t first) {
+  void read_control_line(std::string_view text, std::uint64_t line_number) {
     const auto refuse = [&](std::string_view field, std::string_view what,
                             std::string_view expected) {
       throw Error(ErrorKind::kInput,
@@ -357,16 +359,13 @@ class Reader {
     const double v = number("v");
     const std::string image(next("image"));
     auto& points = tables_.info.control_points;
-    auto found = std::find_if(
-        points.begin() + static_cast<std::ptrdiff_t>(first), points.end(), [&](const auto& other) {
-          return other.longitude_deg == point.longitude_deg &&
-                 other.latitude_deg == point.latitude_deg && other.altitude_m == point.altitude_m;
-        });
-    if (found == points.end()) {
-      point.name = fmt::format("unnamed-{}", points.size() - first);
-      found = points.insert(points.end(), std::move(point));
+    const auto [place, is_new] = listed_.try_emplace(
+        std::tuple(point.longitude_deg, point.latitude_deg, point.altitude_m), points.size());
+    if (is_new) {
+      point.name = fmt::format("unnamed-{}", listed_.size() - 1);
+      points.push_back(std::move(point));
     }
-    if (shots_.contains(image)) found->views.push_back({image, Pixel{u, v}});
+    if (shots_.contains(image)) points[place->second].views.push_back({image, Pixel{u, v}});
   }
 
   // image, track, feature, x, y and more, apart by tabs.
@@ -418,6 +417,8 @@ class Reader {
   const OpenSfmSources& sources_;
   const MapReadOptions& options_;
   MapTables tables_;
+  // The control points of gcp_list.txt by longitude, latitude and altitude.
+  std::map<std::tuple<double, double, std::optional<double>>, std::size_t> listed_;
   std::unordered_map<std::string, KnownCamera> cameras_;
   std::unordered_map<std::string, Shot> shots_;
   std::unordered_map<std::string, std::uint32_t> landmarks_;
@@ -487,11 +488,18 @@ class Writer {
     std::set<std::string> names;
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
       names_.push_back(detail::image_name(map, FrameIndex{i}));
-      const bool is_plain = names_.back().find_first_of("\t\n\r") == std::string::npos;
+      const bool is_plain =
+          names_.back().find_first_of("\t\n\r") == std::string::npos && is_utf8(names_.back());
       if (is_plain && names.insert(names_.back()).second) continue;
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
                   "image name " + printable(names_.back()),
-                  "distinct names without tabs and line ends, which name the shots of OpenSfM");
+                  "distinct names in UTF-8 without tabs and line ends, which name the shots of "
+                  "OpenSfM");
+    }
+    for (const ControlPoint& point : map.info().control_points) {
+      if (is_utf8(point.name)) continue;
+      throw Error(ErrorKind::kInput, "control point " + printable(point.name), "is no UTF-8",
+                  "a name in UTF-8, as JSON needs it");
     }
   }
 
@@ -589,9 +597,7 @@ class Writer {
       }
       points.push_back({{"id", point.name}, {"position", position}, {"observations", views}});
     }
-    sink(nlohmann::json{{"points", points}}.dump(1, ' ', false,
-                                                 nlohmann::json::error_handler_t::replace) +
-         "\n");
+    sink(nlohmann::json{{"points", points}}.dump(1) + "\n");
   }
 
   void remark() const {
@@ -623,7 +629,7 @@ class Writer {
 
   void begin_entry(bool is_first, const std::string& key) const {
     text_ += is_first ? "\n" : ",\n";
-    text_ += nlohmann::json(key).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    text_ += nlohmann::json(key).dump();
     text_ += ": ";
   }
 
@@ -768,7 +774,7 @@ std::vector<MapFormat> opensfm_formats() {
                  const auto beside = [&](const char* name, std::optional<FileReader>& file) {
                    const fs::path path = input.path.parent_path() / name;
                    std::error_code ignored;
-                   return fs::exists(path, ignored) ? &file.emplace(path) : nullptr;
+                   return fs::is_regular_file(path, ignored) ? &file.emplace(path) : nullptr;
                  };
                  std::optional<FileReader> tracks;
                  std::optional<FileReader> control_points;

@@ -207,6 +207,13 @@ TEST_F(OpenSfmTest, ControlPointsOfAListAreReadInWgs84) {
   EXPECT_THAT(losses_, Contains(HasSubstr("control points in 'WGS84 UTM 32N' are left out")));
 }
 
+TEST_F(OpenSfmTest, ManyControlPointsOfAListTakeLinearTime) {
+  std::string list = "WGS84\n";
+  for (int i = 0; i < 100'000; ++i) list += "8 47 " + std::to_string(i) + " 0 0 b.jpg\n";
+  folder_.write("gcp_list.txt", list);
+  EXPECT_EQ(read().info().control_points.size(), 100'000U);
+}
+
 TEST_F(OpenSfmTest, BrokenControlPointsAreRefused) {
   folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 high 12.5 40 b.jpg\n");
   EXPECT_THAT(refused(), HasSubstr("gcp_list.txt:2: altitude: 'high' is not a number"));
@@ -252,6 +259,14 @@ TEST_F(OpenSfmTest, TracksMayBeMissing) {
 
 TEST_F(OpenSfmTest, TracksMayHaveNoHeader) {
   EXPECT_EQ(read(kReconstruction, "b.jpg\t10\t3\t0.08\t0.16\t1\t2\t3\n").observation_count(), 1U);
+}
+
+TEST_F(OpenSfmTest, LastLinesThatMayHaveBeenCutOffAreALoss) {
+  EXPECT_EQ(read(kReconstruction, kTracks.substr(0, kTracks.size() - 1)).observation_count(), 2U);
+  EXPECT_THAT(losses_, Contains(HasSubstr("tracks.csv:5: the last line does not end")));
+  folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 402.5 12.5 40 b.jpg");
+  read();
+  EXPECT_THAT(losses_, Contains(HasSubstr("gcp_list.txt:2: the last line does not end")));
 }
 
 TEST_F(OpenSfmTest, EachProjectionHasItsModel) {
@@ -368,6 +383,24 @@ TEST_F(OpenSfmTest, WhatAKilledWriterLeavesIsWrittenOver) {
     EXPECT_EQ(testing::read_text(folder_ / "killed" / name),
               testing::read_text(folder_ / "whole" / name));
   }
+}
+
+TEST_F(OpenSfmTest, NamesThatAreNoUtf8AreRefused) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {{CameraId{0}, "PINHOLE", 200, 100, {150, 160, 90, 50}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"caf\xe9.png", "b.png"};
+  const auto path = folder_ / "reconstruction.json";
+  const auto refused_message = [&] {
+    return refusal(ErrorKind::kInput, [&] { all_formats().write(LandmarkMap(tables), path); });
+  };
+  EXPECT_THAT(refused_message(), HasSubstr("frame 1: image name 'caf\\xe9.png'; expected"));
+  tables.frames.image_names[0] = "caf\u00e9.png";
+  tables.info.control_points = {{"p\xff", 47.0, 8.0, std::nullopt, {}}};
+  EXPECT_THAT(refused_message(), HasSubstr("control point 'p\\xff': is no UTF-8"));
+  tables.info.control_points.clear();
+  all_formats().write(LandmarkMap(tables), path);
+  EXPECT_THAT(all_formats().read(path).frames().image_names, ElementsAre("b.png", "caf\u00e9.png"));
 }
 
 TEST_F(OpenSfmTest, CamerasAreWrittenAsModelsOfOpenSfm) {

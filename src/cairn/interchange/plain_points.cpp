@@ -21,6 +21,7 @@
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/interchange/detail/zip_archive.hpp"
 #include "cairn/map/io/losses.hpp"
+#include "cairn/map/io/memory_budget.hpp"
 #include "cairn/map/io/point_columns.hpp"
 
 namespace cairn {
@@ -204,8 +205,10 @@ class TableReader {
       }
       table->append_text(row, lines_.line_number());
     }
-    if (!table) return finish(LandmarkMap());
-    return finish(std::move(*table).finish());
+    if (table) return std::move(*table).finish(LengthUnit::kFree);
+    MapTables none;
+    none.info.length_unit = LengthUnit::kFree;
+    return LandmarkMap(std::move(none));
   }
 
  private:
@@ -283,12 +286,6 @@ class TableReader {
             fmt::format("{}:{}", source_.name(), header_line_), std::move(fields), options_};
   }
 
-  static LandmarkMap finish(LandmarkMap map) {
-    MapTables tables = std::move(map).tables();
-    tables.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(tables));
-  }
-
   ByteSource& source_;
   LineReader& lines_;
   std::uint64_t header_line_;
@@ -317,9 +314,11 @@ constexpr detail::Holdings kPositionsOnly{.timestamps = true,
 
 class NpzReader {
  public:
-  NpzReader(std::map<std::string, std::string> members, const std::string& name,
-            const MapReadOptions& options)
-      : members_(std::move(members)), name_(name), options_(options) {}
+  NpzReader(std::string_view archive, const std::string& name, const MapReadOptions& options)
+      : members_(detail::read_zip(archive, name)),
+        archive_bytes_(archive.size()),
+        name_(name),
+        options_(options) {}
 
   LandmarkMap read() {
     for (const auto& [member, bytes] : members_) {
@@ -328,6 +327,7 @@ class NpzReader {
       const std::string where = fmt::format("{}: {}", name_, is_plain(key) ? key : printable(key));
       arrays_.emplace(key, detail::NpyArray(bytes, where));
     }
+    require_budget();
     const detail::NpyArray& positions = find_positions();
     const std::uint64_t count = positions.shape()[0];
     std::vector<std::uint64_t> rows;
@@ -407,6 +407,19 @@ class NpzReader {
     }
     throw Error(ErrorKind::kInput, name_, "has no array of positions",
                 "one named positions, points, xyz or arr_0");
+  }
+
+  // A byte of an archive may unpack to many, and each of these becomes a number of 8 bytes.
+  void require_budget() const {
+    std::uint64_t bytes = 0;
+    for (const auto& [member, unpacked] : members_) bytes += unpacked.size();
+    for (const auto& [key, array] : arrays_) {
+      const bool stays_bytes = key == "colors" || key == "descriptors" || key == kFurther;
+      bytes += array.is_text() ? 0 : array.size() * (stays_bytes ? 1 : sizeof(double));
+    }
+    if (bytes <= detail::memory_budget(archive_bytes_)) return;
+    throw Error(ErrorKind::kInput, name_, fmt::format("its arrays take {} bytes", bytes),
+                "at most 32 times the bytes of the archive and 64 MiB");
   }
 
   static Eigen::Matrix3d covariance(const detail::NpyArray& array, std::uint64_t row) {
@@ -490,6 +503,7 @@ class NpzReader {
   }
 
   std::map<std::string, std::string> members_;
+  std::uint64_t archive_bytes_;
   std::string name_;
   const MapReadOptions& options_;
   std::map<std::string, detail::NpyArray> arrays_;
@@ -603,8 +617,10 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
 }
 
 LandmarkMap read_npz_points(ByteSource& source, const MapReadOptions& options) {
-  return NpzReader(detail::read_zip(read_all(source), source.name()), source.name(), options)
-      .read();
+  std::string archive = read_all(source);
+  NpzReader reader(archive, source.name(), options);
+  archive = {};  // it is unpacked
+  return reader.read();
 }
 
 void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,

@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
@@ -19,6 +20,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -42,6 +44,49 @@ std::string npy(const std::string& header, std::size_t doubles) {
     bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
   }
   return bytes;
+}
+
+// A ZIP archive of one deflated member.
+std::string archive_of(const std::string& name, const std::string& content) {
+  std::string packed(compressBound(content.size()), '\0');
+  z_stream stream{};
+  EXPECT_EQ(deflateInit2(&stream, 9, Z_DEFLATED, -MAX_WBITS, 9, Z_DEFAULT_STRATEGY), Z_OK);
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(content.data()));
+  stream.avail_in = static_cast<uInt>(content.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  EXPECT_EQ(deflate(&stream, Z_FINISH), Z_STREAM_END);
+  packed.resize(stream.total_out);
+  deflateEnd(&stream);
+  std::string archive;
+  const auto add = [&](std::uint64_t value, int bytes) {
+    for (int i = 0; i < bytes; ++i) archive += static_cast<char>(value >> (8 * i));
+  };
+  const auto add_common = [&] {
+    for (const std::uint64_t x : {20, 0, 8, 0, 0}) add(x, 2);  // version, flags, method, time, date
+    add(crc32(0, reinterpret_cast<const Bytef*>(content.data()), static_cast<uInt>(content.size())),
+        4);
+    add(packed.size(), 4);
+    add(content.size(), 4);
+    add(name.size(), 2);
+    add(0, 2);
+  };
+  add(0x04034b50, 4);
+  add_common();
+  archive += name + packed;
+  const std::size_t directory = archive.size();
+  add(0x02014b50, 4);
+  add(20, 2);
+  add_common();
+  archive.append(14, '\0');  // comment, disk, attributes, place of the member
+  archive += name;
+  const std::size_t end = archive.size();
+  add(0x06054b50, 4);
+  for (const std::uint64_t x : {0, 0, 1, 1}) add(x, 2);
+  add(end - directory, 4);
+  add(directory, 4);
+  add(0, 2);
+  return archive;
 }
 
 TEST_F(PlainPointsTest, LinesBecomeLandmarks) {
@@ -211,6 +256,19 @@ TEST_F(PlainPointsTest, ArchivesOfNumPyAreRead) {
   const LandmarkMap map = read_text(bytes);
   EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(map.column("weight")->values.at(0), 7.0);
+}
+
+TEST_F(PlainPointsTest, ArchivesTakeMemoryInProportionToTheirSize) {
+  const auto points = [](std::size_t count) {
+    const std::string header =
+        "{'descr': '|u1', 'fortran_order': False, 'shape': (" + std::to_string(count) + ", 3), }\n";
+    return archive_of("xyz.npy", npy(header, 0) + std::string(3 * count, '\1'));
+  };
+  EXPECT_EQ(read_text(points(1000)).landmark_count(), 1000U);
+  // Twelve million bytes fit when unpacked, but not as numbers of eight bytes.
+  EXPECT_THAT(refused(points(4'000'000)),
+              AllOf(HasSubstr("its arrays take 10800"),
+                    HasSubstr("at most 32 times the bytes of the archive and 64 MiB")));
 }
 
 TEST(RealPlainPoints, AreRead) {

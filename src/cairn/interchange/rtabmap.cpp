@@ -18,6 +18,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/limits.hpp"
@@ -364,6 +365,8 @@ class CalibrationReader {
   std::span<const std::byte> bytes_;
 };
 
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
 struct Feature {
   std::uint32_t frame = 0;
   std::uint32_t keypoint = 0;
@@ -371,9 +374,8 @@ struct Feature {
   Pixel pixel;
   std::int32_t octave = 0;
   std::optional<Eigen::Vector3d> in_camera;
+  std::uint32_t descriptor = kNone;  // place among those that are known
 };
-
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 std::string descriptor_kind(sqlite::Database& database) {
   // As RTAB-Map numbers its detectors: the descriptor of each.
@@ -395,7 +397,9 @@ std::string descriptor_kind(sqlite::Database& database) {
 class MapReader {
  public:
   MapReader(sqlite::Database& database, const MapReadOptions& options)
-      : database_(database), graph_(database, options) {}
+      : database_(database),
+        file_bytes_(FileReader(database.name()).size().value_or(0)),
+        graph_(database, options) {}
 
   LandmarkMap read() {
     read_calibrations();
@@ -515,7 +519,9 @@ class MapReader {
         const Eigen::Vector3d in_camera = base_from_camera.inverse() * in_base;
         if (!in_base.isZero() && in_camera.z() > 0.0) feature.in_camera = in_camera;
       }
-      take_descriptor(rows.optional_blob(9), rows.optional_integer(8).value_or(0));
+      if (take_descriptor(rows.optional_blob(9), rows.optional_integer(8).value_or(0))) {
+        feature.descriptor = descriptors_++;
+      }
       features_.push_back(feature);
     }
     if (unposed > 0) {
@@ -527,8 +533,8 @@ class MapReader {
     }
   }
 
-  // All of a database are of one size and type: that of the first.
-  void take_descriptor(std::optional<std::span<const std::byte>> blob, std::int64_t size) {
+  // All of a database are of one size and type: that of the first. @return whether there is one of them
+  bool take_descriptor(std::optional<std::span<const std::byte>> blob, std::int64_t size) {
     const auto count = static_cast<std::size_t>(
         std::clamp<std::int64_t>(size, 0, std::int64_t{kMostDescriptorBytes}));
     const bool is_known =
@@ -538,15 +544,18 @@ class MapReader {
       stored_bytes_ = blob->size();
     }
     const bool fits = is_known && count == descriptor_bytes_ && blob->size() == stored_bytes_;
-    known_.push_back(fits ? 1 : 0);
-    bytes_.resize(known_.size() * stored_bytes_, 0);
-    if (fits)
-      std::memcpy(bytes_.data() + bytes_.size() - stored_bytes_, blob->data(), stored_bytes_);
+    if (fits) {
+      const auto* const begin = reinterpret_cast<const std::uint8_t*>(blob->data());
+      bytes_.insert(bytes_.end(), begin, begin + blob->size());
+      // Rows of a damaged database may share a page.
+      detail::require_descriptor_budget(bytes_.size(), file_bytes_, database_.name());
+    }
+    return fits;
   }
 
-  std::span<const std::uint8_t> descriptor(std::size_t feature) const {
-    if (descriptor_bytes_ == 0 || known_[feature] == 0) return {};
-    return std::span(bytes_).subspan(feature * descriptor_bytes_, descriptor_bytes_);
+  std::span<const std::uint8_t> descriptor(const Feature& feature) const {
+    if (feature.descriptor == kNone) return {};
+    return std::span(bytes_).subspan(feature.descriptor * descriptor_bytes_, descriptor_bytes_);
   }
 
   bool are_floats() const { return stored_bytes_ > descriptor_bytes_; }
@@ -698,10 +707,13 @@ class MapReader {
                                                    feature.keypoint};
         if (feature.in_camera) entry.depth = feature.in_camera->z();
         entry.octave = feature.octave;
-        observations.add(entry, descriptor(chosen.second));
+        observations.add(entry, descriptor(feature));
       }
     }
     if (!words.values.empty()) tables_.landmarks.columns.push_back(std::move(words));
+    detail::require_descriptor_budget(
+        bytes_.size() + observations.descriptor_bytes_to_fill(tables_.landmarks.ids.size()),
+        file_bytes_, database_.name());
     const std::string kind = descriptor_kind(database_);
     const bool is_binary = !are_floats() && descriptor_bytes_ <= 64;
     std::move(observations)
@@ -737,6 +749,7 @@ class MapReader {
   static constexpr double kMostPixelsOff = 8.0;
 
   sqlite::Database& database_;
+  std::uint64_t file_bytes_;
   Graph graph_;
   MapTables tables_;
   std::vector<std::optional<Calibration>> calibrations_;  // of each node
@@ -744,8 +757,8 @@ class MapReader {
   std::vector<Feature> features_;
   std::vector<std::uint32_t> parent_;
   std::size_t descriptor_bytes_ = 0;
-  std::size_t stored_bytes_ = 0;  // as many, or four times as many if they are float32
-  std::vector<std::uint8_t> known_;
+  std::size_t stored_bytes_ = 0;   // as many, or four times as many if they are float32
+  std::uint32_t descriptors_ = 0;  // number of those in bytes_
   std::vector<std::uint8_t> bytes_;
 };
 

@@ -19,6 +19,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::refusal;
@@ -255,6 +256,29 @@ TEST_F(RtabmapTest, LinksBecomeAPoseGraph) {
   EXPECT_EQ(graph.links[0].kind, LinkKind::kOdometry);
 }
 
+TEST_F(RtabmapTest, FeaturesWithoutADescriptorTakeNoRoomForOne) {
+  make();
+  // With 16 KiB for each, the rows would exceed what the reader may take.
+  const auto add_rows = [&](const std::string& depths) {
+    sqlite::Database(folder_ / "map.db", {.access = sqlite::Access::kWrite})
+        .execute(
+            "DELETE FROM Feature;"
+            "INSERT INTO Feature VALUES(1,1,319.5,239.5,5,0,0,1,4,0,0.3,4096,zeroblob(16384));"
+            "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 40000) "
+            "INSERT INTO Feature SELECT 1,0,319.5,239.5,5,0,0,1," +
+            depths + ",NULL,NULL FROM n;");
+  };
+  add_rows("NULL,NULL,NULL");
+  const LandmarkMap map = read_map();
+  ASSERT_EQ(map.landmark_count(), 1U);
+  EXPECT_EQ(map.landmarks().descriptors->bytes_each, 4096U);
+  // A column has room for every landmark.
+  add_rows("4,0,0.3");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_map(); }),
+              AllOf(HasSubstr("map.db: descriptors take 16"),
+                    HasSubstr("at most 32 times the bytes of the files and 64 MiB")));
+}
+
 TEST_F(RtabmapTest, DamageIsRefusedByName) {
   make();
   {
@@ -266,6 +290,40 @@ TEST_F(RtabmapTest, DamageIsRefusedByName) {
   for (std::size_t size = 4096; size < bytes.size(); size += 4096) {
     EXPECT_THAT(refused(bytes.substr(0, size), "cut.db"), HasSubstr("cut.db")) << size;
   }
+}
+
+TEST_F(RtabmapTest, ADatabaseThatWasNotClosedIsRefused) {
+  make();
+  const auto database = folder_ / "map.db";
+  const auto not_closed = [&](const std::string& file) {
+    return AllOf(HasSubstr("map.db: was not closed: changes are in "), HasSubstr(file),
+                 HasSubstr("a closed database"));
+  };
+  for (const char* ending : {"-wal", "-journal"}) {
+    const auto journal = folder_.write(std::string("map.db") + ending, "\xd9\xd5\x05\xf9");
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_map(); }), not_closed(journal.string()));
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_rtabmap_graph(database); }),
+                not_closed(journal.string()));
+    std::filesystem::create_symlink(database, folder_ / "link.db");
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_ / "link.db"); }),
+                AllOf(HasSubstr("link.db: was not closed"), HasSubstr(journal.string())));
+    std::filesystem::remove(folder_ / "link.db");
+    folder_.write(journal.filename().string(), "");
+    EXPECT_EQ(read_map().frame_count(), 4U) << "an empty " << ending << " holds no changes";
+    std::filesystem::remove(journal);
+  }
+  folder_.write("map.db-journal", std::string(512, '\0'));
+  EXPECT_EQ(read_map().frame_count(), 4U) << "journal_mode = PERSIST keeps a zeroed header";
+}
+
+TEST_F(RtabmapTest, RowsInAWriteAheadLogAreNotMissedSilently) {
+  make();
+  sqlite::Database writer(folder_ / "map.db", {.access = sqlite::Access::kWrite});
+  ASSERT_EQ(writer.text("PRAGMA journal_mode = WAL"), "wal");
+  writer.execute("DELETE FROM Feature");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read_map(); }), HasSubstr("map.db-wal"));
+  { const sqlite::Database closed = std::move(writer); }
+  EXPECT_EQ(read_map().landmark_count(), 0U);
 }
 
 TEST(RealRtabmap, NodesAndLinksAreRead) {

@@ -343,13 +343,18 @@ class Writer {
     }
   }
 
+  static constexpr std::size_t kMostShared = 1000;
+
   // A spanning tree: the parent of a frame is the earlier frame that shares most landmarks with it.
   void find_parents() {
     children_.resize(map_.frame_count());
     for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
       std::map<std::uint32_t, std::size_t> shared;
       for (const std::uint64_t k : keypoints_[i]) {
-        for (const FrameIndex other : map_.observing_frames(LandmarkIndex{landmark_of_[k]})) {
+        auto others = map_.observing_frames(LandmarkIndex{landmark_of_[k]});
+        // All pairs of more would take quadratic time.
+        others = others.first(std::min<std::size_t>(others.size(), kMostShared));
+        for (const FrameIndex other : others) {
           if (other.value < i) ++shared[other.value];
         }
       }

@@ -255,6 +255,21 @@ TEST_F(StellaTest, SeveralDescriptorsAreSpreadOverTheKeyframes) {
   EXPECT_THAT(remarks_, Contains(HasSubstr("further descriptors of a landmark")));
 }
 
+TEST_F(StellaTest, AVeryOftenSeenLandmarkTakesNoQuadraticTime) {
+  MapTables tables = testing::full_tables();
+  tables.cameras = {{CameraId{0}, "PINHOLE", 200, 100, {150, 160, 90, 50}}};
+  tables.frames.cameras.assign(tables.frames.ids.size(), CameraIndex{0});
+  constexpr std::size_t kCount = 200'000;
+  tables.landmarks = {};
+  tables.landmarks.ids = {LandmarkId{1}};
+  tables.landmarks.positions = {{0.0, 0.0, 5.0}};
+  tables.observations = {};
+  tables.observations.offsets = {0, kCount};
+  tables.observations.frames.assign(kCount, FrameIndex{1});
+  tables.observations.pixels.assign(kCount, Pixel{90.0, 50.0});
+  EXPECT_EQ(read(write(LandmarkMap(std::move(tables)), "out.msg")).observation_count(), kCount);
+}
+
 TEST_F(StellaTest, DistortedPixelsReturnThroughTheUndistortedImage) {
   Json json = scene();
   json["cameras"]["cam"]["k1"] = 0.1;

@@ -15,6 +15,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/decompositions.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 namespace {
@@ -56,8 +57,14 @@ class Fields {
     throw Error(ErrorKind::kInput, where(name), printable(found) + " is not a number",
                 "a finite decimal number");
   }
+  double coordinate(std::string_view name) {
+    const double value = number(name);
+    if (std::abs(value) <= kLargestCoordinate) return value;
+    throw Error(ErrorKind::kInput, where(name), fmt::format("{:g} is beyond the limit", value),
+                kExpectedCoordinates);
+  }
   void pose(std::array<double, 3>& translation, std::array<double, 4>& quaternion) {
-    for (std::size_t i = 0; i < 3; ++i) translation[i] = number(kPose[i]);
+    for (std::size_t i = 0; i < 3; ++i) translation[i] = coordinate(kPose[i]);
     double squared = 0.0;
     for (std::size_t i = 0; i < 4; ++i) {
       quaternion[i] = number(kPose[3 + i]);
@@ -159,11 +166,11 @@ std::optional<Matrix6> inverse(const Matrix6& matrix) {
 
 }  // namespace
 
-G2oGraph read_g2o(ByteSource& source) {
+G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
   G2oGraph graph;
   std::vector<std::uint64_t> vertex_lines;
   std::vector<Reference> references;
-  LineReader lines(source);
+  LineReader lines(source, log);
   while (const auto line = lines.next()) {
     const std::string_view text = trimmed(*line);
     if (text.empty() || text.front() == '#') continue;

@@ -41,8 +41,9 @@ struct G2oGraph {
 };
 
 /// Reads VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, one per line; lines that start with '#' are comments.
+/// @param log receives a loss if the last line does not end
 /// @throws Error (input) naming source, line, field, value and constraint
-G2oGraph read_g2o(ByteSource& source);
+G2oGraph read_g2o(ByteSource& source, const LogSink& log = {});
 
 /// Writes vertices, fixed vertices, then edges; numbers as the shortest decimals that parse back.
 void write_g2o(const G2oGraph& graph, const ByteSink& sink);

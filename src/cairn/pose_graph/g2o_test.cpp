@@ -52,6 +52,13 @@ TEST(G2o, ReadsVerticesEdgesAndWhatIsFixed) {
   EXPECT_EQ(read(written(graph)), graph);
 }
 
+TEST(G2o, ReportsALastLineThatMayHaveBeenCutOff) {
+  std::string loss;
+  MemoryReader source("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1", "a.g2o");
+  read_g2o(source, [&](const Remark& remark) { loss = remark.text; });
+  EXPECT_THAT(loss, HasSubstr("a.g2o:1: the last line does not end"));
+}
+
 TEST(G2o, TakesQuaternionsWhoseNormIsWithinAHundredthOfOne) {
   EXPECT_EQ(read("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1.0099\n").vertices.size(), 1U);
   EXPECT_EQ(read("VERTEX_SE3:QUAT 1 0 0 0 0 0.9901 0 0\n").vertices.size(), 1U);
@@ -102,6 +109,13 @@ PoseGraph random_graph(Random& random) {
   link.covariance = factor * factor.transpose() + 0.1 * Matrix6d::Identity();
   graph.links = {link};
   return graph;
+}
+
+TEST(G2o, RefusesCoordinatesBeyondTheLimit) {
+  EXPECT_EQ(complaint("VERTEX_SE3:QUAT 1 0 1e9 0 0 0 0 1\n"), "");
+  EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 -1.1e9 0 0 0 0 1\n"),
+              HasSubstr("a.g2o:1: field 4 (y): -1.1e+09 is beyond the limit; expected numbers from "
+                        "-1e9 to 1e9"));
 }
 
 TEST(G2o, KeepsAGraphThatIsConvertedBothWays) {

@@ -98,6 +98,14 @@ TEST(PoseGraphJson, RefusesNamingThePlace) {
               HasSubstr("expected 0 to 1"));
 }
 
+TEST(PoseGraphJson, ManyKeysTakeNoQuadraticTime) {
+  std::string text = pose_graph_text(example());
+  std::string keys = "{";
+  for (int i = 0; i < 100'000; ++i) keys += "\"key " + std::to_string(i) + "\": 0, ";
+  text.replace(text.find('{'), 1, keys);
+  EXPECT_EQ(read(text).nodes.size(), example().nodes.size());
+}
+
 TEST(PoseGraphJson, RefusesWhatIsNestedTooDeep) {
   const std::string text = std::string(200'000, '[') + std::string(200'000, ']');
   EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { read(text); }),

@@ -7,12 +7,19 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/decompositions.hpp"
+#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 namespace {
 
-bool is_finite(const Similarity3& pose) {
-  return pose.translation().allFinite() && pose.rigid().quaternion().coeffs().allFinite();
+constexpr std::string_view kExpectedPose =
+    "a translation from -1e9 to 1e9 and a scale from 1e-9 to 1e9";
+
+// "is not finite" or "is beyond the limit"; empty if the pose is valid.
+std::string_view defect_of(const Similarity3& pose) {
+  const bool has_scale =
+      pose.scale() <= kLargestCoordinate && pose.scale() >= 1.0 / kLargestCoordinate;
+  return has_scale ? coordinate_defect(pose.rigid()) : "is beyond the limit";
 }
 
 // Allows an error of 1e-6 of the largest entry, because decimals are rounded; the same as for landmarks.
@@ -50,9 +57,9 @@ void PoseGraph::validate(std::string_view where) const {
   ids.reserve(nodes.size());
   for (const PoseNode& node : nodes) {
     ids.push_back(node.id);
-    if (!is_finite(node.world_from_node)) {
-      refuse(fmt::format("node {}", node.id.value), "a number of its pose is not finite",
-             "finite numbers");
+    if (const auto defect = defect_of(node.world_from_node); !defect.empty()) {
+      refuse(fmt::format("node {}", node.id.value), fmt::format("its pose {}", defect),
+             kExpectedPose);
     }
   }
   std::sort(ids.begin(), ids.end());
@@ -71,8 +78,8 @@ void PoseGraph::validate(std::string_view where) const {
     if (link.target == link.source) {
       refuse(place, "it links a node with itself", "two nodes");
     }
-    if (!is_finite(link.target_from_source)) {
-      refuse(place, "a number of its transform is not finite", "finite numbers");
+    if (const auto transform = defect_of(link.target_from_source); !transform.empty()) {
+      refuse(place, fmt::format("its transform {}", transform), kExpectedPose);
     }
     std::string defect = link.covariance ? defect_of(*link.covariance) : "";
     if (defect.empty() && link.covariance_with_scale) {

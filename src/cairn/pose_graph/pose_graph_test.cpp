@@ -57,7 +57,26 @@ TEST(PoseGraph, RefusesWhatBreaksItsRules) {
   graph.nodes[0].world_from_node =
       Rigid3(Eigen::Quaterniond::Identity(),
              Eigen::Vector3d(std::numeric_limits<double>::infinity(), 0.0, 0.0));
-  EXPECT_THAT(complaint(graph), HasSubstr("node 3: a number of its pose is not finite"));
+  EXPECT_THAT(complaint(graph), HasSubstr("node 3: its pose is not finite"));
+}
+
+TEST(PoseGraph, RefusesPosesBeyondTheLimits) {
+  const auto pose = [](double scale, double x) {
+    return Similarity3(scale, Rigid3(Eigen::Quaterniond::Identity(), {x, 0.0, 0.0}));
+  };
+  for (const Similarity3& valid : {pose(1e9, -1e9), pose(1e-9, 1e9)}) {
+    PoseGraph graph = two_nodes();
+    graph.nodes[0].world_from_node = graph.links[0].target_from_source = valid;
+    EXPECT_EQ(complaint(graph), "");
+  }
+  for (const Similarity3& invalid : {pose(1.0, 1e30), pose(1e200, 0.0), pose(1e-10, 0.0)}) {
+    PoseGraph graph = two_nodes();
+    graph.nodes[0].world_from_node = invalid;
+    EXPECT_THAT(complaint(graph), HasSubstr("g: node 3: its pose is beyond the limit"));
+    graph = two_nodes();
+    graph.links[0].target_from_source = invalid;
+    EXPECT_THAT(complaint(graph), HasSubstr("(3 to 7): its transform is beyond the limit"));
+  }
 }
 
 }  // namespace

@@ -159,9 +159,9 @@ Rigid3 kitti_pose(std::string_view line, std::string place) {
   return {Eigen::Quaterniond(rotation).normalized(), translation};
 }
 
-Trajectory read_euroc(ByteSource& source) {
+Trajectory read_euroc(ByteSource& source, const LogSink& log) {
   std::vector<TimedPose> poses;
-  LineReader lines(source);
+  LineReader lines(source, log);
   while (const auto line = lines.next()) {
     if (is_comment(*line)) continue;
     const std::string place = fmt::format("{}:{}", source.name(), lines.line_number());
@@ -175,9 +175,9 @@ Trajectory read_euroc(ByteSource& source) {
   return Trajectory(std::move(poses));
 }
 
-Trajectory read_kitti(ByteSource& source, std::span<const double> times) {
+Trajectory read_kitti(ByteSource& source, std::span<const double> times, const LogSink& log) {
   std::vector<TimedPose> poses;
-  LineReader lines(source);
+  LineReader lines(source, log);
   while (const auto line = lines.next()) {
     if (is_comment(*line)) continue;
     const std::string place = fmt::format("{}:{}", source.name(), lines.line_number());
@@ -195,10 +195,10 @@ Trajectory read_kitti(ByteSource& source, std::span<const double> times) {
   return Trajectory(std::move(poses));
 }
 
-std::vector<double> read_times(const std::filesystem::path& path) {
+std::vector<double> read_times(const std::filesystem::path& path, const LogSink& log) {
   FileReader file(path);
   std::vector<double> times;
-  LineReader lines(file);
+  LineReader lines(file, log);
   while (const auto line = lines.next()) {
     if (is_comment(*line)) continue;
     const Record record(*line, false, fmt::format("{}:{}", file.name(), lines.line_number()),
@@ -326,28 +326,28 @@ std::optional<TrajectoryFormat> recognised_trajectory(std::string_view beginning
   return std::nullopt;
 }
 
-Trajectory read_trajectory(ByteSource& source, std::span<const double> times) {
+Trajectory read_trajectory(ByteSource& source, std::span<const double> times, const LogSink& log) {
   switch (format_of(source)) {
     case TrajectoryFormat::kEuroc:
-      return read_euroc(source);
+      return read_euroc(source, log);
     case TrajectoryFormat::kKitti:
-      return read_kitti(source, times);
+      return read_kitti(source, times, log);
     case TrajectoryFormat::kTum:
       break;
   }
-  return read_tum_trajectory(source);
+  return read_tum_trajectory(source, log);
 }
 
-Trajectory read_trajectory(const std::filesystem::path& path) {
+Trajectory read_trajectory(const std::filesystem::path& path, const LogSink& log) {
   FileReader file(path);
   std::vector<double> times;
   const auto beside = path.parent_path() / "times.txt";
   std::error_code ignored;
   if (format_of(file) == TrajectoryFormat::kKitti &&
       std::filesystem::is_regular_file(beside, ignored)) {
-    times = read_times(beside);
+    times = read_times(beside, log);
   }
-  return read_trajectory(file, times);
+  return read_trajectory(file, times, log);
 }
 
 void write_trajectory(const Trajectory& trajectory, TrajectoryFormat format, const ByteSink& sink) {

@@ -28,11 +28,13 @@ std::optional<TrajectoryFormat> recognised_trajectory(std::string_view beginning
 /// Reads a trajectory in any of the formats, recognised by its first record. Lines that start with '#' are
 /// comments; ignores further columns of EuRoC's (velocity, biases).
 /// @param times of the poses of a KITTI trajectory, which has none; empty: 0, 1, 2, ... seconds
+/// @param log receives a loss if the last line does not end
 /// @throws Error (input) naming source, line, field, value and constraint
-Trajectory read_trajectory(ByteSource& source, std::span<const double> times = {});
+Trajectory read_trajectory(ByteSource& source, std::span<const double> times = {},
+                           const LogSink& log = {});
 
 /// The same from a file. A KITTI trajectory takes the times from `times.txt` in its folder, if it exists.
-Trajectory read_trajectory(const std::filesystem::path& path);
+Trajectory read_trajectory(const std::filesystem::path& path, const LogSink& log = {});
 
 /// Writes a trajectory; numbers are the shortest decimals that parse back, EuRoC's times whole nanoseconds.
 /// Does not write the times of a KITTI trajectory.

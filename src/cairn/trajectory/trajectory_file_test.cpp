@@ -64,6 +64,25 @@ TEST(TrajectoryFile, ComesBackInEveryFormat) {
   EXPECT_EQ(trajectory_format("bundler"), std::nullopt);
 }
 
+TEST(TrajectoryFile, ReportsALastLineThatMayHaveBeenCutOff) {
+  const TemporaryFolder folder;
+  for (const TrajectoryFormat format :
+       {TrajectoryFormat::kTum, TrajectoryFormat::kEuroc, TrajectoryFormat::kKitti}) {
+    std::string losses;
+    const LogSink log = [&](const Remark& remark) {
+      EXPECT_EQ(remark.kind, RemarkKind::kLoss);
+      losses += remark.text;
+    };
+    const std::string whole = written(wandering(0.0), format);
+    read_trajectory(folder.write("poses", whole), log);
+    EXPECT_EQ(losses, "");
+    const Trajectory cut =
+        read_trajectory(folder.write("poses", whole.substr(0, whole.size() - 1)), log);
+    EXPECT_EQ(cut.size(), wandering(0.0).size());
+    EXPECT_THAT(losses, HasSubstr("the last line does not end")) << to_string(format);
+  }
+}
+
 TEST(TrajectoryFile, EurocTimesAreWholeNanosecondsAndMoreColumnsArePassedOver) {
   const TemporaryFolder folder;
   const Trajectory read = read_trajectory(folder.write(

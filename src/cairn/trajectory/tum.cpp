@@ -54,9 +54,9 @@ std::array<double, 8> numbers_of(std::string_view line, const std::string& place
 
 }  // namespace
 
-Trajectory read_tum_trajectory(ByteSource& source) {
+Trajectory read_tum_trajectory(ByteSource& source, const LogSink& log) {
   std::vector<TimedPose> poses;
-  LineReader lines(source);
+  LineReader lines(source, log);
   while (const auto line = lines.next()) {
     const std::size_t first = line->find_first_not_of(kBlanks);
     if (first == std::string_view::npos || (*line)[first] == '#') continue;

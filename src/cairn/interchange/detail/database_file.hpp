@@ -14,11 +14,11 @@ namespace cairn::detail {
 /// Whether a file is an SQLite database.
 bool is_database(const MapInput& input);
 
-/// Whether a file is an SQLite database that has all these tables.
+/// Whether a file is an SQLite database that has all these tables, also if it was not closed.
 bool is_database_with(const MapInput& input, std::initializer_list<std::string_view> tables);
 
-/// Opens another system's database for reading.
-/// @throws Error (input) naming the file
+/// Opens another system's database for reading, without writing anything beside it.
+/// @throws Error (input) naming the file, also if changes are in its write-ahead log or a hot journal
 sqlite::Database open_foreign_database(const std::filesystem::path& path,
                                        const MapReadOptions& options);
 

@@ -4,6 +4,11 @@
 #include <algorithm>
 #include <limits>
 
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/map/io/memory_budget.hpp"
+
 namespace cairn::detail {
 std::size_t medoid(std::span<const std::span<const std::uint8_t>> descriptors,
                    DescriptorNorm norm) {
@@ -35,12 +40,18 @@ void append_distinct(DescriptorColumn& column,
   append_descriptors(column, chosen);
 }
 
+void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t file_bytes,
+                               const std::string& name) {
+  if (descriptor_bytes <= memory_budget(file_bytes)) return;
+  throw Error(ErrorKind::kInput, name, fmt::format("descriptors take {} bytes", descriptor_bytes),
+              "at most 32 times the bytes of the files and 64 MiB");
+}
+
 void DescribedObservations::add(const Entry& entry, std::span<const std::uint8_t> descriptor) {
   entries_.push_back(entry);
   if (bytes_each_ == 0) return;
-  known_.push_back(descriptor.empty() ? 0 : 1);
   bytes_.insert(bytes_.end(), descriptor.begin(), descriptor.end());
-  bytes_.resize(known_.size() * bytes_each_, 0);
+  ends_.push_back(bytes_.size());
 }
 
 std::size_t DescribedObservations::fill(MapTables& tables, const std::string& kind,
@@ -92,8 +103,9 @@ std::size_t DescribedObservations::fill(MapTables& tables, const std::string& ki
     for (std::size_t row = 0; row < ids.size(); ++row) {
       of_landmark.clear();
       for (std::uint64_t k = table.offsets[row]; k < table.offsets[row + 1]; ++k) {
-        if (known_[entry_of[k]] == 0) continue;
-        of_landmark.push_back(std::span(bytes_).subspan(entry_of[k] * bytes_each_, bytes_each_));
+        const std::size_t begin = entry_of[k] == 0 ? 0 : ends_[entry_of[k] - 1];
+        if (begin == ends_[entry_of[k]]) continue;
+        of_landmark.push_back(std::span(bytes_).subspan(begin, bytes_each_));
       }
       append_distinct(column, of_landmark, norm);
     }
@@ -103,7 +115,7 @@ std::size_t DescribedObservations::fill(MapTables& tables, const std::string& ki
   }
   entries_ = {};
   bytes_ = {};
-  known_ = {};
+  ends_ = {};
   return left_out;
 }
 

@@ -24,6 +24,12 @@ void append_distinct(DescriptorColumn& column,
                      std::span<const std::span<const std::uint8_t>> descriptors,
                      DescriptorNorm norm);
 
+/// For descriptors that a small file may refer to many times, or that have room for every landmark.
+/// @param name the file or folder
+/// @throws Error (input) if so many bytes of descriptors exceed memory_budget() of the file's bytes
+void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t file_bytes,
+                               const std::string& name);
+
 /// Collects observations keyframe by keyframe, with their keypoints' data, and orders them by landmark.
 class DescribedObservations {
  public:
@@ -42,6 +48,12 @@ class DescribedObservations {
   /// @param descriptor bytes_each bytes; empty if unknown
   void add(const Entry& entry, std::span<const std::uint8_t> descriptor);
   std::vector<Entry>& entries() { return entries_; }
+  /// Bytes of the descriptors added so far.
+  std::uint64_t descriptor_bytes() const { return bytes_.size(); }
+  /// Largest number of bytes of descriptors while fill() gives them to so many landmarks.
+  std::uint64_t descriptor_bytes_to_fill(std::size_t landmarks) const {
+    return 2 * descriptor_bytes() + landmarks * bytes_each_;
+  }
 
   /// Fills the observations, those of each landmark in the order of frames, and the landmarks' descriptors
   /// by append_distinct().
@@ -52,8 +64,8 @@ class DescribedObservations {
  private:
   std::size_t bytes_each_;
   std::vector<Entry> entries_;
-  std::vector<std::uint8_t> known_;  // one per entry
-  std::vector<std::uint8_t> bytes_;  // bytes_each_ per entry
+  std::vector<std::size_t> ends_;  // in bytes_, of each entry's descriptor; empty if its size is 0
+  std::vector<std::uint8_t> bytes_;  // of the known descriptors, in the order of entries
 };
 
 }  // namespace cairn::detail

@@ -121,7 +121,7 @@ void BinaryRecords::refuse(std::string_view field, std::string_view what,
 }
 
 TextRecords::TextRecords(ByteSource& source, ReadingProgress& progress)
-    : source_(source), progress_(progress), lines_(source) {}
+    : source_(source), progress_(progress), lines_(source, progress.log()) {}
 
 bool TextRecords::next_line() {
   const auto line = lines_.next();

@@ -24,6 +24,8 @@ class ReadingProgress {
   /// @throws Error (cancelled) naming the source, if the caller requested a stop
   void advance(std::uint64_t bytes, const std::string& source);
 
+  const LogSink& log() const { return options_.log; }
+
  private:
   const MapReadOptions& options_;
   std::uint64_t total_;
@@ -76,7 +78,7 @@ class BinaryRecords {
   std::uint64_t field_offset_ = 0;
 };
 
-/// Reads lines of words.
+/// Reads lines of words. Logs a loss if the last line does not end.
 class TextRecords {
  public:
   TextRecords(ByteSource& source, ReadingProgress& progress);

@@ -34,6 +34,7 @@ void log_point_losses(const LandmarkMap& map, const MapWriteOptions& options,
                       .octaves = true,
                       .measured = true,
                       .covariances = true,
+                      .length_unit = true,
                       .columns = columns},
                      format);
 }

@@ -89,7 +89,27 @@ TEST(FormatRegistry, PointCloudsSayWhatTheyCannotHold) {
     };
     native_formats().find(name)->write_to(
         map, [](std::string_view) {}, options);
-    EXPECT_THAT(remark, HasSubstr("has no place for: unit of length (metres), descriptors"));
+    EXPECT_THAT(remark, HasSubstr("has no place for: descriptors"));
+  }
+}
+
+TEST(FormatRegistry, PointCloudsKeepTheUnitOfLength) {
+  const TemporaryFolder folder;
+  for (const LengthUnit unit : {LengthUnit::kMetres, LengthUnit::kFree}) {
+    MapTables tables;
+    tables.info.length_unit = unit;
+    tables.landmarks.ids = {LandmarkId{0}};
+    tables.landmarks.positions = {{1, 2, 3}};
+    const LandmarkMap map(std::move(tables));
+    for (const char* const name : {"map.ply", "map.pcd"}) {
+      for (const bool ascii : {false, true}) {
+        MapWriteOptions options;
+        options.ascii = ascii;
+        options.log = [&](const Remark& said) { ADD_FAILURE() << said.text; };
+        native_formats().write(map, folder / name, options);
+        EXPECT_EQ(native_formats().read(folder / name).info().length_unit, unit) << name;
+      }
+    }
   }
 }
 

@@ -57,7 +57,11 @@ class HeaderReader {
 
   void read() {
     while (!encoding_) {
-      split(source_.header_line("a line 'DATA ...'"));
+      const std::string_view line = source_.header_line("a line 'DATA ...'");
+      if (line.starts_with('#') && trimmed(line.substr(1)) == detail::kFreeScaleComment) {
+        unit_ = LengthUnit::kFree;
+      }
+      split(line);
       if (words_.empty() || words_[0].starts_with('#')) continue;
       Entry* const entry = find(words_[0] == "COLUMNS" ? "FIELDS" : words_[0]);
       if (entry == nullptr) {
@@ -75,6 +79,7 @@ class HeaderReader {
   }
 
   Encoding encoding() const { return *encoding_; }
+  LengthUnit length_unit() const { return unit_; }
   const std::vector<PointField>& fields() const { return fields_; }
   const std::string& fields_place() const { return entries_[1].place; }
   std::uint64_t points() const { return *points_; }
@@ -281,6 +286,7 @@ class HeaderReader {
   std::optional<std::uint64_t> height_;
   std::optional<std::uint64_t> points_;
   std::optional<Encoding> encoding_;
+  LengthUnit unit_ = LengthUnit::kMetres;
 };
 
 // ---- compressed data
@@ -444,7 +450,7 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
     skip_page_filling(headed);
     headed.expect_end();
   }
-  return std::move(table).finish();
+  return std::move(table).finish(header.length_unit());
 }
 
 void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptions& options) {
@@ -463,10 +469,14 @@ void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptio
     types += fmt::format(" {}", type->letter);
     counts += " 1";
   }
-  rows.write(fmt::format("# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n{}\n{}\n{}\n{}\n"
-                         "WIDTH {}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {}\nDATA {}\n",
-                         names, sizes, types, counts, map.landmark_count(), map.landmark_count(),
-                         options.ascii ? "ascii" : "binary"),
+  const bool is_free = map.info().length_unit == LengthUnit::kFree;
+  const std::string comment =
+      is_free ? fmt::format("# {}\n", detail::kFreeScaleComment) : std::string();
+  rows.write(fmt::format("# .PCD v0.7 - Point Cloud Data file format\n{}"
+                         "VERSION 0.7\n{}\n{}\n{}\n{}\nWIDTH {}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 "
+                         "0\nPOINTS {}\nDATA {}\n",
+                         comment, names, sizes, types, counts, map.landmark_count(),
+                         map.landmark_count(), options.ascii ? "ascii" : "binary"),
              options.ascii, sink);
 }
 

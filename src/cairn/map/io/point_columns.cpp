@@ -738,10 +738,11 @@ void PointTable::take_ids(LandmarkTable& landmarks) {
   landmarks.columns.push_back(std::move(column));
 }
 
-LandmarkMap PointTable::finish() && {
+LandmarkMap PointTable::finish(LengthUnit unit) && {
   drop_points_without_position();
   forget_infinite_values();
   MapTables tables;
+  tables.info.length_unit = unit;
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.positions = std::move(positions_);
   landmarks.covariances = std::move(covariances_);

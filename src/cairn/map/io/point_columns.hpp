@@ -39,6 +39,9 @@ enum class ScalarType : std::uint8_t {
 std::size_t size_of(ScalarType type);
 bool is_integer(ScalarType type);
 
+/// The comment that a header has if the map's scale is free. Without it, lengths are metres.
+constexpr std::string_view kFreeScaleComment = "cairn length_unit free";
+
 /// A field of a point or other record, as a file declares it, in the file's order.
 struct PointField {
   std::string name;
@@ -135,7 +138,7 @@ class PointTable {
   void append_columns(const std::vector<const char*>& columns, std::size_t rows);
 
   /// Makes the map: drops points without a finite position, and decides whether the ids are usable.
-  LandmarkMap finish() &&;
+  LandmarkMap finish(LengthUnit unit) &&;
 
  private:
   enum class Role { kSkipped, kPosition, kCovariance, kChannel, kPackedColor, kId, kColumn };

@@ -68,7 +68,7 @@ TEST(PointTable, ReadsTextAndBinaryOfEitherOrderAlike) {
                            2);
     }
     ASSERT_EQ(table.size(), 2U) << way;
-    const LandmarkMap map = std::move(table).finish();
+    const LandmarkMap map = std::move(table).finish(LengthUnit::kMetres);
     EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1.5, -2.0, 3.0)) << way;
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4.0, 5.0, -6.25)) << way;
     EXPECT_FALSE(map.has_covariances());
@@ -88,7 +88,7 @@ TEST(PointTable, TakesTheFieldsThatItKnowsAndKeepsOthersByName) {
   const MapReadOptions options;
   PointTable table = table_of(fields, options);
   table.append_text("1 2 3  4 0.5 0.25 5 0.125 6  0.75  10 20 30  77", 1);
-  const LandmarkMap map = std::move(table).finish();
+  const LandmarkMap map = std::move(table).finish(LengthUnit::kMetres);
   const LandmarkTable& landmarks = map.landmarks();
   Eigen::Matrix3d covariance;
   covariance << 4, 0.5, 0.25, 0.5, 5, 0.125, 0.25, 0.125, 6;
@@ -107,7 +107,7 @@ TEST(PointTable, LeavesOutPointsWithoutAPositionAndSaysSo) {
   table.append_text("1 2 3", 1);
   table.append_text("nan 2 3", 2);
   table.append_text("4 5 6", 3);
-  const LandmarkMap map = std::move(table).finish();
+  const LandmarkMap map = std::move(table).finish(LengthUnit::kMetres);
   EXPECT_EQ(map.landmark_count(), 2U);
   EXPECT_EQ(map.landmarks().positions[1].x(), 4.0);
   EXPECT_THAT(remarks, HasSubstr("1"));
@@ -150,7 +150,7 @@ TEST(PointRows, ComeBackThroughATable) {
     } else {
       table.append_binary(body.data(), 2, false);
     }
-    const LandmarkMap back = std::move(table).finish();
+    const LandmarkMap back = std::move(table).finish(LengthUnit::kMetres);
     EXPECT_EQ(back.landmarks().ids, map.landmarks().ids) << ascii;
     EXPECT_EQ(back.landmarks().positions, map.landmarks().positions) << ascii;
     EXPECT_EQ(back.landmarks().covariances, map.landmarks().covariances) << ascii;

@@ -50,7 +50,7 @@ NumberedEntry parse_entry(std::string_view line, const std::string& source, std:
 
 std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) {
   std::vector<NumberedEntry> entries;
-  LineReader lines(source);
+  LineReader lines(source, log);
   while (const auto line = lines.next()) {
     const std::string_view text = trimmed(*line);
     if (text.empty() || text.front() == '#') continue;

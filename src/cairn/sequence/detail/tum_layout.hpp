@@ -20,7 +20,7 @@ struct ImageEntry {
 };
 
 /// Reads a list of images: one `timestamp file` per line; lines that start with '#' are comments. Returns
-/// them in time order; sorts a list that is out of order and logs a remark.
+/// them in time order; sorts a list that is out of order and logs a remark, or a loss if the last line does not end.
 /// @throws Error (input) naming source, line and field for a timestamp that is not a number, a file outside
 ///         the sequence's folder, a duplicate timestamp, or a list without entries
 std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log = {});
