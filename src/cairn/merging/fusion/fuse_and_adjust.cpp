@@ -203,7 +203,9 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
       // Back in its own frame, because its pose is as uncertain as before; only its drift is corrected.
       moved[m] =
           moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map, result.frames[m]);
-      if (m > 0) moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());
+      if (!maps[m].is_in_world()) {
+        moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());
+      }
       placed[m].map = &moved[m];
     }
   }

@@ -126,6 +126,23 @@ TEST(FuseAndAdjust, SameResultWithAnyNumberOfThreads) {
   EXPECT_THAT(fuse_and_adjust(placed, options).map, EqualsMap(one.map));
 }
 
+// Matching again starts from the maps in their own frames, of which the first is any.
+TEST(FuseAndAdjust, TheFirstMapMayBeAnywhereInTheWorld) {
+  const SyntheticPair maps = two_sessions();
+  const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
+  std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
+  for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 1;
+  const AdjustedFusion fused = fuse_and_adjust(placed, options);
+  for (std::uint32_t i = 0; i < maps.target.frame_count(); ++i) {
+    const Rigid3 truth = moved * maps.target.world_from_camera(FrameIndex{i});
+    const Rigid3 pose = fused.map.world_from_camera(fused.frames[0][i]);
+    EXPECT_LT((truth.translation() - pose.translation()).norm(), 0.005) << i;
+  }
+  EXPECT_GT(fused.maps[1].fused, maps.shared.size() / 2);
+}
+
 TEST(FuseAndAdjust, AFrameOfTwoMapsBecomesOne) {
   const SyntheticPair maps = two_sessions();
   // The source's first keyframe, said to be the target's last, has its pose then.

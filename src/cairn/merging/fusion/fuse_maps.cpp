@@ -342,7 +342,7 @@ void Fusion::add_frames(std::size_t m) {
   }
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     frames.ids.push_back(FrameId{first + i});
-    if (m == 0) {
+    if (maps_[m].is_in_world()) {
       frames.translations.push_back(theirs.translations[i]);
       frames.quaternions.push_back(theirs.quaternions[i]);
     } else {
@@ -485,17 +485,22 @@ void add_control_points(const std::vector<ControlPoint>& more, std::vector<Contr
 }
 
 void Fusion::set_info() {
-  const MapInfo& first = maps_.front().map->info();
+  const PlacedMap& placed_first = maps_.front();
+  const MapInfo& first = placed_first.map->info();
   MapInfo& info = tables_.info;
   info.length_unit = first.length_unit;
-  info.world_frame = first.world_frame;
   info.gravity = first.gravity;
+  if (placed_first.is_in_world()) {
+    info.world_frame = first.world_frame;
+  } else if (info.gravity) {
+    info.gravity = placed_first.world_from_map.rigid().rotation() * *info.gravity;
+  }
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const MapInfo& theirs = maps_[m].map->info();
-    // The result is in the first map's frame.
     if (theirs.georeference && !info.georeference) {
-      info.georeference =
-          m == 0 ? *theirs.georeference : theirs.georeference->moved(maps_[m].world_from_map);
+      info.georeference = maps_[m].is_in_world()
+                              ? *theirs.georeference
+                              : theirs.georeference->moved(maps_[m].world_from_map);
     }
     add_control_points(theirs.control_points, info.control_points);
     for (const std::string& line : theirs.provenance) {
@@ -515,6 +520,10 @@ void Fusion::set_info() {
 }
 
 }  // namespace
+
+bool PlacedMap::is_in_world() const {
+  return world_from_map.matrix() == Matrix4d::Identity();
+}
 
 void FusionOptions::validate() const {
   if (min_probability >= 0.5 && min_probability <= 1.0) return;

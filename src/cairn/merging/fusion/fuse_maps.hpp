@@ -21,6 +21,10 @@ struct PlacedMap {
   Similarity3 world_from_map;
   /// Left perturbation in the world, (δt, δφ, δ log s); zero for the map whose frame is the world's.
   Matrix7d covariance = Matrix7d::Zero();
+
+  /// Whether the map's frame is the world: its pose is exactly the identity. Its values are then copied as
+  /// read, to the last digit.
+  bool is_in_world() const;
 };
 
 struct FusionOptions {
@@ -62,8 +66,9 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 ///
 /// Keeps all frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
 /// and named columns. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
-/// provenance and columns state their origin. Length unit, world frame and gravity are those of the first
-/// map. The same input and seed give the same result for any number of threads.
+/// provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
+/// Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
+/// in the world. The same input and seed give the same result for any number of threads.
 ///
 /// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {});

@@ -299,6 +299,40 @@ TEST(FuseMaps, KnowsItsPlaceOnTheEarthFromTheFirstMapThatDoes) {
   EXPECT_NEAR(found.altitude_m, expected.altitude_m, 1e-7);
 }
 
+// Two maps elsewhere in the world become what they become in the first one's frame, moved there.
+TEST(FuseMaps, PutsTheFirstMapIntoTheWorldLikeTheOthers) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 8});
+  MapTables tables = LandmarkMap(pair.target).tables();
+  tables.info.world_frame = "desk";
+  tables.info.gravity = Eigen::Vector3d(0.0, 0.0, -1.0);
+  tables.info.georeference = GeoReference{{47.0, 8.0, 420.0}};
+  const LandmarkMap target(std::move(tables));
+  const Similarity3 world_from_target(
+      1.5, Rigid3::from_roll_pitch_yaw({10.0, -4.0, 2.0}, 0.4, -0.3, 2.0));
+  const std::vector<PlacedMap> in_target = {{&target, "target", {}},
+                                            {&pair.source, "source", pair.target_from_source}};
+  const std::vector<PlacedMap> in_world = {
+      {&target, "target", world_from_target},
+      {&pair.source, "source", world_from_target * pair.target_from_source}};
+  const LandmarkMap expected = transformed(fuse_maps(in_target).map, world_from_target);
+  const LandmarkMap found = fuse_maps(in_world).map;
+  ASSERT_EQ(found.frame_count(), expected.frame_count());
+  for (std::uint32_t i = 0; i < found.frame_count(); ++i) {
+    const Rigid3 pose = found.world_from_camera(FrameIndex{i});
+    EXPECT_LT(pose.difference_to(expected.world_from_camera(FrameIndex{i})).norm(), 1e-9) << i;
+  }
+  ASSERT_EQ(found.landmark_count(), expected.landmark_count());
+  for (std::uint32_t i = 0; i < found.landmark_count(); ++i) {
+    const Eigen::Vector3d& position = found.landmarks().positions[i];
+    EXPECT_LT((position - expected.landmarks().positions[i]).norm(), 1e-9) << i;
+  }
+  EXPECT_LT((*found.info().gravity - *expected.info().gravity).norm(), 1e-12);
+  const Eigen::Vector3d x(0.5, -0.25, 2.0);
+  EXPECT_NEAR(found.info().georeference->geodetic(x).latitude_deg,
+              expected.info().georeference->geodetic(x).latitude_deg, 1e-12);
+  EXPECT_FALSE(found.info().world_frame) << "the name is that of the map's own frame";
+}
+
 TEST(FuseMaps, KeepsTheControlPointsOfAllMaps) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 8});
   const auto with = [](LandmarkMap map, std::vector<ControlPoint> points) {
