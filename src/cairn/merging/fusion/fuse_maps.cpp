@@ -15,6 +15,7 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/merging/detail/association.hpp"
+#include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/placement/descriptors.hpp"
 
 namespace cairn {
@@ -37,13 +38,6 @@ struct WorldLandmarks {
   std::vector<Vector3d> positions;
   std::vector<Matrix3d> covariances;
 };
-
-// How a point moves with its map's pose in the world: x = s·R·x' + t moves by δt, δφ × (x - t) and δ log s · (x - t).
-Eigen::Matrix<double, 3, 7> derivative_by_map(const Vector3d& arm) {
-  Eigen::Matrix<double, 3, 7> by_map;
-  by_map << Matrix3d::Identity(), -skew(arm), arm;
-  return by_map;
-}
 
 WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   const LandmarkMap& map = *placed.map;
