@@ -48,7 +48,8 @@ struct MapFusion {
 
 struct FusionResult {
   LandmarkMap map;
-  std::vector<MapFusion> maps;  ///< one per map
+  std::vector<MapFusion> maps;                  ///< one per map
+  std::vector<std::vector<FrameIndex>> frames;  ///< per map and frame: its index in `map`
 };
 
 /// Columns of a fused map that state each landmark's origin.
@@ -64,7 +65,11 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// landmark" and "two landmarks" with the pair's probability. Landmarks of one map are never fused. If a
 /// landmark has no covariance, the whole square stands for it, and the result has no covariance.
 ///
-/// Keeps all frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
+/// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the
+/// earlier map, if one is the last frame of its map and the other the first of its, and timestamp, image name
+/// and camera are equal. A landmark keeps its first observation in that frame.
+///
+/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
 /// and named columns. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
 /// provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
 /// Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
