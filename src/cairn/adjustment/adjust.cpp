@@ -307,8 +307,6 @@ MapTables Adjustment::tables() const {
     }
   }
   tables.landmarks.positions = points_;
-  tables.landmarks.covariances.clear();
-  tables.frames.pose_covariances.clear();
   return tables;
 }
 
@@ -326,6 +324,13 @@ double rms_px(const LandmarkMap& map, const Measurements& measurements,
     }
   }
   return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
+}
+
+LandmarkMap without_covariances(LandmarkMap map) {
+  MapTables tables = std::move(map).tables();
+  tables.landmarks.covariances.clear();
+  tables.frames.pose_covariances.clear();
+  return LandmarkMap(std::move(tables));
 }
 
 }  // namespace
@@ -369,7 +374,18 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
     CovarianceOptions how;
     how.noise = result.noise;
     how.execution = options.execution.without_progress();
-    result.map = estimate_covariances(result.map, how).map;
+    try {
+      EstimatedCovariances estimated = estimate_covariances(result.map, how);
+      result.map = std::move(estimated.map);
+      result.covariance_references = std::move(estimated.references);
+    } catch (const Error& error) {
+      // The map itself was accepted above; an adjustment that took hours is worth more than its covariances.
+      if (error.kind() != ErrorKind::kInput) throw;
+      result.covariance_defect = error.what();
+    }
+  }
+  if (result.covariance_references.empty()) {
+    result.map = without_covariances(std::move(result.map));
   }
   return result;
 }

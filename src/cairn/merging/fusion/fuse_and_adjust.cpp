@@ -2,8 +2,7 @@
 #include "cairn/merging/fusion/fuse_and_adjust.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -11,7 +10,9 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/derivative_by_map.hpp"
 
 namespace cairn {
 namespace {
@@ -19,6 +20,56 @@ namespace {
 constexpr int kMostMatchingRounds = 10;
 // Iterations of the solver in all rounds but the last.
 constexpr int kIterationsBetween = 15;
+
+// Covariances relative to the first frames of groups become those in the world: each of these frames is as
+// uncertain as its map states, and as the pose of that map.
+LandmarkMap with_uncertain_references(LandmarkMap map,
+                                      std::span<const std::optional<FrameIndex>> references,
+                                      std::span<const PlacedMap> maps,
+                                      const std::vector<std::vector<FrameIndex>>& frames) {
+  std::map<FrameIndex, Matrix7d> of_reference;
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    const auto& in_map = maps[m].map->frames().pose_covariances;
+    for (std::uint32_t i = 0; i < frames[m].size(); ++i) {
+      const FrameIndex frame = frames[m][i];
+      if (references[frame.value] != frame || of_reference.contains(frame)) continue;
+      Matrix7d covariance =
+          carried_covariance(maps[m].covariance, maps[m].world_from_map.translation(),
+                             map.world_from_camera(frame).translation());
+      if (!in_map.empty() && in_map[i]) {
+        covariance.topLeftCorner<6, 6>() +=
+            left_transformed_covariance(*in_map[i], maps[m].world_from_map);
+      }
+      of_reference.emplace(frame, covariance);
+    }
+  }
+  // Of a point that moves with a reference.
+  const auto carried_to = [&](const Eigen::Vector3d& point, FrameIndex reference) {
+    return carried_covariance(of_reference.at(reference),
+                              map.world_from_camera(reference).translation(), point);
+  };
+  const OptionalColumn<Matrix6d>& relative = map.frames().pose_covariances;
+  OptionalColumn<Matrix6d> poses = relative;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    if (!references[i] || !relative[i]) continue;
+    const Eigen::Vector3d centre = map.world_from_camera(FrameIndex{i}).translation();
+    const Matrix6d sum = *relative[i] + carried_to(centre, *references[i]).topLeftCorner<6, 6>();
+    poses.set(i, Matrix6d(0.5 * (sum + sum.transpose())));
+  }
+  std::vector<Eigen::Matrix3d> landmarks = map.landmarks().covariances;
+  for (std::uint32_t l = 0; l < landmarks.size(); ++l) {
+    const auto seen_by = map.observing_frames(LandmarkIndex{l});
+    if (seen_by.empty() || !references[seen_by.front().value]) continue;
+    const Eigen::Vector3d& position = map.landmarks().positions[l];
+    const Matrix7d carried = carried_to(position, *references[seen_by.front().value]);
+    const Eigen::Matrix3d sum = landmarks[l] + carried.topLeftCorner<3, 3>();  // NaN where unknown
+    landmarks[l] = 0.5 * (sum + sum.transpose());
+  }
+  MapTables tables = std::move(map).tables();
+  tables.frames.pose_covariances = std::move(poses);
+  tables.landmarks.covariances = std::move(landmarks);
+  return LandmarkMap(std::move(tables));
+}
 
 }  // namespace
 
@@ -32,38 +83,27 @@ void FuseAndAdjustOptions::validate() const {
 
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames) {
-  const double scale = world_from_map.scale();
-  LandmarkMap copy = map;
-  MapTables tables = std::move(copy).tables();
-  std::vector<Rigid3> camera_from_map;
-  std::vector<Rigid3> world_from_camera;
+  LandmarkMap in_world = transformed(map, world_from_map);
+  std::vector<Rigid3> moves;  // of the frames
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    camera_from_map.push_back(map.world_from_camera(FrameIndex{i}).inverse());
-    world_from_camera.push_back(adjusted.world_from_camera(frames[i]));
+    moves.push_back(adjusted.world_from_camera(frames[i]) *
+                    in_world.world_from_camera(FrameIndex{i}).inverse());
+  }
+  MapTables tables = std::move(in_world).tables();
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     tables.frames.translations[i] = adjusted.frames().translations[frames[i].value];
     tables.frames.quaternions[i] = adjusted.frames().quaternions[frames[i].value];
   }
   LandmarkTable& landmarks = tables.landmarks;
   for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
     const auto seen_by = map.observing_frames(LandmarkIndex{l});
-    Eigen::Matrix3d linear = world_from_map.linear();
-    if (seen_by.empty()) {
-      landmarks.positions[l] = world_from_map * landmarks.positions[l];
-    } else {
-      const std::uint32_t first = seen_by.front().value;
-      landmarks.positions[l] =
-          world_from_camera[first] * (scale * (camera_from_map[first] * landmarks.positions[l]));
-      linear = scale * (world_from_camera[first] * camera_from_map[first]).rotation();
-    }
+    if (seen_by.empty()) continue;
+    const Rigid3& move = moves[seen_by.front().value];
+    landmarks.positions[l] = move * landmarks.positions[l];
     if (landmarks.covariances.empty()) continue;
     const Eigen::Matrix3d turned =
-        linear * landmarks.covariances[l] * linear.transpose();  // NaN where unknown, still
+        rotated_covariance(landmarks.covariances[l], move.rotation());  // NaN where unknown, still
     landmarks.covariances[l] = 0.5 * (turned + turned.transpose());
-  }
-  ObservationTable& observations = tables.observations;
-  for (std::size_t k = 0; scale != 1.0 && k < observations.depths.size(); ++k) {
-    const std::optional<double> depth = std::as_const(observations.depths)[k];
-    if (depth) observations.depths[k] = scale * *depth;
   }
   return LandmarkMap(std::move(tables));
 }
@@ -101,7 +141,15 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     if (round == 0) result.adjustment.initial_rms_px = adjusted.initial_rms_px;
     result.adjustment.final_rms_px = adjusted.final_rms_px;
     result.adjustment.matching_rounds = round;
-    if (last) break;
+    if (last) {
+      if (!adjusted.covariance_references.empty()) {
+        result.map = with_uncertain_references(std::move(result.map),
+                                               adjusted.covariance_references, maps, result.frames);
+      } else if (!adjusted.covariance_defect.empty() && options.fusion.log) {
+        options.fusion.log("the adjusted map has no covariances: " + adjusted.covariance_defect);
+      }
+      break;
+    }
     for (std::size_t m = 0; m < maps.size(); ++m) {
       // Back in its own frame, because its pose is as uncertain as before; only its drift is corrected.
       moved[m] =

@@ -48,6 +48,10 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
 /// adjusted poses (moved_with_frames()). Earlier matches are not kept, so a wrong match can disappear, and
 /// landmarks that were too far apart can be matched.
 ///
+/// Covariances are in the world: each group of frames that share landmarks is as uncertain as the pose of its
+/// first frame and of that frame's map. The log says if the covariances are too large for the memory; the
+/// result then has none.
+///
 /// @throws Error as fuse_maps() and adjust()
 AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
                                const FuseAndAdjustOptions& options = {});

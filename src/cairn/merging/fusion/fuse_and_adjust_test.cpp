@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
@@ -141,6 +142,53 @@ TEST(FuseAndAdjust, TheFirstMapMayBeAnywhereInTheWorld) {
     EXPECT_LT((truth.translation() - pose.translation()).norm(), 0.005) << i;
   }
   EXPECT_GT(fused.maps[1].fused, maps.shared.size() / 2);
+}
+
+// Nothing ties it to the first map but its pose, of whose uncertainty the observations know nothing.
+TEST(FuseAndAdjust, AMapThatSharesNoLandmarkIsAsUncertainAsItsPose) {
+  const SyntheticPair maps = two_sessions();
+  std::vector<PlacedMap> placed =
+      in_place(maps.target, maps.source, Rigid3(Eigen::Matrix3d::Identity(), {100.0, 0.0, 0.0}));
+  placed[1].covariance.topLeftCorner<3, 3>() = 0.01 * Eigen::Matrix3d::Identity();
+  placed[1].covariance(5, 5) = 1e-4;
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 1;
+  const LandmarkMap map = fuse_and_adjust(placed, options).map;
+  const auto& poses = map.frames().pose_covariances;
+  EXPECT_TRUE(poses[0]->isZero(0.0)) << "its frame is the world";
+  const Eigen::Vector3d arm =
+      map.world_from_camera(FrameIndex{30}).translation() - Eigen::Vector3d(100.0, 0.0, 0.0);
+  EXPECT_NEAR((*poses[30])(0, 0), 0.01 + 1e-4 * arm.y() * arm.y(), 1e-9);
+  EXPECT_NEAR((*poses[30])(5, 5), 1e-4, 1e-9);
+  for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
+    if (map.column(kFromMapColumn)->values[l] != 1.0 || !map.covariance(LandmarkIndex{l})) continue;
+    EXPECT_GT(map.covariance(LandmarkIndex{l})->trace(), 0.03) << l;
+  }
+}
+
+// Each round returns the maps to their own frames and fuses them anew.
+TEST(FuseAndAdjust, GravityAndTheGeoreferenceDoNotDependOnTheRounds) {
+  const SyntheticPair maps = two_sessions();
+  MapTables tables = LandmarkMap(maps.target).tables();
+  tables.info.gravity = Eigen::Vector3d(0.0, 0.0, -1.0);
+  const LandmarkMap target(std::move(tables));
+  const LandmarkMap source =
+      with_georeference(maps.source, GeoReference{{47.0, 8.0, 400.0}, 1.0, {0.8, 0.6, 0.0, 0.0}});
+  std::vector<PlacedMap> placed = in_place(target, source, maps.target_from_source);
+  const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
+  for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
+  FuseAndAdjustOptions options;
+  options.adjustment.max_iterations = 1;
+  options.adjustment.covariances = false;
+  options.matching_rounds = 0;
+  const MapInfo once = fuse_and_adjust(placed, options).map.info();
+  options.matching_rounds = 1;
+  const MapInfo again = fuse_and_adjust(placed, options).map.info();
+  EXPECT_LT((*once.gravity - *again.gravity).norm(), 1e-12);
+  EXPECT_LT((*once.gravity - moved.rotation() * Eigen::Vector3d(0.0, 0.0, -1.0)).norm(), 1e-12);
+  const Eigen::Vector3d x(5.0, -2.0, 1.0);
+  EXPECT_NEAR(once.georeference->geodetic(x).latitude_deg,
+              again.georeference->geodetic(x).latitude_deg, 1e-11);
 }
 
 TEST(FuseAndAdjust, AKeyframeOfTwoMapsBecomesOne) {
