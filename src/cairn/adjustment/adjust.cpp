@@ -102,12 +102,15 @@ class Adjustment {
         measurements_(measurements),
         options_(options),
         groups_(frame_groups(map, measurements, options.min_observations)),
-        cameras_(map.cameras().begin(), map.cameras().end()),
         projections_(map.cameras().begin(), map.cameras().end()),
         poses_(map.frame_count()),
         points_(map.landmarks().positions) {
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
       poses_[i] = to_block(map.world_from_camera(FrameIndex{i}));
+    }
+    for (const Camera& camera : map.cameras()) {
+      first_parameter_.push_back(parameters_.size());
+      parameters_.insert(parameters_.end(), camera.parameters.begin(), camera.parameters.end());
     }
   }
 
@@ -119,6 +122,10 @@ class Adjustment {
                     ceres::LossFunction* depth);
   void hold_scale(const FrameGroup& group);
   void carry_along(std::uint32_t landmark);
+  double* parameters_of(std::size_t camera) {
+    return parameters_.data() + first_parameter_[camera];
+  }
+  std::vector<Camera> cameras() const;
   MapTables tables() const;
 
   const LandmarkMap& map_;
@@ -126,12 +133,23 @@ class Adjustment {
   const Measurements& measurements_;
   const AdjustOptions& options_;
   std::vector<FrameGroup> groups_;
-  std::vector<Camera> cameras_;
   std::vector<CameraProjection> projections_;  // of the map's cameras
   // Contiguous arrays, because Ceres orders the blocks of a group by address, which must be deterministic.
   std::vector<PoseBlock> poses_;
   std::vector<Eigen::Vector3d> points_;
+  std::vector<double> parameters_;  // of all cameras
+  std::vector<std::size_t> first_parameter_;
 };
+
+// The map's cameras with the present parameters.
+std::vector<Camera> Adjustment::cameras() const {
+  std::vector<Camera> cameras(map_.cameras().begin(), map_.cameras().end());
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const auto first = parameters_.begin() + static_cast<std::ptrdiff_t>(first_parameter_[i]);
+    std::copy_n(first, cameras[i].parameters.size(), cameras[i].parameters.begin());
+  }
+  return cameras;
+}
 
 void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering) {
   for (const FrameGroup& group : groups_) {
@@ -142,25 +160,24 @@ void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrderi
     problem.SetParameterBlockConstant(poses_[group.frames.front()].data());
   }
   if (!options_.refine_intrinsics) return;
-  std::vector<bool> is_used(cameras_.size(), false);
+  std::vector<bool> is_used(calibration_.size(), false);
   for (const FrameGroup& group : groups_) {
     for (const std::uint32_t frame : group.frames) {
       is_used[map_.frames().cameras[frame]->value] = true;
     }
   }
-  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+  for (std::size_t i = 0; i < calibration_.size(); ++i) {
     if (!is_used[i]) continue;
-    std::vector<double>& parameters = cameras_[i].parameters;
-    problem.AddParameterBlock(parameters.data(), static_cast<int>(parameters.size()));
-    ordering.AddElementToGroup(parameters.data(), 1);
+    const std::vector<double>& expected = calibration_[i].parameters;
+    problem.AddParameterBlock(parameters_of(i), static_cast<int>(expected.size()));
+    ordering.AddElementToGroup(parameters_of(i), 2);  // after the poses, wherever these lie
     const ceres::Matrix weights =
         calibration_deviations(calibration_[i]).cwiseInverse().asDiagonal();
-    const std::vector<double>& expected = calibration_[i].parameters;
     problem.AddResidualBlock(
         new ceres::NormalPrior(
             weights, Eigen::Map<const ceres::Vector>(expected.data(),
                                                      static_cast<Eigen::Index>(expected.size()))),
-        nullptr, parameters.data());
+        nullptr, parameters_of(i));
   }
 }
 
@@ -173,7 +190,7 @@ void Adjustment::add_landmark(ceres::Problem& problem, std::uint32_t landmark,
     const Camera& camera = map_.cameras()[index.value];
     if (options_.refine_intrinsics) {
       problem.AddResidualBlock(new CalibrationCost(camera, one.pixel, one.sigma_px), pixel, pose,
-                               point, cameras_[index.value].parameters.data());
+                               point, parameters_of(index.value));
     } else {
       problem.AddResidualBlock(new PointCost<PixelMeasure>(PixelMeasure{
                                    &camera, projections_[index.value], one.pixel, one.sigma_px}),
@@ -255,7 +272,7 @@ Solved Adjustment::run() {
   }
   solved.iterations = summary.num_successful_steps + summary.num_unsuccessful_steps;
   solved.converged = summary.termination_type == ceres::CONVERGENCE;
-  for (const Camera& camera : cameras_) {
+  for (const Camera& camera : cameras()) {
     if (!camera_defect(camera).empty()) solved.converged = false;
   }
   if (!summary.IsSolutionUsable() || (!solved.converged && options_.refine_intrinsics &&
@@ -279,7 +296,7 @@ MapTables Adjustment::tables() const {
   LandmarkMap copy = map_;
   MapTables tables = std::move(copy).tables();
   tables.info.uuid.reset();
-  tables.cameras = cameras_;
+  tables.cameras = cameras();
   for (const FrameGroup& group : groups_) {
     for (const std::uint32_t frame : group.frames) {
       if (frame == group.frames.front()) continue;  // as read, to the last digit
@@ -290,8 +307,6 @@ MapTables Adjustment::tables() const {
     }
   }
   tables.landmarks.positions = points_;
-  tables.landmarks.covariances.clear();
-  tables.frames.pose_covariances.clear();
   return tables;
 }
 
@@ -309,6 +324,13 @@ double rms_px(const LandmarkMap& map, const Measurements& measurements,
     }
   }
   return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
+}
+
+LandmarkMap without_covariances(LandmarkMap map) {
+  MapTables tables = std::move(map).tables();
+  tables.landmarks.covariances.clear();
+  tables.frames.pose_covariances.clear();
+  return LandmarkMap(std::move(tables));
 }
 
 }  // namespace
@@ -352,7 +374,18 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
     CovarianceOptions how;
     how.noise = result.noise;
     how.execution = options.execution.without_progress();
-    result.map = estimate_covariances(result.map, how).map;
+    try {
+      EstimatedCovariances estimated = estimate_covariances(result.map, how);
+      result.map = std::move(estimated.map);
+      result.covariance_references = std::move(estimated.references);
+    } catch (const Error& error) {
+      // The map itself was accepted above; an adjustment that took hours is worth more than its covariances.
+      if (error.kind() != ErrorKind::kInput) throw;
+      result.covariance_defect = error.what();
+    }
+  }
+  if (result.covariance_references.empty()) {
+    result.map = without_covariances(std::move(result.map));
   }
   return result;
 }

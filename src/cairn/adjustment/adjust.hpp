@@ -3,6 +3,8 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "cairn/adjustment/measurements.hpp"
 #include "cairn/core/execution.hpp"
@@ -27,7 +29,7 @@ struct AdjustOptions {
   int max_iterations = 50;  ///< per run of the solver; at least 1
   /// Landmarks with fewer observations only move with the first frame that observed them. At least 1.
   std::size_t min_observations = 2;
-  /// Recomputes the landmark covariances; see estimate_covariances(). If false, the result has none.
+  /// Recomputes the covariances; see estimate_covariances(). If false, the result has none.
   bool covariances = true;
   /// The solver itself uses one thread, so that sums have one order.
   Execution execution = {};
@@ -45,6 +47,11 @@ struct AdjustResult {
   double initial_rms_px = 0.0;   ///< root mean square reprojection error of the used observations
   double final_rms_px = 0.0;     ///< the same for the result
   MeasurementNoise noise;        ///< the noise last assumed
+  /// As of EstimatedCovariances; empty without covariances.
+  std::vector<std::optional<FrameIndex>> covariance_references;
+  /// Why the result has no covariances though they were requested: too many pairs of frames share landmarks.
+  /// Empty otherwise.
+  std::string covariance_defect;
 };
 
 /// Full bundle adjustment: moves frames, landmarks and, if requested, cameras to minimise the squared
@@ -53,7 +60,8 @@ struct AdjustResult {
 ///
 /// Gauge: in every group of frames that share landmarks, the first frame is fixed; in a group without
 /// depths, also the distance of the frame farthest from it. Frames without observations stay. All else of
-/// the map is kept, but not its UUID. The same input gives the same result for any number of threads.
+/// the map is kept, but not its UUID. Where covariances are too large for the memory, the adjusted map has
+/// none. The same input gives the same result for any number of threads.
 ///
 /// @throws Error (misuse) for invalid options; (input) for a map without observations or an observing frame
 ///        without a camera; (cancelled)

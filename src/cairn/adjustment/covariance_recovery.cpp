@@ -109,17 +109,47 @@ class DensePoses {
   Eigen::MatrixXd covariance_;
 };
 
+// Refuses more pairs of frames than fit the memory, before it is taken.
+void check_pairs(const LinearProblem& problem, const Execution& execution) {
+  constexpr std::size_t kMostPairs = 2'000'000;  // about 350 bytes each
+  const std::size_t frames = problem.camera_centres.size();
+  std::vector<std::vector<std::uint32_t>> observed(frames);  // landmarks by frame
+  for (std::uint32_t l = 0; l < problem.landmarks.size(); ++l) {
+    for (const LinearObservation& at : problem.landmarks[l].observations) {
+      observed[at.frame].push_back(l);
+    }
+  }
+  std::size_t pairs = 0;
+  std::vector<std::uint32_t> counted_for(frames, 0);
+  for (std::uint32_t frame = 1; frame < frames; ++frame) {
+    check_stop(execution);
+    counted_for[frame] = frame;
+    for (const std::uint32_t l : observed[frame]) {
+      for (const LinearObservation& at : problem.landmarks[l].observations) {
+        if (at.frame == 0 || counted_for[at.frame] == frame) continue;
+        counted_for[at.frame] = frame;
+        ++pairs;
+      }
+    }
+    if (pairs > kMostPairs) {
+      throw Error(ErrorKind::kInput, "covariances",
+                  fmt::format("more than {} pairs of frames share landmarks", kMostPairs),
+                  "a map whose frames share landmarks with fewer others");
+    }
+  }
+}
+
 // The same of those pairs only that a landmark couples.
 class SparsePoses {
  public:
   SparsePoses(const LinearProblem& problem, const Execution& execution)
       : rows_(problem.camera_centres.size()) {
+    check_pairs(problem, execution);
     for (std::uint32_t at = 1; at < rows_.size(); ++at) rows_[at].emplace(at, Block6::Zero());
     visit_couplings(problem, execution,
                     [&](std::uint32_t at, std::uint32_t other, const Block6& block) {
                       const auto [found, added] = rows_[at].try_emplace(other, block);
                       if (!added) found->second += block;
-                      if (added && ++pairs_ > kMostPairs) refuse();
                     });
     if (problem.scale_frame) {
       Block6& own = rows_[*problem.scale_frame].at(*problem.scale_frame);
@@ -167,16 +197,7 @@ class SparsePoses {
   }
 
  private:
-  static constexpr std::size_t kMostPairs = 2'000'000;  // about 350 bytes each
-
-  [[noreturn]] static void refuse() {
-    throw Error(ErrorKind::kInput, "covariances",
-                fmt::format("more than {} pairs of frames share landmarks", kMostPairs),
-                "a map whose frames share landmarks with fewer others");
-  }
-
   std::vector<std::map<std::uint32_t, Block6>> rows_;
-  std::size_t pairs_ = 0;
 };
 
 template <class Poses>

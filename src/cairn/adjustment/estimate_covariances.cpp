@@ -86,14 +86,23 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
   const auto& positions = map.landmarks().positions;
   std::vector<Eigen::Matrix3d> covariances(
       map.landmark_count(), Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
+    const auto stated = map.covariance(LandmarkIndex{l});
+    if (!stated || map.observation_count(LandmarkIndex{l}) > 0) continue;
+    covariances[l] = *stated;
+    ++result.known;
+  }
 
-  OptionalColumn<Matrix6d> pose_covariances;
+  OptionalColumn<Matrix6d> pose_covariances = map.frames().pose_covariances;
   pose_covariances.resize(map.frame_count());
+  result.references.resize(map.frame_count());
 
   std::vector<std::uint32_t> index_in_group(map.frame_count());
   for (const FrameGroup& group : frame_groups(map, measurements, 2)) {
     LinearProblem problem;
     for (const std::uint32_t frame : group.frames) {
+      result.references[frame] = FrameIndex{group.frames.front()};
+      pose_covariances.set(frame, std::nullopt);
       index_in_group[frame] = static_cast<std::uint32_t>(problem.camera_centres.size());
       problem.camera_centres.push_back(map.frames().translations[frame]);
     }

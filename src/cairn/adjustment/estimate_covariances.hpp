@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <vector>
 
 #include "cairn/adjustment/covariance_recovery.hpp"
 #include "cairn/adjustment/measurements.hpp"
@@ -24,7 +25,10 @@ struct CovarianceOptions {
 };
 
 struct EstimatedCovariances {
-  LandmarkMap map;         ///< the map with the new covariances, without its UUID
+  LandmarkMap map;  ///< the map with the new covariances, without its UUID
+  /// Per frame: the first of its group, relative to which its covariance is and those of the landmarks that
+  /// it observed first; std::nullopt without usable observations.
+  std::vector<std::optional<FrameIndex>> references;
   std::size_t known = 0;   ///< landmarks with a covariance
   MeasurementNoise noise;  ///< the assumed noise
 };
@@ -39,7 +43,8 @@ struct EstimatedCovariances {
 /// odometry's are.
 ///
 /// Unknown for landmarks that only one frame observed, without depth, and for landmarks that their
-/// observations do not determine. Errors of observations are assumed independent.
+/// observations do not determine. Errors of observations are assumed independent. Landmarks and frames
+/// without any observation keep the map's covariances, about which the observations say nothing.
 ///
 /// @throws Error as adjust() and recover_covariances()
 EstimatedCovariances estimate_covariances(const LandmarkMap& map,

@@ -108,6 +108,7 @@ TEST(EstimateCovariances, AreZeroForTheFrameThatCountsAsExact) {
   const auto& poses = estimated.frames().pose_covariances;
   ASSERT_EQ(poses.size(), map.frame_count());
   EXPECT_TRUE(poses[0]->isZero(0.0));
+  EXPECT_EQ(estimate_covariances(map).references[1], FrameIndex{0});
   EXPECT_GT(poses[1]->diagonal().minCoeff(), 0.0);
   AdjustOptions how;
   how.covariances = false;

@@ -87,20 +87,6 @@ void place_all(const MappedSequence& session, OptimisedPoses& poses) {
   }
 }
 
-// The last keyframe of each mini-map is the first of the next, if it is.
-std::vector<SharedFrame> shared_frames(const std::vector<LandmarkMap>& maps) {
-  std::vector<SharedFrame> shared;
-  for (std::size_t i = 0; i + 1 < maps.size(); ++i) {
-    const FrameTable& before = maps[i].frames();
-    const FrameTable& after = maps[i + 1].frames();
-    if (before.ids.empty() || after.ids.empty()) continue;
-    if (before.timestamps_s.back() != after.timestamps_s.front()) continue;
-    const auto last = static_cast<std::uint32_t>(before.ids.size() - 1);
-    shared.push_back({i, FrameIndex{last}, i + 1, FrameIndex{0}});
-  }
-  return shared;
-}
-
 std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
                                                const AdjustedFusion& fused) {
   std::vector<CorrectedKeyframe> keyframes;
@@ -230,7 +216,6 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   fusing.adjustment.execution = options.execution;
   fusing.adjustment.execution.progress = stage_of(options.execution.progress, 0.5, 1.0);
   fusing.matching_rounds = options.matching_rounds;
-  fusing.shared_frames = shared_frames(session.maps);
   AdjustedFusion fused = fuse_and_adjust(placed, fusing);
   result.adjustment = fused.adjustment;
   const std::vector<CorrectedKeyframe> keyframes = moved_keyframes(session, fused);

@@ -266,31 +266,25 @@ class OneSide {
     const std::vector<Eigen::Vector3d> others = in_world(other);
     const PointGrid grid(others, options.tolerance);
     const MapSights sights(*other.map, other.world_from_map, options.tolerance);
-    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-      const auto frames = map.observing_frames(LandmarkIndex{i});
-      if (frames.size() < options.min_observations) continue;
-      std::vector<Eigen::Vector3d> directions;
-      double nearest = std::numeric_limits<double>::infinity();
-      double farthest = 0.0;
-      for (const FrameIndex frame : frames) {
-        const Eigen::Vector3d to_camera =
-            own.world_from_map * map.world_from_camera(frame).translation() - positions_[i];
-        const double range = to_camera.norm();
-        if (range > 0.0) directions.emplace_back(to_camera / range);
-        nearest = std::min(nearest, range);
-        farthest = std::max(farthest, range);
+    std::vector<std::optional<Comparable>> compared(map.landmark_count());
+    constexpr std::size_t kBlock = 256;
+    const auto compare = [&](std::size_t begin, std::size_t end) {
+      if (options.execution.stop.stop_requested()) {
+        throw Error(ErrorKind::kCancelled, "changes", "the comparison was cancelled", "");
       }
-      const MapSights::Count seen = sights.count(positions_[i], directions, nearest, farthest);
-      if (seen.views < 2) continue;
-      Comparable one;
-      one.landmark = i;
-      one.bin = bin_of(seen.views, frames.size());
-      one.through = seen.through > seen.agrees;
-      grid.within(positions_[i], options.tolerance, [&](std::uint32_t j) {
-        one.found = one.found || !looks.known() ||
-                    (swapped ? looks.difference(j, i) : looks.difference(i, j)) <= kLikeShare;
-      });
-      comparable_.push_back(one);
+      for (std::size_t i = begin; i < end; ++i) {
+        compared[i] = compare_landmark(own, static_cast<std::uint32_t>(i), sights);
+        if (!compared[i]) continue;
+        grid.within(positions_[i], options.tolerance, [&](std::uint32_t j) {
+          bool& found = compared[i]->found;
+          found = found || !looks.known() ||
+                  (swapped ? looks.difference(j, i) : looks.difference(i, j)) <= kLikeShare;
+        });
+      }
+    };
+    options.execution.executor.for_blocks(compared.size(), kBlock, compare);
+    for (const std::optional<Comparable>& one : compared) {
+      if (one) comparable_.push_back(*one);
     }
   }
 
@@ -350,6 +344,32 @@ class OneSide {
   }
 
  private:
+  // Without `found`; std::nullopt if the other map could hardly see the landmark.
+  std::optional<Comparable> compare_landmark(const PlacedMap& own, std::uint32_t i,
+                                             const MapSights& sights) const {
+    const LandmarkMap& map = *own.map;
+    const auto frames = map.observing_frames(LandmarkIndex{i});
+    if (frames.size() < options_.min_observations) return std::nullopt;
+    std::vector<Eigen::Vector3d> directions;
+    double nearest = std::numeric_limits<double>::infinity();
+    double farthest = 0.0;
+    for (const FrameIndex frame : frames) {
+      const Eigen::Vector3d to_camera =
+          own.world_from_map * map.world_from_camera(frame).translation() - positions_[i];
+      const double range = to_camera.norm();
+      if (range > 0.0) directions.emplace_back(to_camera / range);
+      nearest = std::min(nearest, range);
+      farthest = std::max(farthest, range);
+    }
+    const MapSights::Count seen = sights.count(positions_[i], directions, nearest, farthest);
+    if (seen.views < 2) return std::nullopt;
+    Comparable one;
+    one.landmark = i;
+    one.bin = bin_of(seen.views, frames.size());
+    one.through = seen.through > seen.agrees;
+    return one;
+  }
+
   Group group_of(const std::vector<std::uint32_t>& members,
                  const std::vector<Eigen::Vector3d>& points, const PointGrid& grid) const {
     Group group;

@@ -28,7 +28,7 @@ struct ChangeOptions {
   /// Least confidence of a reported thing; in (0, 1).
   double min_confidence = 0.9;
   std::uint64_t seed = 0;
-  Execution execution = {};
+  Execution execution = {};  ///< its progress is not used
 
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
@@ -78,7 +78,7 @@ struct ChangeResult {
 ///
 /// Maps without observations have no views, so no landmark is comparable. The same input and seed give the
 /// same result for any number of threads.
-/// @throws Error (misuse) for invalid options
+/// @throws Error (misuse) for invalid options, (cancelled)
 ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
                           const ChangeOptions& options = {});
 

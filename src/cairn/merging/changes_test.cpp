@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stop_token>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
+#include "support/refusal.hpp"
 #include "support/visits.hpp"
 
 namespace cairn {
@@ -121,6 +123,30 @@ TEST(FindChanges, MapsWithoutObservationsHaveNothingToCompare) {
   const LandmarkMap bare(std::move(tables));
   EXPECT_EQ(changes_between(bare, visit(wall(), 12)).comparable_first, 0U);
   EXPECT_THAT(changes_between(bare, bare).changes, IsEmpty());
+}
+
+TEST(FindChanges, IsTheSameForAnyNumberOfThreadsAndStopsWhenAsked) {
+  const LandmarkMap first = visit(with(wall(), box_at(0.2)), 11);
+  const LandmarkMap second = visit(wall(), 12);
+  const PlacedMap before{.map = &first, .name = "a", .world_from_map = {}};
+  const PlacedMap after{.map = &second, .name = "b", .world_from_map = {}};
+  const ChangeResult one = find_changes(before, after);
+  ChangeOptions options;
+  options.execution.executor = Executor(2);
+  const ChangeResult two = find_changes(before, after, options);
+  EXPECT_EQ(one.comparable_first, two.comparable_first);
+  EXPECT_EQ(one.comparable_second, two.comparable_second);
+  EXPECT_EQ(one.repeated, two.repeated);
+  ASSERT_THAT(one.changes, SizeIs(1));
+  ASSERT_THAT(two.changes, SizeIs(1));
+  EXPECT_EQ(one.changes[0].confidence, two.changes[0].confidence);
+  EXPECT_EQ(one.changes[0].before->landmarks, two.changes[0].before->landmarks);
+  std::stop_source stop;
+  stop.request_stop();
+  options.execution.stop = stop.get_token();
+  EXPECT_THAT(
+      testing::refusal(ErrorKind::kCancelled, [&] { find_changes(before, after, options); }),
+      ::testing::HasSubstr("cancelled"));
 }
 
 TEST(FindChanges, RefusesInvalidOptions) {

@@ -51,17 +51,17 @@ struct Joint {
   std::size_t edge = kNoIndex;
 };
 
-// Standard deviations of an edge: translation, rotation and log scale.
+// Standard deviations of an edge: translation of the source's centre, rotation and log scale.
 struct Deviations {
   double shift = 0.0;
   double turn = 0.0;
   double growth = 0.0;
 };
 
-Deviations deviations_of(const PoseEdge& edge) {
+Deviations deviations_of(const PoseEdge& edge, std::span<const NodeExtent> extents) {
   const Matrix7d& c = edge.covariance;
-  return {std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), std::sqrt(c(3, 3) + c(4, 4) + c(5, 5)),
-          std::sqrt(c(6, 6))};
+  return {std::sqrt(mean_square_shift(c, edge.target_from_source, extents[edge.source])),
+          std::sqrt(c(3, 3) + c(4, 4) + c(5, 5)), std::sqrt(c(6, 6))};
 }
 
 struct Entry {
@@ -102,7 +102,7 @@ class Growth {
     for (std::size_t i = 0; i < members_.size(); ++i) members_[i] = {i};
     begin_with(placed);
     for (std::size_t i = 0; i < edges_.size(); ++i) {
-      deviations_.push_back(deviations_of(edges_[i]));
+      deviations_.push_back(deviations_of(edges_[i], extents_));
       const auto [a, b] = std::minmax(group_of_[edges_[i].target], group_of_[edges_[i].source]);
       if (a != b) neighbours_[a][b].edges.push_back(i);
     }

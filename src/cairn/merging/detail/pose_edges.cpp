@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
 
 namespace cairn {
@@ -85,10 +86,17 @@ double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent
   return std::sqrt(shift * shift + turn * turn + growth * growth);
 }
 
+double mean_square_shift(const Matrix7d& covariance, const Similarity3& pose,
+                         const NodeExtent& extent) {
+  const Eigen::Matrix<double, 3, 7> by_pose = derivative_by_map(pose.linear() * extent.centre);
+  return (by_pose * covariance * by_pose.transpose()).trace();
+}
+
 double mean_square_disagreement(const Matrix7d& c, const Similarity3& pose,
                                 const NodeExtent& extent) {
   const double radius = extent.radius * pose.scale();
-  return (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
+  return mean_square_shift(c, pose, extent) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) +
+         c(6, 6);
 }
 
 double mean_square_disagreement(const PoseEdge& edge, std::span<const NodeExtent> extents) {

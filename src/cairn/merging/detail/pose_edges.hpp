@@ -31,6 +31,11 @@ std::vector<std::size_t> session_numbers(const PoseGraph& graph);
 /// Root mean square distance by which two poses move the node's landmarks apart, in radii.
 double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent);
 
+/// Mean square by which the covariance of a node's pose lets the centre of its landmarks move, in the unit of
+/// the frame that the pose leads to. The node's origin can be far away and move much farther.
+double mean_square_shift(const Matrix7d& covariance, const Similarity3& pose,
+                         const NodeExtent& extent);
+
 /// Mean square of disagreement() that the covariance of a node's pose allows.
 double mean_square_disagreement(const Matrix7d& covariance, const Similarity3& pose,
                                 const NodeExtent& extent);

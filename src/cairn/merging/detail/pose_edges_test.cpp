@@ -83,6 +83,26 @@ TEST(MeanSquareDisagreement, IsThatOfAMoveInAnyDirection) {
   }
 }
 
+// A turn about an origin far from the landmarks moves these much; the covariance says that they do not move.
+TEST(MeanSquareDisagreement, DoesNotDependOnWhereTheNodesOriginIs) {
+  const Similarity3 near(2.0, Rigid3::from_roll_pitch_yaw({5.0, 6.0, 7.0}, 0.1, 0.2, 0.3));
+  const NodeExtent about_origin{Eigen::Vector3d::Zero(), 3.0};
+  Vector7d variances;
+  variances << 1e-4, 2e-4, 3e-4, 1e-6, 2e-6, 3e-6, 4e-6;
+  const Matrix7d covariance = variances.asDiagonal();
+  const double expected = mean_square_disagreement(covariance, near, about_origin);
+  const Eigen::Vector3d centre(1000.0, -300.0, 50.0);
+  const NodeExtent extent{centre, 3.0};
+  const Eigen::Vector3d arm = near.linear() * centre;
+  const Similarity3 far(2.0, Rigid3(near.rigid().quaternion(), near.translation() - arm));
+  Eigen::Matrix<double, 7, 7> of_origin = Eigen::Matrix<double, 7, 7>::Identity();
+  of_origin.block<3, 3>(0, 3) = skew(arm);
+  of_origin.block<3, 1>(0, 6) = -arm;
+  const Matrix7d carried = of_origin * covariance * of_origin.transpose();
+  EXPECT_NEAR(mean_square_disagreement(carried, far, extent), expected, 1e-6 * expected);
+  EXPECT_GT(mean_square_disagreement(covariance, far, extent), 1e3 * expected);
+}
+
 TEST(CanAgree, AllowsForTheUncertaintyOfTheEdgeAndOfThePoses) {
   Random random(3);
   const std::vector<NodeExtent> extents(2);

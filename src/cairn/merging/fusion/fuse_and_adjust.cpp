@@ -2,8 +2,7 @@
 #include "cairn/merging/fusion/fuse_and_adjust.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -11,7 +10,9 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/derivative_by_map.hpp"
 
 namespace cairn {
 namespace {
@@ -20,97 +21,53 @@ constexpr int kMostMatchingRounds = 10;
 // Iterations of the solver in all rounds but the last.
 constexpr int kIterationsBetween = 15;
 
-// By map and its frame: its index where all frames follow one another.
-std::vector<std::vector<FrameIndex>> consecutive_frames(std::span<const PlacedMap> maps) {
-  std::vector<std::vector<FrameIndex>> frames(maps.size());
-  std::uint32_t next = 0;
+// Covariances relative to the first frames of groups become those in the world: each of these frames is as
+// uncertain as its map states, and as the pose of that map.
+LandmarkMap with_uncertain_references(LandmarkMap map,
+                                      std::span<const std::optional<FrameIndex>> references,
+                                      std::span<const PlacedMap> maps,
+                                      const std::vector<std::vector<FrameIndex>>& frames) {
+  std::map<FrameIndex, Matrix7d> of_reference;
   for (std::size_t m = 0; m < maps.size(); ++m) {
-    for (std::size_t i = 0; i < maps[m].map->frame_count(); ++i) {
-      frames[m].push_back(FrameIndex{next++});
+    const auto& in_map = maps[m].map->frames().pose_covariances;
+    for (std::uint32_t i = 0; i < frames[m].size(); ++i) {
+      const FrameIndex frame = frames[m][i];
+      if (references[frame.value] != frame || of_reference.contains(frame)) continue;
+      Matrix7d covariance =
+          carried_covariance(maps[m].covariance, maps[m].world_from_map.translation(),
+                             map.world_from_camera(frame).translation());
+      if (!in_map.empty() && in_map[i]) {
+        covariance.topLeftCorner<6, 6>() +=
+            left_transformed_covariance(*in_map[i], maps[m].world_from_map);
+      }
+      of_reference.emplace(frame, covariance);
     }
   }
-  return frames;
-}
-
-void check_shared(std::span<const PlacedMap> maps, std::span<const SharedFrame> shared) {
-  for (const SharedFrame& one : shared) {
-    if (one.map < one.other_map && one.other_map < maps.size() &&
-        one.frame.value < maps[one.map].map->frame_count() &&
-        one.other_frame.value < maps[one.other_map].map->frame_count()) {
-      continue;
-    }
-    throw Error(ErrorKind::kMisuse, "FuseAndAdjustOptions.shared_frames",
-                fmt::format("frame {} of map {}, frame {} of map {}", one.frame.value, one.map,
-                            one.other_frame.value, one.other_map),
-                "frames of two of the maps, the earlier map first");
-  }
-}
-
-template <class Column>
-void keep_rows(Column& column, const std::vector<std::size_t>& rows) {
-  if (column.empty()) return;
-  Column kept;
-  kept.reserve(rows.size());
-  for (const std::size_t row : rows) kept.push_back(std::as_const(column)[row]);
-  column = std::move(kept);
-}
-
-// Merges each pair of frames into one. If it then has two observations of a landmark, keeps the first.
-LandmarkMap with_frames_joined(LandmarkMap map, std::span<const SharedFrame> shared,
-                               std::vector<std::vector<FrameIndex>>& frames) {
-  if (shared.empty()) return map;
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  std::vector<std::uint32_t> stands_for(map.frame_count(), kNone);
-  for (const SharedFrame& one : shared) {
-    stands_for[frames[one.other_map][one.other_frame.value].value] =
-        frames[one.map][one.frame.value].value;
-  }
-  std::vector<std::size_t> kept;
-  std::vector<std::uint32_t> now(map.frame_count());
+  // Of a point that moves with a reference.
+  const auto carried_to = [&](const Eigen::Vector3d& point, FrameIndex reference) {
+    return carried_covariance(of_reference.at(reference),
+                              map.world_from_camera(reference).translation(), point);
+  };
+  const OptionalColumn<Matrix6d>& relative = map.frames().pose_covariances;
+  OptionalColumn<Matrix6d> poses = relative;
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    if (stands_for[i] == kNone) {
-      now[i] = static_cast<std::uint32_t>(kept.size());
-      kept.push_back(i);
-    } else {
-      now[i] = now[stands_for[i]];
-    }
+    if (!references[i] || !relative[i]) continue;
+    const Eigen::Vector3d centre = map.world_from_camera(FrameIndex{i}).translation();
+    const Matrix6d sum = *relative[i] + carried_to(centre, *references[i]).topLeftCorner<6, 6>();
+    poses.set(i, Matrix6d(0.5 * (sum + sum.transpose())));
   }
-  for (auto& of_map : frames) {
-    for (FrameIndex& frame : of_map) frame = FrameIndex{now[frame.value]};
+  std::vector<Eigen::Matrix3d> landmarks = map.landmarks().covariances;
+  for (std::uint32_t l = 0; l < landmarks.size(); ++l) {
+    const auto seen_by = map.observing_frames(LandmarkIndex{l});
+    if (seen_by.empty() || !references[seen_by.front().value]) continue;
+    const Eigen::Vector3d& position = map.landmarks().positions[l];
+    const Matrix7d carried = carried_to(position, *references[seen_by.front().value]);
+    const Eigen::Matrix3d sum = landmarks[l] + carried.topLeftCorner<3, 3>();  // NaN where unknown
+    landmarks[l] = 0.5 * (sum + sum.transpose());
   }
   MapTables tables = std::move(map).tables();
-  keep_rows(tables.frames.ids, kept);
-  keep_rows(tables.frames.translations, kept);
-  keep_rows(tables.frames.quaternions, kept);
-  keep_rows(tables.frames.cameras, kept);
-  keep_rows(tables.frames.timestamps_s, kept);
-  keep_rows(tables.frames.image_names, kept);
-  keep_rows(tables.frames.gnss, kept);
-  keep_rows(tables.frames.pose_covariances, kept);
-  ObservationTable& observations = tables.observations;
-  if (observations.offsets.empty()) return LandmarkMap(std::move(tables));
-  std::vector<std::size_t> rows;
-  std::vector<std::uint64_t> offsets = {0};
-  for (std::size_t l = 0; l + 1 < observations.offsets.size(); ++l) {
-    const std::size_t first = rows.size();
-    for (std::uint64_t k = observations.offsets[l]; k < observations.offsets[l + 1]; ++k) {
-      FrameIndex& frame = observations.frames[k];
-      frame = FrameIndex{now[frame.value]};
-      const bool seen =
-          std::any_of(rows.begin() + static_cast<std::ptrdiff_t>(first), rows.end(),
-                      [&](std::size_t row) { return observations.frames[row] == frame; });
-      if (!seen) rows.push_back(k);
-    }
-    offsets.push_back(rows.size());
-  }
-  observations.offsets = std::move(offsets);
-  keep_rows(observations.frames, rows);
-  keep_rows(observations.pixels, rows);
-  keep_rows(observations.keypoints, rows);
-  keep_rows(observations.depths, rows);
-  keep_rows(observations.octaves, rows);
-  keep_rows(observations.sources, rows);
-  keep_rows(observations.sigmas_px, rows);
+  tables.frames.pose_covariances = std::move(poses);
+  tables.landmarks.covariances = std::move(landmarks);
   return LandmarkMap(std::move(tables));
 }
 
@@ -126,38 +83,27 @@ void FuseAndAdjustOptions::validate() const {
 
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames) {
-  const double scale = world_from_map.scale();
-  LandmarkMap copy = map;
-  MapTables tables = std::move(copy).tables();
-  std::vector<Rigid3> camera_from_map;
-  std::vector<Rigid3> world_from_camera;
+  LandmarkMap in_world = transformed(map, world_from_map);
+  std::vector<Rigid3> moves;  // of the frames
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    camera_from_map.push_back(map.world_from_camera(FrameIndex{i}).inverse());
-    world_from_camera.push_back(adjusted.world_from_camera(frames[i]));
+    moves.push_back(adjusted.world_from_camera(frames[i]) *
+                    in_world.world_from_camera(FrameIndex{i}).inverse());
+  }
+  MapTables tables = std::move(in_world).tables();
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     tables.frames.translations[i] = adjusted.frames().translations[frames[i].value];
     tables.frames.quaternions[i] = adjusted.frames().quaternions[frames[i].value];
   }
   LandmarkTable& landmarks = tables.landmarks;
   for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
     const auto seen_by = map.observing_frames(LandmarkIndex{l});
-    Eigen::Matrix3d linear = world_from_map.linear();
-    if (seen_by.empty()) {
-      landmarks.positions[l] = world_from_map * landmarks.positions[l];
-    } else {
-      const std::uint32_t first = seen_by.front().value;
-      landmarks.positions[l] =
-          world_from_camera[first] * (scale * (camera_from_map[first] * landmarks.positions[l]));
-      linear = scale * (world_from_camera[first] * camera_from_map[first]).rotation();
-    }
+    if (seen_by.empty()) continue;
+    const Rigid3& move = moves[seen_by.front().value];
+    landmarks.positions[l] = move * landmarks.positions[l];
     if (landmarks.covariances.empty()) continue;
     const Eigen::Matrix3d turned =
-        linear * landmarks.covariances[l] * linear.transpose();  // NaN where unknown, still
+        rotated_covariance(landmarks.covariances[l], move.rotation());  // NaN where unknown, still
     landmarks.covariances[l] = 0.5 * (turned + turned.transpose());
-  }
-  ObservationTable& observations = tables.observations;
-  for (std::size_t k = 0; scale != 1.0 && k < observations.depths.size(); ++k) {
-    const std::optional<double> depth = std::as_const(observations.depths)[k];
-    if (depth) observations.depths[k] = scale * *depth;
   }
   return LandmarkMap(std::move(tables));
 }
@@ -165,7 +111,6 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
 AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
                                const FuseAndAdjustOptions& options) {
   options.validate();
-  check_shared(maps, options.shared_frames);
   AdjustedFusion result;
   std::vector<PlacedMap> placed(maps.begin(), maps.end());
   std::vector<LandmarkMap> moved(maps.size());
@@ -178,9 +123,7 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     FusionResult fused = fuse_maps(placed, fusion);
     fusion.log = {};  // avoids repeated remarks
     result.maps = std::move(fused.maps);
-    result.frames = consecutive_frames(maps);
-    const LandmarkMap joined =
-        with_frames_joined(std::move(fused.map), options.shared_frames, result.frames);
+    result.frames = std::move(fused.frames);
     AdjustOptions how = options.adjustment;
     how.execution.progress =
         stage_of(options.adjustment.execution.progress, round / rounds, (round + 1) / rounds);
@@ -189,7 +132,7 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);
     }
     if (noise) how.noise = noise;
-    AdjustResult adjusted = adjust(joined, how);
+    AdjustResult adjusted = adjust(fused.map, how);
     noise = adjusted.noise;
     result.map = std::move(adjusted.map);
     result.adjustment.converged = adjusted.converged;
@@ -198,12 +141,22 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     if (round == 0) result.adjustment.initial_rms_px = adjusted.initial_rms_px;
     result.adjustment.final_rms_px = adjusted.final_rms_px;
     result.adjustment.matching_rounds = round;
-    if (last) break;
+    if (last) {
+      if (!adjusted.covariance_references.empty()) {
+        result.map = with_uncertain_references(std::move(result.map),
+                                               adjusted.covariance_references, maps, result.frames);
+      } else if (!adjusted.covariance_defect.empty() && options.fusion.log) {
+        options.fusion.log("the adjusted map has no covariances: " + adjusted.covariance_defect);
+      }
+      break;
+    }
     for (std::size_t m = 0; m < maps.size(); ++m) {
       // Back in its own frame, because its pose is as uncertain as before; only its drift is corrected.
       moved[m] =
           moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map, result.frames[m]);
-      if (m > 0) moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());
+      if (!maps[m].is_in_world()) {
+        moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());
+      }
       placed[m].map = &moved[m];
     }
   }

@@ -10,21 +10,11 @@
 
 namespace cairn {
 
-/// A keyframe that two of the maps share: one image, and therefore one pose.
-struct SharedFrame {
-  std::size_t map = 0;
-  FrameIndex frame;
-  std::size_t other_map = 0;  ///< after `map`
-  FrameIndex other_frame;
-};
-
 struct FuseAndAdjustOptions {
   FusionOptions fusion = {};  ///< its progress is not used
   AdjustOptions adjustment = {};
   /// Rounds of matching landmarks again after an adjustment, and adjusting again; 0 to 10.
   int matching_rounds = 2;
-  /// Leaves out each keyframe of `other_map` for that of `map`; each keyframe at most once.
-  std::vector<SharedFrame> shared_frames = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
@@ -58,7 +48,11 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
 /// adjusted poses (moved_with_frames()). Earlier matches are not kept, so a wrong match can disappear, and
 /// landmarks that were too far apart can be matched.
 ///
-/// @throws Error as fuse_maps() and adjust(); (misuse) for an unknown shared frame
+/// Covariances are in the world: each group of frames that share landmarks is as uncertain as the pose of its
+/// first frame and of that frame's map. The log says if the covariances are too large for the memory; the
+/// result then has none.
+///
+/// @throws Error as fuse_maps() and adjust()
 AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
                                const FuseAndAdjustOptions& options = {});
 

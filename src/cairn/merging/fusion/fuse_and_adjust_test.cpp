@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
@@ -126,25 +127,89 @@ TEST(FuseAndAdjust, SameResultWithAnyNumberOfThreads) {
   EXPECT_THAT(fuse_and_adjust(placed, options).map, EqualsMap(one.map));
 }
 
-TEST(FuseAndAdjust, AFrameOfTwoMapsBecomesOne) {
+// Matching again starts from the maps in their own frames, of which the first is any.
+TEST(FuseAndAdjust, TheFirstMapMayBeAnywhereInTheWorld) {
   const SyntheticPair maps = two_sessions();
-  // The source's first keyframe, said to be the target's last, has its pose then.
-  const std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
+  const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
+  std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
+  for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
   FuseAndAdjustOptions options;
   options.matching_rounds = 1;
-  options.shared_frames = {{0, FrameIndex{29}, 1, FrameIndex{0}}};
   const AdjustedFusion fused = fuse_and_adjust(placed, options);
+  for (std::uint32_t i = 0; i < maps.target.frame_count(); ++i) {
+    const Rigid3 truth = moved * maps.target.world_from_camera(FrameIndex{i});
+    const Rigid3 pose = fused.map.world_from_camera(fused.frames[0][i]);
+    EXPECT_LT((truth.translation() - pose.translation()).norm(), 0.005) << i;
+  }
+  EXPECT_GT(fused.maps[1].fused, maps.shared.size() / 2);
+}
+
+// Nothing ties it to the first map but its pose, of whose uncertainty the observations know nothing.
+TEST(FuseAndAdjust, AMapThatSharesNoLandmarkIsAsUncertainAsItsPose) {
+  const SyntheticPair maps = two_sessions();
+  std::vector<PlacedMap> placed =
+      in_place(maps.target, maps.source, Rigid3(Eigen::Matrix3d::Identity(), {100.0, 0.0, 0.0}));
+  placed[1].covariance.topLeftCorner<3, 3>() = 0.01 * Eigen::Matrix3d::Identity();
+  placed[1].covariance(5, 5) = 1e-4;
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 1;
+  const LandmarkMap map = fuse_and_adjust(placed, options).map;
+  const auto& poses = map.frames().pose_covariances;
+  EXPECT_TRUE(poses[0]->isZero(0.0)) << "its frame is the world";
+  const Eigen::Vector3d arm =
+      map.world_from_camera(FrameIndex{30}).translation() - Eigen::Vector3d(100.0, 0.0, 0.0);
+  EXPECT_NEAR((*poses[30])(0, 0), 0.01 + 1e-4 * arm.y() * arm.y(), 1e-9);
+  EXPECT_NEAR((*poses[30])(5, 5), 1e-4, 1e-9);
+  for (std::uint32_t l = 0; l < map.landmark_count(); ++l) {
+    if (map.column(kFromMapColumn)->values[l] != 1.0 || !map.covariance(LandmarkIndex{l})) continue;
+    EXPECT_GT(map.covariance(LandmarkIndex{l})->trace(), 0.03) << l;
+  }
+}
+
+// Each round returns the maps to their own frames and fuses them anew.
+TEST(FuseAndAdjust, GravityAndTheGeoreferenceDoNotDependOnTheRounds) {
+  const SyntheticPair maps = two_sessions();
+  MapTables tables = LandmarkMap(maps.target).tables();
+  tables.info.gravity = Eigen::Vector3d(0.0, 0.0, -1.0);
+  const LandmarkMap target(std::move(tables));
+  const LandmarkMap source =
+      with_georeference(maps.source, GeoReference{{47.0, 8.0, 400.0}, 1.0, {0.8, 0.6, 0.0, 0.0}});
+  std::vector<PlacedMap> placed = in_place(target, source, maps.target_from_source);
+  const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
+  for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
+  FuseAndAdjustOptions options;
+  options.adjustment.max_iterations = 1;
+  options.adjustment.covariances = false;
+  options.matching_rounds = 0;
+  const MapInfo once = fuse_and_adjust(placed, options).map.info();
+  options.matching_rounds = 1;
+  const MapInfo again = fuse_and_adjust(placed, options).map.info();
+  EXPECT_LT((*once.gravity - *again.gravity).norm(), 1e-12);
+  EXPECT_LT((*once.gravity - moved.rotation() * Eigen::Vector3d(0.0, 0.0, -1.0)).norm(), 1e-12);
+  const Eigen::Vector3d x(5.0, -2.0, 1.0);
+  EXPECT_NEAR(once.georeference->geodetic(x).latitude_deg,
+              again.georeference->geodetic(x).latitude_deg, 1e-11);
+}
+
+TEST(FuseAndAdjust, AKeyframeOfTwoMapsBecomesOne) {
+  const SyntheticPair maps = two_sessions();
+  // The source's first keyframe is the target's last, and has its pose then.
+  const auto timed = [](const LandmarkMap& map, double first_s) {
+    MapTables tables = LandmarkMap(map).tables();
+    tables.frames.timestamps_s.clear();
+    for (int i = 0; i < 30; ++i) tables.frames.timestamps_s.push_back(first_s + i);
+    return LandmarkMap(std::move(tables));
+  };
+  const LandmarkMap target = timed(maps.target, 100.0);
+  const LandmarkMap source = timed(maps.source, 129.0);
+  FuseAndAdjustOptions options;
+  options.matching_rounds = 1;
+  const AdjustedFusion fused =
+      fuse_and_adjust(in_place(target, source, maps.target_from_source), options);
   EXPECT_EQ(fused.map.frame_count(), 59U);
   EXPECT_EQ(fused.frames[0][29], FrameIndex{29});
   EXPECT_EQ(fused.frames[1][0], FrameIndex{29});
   EXPECT_EQ(fused.frames[1][1], FrameIndex{30});
-  for (std::uint32_t l = 0; l < fused.map.landmark_count(); ++l) {
-    const auto seen_by = fused.map.observing_frames(LandmarkIndex{l});
-    EXPECT_EQ(std::set<FrameIndex>(seen_by.begin(), seen_by.end()).size(), seen_by.size());
-  }
-  options.shared_frames = {{0, FrameIndex{30}, 1, FrameIndex{0}}};
-  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { fuse_and_adjust(placed, options); }),
-              HasSubstr("frame 30 of map 0"));
 }
 
 TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {

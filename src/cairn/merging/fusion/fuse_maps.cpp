@@ -5,7 +5,9 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <set>
 #include <span>
+#include <string>
 #include <utility>
 
 #include <Eigen/LU>
@@ -15,6 +17,7 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/merging/detail/association.hpp"
+#include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/placement/descriptors.hpp"
 
 namespace cairn {
@@ -37,13 +40,6 @@ struct WorldLandmarks {
   std::vector<Vector3d> positions;
   std::vector<Matrix3d> covariances;
 };
-
-// How a point moves with its map's pose in the world: x = s·R·x' + t moves by δt, δφ × (x - t) and δ log s · (x - t).
-Eigen::Matrix<double, 3, 7> derivative_by_map(const Vector3d& arm) {
-  Eigen::Matrix<double, 3, 7> by_map;
-  by_map << Matrix3d::Identity(), -skew(arm), arm;
-  return by_map;
-}
 
 WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   const LandmarkMap& map = *placed.map;
@@ -90,6 +86,8 @@ class Fusion {
  private:
   void add(std::size_t m);
   void add_frames(std::size_t m);
+  std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
+                                        std::optional<CameraIndex> camera) const;
   void fuse(std::uint32_t landmark, const Vector3d& position, const Matrix3d& covariance,
             bool known, double probability, double variance);
   void append(std::size_t m, std::uint32_t i, const WorldLandmarks& world);
@@ -97,7 +95,9 @@ class Fusion {
   void take_further(const DescriptorColumn& theirs, std::uint32_t i, std::uint32_t landmark);
   void set_further();
   void set_columns();
+  std::vector<std::vector<bool>> repeated_observations() const;
   void set_observations();
+  std::string frames_line(std::size_t m) const;
   void set_info();
 
   bool has_covariance(std::size_t m, std::uint32_t i) const {
@@ -115,7 +115,7 @@ class Fusion {
   bool has_further_ = false;                  // a map with several of a landmark
   std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
-  std::vector<std::uint32_t> first_frame_;               // by map
+  std::vector<bool> is_shared_;                          // by frame: whether two maps have it
   std::vector<std::uint32_t> from_map_;
   std::vector<std::uint32_t> from_landmark_;  // index
   std::vector<std::uint32_t> parts_;
@@ -325,8 +325,7 @@ void Fusion::add_frames(std::size_t m) {
   const Similarity3& world_from_map = maps_[m].world_from_map;
   const FrameTable& theirs = map.frames();
   FrameTable& frames = tables_.frames;
-  const std::size_t first = frames.ids.size();
-  first_frame_.push_back(static_cast<std::uint32_t>(first));
+  std::vector<FrameIndex>& own = result_.frames.emplace_back();
   std::vector<CameraIndex> camera_of;
   for (Camera camera : map.cameras()) {
     auto found = std::find_if(tables_.cameras.begin(), tables_.cameras.end(), [&](Camera other) {
@@ -341,8 +340,17 @@ void Fusion::add_frames(std::size_t m) {
     camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
   }
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    frames.ids.push_back(FrameId{first + i});
-    if (m == 0) {
+    std::optional<CameraIndex> camera;
+    if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
+    if (const auto known = known_frame(m, i, camera)) {
+      own.push_back(*known);
+      is_shared_[known->value] = true;
+      continue;
+    }
+    own.push_back(FrameIndex{static_cast<std::uint32_t>(frames.ids.size())});
+    is_shared_.push_back(false);
+    frames.ids.push_back(FrameId{frames.ids.size()});
+    if (maps_[m].is_in_world()) {
       frames.translations.push_back(theirs.translations[i]);
       frames.quaternions.push_back(theirs.quaternions[i]);
     } else {
@@ -351,8 +359,6 @@ void Fusion::add_frames(std::size_t m) {
       frames.translations.push_back(world_from_map * pose.translation());
       frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
     }
-    std::optional<CameraIndex> camera;
-    if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
     frames.cameras.push_back(camera);
     frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
                                                               : theirs.timestamps_s[i]);
@@ -361,6 +367,26 @@ void Fusion::add_frames(std::size_t m) {
     frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
     frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
   }
+}
+
+// The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.
+std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
+                                              std::optional<CameraIndex> camera) const {
+  const FrameTable& theirs = maps_[m].map->frames();
+  if (theirs.timestamps_s.empty() || !theirs.timestamps_s[i]) return std::nullopt;
+  const std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
+  const auto is_same = [&](FrameIndex frame) {
+    const std::uint32_t f = frame.value;
+    return tables_.frames.timestamps_s[f] == theirs.timestamps_s[i] &&
+           tables_.frames.image_names[f] == name && tables_.frames.cameras[f] == camera;
+  };
+  for (std::size_t k = 0; k < m; ++k) {
+    const std::vector<FrameIndex>& earlier = result_.frames[k];
+    if (earlier.empty()) continue;
+    if (i == 0 && is_same(earlier.back())) return earlier.back();
+    if (i + 1 == maps_[m].map->frame_count() && is_same(earlier.front())) return earlier.front();
+  }
+  return std::nullopt;
 }
 
 void Fusion::set_columns() {
@@ -399,6 +425,27 @@ void Fusion::set_columns() {
   }
 }
 
+// By map and observation: whether its landmark has one in the same frame already, because two maps share the
+// frame. Empty for a map without any.
+std::vector<std::vector<bool>> Fusion::repeated_observations() const {
+  std::vector<std::vector<bool>> repeated(maps_.size());
+  if (std::find(is_shared_.begin(), is_shared_.end(), true) == is_shared_.end()) return repeated;
+  std::set<std::pair<std::uint32_t, FrameIndex>> seen;
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const ObservationTable& theirs = maps_[m].map->observations();
+    if (theirs.offsets.empty()) continue;
+    for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
+      for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        const FrameIndex frame = result_.frames[m][theirs.frames[k].value];
+        if (!is_shared_[frame.value] || seen.emplace(landmark_of_[m][i], frame).second) continue;
+        repeated[m].resize(theirs.frames.size(), false);
+        repeated[m][k] = true;
+      }
+    }
+  }
+  return repeated;
+}
+
 void Fusion::set_observations() {
   ObservationTable& observations = tables_.observations;
   bool any = false;
@@ -421,11 +468,16 @@ void Fusion::set_observations() {
     }
   }
   if (!any) return;
+  const std::vector<std::vector<bool>> repeated = repeated_observations();
   observations.offsets.assign(known_.size() + 1, 0);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
-    const std::vector<std::uint32_t>& landmark_of = landmark_of_[m];
-    for (std::uint32_t i = 0; i < landmark_of.size(); ++i) {
-      observations.offsets[landmark_of[i] + 1] += maps_[m].map->observation_count(LandmarkIndex{i});
+    const ObservationTable& theirs = maps_[m].map->observations();
+    if (theirs.offsets.empty()) continue;
+    for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
+      std::uint64_t& count = observations.offsets[landmark_of_[m][i] + 1];
+      for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        count += repeated[m].empty() || !repeated[m][k] ? 1 : 0;
+      }
     }
   }
   for (std::size_t i = 1; i < observations.offsets.size(); ++i) {
@@ -446,8 +498,9 @@ void Fusion::set_observations() {
     const double scale = maps_[m].world_from_map.scale();
     for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
       for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        if (!repeated[m].empty() && repeated[m][k]) continue;
         const std::uint64_t to = next[landmark_of_[m][i]]++;
-        observations.frames[to] = FrameIndex{first_frame_[m] + theirs.frames[k].value};
+        observations.frames[to] = result_.frames[m][theirs.frames[k].value];
         observations.pixels[to] = theirs.pixels[k];
         if (!theirs.keypoints.empty()) observations.keypoints[to] = theirs.keypoints[k];
         if (!theirs.depths.empty() && theirs.depths[k]) {
@@ -484,37 +537,64 @@ void add_control_points(const std::vector<ControlPoint>& more, std::vector<Contr
   }
 }
 
+// Which frames are a map's: consecutive ones, and those that an earlier map has too.
+std::string Fusion::frames_line(std::size_t m) const {
+  std::vector<FrameIndex> before;
+  for (std::size_t k = 0; k < m; ++k) {
+    before.insert(before.end(), result_.frames[k].begin(), result_.frames[k].end());
+  }
+  std::string line;
+  std::vector<FrameIndex> own;
+  for (std::size_t i = 0; i < result_.frames[m].size(); ++i) {
+    const FrameIndex frame = result_.frames[m][i];
+    if (std::find(before.begin(), before.end(), frame) == before.end()) {
+      own.push_back(frame);
+    } else {
+      line += fmt::format("; frame {} is its {} too", frame.value, i == 0 ? "first" : "last");
+    }
+  }
+  if (own.empty()) return line;
+  return fmt::format("; frames {} to {} are its {}{} in their order", own.front().value,
+                     own.back().value, line.empty() ? "" : "other ", own.size()) +
+         line;
+}
+
 void Fusion::set_info() {
-  const MapInfo& first = maps_.front().map->info();
+  const PlacedMap& placed_first = maps_.front();
+  const MapInfo& first = placed_first.map->info();
   MapInfo& info = tables_.info;
   info.length_unit = first.length_unit;
-  info.world_frame = first.world_frame;
   info.gravity = first.gravity;
+  if (placed_first.is_in_world()) {
+    info.world_frame = first.world_frame;
+  } else if (info.gravity) {
+    info.gravity = placed_first.world_from_map.rigid().rotation() * *info.gravity;
+  }
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const MapInfo& theirs = maps_[m].map->info();
-    // The result is in the first map's frame.
     if (theirs.georeference && !info.georeference) {
-      info.georeference =
-          m == 0 ? *theirs.georeference : theirs.georeference->moved(maps_[m].world_from_map);
+      info.georeference = maps_[m].is_in_world()
+                              ? *theirs.georeference
+                              : theirs.georeference->moved(maps_[m].world_from_map);
     }
     add_control_points(theirs.control_points, info.control_points);
     for (const std::string& line : theirs.provenance) {
       info.provenance.push_back(fmt::format("{}: {}", maps_[m].name, line));
     }
-    const std::size_t frames = maps_[m].map->frame_count();
     std::string line = fmt::format("map {} of a merge: {}", m, maps_[m].name);
     if (theirs.uuid) line += fmt::format(", uuid {}", *theirs.uuid);
     line += fmt::format(", {} landmarks, of which {} were fused with earlier ones",
                         result_.maps[m].landmarks, result_.maps[m].fused);
-    if (frames > 0) {
-      line += fmt::format("; frames {} to {} are its {} in their order", first_frame_[m],
-                          first_frame_[m] + frames - 1, frames);
-    }
+    line += frames_line(m);
     info.provenance.push_back(std::move(line));
   }
 }
 
 }  // namespace
+
+bool PlacedMap::is_in_world() const {
+  return world_from_map.matrix() == Matrix4d::Identity();
+}
 
 void FusionOptions::validate() const {
   if (min_probability >= 0.5 && min_probability <= 1.0) return;

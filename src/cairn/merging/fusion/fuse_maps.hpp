@@ -21,6 +21,10 @@ struct PlacedMap {
   Similarity3 world_from_map;
   /// Left perturbation in the world, (δt, δφ, δ log s); zero for the map whose frame is the world's.
   Matrix7d covariance = Matrix7d::Zero();
+
+  /// Whether the map's frame is the world: its pose is exactly the identity. Its values are then copied as
+  /// read, to the last digit.
+  bool is_in_world() const;
 };
 
 struct FusionOptions {
@@ -44,7 +48,8 @@ struct MapFusion {
 
 struct FusionResult {
   LandmarkMap map;
-  std::vector<MapFusion> maps;  ///< one per map
+  std::vector<MapFusion> maps;                  ///< one per map
+  std::vector<std::vector<FrameIndex>> frames;  ///< per map and frame: its index in `map`
 };
 
 /// Columns of a fused map that state each landmark's origin.
@@ -60,10 +65,15 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// landmark" and "two landmarks" with the pair's probability. Landmarks of one map are never fused. If a
 /// landmark has no covariance, the whole square stands for it, and the result has no covariance.
 ///
-/// Keeps all frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
+/// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the
+/// earlier map, if one is the last frame of its map and the other the first of its, and timestamp, image name
+/// and camera are equal. A landmark keeps its first observation in that frame.
+///
+/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
 /// and named columns. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
-/// provenance and columns state their origin. Length unit, world frame and gravity are those of the first
-/// map. The same input and seed give the same result for any number of threads.
+/// provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
+/// Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
+/// in the world. The same input and seed give the same result for any number of threads.
 ///
 /// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {});

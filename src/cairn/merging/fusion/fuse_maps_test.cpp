@@ -275,6 +275,92 @@ TEST(FuseMaps, KeepsAllThatTheMapsHold) {
   EXPECT_TRUE(map.covariance(LandmarkIndex{0}));
 }
 
+// The map cut after a keyframe that both parts have, as odometry cuts mini-maps.
+std::pair<LandmarkMap, LandmarkMap> cut_at(const LandmarkMap& map, std::uint32_t frame) {
+  std::pair<LandmarkMap, LandmarkMap> parts;
+  for (const bool second : {false, true}) {
+    MapTables tables = LandmarkMap(map).tables();
+    const auto is_kept = [&](std::size_t f) { return second ? f >= frame : f <= frame; };
+    const std::uint32_t from = second ? frame : 0;
+    FrameTable frames;
+    for (std::uint32_t f = 0; f < map.frame_count(); ++f) {
+      if (!is_kept(f)) continue;
+      frames.ids.push_back(FrameId{f - from});
+      frames.translations.push_back(tables.frames.translations[f]);
+      frames.quaternions.push_back(tables.frames.quaternions[f]);
+      frames.cameras.push_back(CameraIndex{0});
+      frames.timestamps_s.push_back(1000.0 + f);
+      frames.image_names.push_back("rgb/" + std::to_string(f) + ".png");
+    }
+    tables.frames = std::move(frames);
+    const ObservationTable all = std::exchange(tables.observations, {});
+    tables.observations.offsets = {0};
+    for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+      for (std::uint64_t k = all.offsets[i]; k < all.offsets[i + 1]; ++k) {
+        if (!is_kept(all.frames[k].value)) continue;
+        tables.observations.frames.push_back(FrameIndex{all.frames[k].value - from});
+        tables.observations.pixels.push_back(all.pixels[k]);
+      }
+      tables.observations.offsets.push_back(tables.observations.frames.size());
+    }
+    (second ? parts.second : parts.first) = LandmarkMap(std::move(tables));
+  }
+  return parts;
+}
+
+TEST(FuseMaps, CountsTheKeyframeThatNeighbouringMiniMapsShareOnce) {
+  const LandmarkMap map = synthetic_map({.seed = 2, .landmarks = 800, .frames = 20});
+  const auto [first, second] = cut_at(map, 9);
+  ASSERT_EQ(first.frame_count() + second.frame_count(), 21U);
+  for (const bool reversed : {false, true}) {
+    std::vector<PlacedMap> maps = {{&first, "first", {}}, {&second, "second", {}}};
+    if (reversed) std::swap(maps[0], maps[1]);
+    const FusionResult fused = fuse_maps(maps);
+    EXPECT_EQ(fused.map.frame_count(), 20U);
+    EXPECT_EQ(fused.frames[reversed ? 1 : 0].back(), fused.frames[reversed ? 0 : 1].front());
+    std::size_t observations = 0;
+    for (std::uint32_t l = 0; l < fused.map.landmark_count(); ++l) {
+      const auto seen_by = fused.map.observing_frames(LandmarkIndex{l});
+      EXPECT_EQ(std::set<FrameIndex>(seen_by.begin(), seen_by.end()).size(), seen_by.size());
+      observations += seen_by.size();
+    }
+    // All but those of the landmarks that are one, in the keyframe that is one.
+    EXPECT_LT(observations, first.observation_count() + second.observation_count());
+    EXPECT_GE(observations, map.observation_count());
+    EXPECT_THAT(
+        fused.map.info().provenance,
+        ::testing::Contains(HasSubstr(reversed ? "frames 11 to 19 are its other 9 in their "
+                                                 "order; frame 0 is its last too"
+                                               : "frames 10 to 19 are its other 10 in their "
+                                                 "order; frame 9 is its first too")));
+  }
+}
+
+TEST(FuseMaps, KeepsKeyframesThatAreNotOneAndTheSame) {
+  const LandmarkMap map = synthetic_map({.seed = 2, .landmarks = 800, .frames = 20});
+  const auto [first, second] = cut_at(map, 9);
+  const auto frames_with = [&](const auto& change) {
+    MapTables tables = LandmarkMap(second).tables();
+    change(tables);
+    const LandmarkMap other(std::move(tables));
+    return fuse_maps(std::vector<PlacedMap>{{&first, "first", {}}, {&other, "other", {}}})
+        .map.frame_count();
+  };
+  EXPECT_EQ(frames_with([](MapTables&) {}), 20U);
+  EXPECT_EQ(frames_with([](MapTables& t) { t.frames.timestamps_s[0] = 1008.5; }), 21U);
+  EXPECT_EQ(frames_with([](MapTables& t) { t.frames.timestamps_s[0] = std::nullopt; }), 21U);
+  EXPECT_EQ(frames_with([](MapTables& t) { t.frames.image_names[0] = "left/9.png"; }), 21U);
+  EXPECT_EQ(frames_with([](MapTables& t) { t.cameras[0].parameters[0] += 1.0; }), 21U);
+  EXPECT_EQ(frames_with([](MapTables& t) {
+              for (std::size_t i = 0; i < 11; ++i) t.frames.timestamps_s[i] = 1000.0 + double(i);
+              for (std::size_t i = 0; i < 11; ++i) {
+                t.frames.image_names[i] = "rgb/" + std::to_string(i) + ".png";
+              }
+            }),
+            21U)
+      << "another session that begins at the same time";
+}
+
 TEST(FuseMaps, KnowsItsPlaceOnTheEarthFromTheFirstMapThatDoes) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 8});
   const GeoReference of_source{{47.0, 8.0, 400.0}, 1.5, {0.8, 0.6, 0.0, 0.0}, {1.0, 2.0, 3.0}};
@@ -297,6 +383,40 @@ TEST(FuseMaps, KnowsItsPlaceOnTheEarthFromTheFirstMapThatDoes) {
   EXPECT_NEAR(found.latitude_deg, expected.latitude_deg, 1e-12);
   EXPECT_NEAR(found.longitude_deg, expected.longitude_deg, 1e-12);
   EXPECT_NEAR(found.altitude_m, expected.altitude_m, 1e-7);
+}
+
+// Two maps elsewhere in the world become what they become in the first one's frame, moved there.
+TEST(FuseMaps, PutsTheFirstMapIntoTheWorldLikeTheOthers) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 8});
+  MapTables tables = LandmarkMap(pair.target).tables();
+  tables.info.world_frame = "desk";
+  tables.info.gravity = Eigen::Vector3d(0.0, 0.0, -1.0);
+  tables.info.georeference = GeoReference{{47.0, 8.0, 420.0}};
+  const LandmarkMap target(std::move(tables));
+  const Similarity3 world_from_target(
+      1.5, Rigid3::from_roll_pitch_yaw({10.0, -4.0, 2.0}, 0.4, -0.3, 2.0));
+  const std::vector<PlacedMap> in_target = {{&target, "target", {}},
+                                            {&pair.source, "source", pair.target_from_source}};
+  const std::vector<PlacedMap> in_world = {
+      {&target, "target", world_from_target},
+      {&pair.source, "source", world_from_target * pair.target_from_source}};
+  const LandmarkMap expected = transformed(fuse_maps(in_target).map, world_from_target);
+  const LandmarkMap found = fuse_maps(in_world).map;
+  ASSERT_EQ(found.frame_count(), expected.frame_count());
+  for (std::uint32_t i = 0; i < found.frame_count(); ++i) {
+    const Rigid3 pose = found.world_from_camera(FrameIndex{i});
+    EXPECT_LT(pose.difference_to(expected.world_from_camera(FrameIndex{i})).norm(), 1e-9) << i;
+  }
+  ASSERT_EQ(found.landmark_count(), expected.landmark_count());
+  for (std::uint32_t i = 0; i < found.landmark_count(); ++i) {
+    const Eigen::Vector3d& position = found.landmarks().positions[i];
+    EXPECT_LT((position - expected.landmarks().positions[i]).norm(), 1e-9) << i;
+  }
+  EXPECT_LT((*found.info().gravity - *expected.info().gravity).norm(), 1e-12);
+  const Eigen::Vector3d x(0.5, -0.25, 2.0);
+  EXPECT_NEAR(found.info().georeference->geodetic(x).latitude_deg,
+              expected.info().georeference->geodetic(x).latitude_deg, 1e-12);
+  EXPECT_FALSE(found.info().world_frame) << "the name is that of the map's own frame";
 }
 
 TEST(FuseMaps, KeepsTheControlPointsOfAllMaps) {

@@ -202,6 +202,32 @@ TEST(OptimisePoses, LeavesOutWhatNothingConnects) {
   EXPECT_EQ(poses.agrees, (std::vector<bool>{true, true, false}));
 }
 
+// Landmarks a kilometre from the origin are as certain as their link says, not as the origin is.
+TEST(OptimisePoses, NoticesAContradictionHoweverFarTheLandmarksAreFromTheOrigin) {
+  for (const double away : {0.0, 100.0, 1000.0}) {
+    const Eigen::Vector3d centre(away, 0.0, 0.0);
+    Eigen::Matrix<double, 6, 6> of_origin = Eigen::Matrix<double, 6, 6>::Identity();
+    of_origin.topRightCorner<3, 3>() = skew(centre);
+    Vector6d variances;
+    variances << Eigen::Vector3d::Constant(1e-4), Eigen::Vector3d::Constant(1e-6);
+    const Matrix6d covariance = of_origin * variances.asDiagonal() * of_origin.transpose();
+    PoseGraph graph;
+    graph.nodes = {{NodeId{0}, {}, {}, {}}, {NodeId{1}, {}, {}, {}}};
+    for (const double aside : {0.0, 2.0}) {
+      PoseLink link;
+      link.target = NodeId{0};
+      link.source = NodeId{1};
+      link.target_from_source = Rigid3(Eigen::Matrix3d::Identity(), {0.0, aside, 0.0});
+      link.covariance = covariance;
+      graph.links.push_back(link);
+    }
+    const std::vector<NodeExtent> extents(2, NodeExtent{centre, 3.0});
+    const OptimisedPoses poses = optimise_poses(graph, extents);
+    EXPECT_THAT(poses.agrees, ::testing::ElementsAre(false, false)) << away;
+    EXPECT_FALSE(poses.world_from_node[1]) << away;
+  }
+}
+
 TEST(OptimisePoses, FindsScalesWhereLinksMeasureThem) {
   World world(4, 4, true);
   for (std::size_t i = 0; i < 4; ++i) {

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/merging/detail/grown_poses.hpp"
 #include "cairn/merging/detail/pose_edges.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
@@ -18,16 +19,6 @@ namespace cairn {
 namespace {
 
 constexpr double kTolerance = 1e-12;
-
-// A node's covariance if the rest of the group moves rigidly with another node: of a left perturbation in the
-// world, (δt, δφ, δ log s).
-Matrix7d carried(const Matrix7d& covariance, const Eigen::Vector3d& from,
-                 const Eigen::Vector3d& to) {
-  Eigen::Matrix<double, 7, 7> jacobian = Eigen::Matrix<double, 7, 7>::Identity();
-  jacobian.block<3, 3>(0, 3) = -skew(to - from);
-  jacobian.block<3, 1>(0, 6) = to - from;
-  return jacobian * covariance * jacobian.transpose();
-}
 
 // The group of placed nodes and of those that join it, while its poses are updated.
 class Update {
@@ -268,8 +259,8 @@ class Update {
       if (!is_new_[nodes[i]]) continue;
       const std::size_t anchor = nodes[nearest[i]];
       covariance_[nodes[i]] =
-          relative[i] + carried(covariance_[anchor], pose_[anchor]->translation(),
-                                pose_[nodes[i]]->translation());
+          relative[i] + carried_covariance(covariance_[anchor], pose_[anchor]->translation(),
+                                           pose_[nodes[i]]->translation());
     }
   }
 

@@ -73,7 +73,11 @@ std::vector<std::uint64_t> MapIndex::words_of(const LandmarkMap& map) const {
 
 std::size_t MapIndex::add(const LandmarkMap& map) {
   const auto& descriptors = map.landmarks().descriptors;
-  if (kind_.empty() && descriptors && is_binary(descriptors->kind) && map.landmark_count() > 0) {
+  const auto has_any = [](const DescriptorColumn& column) {
+    return std::any_of(column.known.begin(), column.known.end(), [](auto is) { return is != 0; });
+  };
+  // A map whose descriptors are all unknown must not set the kind: no bits can be chosen from none.
+  if (kind_.empty() && descriptors && is_binary(descriptors->kind) && has_any(*descriptors)) {
     kind_ = descriptors->kind;
     bytes_each_ = descriptors->bytes_each;
     words_each_ = (bytes_each_ + 7) / 8;

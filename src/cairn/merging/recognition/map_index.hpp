@@ -46,8 +46,8 @@ class MapIndex {
   /// Adds a map. @return its number, from 0
   std::size_t add(const LandmarkMap& map);
   std::size_t size() const { return entries_of_.size(); }
-  /// Whether a map has landmarks here. Maps without binary descriptors of the first map's kind are never
-  /// found.
+  /// Whether a map has landmarks here. The first known binary descriptor sets the kind; maps without
+  /// descriptors of this kind are never found.
   bool holds(std::size_t map) const { return entries_of_[map] > 0; }
 
   /// The maps most similar to map number `map`, likeliest first, at most `most`; of equal scores the lower

@@ -87,6 +87,23 @@ TEST(MapIndex, MapsWithoutLikeDescriptorsAreNeverFound) {
   EXPECT_EQ(found.front().map, 3U);
 }
 
+TEST(MapIndex, MapsWithOnlyUnknownDescriptorsFindNothingAndDoNotSetTheKind) {
+  const std::vector<std::uint8_t> landmarks = place(1, 50);
+  MapTables tables = seen(landmarks, 0, 50, 0.0, 1, "BRISK").tables();
+  tables.landmarks.descriptors->known.assign(50, 0);
+  tables.landmarks.descriptors->bytes.assign(50 * kBytes, 0);
+  const LandmarkMap unknown(std::move(tables));
+  MapIndex index;
+  index.add(unknown);
+  EXPECT_TRUE(index.find(std::size_t{0}, 5).empty());
+  EXPECT_TRUE(index.find(unknown, 5).empty());
+  index.add(seen(landmarks, 0, 50, 0.0, 1));
+  EXPECT_FALSE(index.holds(0));
+  EXPECT_TRUE(index.holds(1));
+  EXPECT_TRUE(index.find(unknown, 5).empty());
+  EXPECT_EQ(index.find(seen(landmarks, 0, 50, 0.0, 2), 5).size(), 1U);
+}
+
 TEST(MapIndex, TakesTheMostObservedLandmarks) {
   const std::vector<std::uint8_t> landmarks = place(1, 100);
   MapIndex index({.landmarks = 40});

@@ -48,8 +48,13 @@ KeyframeMap::KeyframeMap(const Camera& camera, const FeatureOptions& features,
     : camera_(camera),
       image_(static_cast<int>(camera.width), static_cast<int>(camera.height)),
       extractor_(camera, features),
-      sensor_(noise, extractor_.pinhole(), octave_scales(extractor_)),
+      configured_noise_(noise),
+      sensor_(sensor_with(noise)),
       graph_(sensor_) {}
+
+SensorModel KeyframeMap::sensor_with(const SensorNoise& noise) const {
+  return {noise, extractor_.pinhole(), octave_scales(extractor_)};
+}
 
 ExpectedLandmarks KeyframeMap::expected_in(const TrackedFrame& frame) const {
   const Rigid3 camera_from_world = frame.world_from_camera.inverse();
@@ -116,7 +121,13 @@ void KeyframeMap::note_found(const TrackedFrame& frame, const ExpectedLandmarks&
 }
 
 void KeyframeMap::adopt_estimated_noise() {
-  sensor_ = SensorModel(estimated_noise(graph_), extractor_.pinhole(), octave_scales(extractor_));
+  sensor_ = sensor_with(configured_noise_);
+  sensor_ = sensor_with(estimated_noise(graph_));
+}
+
+void KeyframeMap::clear() {
+  sensor_ = sensor_with(configured_noise_);
+  graph_ = LandmarkGraph(sensor_);
 }
 
 std::optional<KeyframeMap::FoundPatch> KeyframeMap::find_patch(const Features& features,

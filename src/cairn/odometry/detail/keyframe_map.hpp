@@ -73,10 +73,12 @@ class KeyframeMap {
   void correct_keyframe(std::uint32_t index, const RowMotion& motion);
   /// Removes landmarks that should have been observed again but were not.
   void cull(std::uint32_t newest);
-  /// Replaces the sensor's noise by the estimate from the residuals.
+  /// Replaces the sensor's noise by the estimate from the residuals, within its limits about the configured
+  /// noise however often it is called.
   void adopt_estimated_noise();
-  /// Removes all keyframes and landmarks.
-  void clear() { graph_ = LandmarkGraph(sensor_); }
+  /// Removes all keyframes and landmarks, and returns to the configured noise: estimates from successive maps
+  /// must not compound.
+  void clear();
 
   /// @param landmark_covariances one per landmark of the graph
   /// @param pose_covariances     one per keyframe, or none
@@ -100,9 +102,12 @@ class KeyframeMap {
   void cut_patch(const KeypointReference& reference);
   void merge_known_landmarks(std::uint32_t keyframe);
 
+  SensorModel sensor_with(const SensorNoise& noise) const;
+
   Camera camera_;
   cv::Size image_;
   FeatureExtractor extractor_;
+  SensorNoise configured_noise_;
   SensorModel sensor_;
   LandmarkGraph graph_;
 };

@@ -93,6 +93,31 @@ TEST_F(KeyframeMapTest, ASecondKeyframeObservesWhatIsKnownAndAddsWhatIsNew) {
   EXPECT_GE(twice, static_cast<std::ptrdiff_t>(matches.size()));
 }
 
+// The wall's images are exact, so that its residuals ask for far less than the least noise.
+TEST_F(KeyframeMapTest, EstimatesOfTheNoiseDoNotCompound) {
+  const SensorNoise configured = map_.sensor().noise();
+  const double least = 0.35 * configured.pixel;
+  for (int session = 0; session < 2; ++session) {
+    for (int i = 0; i < 6; ++i) {
+      const auto number = static_cast<std::size_t>(i);
+      TrackedFrame frame = frame_at(number, 20 * i);
+      const ExpectedLandmarks expected = map_.expected_in(frame);
+      for (const LandmarkMatch& match : map_.match_corners(frame, expected, 8.0)) {
+        frame.landmarks[match.keypoint] = match.landmark;
+      }
+      map_.add_keyframe(frame);
+    }
+    for (int times = 0; times < 2; ++times) {
+      map_.adopt_estimated_noise();
+      EXPECT_LT(map_.sensor().noise().pixel, 0.9 * configured.pixel);
+      EXPECT_GE(map_.sensor().noise().pixel, least * (1.0 - 1e-12));
+    }
+    map_.clear();
+    EXPECT_EQ(map_.sensor().noise().pixel, configured.pixel) << "the next map starts anew";
+    EXPECT_EQ(map_.sensor().noise().depth_quadratic, configured.depth_quadratic);
+  }
+}
+
 TEST_F(KeyframeMapTest, GivesItsLandmarksAsAMap) {
   map_.add_keyframe(frame_at(0, 0));
   const std::vector<Eigen::Matrix3d> covariances(map_.graph().landmarks().size(),
