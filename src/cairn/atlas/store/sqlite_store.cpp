@@ -104,6 +104,27 @@ void configure(sqlite::Database& database) {
   database.execute("PRAGMA foreign_keys = ON");
 }
 
+// A copy that another program made may keep a rollback journal instead.
+void keep_write_ahead_log(sqlite::Database& database, const fs::path& path) {
+  if (database.text("PRAGMA journal_mode = WAL") == "wal") return;
+  throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
+}
+
+// An atlas has a write-ahead log and no rollback journal. SQLite would apply one, and delete any file that it names.
+void refuse_journal(const fs::path& path) {
+  std::error_code failure;
+  // SQLite puts its files beside the file that a symbolic link leads to.
+  fs::path journal = fs::canonical(path, failure);
+  if (failure) return;  // opening it will throw with the reason
+  journal += "-journal";
+  const fs::file_status status = fs::status(journal, failure);
+  if (!fs::exists(status)) return;
+  if (fs::is_regular_file(status) && fs::file_size(journal, failure) == 0) return;
+  throw Error(ErrorKind::kInput, journal.string(),
+              "a rollback journal beside an atlas: applying it could delete other files",
+              "an atlas without one, as cairn never writes one");
+}
+
 void migrate(sqlite::Database& database, std::int64_t from) {
   for (std::int64_t schema = from; schema < kAtlasSchema; ++schema) {
     database.execute(kMigrations[static_cast<std::size_t>(schema)]);
@@ -242,9 +263,7 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
       migrate(database, 0);
       transaction.commit();
       // Only now: what a journal of that kind holds reaches the file when it is closed, which reports no failure.
-      if (database.text("PRAGMA journal_mode = WAL") != "wal") {
-        throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
-      }
+      keep_write_ahead_log(database, path);
     }
     // Unlike rename(), link() never replaces a file that another process has made meanwhile.
     fs::create_hard_link(temporary, path, failure);
@@ -271,6 +290,7 @@ sqlite::Database open_database(const fs::path& path, const AtlasStoreOptions& op
                 "an atlas; 'cairn atlas init' makes one");
   }
   require_local(path, options);
+  refuse_journal(path);
   sqlite::OpenOptions how{
       .access = options.read_only ? sqlite::Access::kRead : sqlite::Access::kWrite,
       .busy_timeout = options.wait,
@@ -337,6 +357,7 @@ std::unique_ptr<AtlasStore> open_sqlite_store(const fs::path& path,
   sqlite::Database database = open_database(path, options);
   if (!options.read_only) {
     configure(database);
+    keep_write_ahead_log(database, path);
     remove_second_name(path);
   }
   require_schema(database, path, options.read_only);

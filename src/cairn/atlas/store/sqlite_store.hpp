@@ -17,8 +17,8 @@ void create_sqlite_store(const std::filesystem::path& path, const AtlasStoreOpti
 bool is_sqlite_store(const std::filesystem::path& path);
 
 /// Opens an atlas and upgrades an older schema, in one transaction.
-/// @throws Error (input) naming the path if there is no atlas, or one of a newer schema; (storage) if it
-///        cannot be opened
+/// @throws Error (input) naming the path if there is no atlas, one of a newer schema, or a rollback journal
+///        beside it; (storage) if it cannot be opened
 std::unique_ptr<AtlasStore> open_sqlite_store(const std::filesystem::path& path,
                                               const AtlasStoreOptions& options = {});
 

@@ -136,6 +136,50 @@ TEST_F(SqliteStoreTest, RefusesWhatIsNoAtlasOrANewerOne) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 3);
 }
 
+// A rollback journal can name any file as its super-journal, which SQLite then deletes.
+TEST_F(SqliteStoreTest, NeverAppliesARollbackJournal) {
+  add(*open(), "one", 1);
+  folder_.write("mine.txt", "years of work");
+  const std::string victim = (folder_ / "mine.txt").string();
+  const auto number = [](std::uint32_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift);
+    return bytes;
+  };
+  const std::string magic("\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 8);
+  std::string journal = magic + number(0) + number(0) + number(2) + number(512) + number(4096);
+  journal.resize(512, '\0');
+  std::uint32_t checksum = 0;
+  for (const char c : victim) checksum += static_cast<unsigned char>(c);
+  journal += number(0x40000000 / 4096 + 1) + victim +
+             number(static_cast<std::uint32_t>(victim.size())) + number(checksum) + magic;
+  folder_.write("town.atlas-journal", journal);
+  fs::create_symlink(path(), folder_ / "link.atlas");
+  for (const char* const name : {"town.atlas", "link.atlas"}) {
+    for (const bool read_only : {true, false}) {
+      EXPECT_THAT(message_of(ErrorKind::kInput,
+                             [&] { open_sqlite_store(folder_ / name, {.read_only = read_only}); }),
+                  HasSubstr("town.atlas-journal"));
+    }
+  }
+  EXPECT_THAT(
+      message_of(ErrorKind::kInput, [&] { salvage_sqlite_store(path(), folder_ / "saved.atlas"); }),
+      HasSubstr("town.atlas-journal"));
+  EXPECT_TRUE(fs::exists(victim));
+  folder_.write("town.atlas-journal", "");
+  EXPECT_EQ(open()->state().nodes.size(), 1U);
+}
+
+// Such as the copy that VACUUM INTO makes.
+TEST_F(SqliteStoreTest, GivesACopyWithoutAWriteAheadLogOneBeforeItWrites) {
+  add(*open(), "one", 1);
+  sqlite::Database(path(), {.access = sqlite::Access::kWrite}).text("PRAGMA journal_mode = DELETE");
+  const auto store = open();
+  EXPECT_EQ(sqlite::Database(path()).text("PRAGMA journal_mode"), "wal");
+  add(*store, "two", 2);
+  EXPECT_EQ(store->state().nodes.size(), 2U);
+}
+
 TEST_F(SqliteStoreTest, SalvagesWhatIsSound) {
   {
     const auto store = open();
