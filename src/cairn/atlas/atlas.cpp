@@ -159,10 +159,9 @@ Atlas Atlas::open(const std::string& location, const AtlasStoreOptions& options)
   return Atlas(open_store(location, options));
 }
 
-AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make,
-                             std::optional<CommitId> undoes) {
+AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make) {
   const CommitId before = store_->last_commit();
-  AtlasCommitted committed = store_->commit({.verb = verb, .run = run_, .undoes = undoes}, make);
+  AtlasCommitted committed = store_->commit({.verb = verb, .run = run_}, make);
   if (run_.value == 0 && committed.commit > before) run_ = committed.commit;
   return committed;
 }
@@ -823,89 +822,103 @@ void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value
   }
 }
 
-}  // namespace
+struct Command {
+  AtlasCommit chosen;
+  std::vector<CommitId> commits;  // ascending
+};
 
-CommitId Atlas::undo(std::optional<CommitId> commit_id) {
-  const std::vector<AtlasCommit> log = store_->log();
+// The command of a commit; std::nullopt: the last one that is not undone.
+Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<CommitId> commit_id,
+                        const std::string& name) {
   std::set<CommitId> undone;  // last commits of runs
   for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
     // Ignores an undo that was itself undone.
     if (commit.undoes && !undone.contains(commit.id)) undone.insert(*commit.undoes);
   }
-  const AtlasCommit* of = nullptr;
-  for (auto commit = log.rbegin(); commit != log.rend() && of == nullptr; ++commit) {
-    if (commit_id ? commit->id == *commit_id : !commit->undoes && !undone.contains(commit->id)) {
-      of = &*commit;
-    }
-  }
-  if (of == nullptr) {
-    throw Error(ErrorKind::kMisuse, store_->name(),
+  const auto chosen = std::find_if(log.rbegin(), log.rend(), [&](const AtlasCommit& commit) {
+    return commit_id ? commit.id == *commit_id : !commit.undoes && !undone.contains(commit.id);
+  });
+  if (chosen == log.rend()) {
+    throw Error(ErrorKind::kMisuse, name,
                 commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
                 "a commit of its log");
   }
-  const CommitId run = of->run;
-  std::vector<CommitId> commits;
+  Command command{*chosen, {}};
   for (const AtlasCommit& commit : log) {
-    if (commit.run == run) commits.push_back(commit.id);
+    if (commit.run == chosen->run) command.commits.push_back(commit.id);
   }
-  if (undone.contains(commits.back())) {
-    throw Error(ErrorKind::kMisuse, store_->name(),
-                fmt::format("commit {} is undone already", commits.back().value), "another commit");
+  const CommitId first = command.commits.front();
+  const CommitId last = command.commits.back();
+  if (undone.contains(last)) {
+    throw Error(ErrorKind::kMisuse, name, fmt::format("commit {} is undone already", last.value),
+                "another commit");
   }
-  if (commits.front() == log.front().id && log.front().id.value > 1) {
-    throw Error(ErrorKind::kMisuse, store_->name(),
-                fmt::format("what was before commit {} is compacted", commits.front().value),
+  if (first == log.front().id && first.value > 1) {
+    throw Error(ErrorKind::kMisuse, name,
+                fmt::format("what was before commit {} is compacted", first.value),
                 "a later commit");
   }
-  const AtlasTouched touched = store_->touched(commits);
-  const AtlasState before = store_->state(CommitId{commits.front().value - 1});
-  const AtlasState after = store_->state(commits.back());
+  return command;
+}
+
+AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState& now) {
+  const std::vector<CommitId>& commits = command.commits;
+  const AtlasTouched touched = store.touched(commits);
+  const AtlasState before = store.state(CommitId{commits.front().value - 1});
+  const AtlasState after = store.state(commits.back());
+  AtlasChanges changes;
+  changes.undoes = commits.back();
+  changes.text = commits.size() == 1 ? fmt::format("commit {}: {} {}", command.chosen.id.value,
+                                                   command.chosen.verb, command.chosen.text)
+                                     : fmt::format("commits {} to {}: {}", commits.front().value,
+                                                   commits.back().value, command.chosen.verb);
+  const std::string& name = store.name();
+  const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
+  const auto same_link = [](const AtlasLink&, const AtlasLink&) { return true; };
+  for (const NodeId id : touched.nodes) {
+    set_back(
+        id, before.nodes, after.nodes, now.nodes, same_node,
+        [&](const AtlasNode& node) { changes.nodes.push_back(node); },
+        [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
+        fmt::format("map {}", id.value));
+  }
+  for (const AtlasLinkId id : touched.links) {
+    set_back(
+        id, before.links, after.links, now.links, same_link,
+        [&](const AtlasLink& link) { changes.links.push_back(link); },
+        [&](AtlasLinkId removed) { changes.removed_links.push_back(removed); }, name,
+        fmt::format("link {}", id.value));
+  }
+  for (const NodeId id : touched.poses) {
+    set_back(
+        id, before.poses, after.poses, now.poses,
+        [](const AtlasPose& a, const AtlasPose& b) { return a == b; },
+        [&](const AtlasPose& pose) { changes.poses.push_back(pose); },
+        [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
+        fmt::format("the pose of map {}", id.value));
+  }
+  for (const AtlasLinkId id : touched.agrees) {
+    set_back(
+        id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
+        [&](bool agrees) { changes.agrees.emplace_back(id, agrees); },
+        [&](AtlasLinkId removed) { changes.removed_agrees.push_back(removed); }, name,
+        fmt::format("the agreement of link {}", id.value));
+  }
+  return changes;
+}
+
+}  // namespace
+
+CommitId Atlas::undo(std::optional<CommitId> commit_id) {
   begin_run();
-  commit(
-      "undo",
-      [&](const AtlasState& now) {
-        AtlasChanges changes;
-        changes.text = commits.size() == 1
-                           ? fmt::format("commit {}: {} {}", of->id.value, of->verb, of->text)
-                           : fmt::format("commits {} to {}: {}", commits.front().value,
-                                         commits.back().value, of->verb);
-        const std::string& name = store_->name();
-        const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
-        const auto same_link = [](const AtlasLink&, const AtlasLink&) { return true; };
-        for (const NodeId id : touched.nodes) {
-          set_back(
-              id, before.nodes, after.nodes, now.nodes, same_node,
-              [&](const AtlasNode& node) { changes.nodes.push_back(node); },
-              [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
-              fmt::format("map {}", id.value));
-        }
-        for (const AtlasLinkId id : touched.links) {
-          set_back(
-              id, before.links, after.links, now.links, same_link,
-              [&](const AtlasLink& link) { changes.links.push_back(link); },
-              [&](AtlasLinkId removed) { changes.removed_links.push_back(removed); }, name,
-              fmt::format("link {}", id.value));
-        }
-        for (const NodeId id : touched.poses) {
-          set_back(
-              id, before.poses, after.poses, now.poses,
-              [](const AtlasPose& a, const AtlasPose& b) { return a == b; },
-              [&](const AtlasPose& pose) { changes.poses.push_back(pose); },
-              [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
-              fmt::format("the pose of map {}", id.value));
-        }
-        for (const AtlasLinkId id : touched.agrees) {
-          const auto then = before.agrees.find(id);
-          set_back(
-              id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
-              [&](bool) { changes.agrees.emplace_back(id, then->second); },
-              [&](AtlasLinkId removed) { changes.removed_agrees.push_back(removed); }, name,
-              fmt::format("the agreement of link {}", id.value));
-        }
-        return changes;
-      },
-      commits.back());
-  return commits.back();
+  CommitId undone;
+  // Reads the log and the earlier states within the commit, so that no other process drops rows that it restores.
+  commit("undo", [&](const AtlasState& now) {
+    const Command command = command_to_undo(store_->log(), commit_id, store_->name());
+    undone = command.commits.back();
+    return undoing(command, *store_, now);
+  });
+  return undone;
 }
 
 }  // namespace cairn

@@ -156,8 +156,7 @@ class Atlas {
   void begin_run() { run_ = CommitId{}; }
 
  private:
-  AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make,
-                        std::optional<CommitId> undoes = std::nullopt);
+  AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make);
 
   enum class Scope { kAll, kAdded };
   AtlasOptimised optimize(const PoseOptimisationOptions& options, Scope scope);

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,11 +19,13 @@
 #include "cairn/atlas/export.hpp"
 #include "cairn/atlas/route.hpp"
 #include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -29,6 +34,35 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
+
+// Lets another process change the atlas right before the next commit.
+class InterruptedStore final : public AtlasStore {
+ public:
+  InterruptedStore(std::unique_ptr<AtlasStore> store, std::function<void()> meanwhile)
+      : store_(std::move(store)), meanwhile_(std::move(meanwhile)) {}
+
+  const std::string& name() const override { return store_->name(); }
+  CommitId last_commit() override { return store_->last_commit(); }
+  AtlasState state(std::optional<CommitId> at) override { return store_->state(at); }
+  std::vector<AtlasCommit> log() override { return store_->log(); }
+  AtlasTouched touched(std::span<const CommitId> commits) override {
+    return store_->touched(commits);
+  }
+  std::string put_map(std::string_view bytes) override { return store_->put_map(bytes); }
+  std::string map_bytes(const std::string& hash) override { return store_->map_bytes(hash); }
+  AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) override {
+    if (const auto meanwhile = std::exchange(meanwhile_, nullptr)) meanwhile();
+    return store_->commit(info, make);
+  }
+  AtlasVerification verify() override { return store_->verify(); }
+  AtlasCompaction compact(std::uint64_t keep, bool dry) override {
+    return store_->compact(keep, dry);
+  }
+
+ private:
+  std::unique_ptr<AtlasStore> store_;
+  std::function<void()> meanwhile_;
+};
 
 class AtlasTest : public ::testing::Test {
  protected:
@@ -42,6 +76,10 @@ class AtlasTest : public ::testing::Test {
   Atlas& again() {
     atlas_.emplace(Atlas::open(location_));
     return *atlas_;
+  }
+  // A command that reads before `meanwhile` and commits after it.
+  Atlas interrupted_by(const std::function<void()>& meanwhile) const {
+    return Atlas(std::make_unique<InterruptedStore>(open_store(location_), meanwhile));
   }
   NodeId add(const std::string& name, std::uint64_t seed) {
     return again().add(synthetic_map({.seed = seed, .landmarks = 40, .frames = 6}), name).node;
@@ -230,6 +268,17 @@ TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
   again().undo();
   EXPECT_TRUE(difference(before, atlas().state()).empty());
   EXPECT_EQ(add("a2", 4), NodeId{4});  // no id is given out twice
+}
+
+TEST_F(AtlasTest, DoesNotBringBackWhatIsCompactedMeanwhile) {
+  add("a", 1);
+  const NodeId b = add("b", 2);
+  again().remove(b);
+  Atlas undoing = interrupted_by([&] { again().store().compact(1, false); });
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { undoing.undo(); }),
+              HasSubstr("compacted"));
+  EXPECT_EQ(again().state().nodes.size(), 1U);
+  EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
 }
 
 TEST_F(AtlasTest, DoesNotTryAgainWhatAPersonUnlinked) {

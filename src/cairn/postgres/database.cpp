@@ -307,6 +307,10 @@ std::int64_t Database::changes() const noexcept {
   return connection_->changes;
 }
 
+bool Database::in_transaction() const noexcept {
+  return connection_->open != nullptr;
+}
+
 Transaction::Transaction(Database& database, Kind kind) : connection_(database.connection_.get()) {
   detail::Connection& connection = *connection_;
   if (connection.open != nullptr) {

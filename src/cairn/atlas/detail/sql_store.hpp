@@ -169,7 +169,7 @@ class SqlStore : public AtlasStore {
   }
 
   AtlasState state(std::optional<CommitId> at) override {
-    const Transaction same(database_, Transaction::Kind::kRead);
+    const Within same(database_, Transaction::Kind::kRead);
     const CommitId last = last_commit();
     if (at && *at > last) {
       throw Error(ErrorKind::kMisuse, name(), fmt::format("commit {}", at->value),
@@ -219,7 +219,7 @@ class SqlStore : public AtlasStore {
     hasher.update(bytes);
     std::string hash = to_string(hasher.digest());
     const std::string key = *bytes_of_hexadecimal(hash);
-    Transaction transaction(database_);
+    Within transaction(database_, Transaction::Kind::kWrite);
     Statement known = database_.prepare("SELECT id FROM maps WHERE hash = ?1");
     if (known.bind_all(as_blob(key)).step()) return hash;
     Statement added =
@@ -273,7 +273,7 @@ class SqlStore : public AtlasStore {
     commit.host = options_.host;
     commit.verb = info.verb;
     commit.text = changes.text;
-    commit.undoes = info.undoes;
+    commit.undoes = changes.undoes;
     commit.run = info.run.value == 0 ? commit.id : info.run;
     const std::vector<RowChange> rows = write_objects(changes, committed);
     AtlasState next = *newest_;
@@ -403,6 +403,20 @@ class SqlStore : public AtlasStore {
   }
 
  private:
+  // The transaction of the commit() that calls this, or its own.
+  class Within {
+   public:
+    Within(Database& database, typename Transaction::Kind kind) {
+      if (!database.in_transaction()) own_.emplace(database, kind);
+    }
+    void commit() {
+      if (own_) own_->commit();
+    }
+
+   private:
+    std::optional<Transaction> own_;
+  };
+
   // Values after all commits up to this one, in order; checks each commit's digest.
   RowValues read_values(CommitId at) {
     RowValues values;
@@ -501,6 +515,8 @@ class SqlStore : public AtlasStore {
         node.id = NodeId{next++};
         committed.nodes.push_back(node.id);
         insert(node);
+      } else {
+        require_row("nodes", node.id.value);
       }
       rows.push_back({kNode, node.id.value, node.id.value});
     }
@@ -510,6 +526,8 @@ class SqlStore : public AtlasStore {
         link.id = AtlasLinkId{next++};
         committed.links.push_back(link.id);
         insert(link);
+      } else {
+        require_row("links", link.id.value);
       }
       rows.push_back({kLink, link.id.value, link.id.value});
     }
@@ -522,6 +540,15 @@ class SqlStore : public AtlasStore {
       rows.push_back({kAgrees, id.value, agrees ? 1U : 0U});
     }
     return rows;
+  }
+
+  // A row that is restored may have been dropped by compact().
+  void require_row(const char* table, std::uint64_t id) {
+    Statement row = database_.prepare(fmt::format("SELECT 1 FROM {} WHERE id = ?1", table));
+    if (row.bind_all(id).step()) return;
+    throw Error(ErrorKind::kMisuse, name(),
+                fmt::format("row {} of its {} to be restored is not stored", id, table),
+                "one that no compaction dropped");
   }
 
   void insert(const AtlasNode& node) {

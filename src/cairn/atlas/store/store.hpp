@@ -36,7 +36,6 @@ struct AtlasStoreOptions {
 struct AtlasCommitInfo {
   std::string verb;
   CommitId run = {};  ///< first commit of the same command; 0: this one
-  std::optional<CommitId> undoes = {};
 };
 
 /// Result of AtlasStore::commit().
@@ -110,10 +109,10 @@ class AtlasStore {
   virtual std::string map_bytes(const std::string& hash) = 0;
 
   using Make = std::function<AtlasChanges(const AtlasState& now)>;
-  /// Makes one commit, atomically: calls `make` while no other process can change the atlas. When this
-  /// returns, the commit is on disk.
+  /// Makes one commit, atomically: calls `make` while no other process can change the atlas. `make` may read
+  /// this store and put maps, as part of the commit. When this returns, the commit is on disk.
   /// @throws Error (misuse) for inconsistent changes: a name that is taken, a link or pose of a missing
-  ///        node
+  ///        node, a restored node or link that is not stored
   virtual AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) = 0;
 
   /// Adds pairs to the atlas's queue, once each. Null if this store has no queue.

@@ -173,11 +173,49 @@ TEST_P(StoreTest, RefusesContradictionsAndChangesNothing) {
   AtlasLink broken = link(NodeId{1}, NodeId{1});
   (*broken.covariance_with_scale)(0, 0) = -1.0;
   message_of(ErrorKind::kMisuse, [&] { add_link(*store, broken); });
+  AtlasNode never = testing::node(*store, "seven", 7);
+  never.id = NodeId{7};
+  EXPECT_THAT(message_of(ErrorKind::kMisuse,
+                         [&] {
+                           store->commit({.verb = "undo"}, [&](const AtlasState&) {
+                             AtlasChanges changes;
+                             changes.nodes = {never};
+                             return changes;
+                           });
+                         }),
+              HasSubstr("row 7"));
   EXPECT_EQ(store->last_commit(), CommitId{1});
   EXPECT_EQ(
       store->commit({.verb = "none"}, [](const AtlasState&) { return AtlasChanges(); }).commit,
       CommitId{1});
   EXPECT_THAT(store->verify().problems, IsEmpty());
+}
+
+TEST_P(StoreTest, ReadsAndPutsMapsWithinACommit) {
+  const auto store = open();
+  add(*store, "one", 1);
+  const std::string bytes = bytes_of(synthetic_map({.seed = 2, .landmarks = 30, .frames = 4}));
+  const auto add_two = [&](const AtlasState& now) {
+    AtlasChanges changes;
+    EXPECT_EQ(store->state().nodes.size(), now.nodes.size());
+    EXPECT_EQ(store->state(CommitId{0}).nodes.size(), 0U);
+    AtlasNode two = now.nodes.begin()->second;
+    two.id = NodeId{};
+    two.name = "two";
+    two.map = store->put_map(bytes);
+    EXPECT_EQ(store->map_bytes(two.map), bytes);
+    changes.nodes = {two};
+    return changes;
+  };
+  // What is not committed is not kept.
+  store->commit({.verb = "add"}, [&](const AtlasState& now) {
+    add_two(now);
+    return AtlasChanges();
+  });
+  EXPECT_EQ(store->verify().maps, 1U);
+  store->commit({.verb = "add"}, add_two);
+  EXPECT_THAT(store->verify().problems, IsEmpty());
+  EXPECT_EQ(store->verify().maps, 2U);
 }
 
 TEST_P(StoreTest, SeesWhatAnotherProcessCommitted) {
