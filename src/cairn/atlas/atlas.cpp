@@ -15,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/atlas/detail/change_log.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -665,7 +666,8 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
 
 bool is_used(const AtlasState& state, const AtlasLink& link) {
   const auto agrees = state.agrees.find(link.id);
-  return link.is_aligned() && agrees != state.agrees.end() && agrees->second;
+  return link.is_aligned() && agrees != state.agrees.end() && agrees->second &&
+         has_poses_of(state, link.id, true);
 }
 
 MapLink map_link(const AtlasLink& link) {
@@ -714,13 +716,16 @@ namespace {
 
 // Removes everything that refers to a map.
 void remove_with_links(const AtlasState& now, NodeId node, AtlasChanges& changes) {
-  for (const auto& [id, link] : now.links) {
-    if (link.target != node && link.source != node) continue;
-    changes.removed_links.push_back(id);
-    if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
-  }
+  std::set<NodeId> unplaced = {node};
   for (const auto& [id, pose] : now.poses) {
-    if (id == node || pose.frame == node) changes.removed_poses.push_back(id);
+    if (id != node && pose.frame != node) continue;
+    changes.removed_poses.push_back(id);
+    unplaced.insert(id);
+  }
+  for (const auto& [id, link] : now.links) {
+    if (link.target == node || link.source == node) changes.removed_links.push_back(id);
+    const bool is_unplaced = unplaced.contains(link.target) || unplaced.contains(link.source);
+    if (is_unplaced && now.agrees.contains(id)) changes.removed_agrees.push_back(id);
   }
   changes.removed_nodes.push_back(node);
 }

@@ -77,7 +77,8 @@ struct AtlasMergeOptions {
   MergePlacedOptions placed = {};
 };
 
-/// Whether a link is aligned and agreed with the poses when they were last optimised.
+/// Whether a link is aligned, agreed with the poses when they were last optimised, and still has those of both its
+/// maps in one frame.
 bool is_used(const AtlasState& state, const AtlasLink& link);
 
 /// The link without its maps, whose indices stay 0.

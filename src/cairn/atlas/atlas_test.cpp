@@ -257,6 +257,34 @@ TEST_F(AtlasTest, DoesNotUndoWhatLaterCommandsBuildOn) {
   EXPECT_EQ(atlas().state().nodes.begin()->first, b);
 }
 
+TEST_F(AtlasTest, DoesNotUndoPosesThatALaterOptimisationKept) {
+  add_optimised_chain();
+  const CommitId optimised = atlas().store().last_commit();
+  const NodeId c{3};
+  const NodeId d = add("d", 4);
+  again().link_manually(c, d, step(), covariance());
+  again().update_poses();
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(optimised); }),
+              HasSubstr("no pose in it"));
+  EXPECT_EQ(atlas().state().poses.size(), 4U);
+}
+
+TEST_F(AtlasTest, RemovingTheFrameOfAComponentTakesItsAgreements) {
+  const auto [a, b, c] = add_optimised_chain();
+  again().remove(a);
+  EXPECT_EQ(atlas().state().links.size(), 1U);
+  EXPECT_TRUE(atlas().state().agrees.empty());
+}
+
+TEST_F(AtlasTest, UsesOnlyLinksBetweenMapsOfOneFrame) {
+  const auto [a, b, c] = add_optimised_chain();
+  AtlasState state = atlas().state();
+  const AtlasLink& link = state.links.rbegin()->second;
+  EXPECT_TRUE(is_used(state, link));
+  state.poses.erase(c);
+  EXPECT_FALSE(is_used(state, link));
+}
+
 TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
   const auto [a, b, c] = add_optimised_chain();
   const AtlasState before = atlas().state();

@@ -481,19 +481,29 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
     pose.frame = new_of_old[pose.frame];
     rest.poses.push_back(pose);
   });
+  std::set<NodeId> frames;
+  for (const AtlasPose& pose : rest.poses) {
+    if (pose.node == pose.frame) frames.insert(pose.frame);
+  }
+  std::erase_if(rest.poses, [&](const AtlasPose& pose) { return !frames.contains(pose.frame); });
   result.links = rest.links.size();
   result.poses = rest.poses.size();
   rest.text = fmt::format("salvaged {} links and {} poses", result.links, result.poses);
   info.run = added.commit;
   const AtlasCommitted linked = store->commit(info, [&](const AtlasState&) { return rest; });
-  AtlasChanges agreements;
-  for (std::size_t i = 0; i < old_links.size(); ++i) {
-    const auto found = values.agrees.find(old_links[i].value);
-    if (found != values.agrees.end())
-      agreements.agrees.emplace_back(linked.links[i], found->second != 0);
-  }
-  agreements.text = fmt::format("salvaged {} agreements", agreements.agrees.size());
-  store->commit(info, [&](const AtlasState&) { return agreements; });
+  store->commit(info, [&](const AtlasState& now) {
+    AtlasChanges agreements;
+    for (std::size_t i = 0; i < old_links.size(); ++i) {
+      const auto found = values.agrees.find(old_links[i].value);
+      if (found == values.agrees.end()) continue;
+      const bool agrees = found->second != 0;
+      if (has_poses_of(now, linked.links[i], agrees)) {
+        agreements.agrees.emplace_back(linked.links[i], agrees);
+      }
+    }
+    agreements.text = fmt::format("salvaged {} agreements", agreements.agrees.size());
+    return agreements;
+  });
   return result;
 }
 

@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/sqlite/database.hpp"
@@ -257,6 +258,28 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
       message_of(ErrorKind::kInput, [&] { store->map_bytes(state.nodes.at(NodeId{1}).map); }),
       HasSubstr("damaged"));
   EXPECT_EQ(store->verify().problems.size(), 2U);
+}
+
+// As in a file that others made: every digest is right.
+TEST_P(StoreTest, RefusesARowThatRefersToWhatIsNotThere) {
+  AtlasLink stray = link(NodeId{1}, NodeId{2});
+  {
+    const auto store = open();
+    add(*store, "one", 1);
+    add(*store, "two", 2);
+    add_link(*store, stray);
+    stray = store->state().links.begin()->second;
+  }
+  stray.source = NodeId{99};
+  const std::string digest = hexadecimal(digest_of(stray, blobs_of(stray)));
+  tamper(fmt::format("UPDATE links SET source = 99, digest = {}{}'",
+                     GetParam() == "SQLite" ? "x'" : "'\\x", digest));
+  const auto store = open();
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->state(); }),
+              HasSubstr("link 1 is of map 99, which is not there"));
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { add(*store, "three", 3); }),
+              HasSubstr("link 1 is of map 99"));
+  EXPECT_FALSE(store->verify().problems.empty());
 }
 
 TEST_P(StoreTest, CompactsWhatNoKeptCommitNeeds) {
