@@ -182,10 +182,10 @@ Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
   AtlasNode node = described(map);
   node.name = name;
   node.session = session;
-  node.map = store_->put_map(bytes);
   Added added;
   const AtlasCommitted committed = commit("add", [&](const AtlasState& now) {
     AtlasChanges changes;
+    node.map = store_->put_map(bytes);
     for (const auto& [id, other] : now.nodes) {
       if (other.map == node.map) {
         added = {id, true};
@@ -291,11 +291,15 @@ class Linker {
         if (link.kind == LinkKind::kOdometry || state.links.contains(id)) continue;
         done.insert(pair_of(link.target, link.source));
       }
+      // Not only by its id: versions that compacted otherwise may have given it to another map.
+      const auto is_there = [&](NodeId id) {
+        const auto node = now.nodes.find(id);
+        return node != now.nodes.end() && node->second.map == state.nodes.at(id).map;
+      };
       std::size_t aligned = 0;
       for (const AtlasLink& link : pending_) {
         const NodePair pair = pair_of(link.target, link.source);
-        const bool is_there = now.nodes.contains(pair.first) && now.nodes.contains(pair.second);
-        if (!is_there || done.contains(pair)) continue;
+        if (!is_there(pair.first) || !is_there(pair.second) || done.contains(pair)) continue;
         const auto replaced = known.replaced.find(pair);
         if (replaced != known.replaced.end()) {
           for (const AtlasLinkId old : replaced->second) {
@@ -753,6 +757,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
                 fmt::format("fewer than the {} keyframes of {}", ids.size(), whole.name));
   }
   std::vector<AtlasNode> parts;
+  std::vector<std::string> bytes;  // of each part
   for (std::size_t begin = 0; begin < ids.size(); begin += frames) {
     const std::size_t end = std::min(begin + frames, ids.size());
     const FrameId behind = end < ids.size() ? ids[end] : FrameId{ids.back().value + 1};
@@ -761,7 +766,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     AtlasNode described_part = described(part);
     described_part.name = fmt::format("{}/{}", whole.name, parts.size() + 1);
     described_part.session = whole.session.empty() ? whole.name : whole.session;
-    described_part.map = store_->put_map(bytes_of(part));
+    bytes.push_back(bytes_of(part));
     parts.push_back(std::move(described_part));
   }
   if (parts.size() < 2) {
@@ -772,6 +777,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     require_node(now, node);
     AtlasChanges changes;
     remove_with_links(now, node, changes);
+    for (std::size_t i = 0; i < parts.size(); ++i) parts[i].map = store_->put_map(bytes[i]);
     changes.nodes = parts;
     changes.text = fmt::format("{} into {}", whole.name, plural(parts.size(), "map"));
     return changes;

@@ -309,6 +309,30 @@ TEST_F(AtlasTest, DoesNotBringBackWhatIsCompactedMeanwhile) {
   EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
 }
 
+TEST_F(AtlasTest, AddsAMapWhileAnotherProcessCompacts) {
+  add("first", 1);
+  Atlas adding = interrupted_by([&] { again().store().compact(1, false); });
+  const NodeId node =
+      adding.add(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), "long").node;
+  EXPECT_THAT(adding.store().verify().problems, IsEmpty());
+  Atlas splitting = interrupted_by([&] { again().store().compact(1, false); });
+  EXPECT_EQ(splitting.split(node, 10).size(), 3U);
+  EXPECT_THAT(splitting.store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, DoesNotLinkAMapThatTookThePlaceOfTheOneThatWasAligned) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 10});
+  atlas().add(pair.target, "target");
+  const NodeId source = again().add(pair.source, "source").node;
+  Atlas linking = interrupted_by([&] {
+    again().remove(source);
+    again().store().compact(1, false);
+    add("another", 9);
+  });
+  EXPECT_EQ(linking.link().tried, 0U);
+  EXPECT_TRUE(again().state().links.empty());
+}
+
 TEST_F(AtlasTest, DoesNotTryAgainWhatAPersonUnlinked) {
   const NodeId a = add("a", 1);
   const NodeId b = add("b", 2);

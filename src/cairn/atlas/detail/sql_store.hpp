@@ -236,10 +236,18 @@ class SqlStore : public AtlasStore {
   }
 
   std::string map_bytes(const std::string& hash) override {
+    const Within same(database_, Transaction::Kind::kRead);
     const std::string what = fmt::format("the stored map {}", hash);
     const auto key = bytes_of_hexadecimal(hash);
+    if (!key) fail_as_damaged(name(), what);
     Statement row = database_.prepare("SELECT id, bytes FROM maps WHERE hash = ?1");
-    if (!key || !row.bind_all(as_blob(*key)).step()) fail_as_damaged(name(), what);
+    if (!row.bind_all(as_blob(*key)).step()) {
+      Statement node = database_.prepare("SELECT 1 FROM nodes WHERE map = ?1");
+      if (node.bind_all(as_blob(*key)).step()) fail_as_damaged(name(), what);
+      throw Error(ErrorKind::kStorage, name(),
+                  fmt::format("{} was removed and compacted by another process", what),
+                  "to be tried again");
+    }
     const std::int64_t map = row.integer(0);
     const std::uint64_t size = row.unsigned_integer(1);
     Statement chunks =
@@ -365,6 +373,11 @@ class SqlStore : public AtlasStore {
     if (result.commits > 0) {
       const RowValues values = read_values(base);
       std::vector<RowChange> changes;
+      // As removals, so that next_id() stays above the ids of what is dropped.
+      for (const auto& [table, kind] : {std::pair("nodes", kNode), std::pair("links", kLink)}) {
+        const std::uint64_t highest = next_id(table, kind) - 1;
+        if (highest > 0) changes.push_back({kind, highest, std::nullopt});
+      }
       for (const auto& [object, value] : values.nodes) changes.push_back({kNode, object, value});
       for (const auto& [object, value] : values.links) changes.push_back({kLink, object, value});
       for (const auto& [object, value] : values.poses) changes.push_back({kPose, object, value});
@@ -492,7 +505,7 @@ class SqlStore : public AtlasStore {
   }
 
   std::uint64_t next_id(const char* table, std::int64_t kind) {
-    // Ids of dropped objects are not reused, because the log may name them.
+    // Ids of dropped objects are not reused: the log or another process may name them.
     const std::int64_t of_rows =
         database_.integer(fmt::format("SELECT coalesce(max(id), 0) FROM {}", table));
     const std::int64_t of_changes =

@@ -103,9 +103,10 @@ class AtlasStore {
   virtual std::vector<AtlasCommit> log() = 0;
   virtual AtlasTouched touched(std::span<const CommitId> commits) = 0;
 
-  /// Stores a map's bytes, once for equal bytes. @return their hash
+  /// Stores a map's bytes, once for equal bytes. Outside of a commit with a node of it, compact() of another
+  /// process may drop them at once. @return their hash
   virtual std::string put_map(std::string_view bytes) = 0;
-  /// @throws Error (input) if they are missing or damaged
+  /// @throws Error (input) if they are missing or damaged, (storage) if no commit needs them any more
   virtual std::string map_bytes(const std::string& hash) = 0;
 
   using Make = std::function<AtlasChanges(const AtlasState& now)>;
@@ -123,7 +124,8 @@ class AtlasStore {
 
   /// Reads and checks all data.
   virtual AtlasVerification verify() = 0;
-  /// Joins the oldest commits so that `keep` commits are left, and drops data that none of these needs.
+  /// Joins the oldest commits so that `keep` commits are left, and drops data that none of these needs. Their ids
+  /// are not given again.
   /// @param dry only report what would be done
   /// @throws Error (misuse) for `keep` = 0
   virtual AtlasCompaction compact(std::uint64_t keep, bool dry) = 0;

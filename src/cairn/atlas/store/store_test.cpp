@@ -312,6 +312,39 @@ TEST_P(StoreTest, CompactsWhatNoKeptCommitNeeds) {
   EXPECT_EQ(store->state().nodes.rbegin()->first, NodeId{4});
 }
 
+TEST_P(StoreTest, NeverGivesAnIdAgainThatCompactingDropped) {
+  const auto store = open();
+  add(*store, "one", 1);
+  add(*store, "two", 2);
+  add(*store, "three", 3);
+  add_link(*store, link(NodeId{1}, NodeId{2}));
+  add_link(*store, link(NodeId{1}, NodeId{3}));
+  store->commit({.verb = "remove"}, [](const AtlasState&) {
+    AtlasChanges changes;
+    changes.removed_nodes = {NodeId{3}};
+    changes.removed_links = {AtlasLinkId{2}};
+    return changes;
+  });
+  const std::string dropped = store->state(CommitId{3}).nodes.at(NodeId{3}).map;
+  EXPECT_EQ(store->compact(1, false).nodes, 1U);
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { store->map_bytes(dropped); }),
+              HasSubstr("compacted"));
+  // Compacted again, and again without anything to drop.
+  EXPECT_EQ(add(*store, "four", 4).nodes, std::vector{NodeId{4}});
+  store->commit({.verb = "remove"}, [](const AtlasState&) {
+    AtlasChanges changes;
+    changes.removed_nodes = {NodeId{4}};
+    return changes;
+  });
+  store->compact(1, false);
+  store->compact(1, false);
+  EXPECT_EQ(add(*store, "five", 5).nodes, std::vector{NodeId{5}});
+  EXPECT_EQ(add_link(*store, link(NodeId{1}, NodeId{5})).links, std::vector{AtlasLinkId{3}});
+  EXPECT_EQ(store->compact(1, false).nodes, 0U);
+  EXPECT_EQ(add(*store, "six", 6).nodes, std::vector{NodeId{6}});
+  EXPECT_THAT(store->verify().problems, IsEmpty());
+}
+
 TEST_P(StoreTest, RefusesToMakeASecondOne) {
   add(*open(), "one", 1);
   message_of(ErrorKind::kStorage, [&] { create_store(location_); });
