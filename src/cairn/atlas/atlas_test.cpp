@@ -224,6 +224,22 @@ TEST_F(AtlasTest, ExportsAFolderWithAFileForEachMap) {
   EXPECT_THROW(export_of("town.xyz"), Error);
 }
 
+TEST_F(AtlasTest, DoesNotExportOverItself) {
+  for (const std::string name : {"all/a.cairn", "all/graph.json"}) {
+    const std::filesystem::path path = folder_ / name;
+    std::filesystem::create_directories(path.parent_path());
+    Atlas::create(path.string());
+    Atlas exported = Atlas::open(path.string());
+    exported.add(synthetic_map({.seed = 1, .landmarks = 40, .frames = 6}), "a");
+    EXPECT_THAT(
+        testing::message_of(ErrorKind::kMisuse,
+                            [&] { export_atlas(exported, exported.state(), path.parent_path()); }),
+        HasSubstr(name));
+    EXPECT_EQ(Atlas::open(path.string()).state().nodes.size(), 1U);
+    std::filesystem::remove_all(path.parent_path());
+  }
+}
+
 TEST_F(AtlasTest, UndoesTheLastCommandAndThenTheOneBefore) {
   const NodeId a = add("a", 1);
   const NodeId b = add("b", 2);
