@@ -319,7 +319,7 @@ class Linker {
     for (const AtlasLink& link : kept) {
       ++result_.tried;
       if (link.is_aligned()) ++result_.aligned;
-      if (options_.on_link) options_.on_link(link);
+      if (options_.on_link) options_.on_link(link, state);
     }
     pending_.clear();
     last_flush_ = std::chrono::steady_clock::now();

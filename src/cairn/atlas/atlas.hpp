@@ -32,8 +32,8 @@ struct AtlasLinkOptions {
   /// `shard`.
   std::size_t shard = 0;
   std::size_t shards = 1;
-  /// Called with each result after it is stored.
-  std::function<void(const AtlasLink& link)> on_link = {};
+  /// Called with each result after it is stored, and the maps that it was aligned with.
+  std::function<void(const AtlasLink& link, const AtlasState& state)> on_link = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;

@@ -35,11 +35,23 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
 
-// Lets another process change the atlas right before the next commit.
+class QueueOfOne final : public AtlasPairQueue {
+ public:
+  explicit QueueOfOne(const NodePair& pair) : pairs_{pair} {}
+  std::vector<NodePair> take(std::size_t) override { return std::exchange(pairs_, {}); }
+  void done() override {}
+
+ private:
+  std::vector<NodePair> pairs_;
+};
+
+// Lets another process change the atlas right before the next commit, or before pairs are taken from the queue.
 class InterruptedStore final : public AtlasStore {
  public:
-  InterruptedStore(std::unique_ptr<AtlasStore> store, std::function<void()> meanwhile)
-      : store_(std::move(store)), meanwhile_(std::move(meanwhile)) {}
+  // @param queued pair that another process shared; std::nullopt: no queue
+  InterruptedStore(std::unique_ptr<AtlasStore> store, std::function<void()> meanwhile,
+                   const std::optional<NodePair>& queued = std::nullopt)
+      : store_(std::move(store)), meanwhile_(std::move(meanwhile)), queued_(queued) {}
 
   const std::string& name() const override { return store_->name(); }
   CommitId last_commit() override { return store_->last_commit(); }
@@ -51,8 +63,13 @@ class InterruptedStore final : public AtlasStore {
   std::string put_map(std::string_view bytes) override { return store_->put_map(bytes); }
   std::string map_bytes(const std::string& hash) override { return store_->map_bytes(hash); }
   AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) override {
-    if (const auto meanwhile = std::exchange(meanwhile_, nullptr)) meanwhile();
+    interrupt();
     return store_->commit(info, make);
+  }
+  std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair>) override {
+    if (!queued_) return nullptr;
+    interrupt();
+    return std::make_unique<QueueOfOne>(*queued_);
   }
   AtlasVerification verify() override { return store_->verify(); }
   AtlasCompaction compact(std::uint64_t keep, bool dry) override {
@@ -60,8 +77,13 @@ class InterruptedStore final : public AtlasStore {
   }
 
  private:
+  void interrupt() {
+    if (const auto meanwhile = std::exchange(meanwhile_, nullptr)) meanwhile();
+  }
+
   std::unique_ptr<AtlasStore> store_;
   std::function<void()> meanwhile_;
+  std::optional<NodePair> queued_;
 };
 
 class AtlasTest : public ::testing::Test {
@@ -347,6 +369,19 @@ TEST_F(AtlasTest, DoesNotLinkAMapThatTookThePlaceOfTheOneThatWasAligned) {
   });
   EXPECT_EQ(linking.link().tried, 0U);
   EXPECT_TRUE(again().state().links.empty());
+}
+
+TEST_F(AtlasTest, TellsTheMapsOfAResultThatAnotherProcessAddedMeanwhile) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 10});
+  atlas().add(pair.target, "target");
+  Atlas linking(std::make_unique<InterruptedStore>(
+      open_store(location_), [&] { again().add(pair.source, "source"); },
+      NodePair(NodeId{1}, NodeId{2})));
+  std::vector<std::string> told;
+  linking.link({.on_link = [&](const AtlasLink& link, const AtlasState& state) {
+    told.push_back(state.nodes.at(link.target).name + " " + state.nodes.at(link.source).name);
+  }});
+  EXPECT_THAT(told, ::testing::ElementsAre("target source"));
 }
 
 TEST_F(AtlasTest, DoesNotTryAgainWhatAPersonUnlinked) {
