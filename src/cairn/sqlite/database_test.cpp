@@ -21,10 +21,10 @@
 namespace cairn::sqlite {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using testing::message_of;
 
-class SqliteTest : public testing::Test {
+class SqliteTest : public ::testing::Test {
  protected:
   std::filesystem::path path(const std::string& name = "a.db") const { return folder_ / name; }
 
@@ -162,7 +162,7 @@ TEST_F(SqliteTest, ListsTablesAndColumns) {
   database.execute("CREATE TABLE images (image_id INTEGER PRIMARY KEY, \"name\" TEXT, camera_id)");
   EXPECT_TRUE(database.has_table("Images"));
   EXPECT_FALSE(database.has_table("cameras"));
-  EXPECT_THAT(database.columns("images"), testing::ElementsAre("image_id", "name", "camera_id"));
+  EXPECT_THAT(database.columns("images"), ::testing::ElementsAre("image_id", "name", "camera_id"));
 }
 
 TEST_F(SqliteTest, TakesOneStatementAtATime) {
