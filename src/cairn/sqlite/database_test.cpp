@@ -290,6 +290,21 @@ TEST_F(SqliteTest, CallsAFileDamagedInWhichARowClaimsGigabytes) {
               HasSubstr("damaged"));
 }
 
+TEST_F(SqliteTest, MakesNoValueThatIsLongerThanAnUntrustedFileCanHold) {
+  fresh().execute("CREATE TABLE t (b)");
+  const auto make = [&](const OpenOptions& options) {
+    Database database(path(), options);
+    Statement row = database.prepare("SELECT zeroblob(1000000)");
+    row.step();
+    return row.blob(0).size();
+  };
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { make({}); }), HasSubstr("too big"));
+  EXPECT_THAT(message_of(ErrorKind::kInput,
+                         [&] { make({.access = Access::kWrite, .longest_written = 1000}); }),
+              HasSubstr("too big"));
+  EXPECT_EQ(make({.access = Access::kWrite, .longest_written = 1'000'000}), 1'000'000U);
+}
+
 TEST_F(SqliteTest, RefusesAFileCutShort) {
   {
     Database database = fresh("sound.db");

@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <set>
 #include <string_view>
 #include <system_error>
@@ -293,6 +294,7 @@ sqlite::Database open_database(const fs::path& path, const AtlasStoreOptions& op
   refuse_journal(path);
   sqlite::OpenOptions how{
       .access = options.read_only ? sqlite::Access::kRead : sqlite::Access::kWrite,
+      .longest_written = 2 * detail::kChunkBytes,
       .busy_timeout = options.wait,
       .stop = options.stop};
   const auto open = [&] {
@@ -335,6 +337,52 @@ void require_schema(sqlite::Database& database, const fs::path& path, bool read_
   transaction.commit();
 }
 
+// Statements of the tables by their names, as SQLite keeps them: without the semicolon.
+std::map<std::string, std::string> own_tables() {
+  std::map<std::string, std::string> tables;
+  constexpr std::string_view kStart = "CREATE TABLE ";
+  for (const std::string_view migration : kMigrations) {
+    for (std::size_t at = migration.find(kStart); at != migration.npos;) {
+      const std::string_view statement = migration.substr(at, migration.find(';', at) - at);
+      const std::size_t name = kStart.size();
+      tables.emplace(statement.substr(name, statement.find(' ', name) - name), statement);
+      at = migration.find(kStart, at + statement.size());
+    }
+  }
+  return tables;
+}
+
+// Generated columns, checks, indexes and virtual tables of a file from others could take any time and memory.
+void require_own_tables(sqlite::Database& database, const fs::path& path) {
+  std::map<std::string, std::string> missing = own_tables();
+  // The indexes of keys have no statement of their own.
+  sqlite::Statement rows =
+      database.prepare("SELECT name, sql FROM sqlite_schema WHERE sql IS NOT NULL");
+  while (rows.step()) {
+    const std::string name(rows.text(0));
+    const auto own = missing.find(name);
+    if (own == missing.end() || own->second != rows.text(1)) {
+      throw Error(ErrorKind::kInput, path.string(),
+                  fmt::format("{} in its schema is not what cairn makes", printable(name)),
+                  "an atlas as cairn made it");
+    }
+    missing.erase(own);
+  }
+  if (missing.empty()) return;
+  fail_as_damaged(path.string(), fmt::format("the table {}", missing.begin()->first));
+}
+
+sqlite::Database open_atlas(const fs::path& path, const AtlasStoreOptions& options) {
+  sqlite::Database database = open_database(path, options);
+  require_schema(database, path, options.read_only);
+  require_own_tables(database, path);
+  if (options.read_only) return database;
+  configure(database);
+  keep_write_ahead_log(database, path);
+  remove_second_name(path);
+  return database;
+}
+
 }  // namespace
 
 bool is_sqlite_store(const std::filesystem::path& path) {
@@ -354,19 +402,7 @@ bool is_sqlite_store(const std::filesystem::path& path) {
 
 std::unique_ptr<AtlasStore> open_sqlite_store(const fs::path& path,
                                               const AtlasStoreOptions& options) {
-  sqlite::Database database = open_database(path, options);
-  if (!options.read_only) {
-    configure(database);
-    keep_write_ahead_log(database, path);
-    remove_second_name(path);
-  }
-  require_schema(database, path, options.read_only);
-  for (const char* const table :
-       {"commits", "changes", "maps", "map_chunks", "nodes", "links", "poses"}) {
-    if (!database.has_table(table))
-      fail_as_damaged(path.string(), fmt::format("the table {}", table));
-  }
-  return std::make_unique<SqliteStore>(std::move(database), options);
+  return std::make_unique<SqliteStore>(open_atlas(path, options), options);
 }
 
 AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
@@ -374,8 +410,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
   AtlasSalvage result;
   AtlasStoreOptions reading = options;
   reading.read_only = true;
-  sqlite::Database database = open_database(from, reading);
-  require_schema(database, from, true);
+  sqlite::Database database = open_atlas(from, reading);
   const std::string name = from.string();
 
   const auto lose = [&](const std::string& what) {
@@ -436,7 +471,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
 
   create_sqlite_store(to, options);
   const std::unique_ptr<AtlasStore> store = open_sqlite_store(to, options);
-  SqliteStore source(open_database(from, reading), reading);
+  SqliteStore source(open_atlas(from, reading), reading);
   std::map<NodeId, NodeId> new_of_old;
   std::set<std::string> names;
   AtlasChanges changes;

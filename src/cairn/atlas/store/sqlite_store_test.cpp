@@ -170,6 +170,29 @@ TEST_F(SqliteStoreTest, NeverAppliesARollbackJournal) {
   EXPECT_EQ(open()->state().nodes.size(), 1U);
 }
 
+// A generated column, for example, can be of any length in a small file.
+TEST_F(SqliteStoreTest, RefusesTablesThatAreNotItsOwn) {
+  const std::string sound = testing::read_text(path());
+  for (const auto& [sql, reason] :
+       {std::pair("ALTER TABLE nodes ADD COLUMN long TEXT AS (hex(zeroblob(id)))", "'nodes'"),
+        std::pair("CREATE TABLE other (i)", "'other'"),
+        std::pair("CREATE INDEX fast ON nodes (hex(name))", "'fast'"),
+        std::pair("CREATE VIEW v AS SELECT 1", "'v'"), std::pair("DROP TABLE poses", "table poses"),
+        std::pair("ALTER TABLE links RENAME TO ways", "'ways'")}) {
+    tamper(sql);
+    for (const bool read_only : {true, false}) {
+      EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open({.read_only = read_only}); }),
+                  HasSubstr(reason))
+          << sql;
+    }
+    EXPECT_THAT(message_of(ErrorKind::kInput,
+                           [&] { salvage_sqlite_store(path(), folder_ / "saved.atlas"); }),
+                HasSubstr(reason));
+    folder_.write("town.atlas", sound);
+  }
+  EXPECT_THAT(open()->verify().problems, IsEmpty());
+}
+
 // Such as the copy that VACUUM INTO makes.
 TEST_F(SqliteStoreTest, GivesACopyWithoutAWriteAheadLogOneBeforeItWrites) {
   add(*open(), "one", 1);
