@@ -164,8 +164,13 @@ class SqlStore : public AtlasStore {
   const AtlasStoreOptions& options() const { return options_; }
 
   CommitId last_commit() override {
-    return CommitId{
-        static_cast<std::uint64_t>(database_.integer("SELECT coalesce(max(id), 0) FROM commits"))};
+    const Within same(database_, Transaction::Kind::kRead);
+    const std::int64_t last = database_.integer("SELECT coalesce(max(id), 0) FROM commits");
+    // A damaged page can hide the last commits, whose digests then tell nothing.
+    if (database_.integer("SELECT coalesce(max(commit_id), 0) FROM changes") > last) {
+      fail_as_damaged(name(), fmt::format("the log: a commit after {} is missing; it", last));
+    }
+    return CommitId{static_cast<std::uint64_t>(last)};
   }
 
   AtlasState state(std::optional<CommitId> at) override {
@@ -187,10 +192,12 @@ class SqlStore : public AtlasStore {
   }
 
   std::vector<AtlasCommit> log() override {
+    const Within same(database_, Transaction::Kind::kRead);
     std::vector<AtlasCommit> commits;
-    Statement rows =
-        database_.prepare(fmt::format("SELECT {} FROM commits ORDER BY id", kCommitColumns));
-    while (rows.step()) commits.push_back(commit_of(rows));
+    for_each_commit(last_commit(), [&](const AtlasCommit& commit, std::span<const RowChange>) {
+      commits.push_back(commit);
+      return true;
+    });
     return commits;
   }
 
@@ -431,9 +438,10 @@ class SqlStore : public AtlasStore {
     std::optional<Transaction> own_;
   };
 
-  // Values after all commits up to this one, in order; checks each commit's digest.
-  RowValues read_values(CommitId at) {
-    RowValues values;
+  // Passes all commits up to this one to `take`, in order, after checking their digests; a commit for which that
+  // returns false is damaged.
+  template <class Take>
+  void for_each_commit(CommitId at, const Take& take) {
     Statement commits = database_.prepare(
         fmt::format("SELECT {} FROM commits WHERE id <= ?1 ORDER BY id", kCommitColumns));
     commits.bind_all(at.value);
@@ -454,10 +462,19 @@ class SqlStore : public AtlasStore {
       for (; more && rows.unsigned_integer(3) <= commit.id.value; more = rows.step()) {
         changes.push_back(change_of(rows));
       }
-      bool sound = as_text(commits.blob(8)) == commit_digest(commit, changes);
-      for (const RowChange& change : changes) sound = values.apply(change) && sound;
-      if (!sound) fail_as_damaged(name(), fmt::format("commit {}", commit.id.value));
+      const bool sound = as_text(commits.blob(8)) == commit_digest(commit, changes);
+      if (!sound || !take(commit, changes)) {
+        fail_as_damaged(name(), fmt::format("commit {}", commit.id.value));
+      }
     }
+  }
+
+  RowValues read_values(CommitId at) {
+    RowValues values;
+    for_each_commit(at, [&](const AtlasCommit&, std::span<const RowChange> changes) {
+      return std::all_of(changes.begin(), changes.end(),
+                         [&](const RowChange& change) { return values.apply(change); });
+    });
     return values;
   }
 

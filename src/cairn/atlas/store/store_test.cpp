@@ -234,7 +234,8 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
        {"UPDATE links SET probability = 0.5", "UPDATE links SET target_from_source = digest",
         "UPDATE nodes SET name = 'other' WHERE id = 2",
         "UPDATE commits SET author = 'eve' WHERE id = 1", "DELETE FROM changes WHERE commit_id = 2",
-        "DELETE FROM commits WHERE id = 2", "DELETE FROM nodes WHERE id = 1"}) {
+        "DELETE FROM commits WHERE id = 2", "DELETE FROM commits WHERE id = 3",
+        "DELETE FROM nodes WHERE id = 1"}) {
     renew();
     {
       const auto store = open();
@@ -247,6 +248,12 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
     EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->state(); }), HasSubstr("damaged"))
         << sql;
     EXPECT_FALSE(store->verify().problems.empty()) << sql;
+    const bool is_of_log = sql.find("commits") != sql.npos || sql.find("changes") != sql.npos;
+    if (!is_of_log) continue;
+    EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->log(); }), HasSubstr("damaged")) << sql;
+    EXPECT_THAT(message_of(ErrorKind::kInput, [&] { add(*store, "three", 3); }),
+                HasSubstr("damaged"))
+        << sql;
   }
   renew();
   const auto store = open();
