@@ -211,6 +211,18 @@ void refuse_existing(const fs::path& path) {
   throw Error(ErrorKind::kStorage, path.string(), "exists already", "a name that is free");
 }
 
+// SQLite would apply what an atlas that was moved or deleted has left beside its name.
+void refuse_left_behind(const fs::path& path) {
+  for (const char* const ending : {"-wal", "-shm", "-journal"}) {
+    fs::path beside = path;
+    beside += ending;
+    std::error_code ignored;
+    if (!fs::exists(fs::symlink_status(beside, ignored))) continue;
+    throw Error(ErrorKind::kStorage, beside.string(), "is left of another atlas of that name",
+                "a name that is free, or that file removed");
+  }
+}
+
 }  // namespace
 
 const char* network_file_system(long type) {
@@ -248,6 +260,7 @@ const char* network_file_system(long type) {
 void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options) {
   std::error_code failure;
   if (fs::exists(fs::symlink_status(path, failure))) refuse_existing(path);
+  refuse_left_behind(path);
   require_local(path, options);
   const Unfinished unfinished(path);
   const fs::path& temporary = unfinished.path();

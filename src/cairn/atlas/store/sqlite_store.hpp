@@ -10,7 +10,7 @@
 namespace cairn {
 
 /// Creates an empty atlas, atomically.
-/// @throws Error (storage) if `path` exists or is on a network file system
+/// @throws Error (storage) if `path` or one of SQLite's files beside it exists, or it is on a network file system
 void create_sqlite_store(const std::filesystem::path& path, const AtlasStoreOptions& options = {});
 
 /// Whether a file is an atlas, by its first bytes. False if it cannot be read.

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <set>
 #include <string>
 
@@ -62,6 +63,21 @@ TEST_F(SqliteStoreTest, TakesOverWhatAKilledProcessLeftUnfinished) {
     names.insert(entry.path().filename());
   }
   EXPECT_THAT(names, ElementsAre("new.atlas", "town.atlas"));
+}
+
+// SQLite would read an old atlas out of it.
+TEST_F(SqliteStoreTest, IsNotMadeBesideWhatAnotherLeft) {
+  for (const std::string ending : {"-wal", "-shm", "-journal"}) {
+    folder_.write("new.atlas" + ending, "left");
+    for (const auto& make :
+         {std::function<void()>([&] { create_sqlite_store(folder_ / "new.atlas"); }),
+          std::function<void()>([&] { salvage_sqlite_store(path(), folder_ / "new.atlas"); })}) {
+      EXPECT_THAT(message_of(ErrorKind::kStorage, make), HasSubstr("new.atlas" + ending));
+    }
+    EXPECT_FALSE(fs::exists(folder_ / "new.atlas"));
+    fs::remove(folder_ / ("new.atlas" + ending));
+  }
+  create_sqlite_store(folder_ / "new.atlas");
 }
 
 // A process that is killed between the two leaves an atlas with a second name, which is no rest to write over.
