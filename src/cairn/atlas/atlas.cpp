@@ -161,9 +161,8 @@ Atlas Atlas::open(const std::string& location, const AtlasStoreOptions& options)
 }
 
 AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make) {
-  const CommitId before = store_->last_commit();
   AtlasCommitted committed = store_->commit({.verb = verb, .run = run_}, make);
-  if (run_.value == 0 && committed.commit > before) run_ = committed.commit;
+  if (run_.value == 0 && committed.is_new) run_ = committed.commit;
   return committed;
 }
 
@@ -841,13 +840,17 @@ struct Command {
 // The command of a commit; std::nullopt: the last one that is not undone.
 Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<CommitId> commit_id,
                         const std::string& name) {
-  std::set<CommitId> undone;  // last commits of runs
+  std::map<CommitId, CommitId> runs;  // by commit
+  for (const AtlasCommit& commit : log) runs[commit.id] = commit.run;
+  std::set<CommitId> undone;  // runs
   for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
-    // Ignores an undo that was itself undone.
-    if (commit.undoes && !undone.contains(commit.id)) undone.insert(*commit.undoes);
+    // Ignores an undo that was itself undone, and what was undone before the log starts.
+    if (!commit.undoes || undone.contains(commit.run)) continue;
+    const auto run = runs.find(*commit.undoes);
+    if (run != runs.end()) undone.insert(run->second);
   }
   const auto chosen = std::find_if(log.rbegin(), log.rend(), [&](const AtlasCommit& commit) {
-    return commit_id ? commit.id == *commit_id : !commit.undoes && !undone.contains(commit.id);
+    return commit_id ? commit.id == *commit_id : !commit.undoes && !undone.contains(commit.run);
   });
   if (chosen == log.rend()) {
     throw Error(ErrorKind::kMisuse, name,
@@ -860,11 +863,12 @@ Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<Commi
   }
   const CommitId first = command.commits.front();
   const CommitId last = command.commits.back();
-  if (undone.contains(last)) {
+  if (undone.contains(chosen->run)) {
     throw Error(ErrorKind::kMisuse, name, fmt::format("commit {} is undone already", last.value),
                 "another commit");
   }
-  if (first == log.front().id && first.value > 1) {
+  // A run has the id of its first commit.
+  if (first != chosen->run || (first == log.front().id && first.value > 1)) {
     throw Error(ErrorKind::kMisuse, name,
                 fmt::format("what was before commit {} is compacted", first.value),
                 "a later commit");

@@ -295,6 +295,24 @@ TEST_F(AtlasTest, DoesNotUndoWhatLaterCommandsBuildOn) {
   EXPECT_EQ(atlas().state().nodes.begin()->first, b);
 }
 
+TEST_F(AtlasTest, DoesNotUndoHalfACommandThatCompactingCutInTwo) {
+  for (std::uint64_t i = 1; i <= 3; ++i) {
+    // One command.
+    atlas().add(synthetic_map({.seed = i, .landmarks = 40, .frames = 6}), std::to_string(i));
+  }
+  again().store().compact(2, false);
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(); }),
+              HasSubstr("what was before commit 3 is compacted"));
+  EXPECT_EQ(atlas().state().nodes.size(), 3U);
+}
+
+TEST_F(AtlasTest, TakesNoCommitOfAnotherProcessForTheFirstOfItsCommand) {
+  Atlas command = interrupted_by([&] { add("of another process", 1); });
+  EXPECT_EQ(command.link_by_odometry({}), 0U);  // no change
+  command.add(synthetic_map({.seed = 2, .landmarks = 40, .frames = 6}), "own");
+  EXPECT_EQ(command.store().log().back().run, CommitId{2});
+}
+
 TEST_F(AtlasTest, DoesNotUndoPosesThatALaterOptimisationKept) {
   add_optimised_chain();
   const CommitId optimised = atlas().store().last_commit();
@@ -484,6 +502,8 @@ TEST_F(AtlasTest, SplitsAMapIntoLinkedParts) {
   again().undo();
   again().undo();  // both commits of the split
   EXPECT_EQ(atlas().state().nodes.begin()->second.name, "long");
+  EXPECT_EQ(again().undo(), CommitId{1});  // the command before
+  EXPECT_TRUE(atlas().state().nodes.empty());
 }
 
 TEST_F(AtlasTest, RefusesWhatIsNotThere) {

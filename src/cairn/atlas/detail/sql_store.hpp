@@ -299,6 +299,7 @@ class SqlStore : public AtlasStore {
     write_commit(commit, rows);
     transaction.commit();
     committed.commit = commit.id;
+    committed.is_new = true;
     newest_ = std::move(next);
     return committed;
   }
