@@ -60,7 +60,10 @@ std::string first_line(std::string_view text) {
     throw Error(ErrorKind::kStorage, name, "cannot be written: " + first_line(error.what()),
                 "permission to write");
   }
-  if (is("57014")) throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
+  // The server also ends a statement for its own limit of time, or for its administrator.
+  if (is("57014") && connection.options.stop.stop_requested()) {
+    throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
+  }
   throw Error(ErrorKind::kStorage, name, first_line(error.what()), "");
 }
 

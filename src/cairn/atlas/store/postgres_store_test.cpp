@@ -54,6 +54,14 @@ TEST_F(PostgresStoreTest, SaysThatAnotherProcessWrites) {
   EXPECT_EQ(add(*store, "one", 1).commit, CommitId{1});
 }
 
+// As a server may have it for every connection.
+TEST_F(PostgresStoreTest, ALimitOfTimeOfTheServerIsNoRequestToStop) {
+  postgres::Database database(server_->url(), "server");
+  database.execute("SET statement_timeout TO 1");
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { database.execute("SELECT pg_sleep(10)"); }),
+              HasSubstr("statement timeout"));
+}
+
 TEST(PostgresUrl, TellsNoPartOfAPassword) {
   for (const std::string password :
        {"top/secret", "0/secret", "top?secret", "top@secret", "top%zzsecret", "top secret"}) {
