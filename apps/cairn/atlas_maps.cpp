@@ -238,15 +238,15 @@ struct LinkArguments : AtlasArguments {
                        {"PlaceOptions.effort", "--effort"}},
                       [&] { options.validate(); });
     Atlas atlas = open();
-    const AtlasState state = atlas.state();
-    for (const std::string& one : only) options.only.push_back(node_named(state, one, *this).id);
+    const AtlasState before = atlas.state();
+    for (const std::string& one : only) options.only.push_back(node_named(before, one, *this).id);
     const Console console = common.console();
     options.links.seed = common.seed;
     options.links.execution.executor = common.executor();
     options.links.execution.stop = interrupt_requests();
     options.links.execution.progress = console.progress("linking");
     Json links = Json::array();
-    options.on_link = [&](const AtlasLink& link) {
+    options.on_link = [&](const AtlasLink& link, const AtlasState& state) {
       links.push_back(to_json(link, state));
       links.back().erase("id");
       links.back().erase("agrees");

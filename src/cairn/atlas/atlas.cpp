@@ -15,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/atlas/detail/change_log.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
@@ -159,11 +160,9 @@ Atlas Atlas::open(const std::string& location, const AtlasStoreOptions& options)
   return Atlas(open_store(location, options));
 }
 
-AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make,
-                             std::optional<CommitId> undoes) {
-  const CommitId before = store_->last_commit();
-  AtlasCommitted committed = store_->commit({.verb = verb, .run = run_, .undoes = undoes}, make);
-  if (run_.value == 0 && committed.commit > before) run_ = committed.commit;
+AtlasCommitted Atlas::commit(const std::string& verb, const AtlasStore::Make& make) {
+  AtlasCommitted committed = store_->commit({.verb = verb, .run = run_}, make);
+  if (run_.value == 0 && committed.is_new) run_ = committed.commit;
   return committed;
 }
 
@@ -182,10 +181,10 @@ Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
   AtlasNode node = described(map);
   node.name = name;
   node.session = session;
-  node.map = store_->put_map(bytes);
   Added added;
   const AtlasCommitted committed = commit("add", [&](const AtlasState& now) {
     AtlasChanges changes;
+    node.map = store_->put_map(bytes);
     for (const auto& [id, other] : now.nodes) {
       if (other.map == node.map) {
         added = {id, true};
@@ -291,11 +290,15 @@ class Linker {
         if (link.kind == LinkKind::kOdometry || state.links.contains(id)) continue;
         done.insert(pair_of(link.target, link.source));
       }
+      // Not only by its id: versions that compacted otherwise may have given it to another map.
+      const auto is_there = [&](NodeId id) {
+        const auto node = now.nodes.find(id);
+        return node != now.nodes.end() && node->second.map == state.nodes.at(id).map;
+      };
       std::size_t aligned = 0;
       for (const AtlasLink& link : pending_) {
         const NodePair pair = pair_of(link.target, link.source);
-        const bool is_there = now.nodes.contains(pair.first) && now.nodes.contains(pair.second);
-        if (!is_there || done.contains(pair)) continue;
+        if (!is_there(pair.first) || !is_there(pair.second) || done.contains(pair)) continue;
         const auto replaced = known.replaced.find(pair);
         if (replaced != known.replaced.end()) {
           for (const AtlasLinkId old : replaced->second) {
@@ -315,7 +318,7 @@ class Linker {
     for (const AtlasLink& link : kept) {
       ++result_.tried;
       if (link.is_aligned()) ++result_.aligned;
-      if (options_.on_link) options_.on_link(link);
+      if (options_.on_link) options_.on_link(link, state);
     }
     pending_.clear();
     last_flush_ = std::chrono::steady_clock::now();
@@ -666,7 +669,8 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
 
 bool is_used(const AtlasState& state, const AtlasLink& link) {
   const auto agrees = state.agrees.find(link.id);
-  return link.is_aligned() && agrees != state.agrees.end() && agrees->second;
+  return link.is_aligned() && agrees != state.agrees.end() && agrees->second &&
+         has_poses_of(state, link.id, true);
 }
 
 MapLink map_link(const AtlasLink& link) {
@@ -715,13 +719,16 @@ namespace {
 
 // Removes everything that refers to a map.
 void remove_with_links(const AtlasState& now, NodeId node, AtlasChanges& changes) {
-  for (const auto& [id, link] : now.links) {
-    if (link.target != node && link.source != node) continue;
-    changes.removed_links.push_back(id);
-    if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
-  }
+  std::set<NodeId> unplaced = {node};
   for (const auto& [id, pose] : now.poses) {
-    if (id == node || pose.frame == node) changes.removed_poses.push_back(id);
+    if (id != node && pose.frame != node) continue;
+    changes.removed_poses.push_back(id);
+    unplaced.insert(id);
+  }
+  for (const auto& [id, link] : now.links) {
+    if (link.target == node || link.source == node) changes.removed_links.push_back(id);
+    const bool is_unplaced = unplaced.contains(link.target) || unplaced.contains(link.source);
+    if (is_unplaced && now.agrees.contains(id)) changes.removed_agrees.push_back(id);
   }
   changes.removed_nodes.push_back(node);
 }
@@ -749,6 +756,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
                 fmt::format("fewer than the {} keyframes of {}", ids.size(), whole.name));
   }
   std::vector<AtlasNode> parts;
+  std::vector<std::string> bytes;  // of each part
   for (std::size_t begin = 0; begin < ids.size(); begin += frames) {
     const std::size_t end = std::min(begin + frames, ids.size());
     const FrameId behind = end < ids.size() ? ids[end] : FrameId{ids.back().value + 1};
@@ -757,7 +765,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     AtlasNode described_part = described(part);
     described_part.name = fmt::format("{}/{}", whole.name, parts.size() + 1);
     described_part.session = whole.session.empty() ? whole.name : whole.session;
-    described_part.map = store_->put_map(bytes_of(part));
+    bytes.push_back(bytes_of(part));
     parts.push_back(std::move(described_part));
   }
   if (parts.size() < 2) {
@@ -768,6 +776,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     require_node(now, node);
     AtlasChanges changes;
     remove_with_links(now, node, changes);
+    for (std::size_t i = 0; i < parts.size(); ++i) parts[i].map = store_->put_map(bytes[i]);
     changes.nodes = parts;
     changes.text = fmt::format("{} into {}", whole.name, plural(parts.size(), "map"));
     return changes;
@@ -823,89 +832,108 @@ void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value
   }
 }
 
-}  // namespace
+struct Command {
+  AtlasCommit chosen;
+  std::vector<CommitId> commits;  // ascending
+};
 
-CommitId Atlas::undo(std::optional<CommitId> commit_id) {
-  const std::vector<AtlasCommit> log = store_->log();
-  std::set<CommitId> undone;  // last commits of runs
+// The command of a commit; std::nullopt: the last one that is not undone.
+Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<CommitId> commit_id,
+                        const std::string& name) {
+  std::map<CommitId, CommitId> runs;  // by commit
+  for (const AtlasCommit& commit : log) runs[commit.id] = commit.run;
+  std::set<CommitId> undone;  // runs
   for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
-    // Ignores an undo that was itself undone.
-    if (commit.undoes && !undone.contains(commit.id)) undone.insert(*commit.undoes);
+    // Ignores an undo that was itself undone, and what was undone before the log starts.
+    if (!commit.undoes || undone.contains(commit.run)) continue;
+    const auto run = runs.find(*commit.undoes);
+    if (run != runs.end()) undone.insert(run->second);
   }
-  const AtlasCommit* of = nullptr;
-  for (auto commit = log.rbegin(); commit != log.rend() && of == nullptr; ++commit) {
-    if (commit_id ? commit->id == *commit_id : !commit->undoes && !undone.contains(commit->id)) {
-      of = &*commit;
-    }
-  }
-  if (of == nullptr) {
-    throw Error(ErrorKind::kMisuse, store_->name(),
+  const auto chosen = std::find_if(log.rbegin(), log.rend(), [&](const AtlasCommit& commit) {
+    return commit_id ? commit.id == *commit_id : !commit.undoes && !undone.contains(commit.run);
+  });
+  if (chosen == log.rend()) {
+    throw Error(ErrorKind::kMisuse, name,
                 commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
                 "a commit of its log");
   }
-  const CommitId run = of->run;
-  std::vector<CommitId> commits;
+  Command command{*chosen, {}};
   for (const AtlasCommit& commit : log) {
-    if (commit.run == run) commits.push_back(commit.id);
+    if (commit.run == chosen->run) command.commits.push_back(commit.id);
   }
-  if (undone.contains(commits.back())) {
-    throw Error(ErrorKind::kMisuse, store_->name(),
-                fmt::format("commit {} is undone already", commits.back().value), "another commit");
+  const CommitId first = command.commits.front();
+  const CommitId last = command.commits.back();
+  if (undone.contains(chosen->run)) {
+    throw Error(ErrorKind::kMisuse, name, fmt::format("commit {} is undone already", last.value),
+                "another commit");
   }
-  if (commits.front() == log.front().id && log.front().id.value > 1) {
-    throw Error(ErrorKind::kMisuse, store_->name(),
-                fmt::format("what was before commit {} is compacted", commits.front().value),
+  // A run has the id of its first commit.
+  if (first != chosen->run || (first == log.front().id && first.value > 1)) {
+    throw Error(ErrorKind::kMisuse, name,
+                fmt::format("what was before commit {} is compacted", first.value),
                 "a later commit");
   }
-  const AtlasTouched touched = store_->touched(commits);
-  const AtlasState before = store_->state(CommitId{commits.front().value - 1});
-  const AtlasState after = store_->state(commits.back());
+  return command;
+}
+
+AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState& now) {
+  const std::vector<CommitId>& commits = command.commits;
+  const AtlasTouched touched = store.touched(commits);
+  const AtlasState before = store.state(CommitId{commits.front().value - 1});
+  const AtlasState after = store.state(commits.back());
+  AtlasChanges changes;
+  changes.undoes = commits.back();
+  changes.text = commits.size() == 1 ? fmt::format("commit {}: {} {}", command.chosen.id.value,
+                                                   command.chosen.verb, command.chosen.text)
+                                     : fmt::format("commits {} to {}: {}", commits.front().value,
+                                                   commits.back().value, command.chosen.verb);
+  const std::string& name = store.name();
+  const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
+  const auto same_link = [](const AtlasLink&, const AtlasLink&) { return true; };
+  for (const NodeId id : touched.nodes) {
+    set_back(
+        id, before.nodes, after.nodes, now.nodes, same_node,
+        [&](const AtlasNode& node) { changes.nodes.push_back(node); },
+        [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
+        fmt::format("map {}", id.value));
+  }
+  for (const AtlasLinkId id : touched.links) {
+    set_back(
+        id, before.links, after.links, now.links, same_link,
+        [&](const AtlasLink& link) { changes.links.push_back(link); },
+        [&](AtlasLinkId removed) { changes.removed_links.push_back(removed); }, name,
+        fmt::format("link {}", id.value));
+  }
+  for (const NodeId id : touched.poses) {
+    set_back(
+        id, before.poses, after.poses, now.poses,
+        [](const AtlasPose& a, const AtlasPose& b) { return a == b; },
+        [&](const AtlasPose& pose) { changes.poses.push_back(pose); },
+        [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
+        fmt::format("the pose of map {}", id.value));
+  }
+  for (const AtlasLinkId id : touched.agrees) {
+    set_back(
+        id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
+        [&](bool agrees) { changes.agrees.emplace_back(id, agrees); },
+        [&](AtlasLinkId removed) { changes.removed_agrees.push_back(removed); }, name,
+        fmt::format("the agreement of link {}", id.value));
+  }
+  return changes;
+}
+
+}  // namespace
+
+CommitId Atlas::undo(std::optional<CommitId> commit_id) {
   begin_run();
-  commit(
-      "undo",
-      [&](const AtlasState& now) {
-        AtlasChanges changes;
-        changes.text = commits.size() == 1
-                           ? fmt::format("commit {}: {} {}", of->id.value, of->verb, of->text)
-                           : fmt::format("commits {} to {}: {}", commits.front().value,
-                                         commits.back().value, of->verb);
-        const std::string& name = store_->name();
-        const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
-        const auto same_link = [](const AtlasLink&, const AtlasLink&) { return true; };
-        for (const NodeId id : touched.nodes) {
-          set_back(
-              id, before.nodes, after.nodes, now.nodes, same_node,
-              [&](const AtlasNode& node) { changes.nodes.push_back(node); },
-              [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
-              fmt::format("map {}", id.value));
-        }
-        for (const AtlasLinkId id : touched.links) {
-          set_back(
-              id, before.links, after.links, now.links, same_link,
-              [&](const AtlasLink& link) { changes.links.push_back(link); },
-              [&](AtlasLinkId removed) { changes.removed_links.push_back(removed); }, name,
-              fmt::format("link {}", id.value));
-        }
-        for (const NodeId id : touched.poses) {
-          set_back(
-              id, before.poses, after.poses, now.poses,
-              [](const AtlasPose& a, const AtlasPose& b) { return a == b; },
-              [&](const AtlasPose& pose) { changes.poses.push_back(pose); },
-              [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
-              fmt::format("the pose of map {}", id.value));
-        }
-        for (const AtlasLinkId id : touched.agrees) {
-          const auto then = before.agrees.find(id);
-          set_back(
-              id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
-              [&](bool) { changes.agrees.emplace_back(id, then->second); },
-              [&](AtlasLinkId removed) { changes.removed_agrees.push_back(removed); }, name,
-              fmt::format("the agreement of link {}", id.value));
-        }
-        return changes;
-      },
-      commits.back());
-  return commits.back();
+  CommitId undone;
+  // Reads the log and the earlier states within the commit, so that no other process drops rows that it restores.
+  commit("undo", [&](const AtlasState& now) {
+    const Command command = command_to_undo(store_->log(), commit_id, store_->name());
+    undone = command.commits.back();
+    return undoing(command, *store_, now);
+  });
+  return undone;
 }
 
 }  // namespace cairn

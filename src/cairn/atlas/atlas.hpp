@@ -32,8 +32,8 @@ struct AtlasLinkOptions {
   /// `shard`.
   std::size_t shard = 0;
   std::size_t shards = 1;
-  /// Called with each result after it is stored.
-  std::function<void(const AtlasLink& link)> on_link = {};
+  /// Called with each result after it is stored, and the maps that it was aligned with.
+  std::function<void(const AtlasLink& link, const AtlasState& state)> on_link = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
@@ -77,7 +77,8 @@ struct AtlasMergeOptions {
   MergePlacedOptions placed = {};
 };
 
-/// Whether a link is aligned and agreed with the poses when they were last optimised.
+/// Whether a link is aligned, agreed with the poses when they were last optimised, and still has those of both its
+/// maps in one frame.
 bool is_used(const AtlasState& state, const AtlasLink& link);
 
 /// The link without its maps, whose indices stay 0.
@@ -156,8 +157,7 @@ class Atlas {
   void begin_run() { run_ = CommitId{}; }
 
  private:
-  AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make,
-                        std::optional<CommitId> undoes = std::nullopt);
+  AtlasCommitted commit(const std::string& verb, const AtlasStore::Make& make);
 
   enum class Scope { kAll, kAdded };
   AtlasOptimised optimize(const PoseOptimisationOptions& options, Scope scope);

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,11 +19,13 @@
 #include "cairn/atlas/export.hpp"
 #include "cairn/atlas/route.hpp"
 #include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -29,6 +34,57 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
+
+class QueueOfOne final : public AtlasPairQueue {
+ public:
+  explicit QueueOfOne(const NodePair& pair) : pairs_{pair} {}
+  std::vector<NodePair> take(std::size_t) override { return std::exchange(pairs_, {}); }
+  void done() override {}
+
+ private:
+  std::vector<NodePair> pairs_;
+};
+
+// Lets another process change the atlas right before the next commit, or before pairs are taken from the queue.
+class InterruptedStore final : public AtlasStore {
+ public:
+  // @param queued pair that another process shared; std::nullopt: no queue
+  InterruptedStore(std::unique_ptr<AtlasStore> store, std::function<void()> meanwhile,
+                   const std::optional<NodePair>& queued = std::nullopt)
+      : store_(std::move(store)), meanwhile_(std::move(meanwhile)), queued_(queued) {}
+
+  const std::string& name() const override { return store_->name(); }
+  CommitId last_commit() override { return store_->last_commit(); }
+  AtlasState state(std::optional<CommitId> at) override { return store_->state(at); }
+  std::vector<AtlasCommit> log() override { return store_->log(); }
+  AtlasTouched touched(std::span<const CommitId> commits) override {
+    return store_->touched(commits);
+  }
+  std::string put_map(std::string_view bytes) override { return store_->put_map(bytes); }
+  std::string map_bytes(const std::string& hash) override { return store_->map_bytes(hash); }
+  AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) override {
+    interrupt();
+    return store_->commit(info, make);
+  }
+  std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair>) override {
+    if (!queued_) return nullptr;
+    interrupt();
+    return std::make_unique<QueueOfOne>(*queued_);
+  }
+  AtlasVerification verify() override { return store_->verify(); }
+  AtlasCompaction compact(std::uint64_t keep, bool dry) override {
+    return store_->compact(keep, dry);
+  }
+
+ private:
+  void interrupt() {
+    if (const auto meanwhile = std::exchange(meanwhile_, nullptr)) meanwhile();
+  }
+
+  std::unique_ptr<AtlasStore> store_;
+  std::function<void()> meanwhile_;
+  std::optional<NodePair> queued_;
+};
 
 class AtlasTest : public ::testing::Test {
  protected:
@@ -42,6 +98,10 @@ class AtlasTest : public ::testing::Test {
   Atlas& again() {
     atlas_.emplace(Atlas::open(location_));
     return *atlas_;
+  }
+  // A command that reads before `meanwhile` and commits after it.
+  Atlas interrupted_by(const std::function<void()>& meanwhile) const {
+    return Atlas(std::make_unique<InterruptedStore>(open_store(location_), meanwhile));
   }
   NodeId add(const std::string& name, std::uint64_t seed) {
     return again().add(synthetic_map({.seed = seed, .landmarks = 40, .frames = 6}), name).node;
@@ -186,6 +246,22 @@ TEST_F(AtlasTest, ExportsAFolderWithAFileForEachMap) {
   EXPECT_THROW(export_of("town.xyz"), Error);
 }
 
+TEST_F(AtlasTest, DoesNotExportOverItself) {
+  for (const std::string name : {"all/a.cairn", "all/graph.json"}) {
+    const std::filesystem::path path = folder_ / name;
+    std::filesystem::create_directories(path.parent_path());
+    Atlas::create(path.string());
+    Atlas exported = Atlas::open(path.string());
+    exported.add(synthetic_map({.seed = 1, .landmarks = 40, .frames = 6}), "a");
+    EXPECT_THAT(
+        testing::message_of(ErrorKind::kMisuse,
+                            [&] { export_atlas(exported, exported.state(), path.parent_path()); }),
+        HasSubstr(name));
+    EXPECT_EQ(Atlas::open(path.string()).state().nodes.size(), 1U);
+    std::filesystem::remove_all(path.parent_path());
+  }
+}
+
 TEST_F(AtlasTest, UndoesTheLastCommandAndThenTheOneBefore) {
   const NodeId a = add("a", 1);
   const NodeId b = add("b", 2);
@@ -219,6 +295,52 @@ TEST_F(AtlasTest, DoesNotUndoWhatLaterCommandsBuildOn) {
   EXPECT_EQ(atlas().state().nodes.begin()->first, b);
 }
 
+TEST_F(AtlasTest, DoesNotUndoHalfACommandThatCompactingCutInTwo) {
+  for (std::uint64_t i = 1; i <= 3; ++i) {
+    // One command.
+    atlas().add(synthetic_map({.seed = i, .landmarks = 40, .frames = 6}), std::to_string(i));
+  }
+  again().store().compact(2, false);
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(); }),
+              HasSubstr("what was before commit 3 is compacted"));
+  EXPECT_EQ(atlas().state().nodes.size(), 3U);
+}
+
+TEST_F(AtlasTest, TakesNoCommitOfAnotherProcessForTheFirstOfItsCommand) {
+  Atlas command = interrupted_by([&] { add("of another process", 1); });
+  EXPECT_EQ(command.link_by_odometry({}), 0U);  // no change
+  command.add(synthetic_map({.seed = 2, .landmarks = 40, .frames = 6}), "own");
+  EXPECT_EQ(command.store().log().back().run, CommitId{2});
+}
+
+TEST_F(AtlasTest, DoesNotUndoPosesThatALaterOptimisationKept) {
+  add_optimised_chain();
+  const CommitId optimised = atlas().store().last_commit();
+  const NodeId c{3};
+  const NodeId d = add("d", 4);
+  again().link_manually(c, d, step(), covariance());
+  again().update_poses();
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(optimised); }),
+              HasSubstr("no pose in it"));
+  EXPECT_EQ(atlas().state().poses.size(), 4U);
+}
+
+TEST_F(AtlasTest, RemovingTheFrameOfAComponentTakesItsAgreements) {
+  const auto [a, b, c] = add_optimised_chain();
+  again().remove(a);
+  EXPECT_EQ(atlas().state().links.size(), 1U);
+  EXPECT_TRUE(atlas().state().agrees.empty());
+}
+
+TEST_F(AtlasTest, UsesOnlyLinksBetweenMapsOfOneFrame) {
+  const auto [a, b, c] = add_optimised_chain();
+  AtlasState state = atlas().state();
+  const AtlasLink& link = state.links.rbegin()->second;
+  EXPECT_TRUE(is_used(state, link));
+  state.poses.erase(c);
+  EXPECT_FALSE(is_used(state, link));
+}
+
 TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
   const auto [a, b, c] = add_optimised_chain();
   const AtlasState before = atlas().state();
@@ -230,6 +352,54 @@ TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
   again().undo();
   EXPECT_TRUE(difference(before, atlas().state()).empty());
   EXPECT_EQ(add("a2", 4), NodeId{4});  // no id is given out twice
+}
+
+TEST_F(AtlasTest, DoesNotBringBackWhatIsCompactedMeanwhile) {
+  add("a", 1);
+  const NodeId b = add("b", 2);
+  again().remove(b);
+  Atlas undoing = interrupted_by([&] { again().store().compact(1, false); });
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { undoing.undo(); }),
+              HasSubstr("compacted"));
+  EXPECT_EQ(again().state().nodes.size(), 1U);
+  EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, AddsAMapWhileAnotherProcessCompacts) {
+  add("first", 1);
+  Atlas adding = interrupted_by([&] { again().store().compact(1, false); });
+  const NodeId node =
+      adding.add(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), "long").node;
+  EXPECT_THAT(adding.store().verify().problems, IsEmpty());
+  Atlas splitting = interrupted_by([&] { again().store().compact(1, false); });
+  EXPECT_EQ(splitting.split(node, 10).size(), 3U);
+  EXPECT_THAT(splitting.store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, DoesNotLinkAMapThatTookThePlaceOfTheOneThatWasAligned) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 10});
+  atlas().add(pair.target, "target");
+  const NodeId source = again().add(pair.source, "source").node;
+  Atlas linking = interrupted_by([&] {
+    again().remove(source);
+    again().store().compact(1, false);
+    add("another", 9);
+  });
+  EXPECT_EQ(linking.link().tried, 0U);
+  EXPECT_TRUE(again().state().links.empty());
+}
+
+TEST_F(AtlasTest, TellsTheMapsOfAResultThatAnotherProcessAddedMeanwhile) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 10});
+  atlas().add(pair.target, "target");
+  Atlas linking(std::make_unique<InterruptedStore>(
+      open_store(location_), [&] { again().add(pair.source, "source"); },
+      NodePair(NodeId{1}, NodeId{2})));
+  std::vector<std::string> told;
+  linking.link({.on_link = [&](const AtlasLink& link, const AtlasState& state) {
+    told.push_back(state.nodes.at(link.target).name + " " + state.nodes.at(link.source).name);
+  }});
+  EXPECT_THAT(told, ::testing::ElementsAre("target source"));
 }
 
 TEST_F(AtlasTest, DoesNotTryAgainWhatAPersonUnlinked) {
@@ -332,6 +502,8 @@ TEST_F(AtlasTest, SplitsAMapIntoLinkedParts) {
   again().undo();
   again().undo();  // both commits of the split
   EXPECT_EQ(atlas().state().nodes.begin()->second.name, "long");
+  EXPECT_EQ(again().undo(), CommitId{1});  // the command before
+  EXPECT_TRUE(atlas().state().nodes.empty());
 }
 
 TEST_F(AtlasTest, RefusesWhatIsNotThere) {

@@ -49,15 +49,30 @@ std::string file_name_of(const std::string& name, std::set<std::string>& taken) 
   return text + ".cairn";
 }
 
+// The files of the atlas itself; of an atlas in a database, none exists.
+void refuse_own_file(Atlas& atlas, const fs::path& target) {
+  for (const char* const ending : {"", "-wal", "-shm"}) {
+    std::error_code ignored;
+    if (!fs::equivalent(target, atlas.store().name() + ending, ignored)) continue;
+    throw Error(ErrorKind::kMisuse, target.string(), "is a file of the atlas that is exported",
+                "another file or folder");
+  }
+}
+
 void write_folder(Atlas& atlas, const AtlasState& state, const fs::path& folder) {
+  std::set<std::string> taken;
+  std::vector<std::pair<const AtlasNode*, fs::path>> maps;
+  for (const auto& [id, node] : state.nodes) {
+    maps.emplace_back(&node, folder / file_name_of(node.name, taken));
+  }
+  const fs::path graph = folder / "graph.json";
+  refuse_own_file(atlas, graph);
+  for (const auto& [node, path] : maps) refuse_own_file(atlas, path);
   std::error_code failure;
   fs::create_directories(folder, failure);
   if (failure) throw Error(ErrorKind::kStorage, folder.string(), failure.message(), "a folder");
-  std::set<std::string> taken;
-  for (const auto& [id, node] : state.nodes) {
-    write_map(atlas.map(node), folder / file_name_of(node.name, taken));
-  }
-  write_graph(state, folder / "graph.json");
+  for (const auto& [node, path] : maps) write_map(atlas.map(*node), path);
+  write_graph(state, graph);
 }
 
 void write_component(Atlas& atlas, const AtlasState& state, const AtlasComponent& component,
@@ -163,6 +178,7 @@ AtlasExport export_of(const fs::path& path) {
 void export_atlas(Atlas& atlas, const AtlasState& state, const fs::path& path,
                   const AtlasExportOptions& options) {
   const AtlasExport what = export_of(path);
+  refuse_own_file(atlas, path);
   if (what == AtlasExport::kFolder) return write_folder(atlas, state, path);
   if (what == AtlasExport::kGraph) return write_graph(state, path);
   if (what == AtlasExport::kG2o) return write_g2o_graph(state, path, options.log);

@@ -45,8 +45,8 @@ struct AtlasExportOptions {
 };
 
 /// Writes what export_of() says; a file whole or not at all.
-/// @throws Error (misuse) as export_of() and component_with(), (input) if a trajectory would be empty,
-///         (storage) if it cannot be written
+/// @throws Error (misuse) as export_of() and component_with(), or before anything is written if that would replace
+///         the atlas, (input) if a trajectory would be empty, (storage) if it cannot be written
 void export_atlas(Atlas& atlas, const AtlasState& state, const std::filesystem::path& path,
                   const AtlasExportOptions& options = {});
 

@@ -25,14 +25,16 @@ std::optional<Matrix7d> covariance_of(const AtlasLink& link) {
   return covariance;
 }
 
-// Squared, as a share of the source's radius.
+// Squared, as a share of the source's radius; not negative, which a covariance may be by rounding.
 double variance_of(const AtlasLink& link, const AtlasState& state) {
   const auto covariance = covariance_of(link);
   if (!covariance) return kUnknown;
   const double radius =
       state.nodes.at(link.source).extent.radius * link.target_from_source->scale();
   const Matrix7d& c = *covariance;
-  return (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
+  const double variance =
+      (c(0, 0) + c(1, 1) + c(2, 2)) / (radius * radius) + c(3, 3) + c(4, 4) + c(5, 5) + c(6, 6);
+  return std::isfinite(variance) ? std::max(variance, 0.0) : kUnknown;
 }
 
 }  // namespace

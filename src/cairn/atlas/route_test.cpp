@@ -56,6 +56,21 @@ TEST_F(RouteTest, IsThatOfTheLeastVariance) {
   EXPECT_EQ(nodes(1, 3), direct_);
 }
 
+// The tolerance of a covariance lets small negative numbers pass, which a small radius makes large.
+TEST_F(RouteTest, EndsWithCovariancesThatAreNotPositive) {
+  for (const auto& [shift, radius] : {std::pair(-5e-7, 1e-6), std::pair(-1.0, 1e-200)}) {
+    for (auto& [id, node] : state_.nodes) node.extent.radius = radius;
+    state_.links.clear();
+    for (const auto& [target, source] : {std::pair(1, 2), std::pair(2, 3)}) {
+      Matrix6d narrow = covariance(0.0, 0.9);
+      narrow.topLeftCorner<3, 3>() = shift * Eigen::Matrix3d::Identity();
+      link(static_cast<std::uint64_t>(target), static_cast<std::uint64_t>(source)).covariance =
+          narrow;
+    }
+    EXPECT_EQ(nodes(1, 3), by_two_);
+  }
+}
+
 TEST_F(RouteTest, EachPartOfTheVarianceCounts) {
   for (int part = 0; part < 7; ++part) {
     state_.links.clear();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -71,21 +72,26 @@ bool is_utf8(std::string_view text) {
 }
 
 std::string without_password(std::string_view url) {
-  std::string shown(url);
-  const std::size_t scheme = shown.find("://");
-  if (scheme == shown.npos) return shown;
+  const std::size_t scheme = url.find("://");
+  if (scheme == url.npos) return std::string(url);
   const std::size_t begin = scheme + 3;
-  const std::size_t end = std::min(shown.find_first_of("/?", begin), shown.size());
-  const std::size_t at = std::string_view(shown).substr(0, end).rfind('@');
-  if (at != shown.npos && at > begin) {
-    const std::size_t colon = shown.find(':', begin);
-    if (colon < at) shown.replace(colon + 1, at - colon - 1, "***");
+  std::vector<bool> hidden(url.size() + 1, false);
+  const auto hide = [&](std::size_t from, std::size_t to) {
+    for (std::size_t i = from; i < to; ++i) hidden[i] = true;
+  };
+  // Up to the last @: a password that is not escaped as it has to be may hold any character.
+  const std::size_t at = url.rfind('@');
+  const std::size_t colon = url.find(':', begin);
+  if (at != url.npos && colon < at) hide(colon + 1, at);
+  // "password" and "sslpassword".
+  constexpr std::string_view kKey = "password=";
+  for (std::size_t key = url.find(kKey, begin); key != url.npos; key = url.find(kKey, key + 1)) {
+    hide(key + kKey.size(), std::min(url.find('&', key), url.size()));
   }
-  for (const std::string_view key : {"?password=", "&password="}) {
-    const std::size_t found = shown.find(key);
-    if (found == shown.npos) continue;
-    const std::size_t value = found + key.size();
-    shown.replace(value, std::min(shown.find('&', value), shown.size()) - value, "***");
+  std::string shown;
+  for (std::size_t i = 0; i < url.size(); ++i) {
+    if (!hidden[i]) shown += url[i];
+    if (hidden[i] && !hidden[i + 1]) shown += "***";
   }
   return shown;
 }

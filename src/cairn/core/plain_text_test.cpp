@@ -64,7 +64,20 @@ TEST(WithoutPassword, HidesItWhereverAUrlHasIt) {
             "postgresql://ada:***@host:1/town?password=***&x=1");
   EXPECT_EQ(without_password("postgresql://ada:se@cret@host"), "postgresql://ada:***@host");
   EXPECT_EQ(without_password("postgresql://ada@host:5432/town"), "postgresql://ada@host:5432/town");
-  EXPECT_EQ(without_password("postgresql://host:5432/a@b"), "postgresql://host:5432/a@b");
+  EXPECT_EQ(without_password("postgresql://host:5432/town?user=ada"),
+            "postgresql://host:5432/town?user=ada");
+  EXPECT_EQ(without_password("postgresql://host?sslpassword=secret&password=secret"),
+            "postgresql://host?sslpassword=***&password=***");
+  // A password that is not escaped, or what may be one.
+  for (const std::string password : {"se/cret", "se?cret", "se@cret", "se#c:ret", "/"}) {
+    EXPECT_EQ(without_password("postgresql://ada:" + password + "@host/town"),
+              "postgresql://ada:***@host/town");
+    EXPECT_EQ(without_password("postgresql://host/?password=" + password),
+              "postgresql://host/?password=***");
+  }
+  EXPECT_EQ(without_password("postgresql://ada:secret@host/?password=se@cret&x=1"),
+            "postgresql://ada:***&x=1");
+  EXPECT_EQ(without_password("postgresql://host:5432/a@b"), "postgresql://host:***@b");
   EXPECT_EQ(without_password("a:b@c/town.atlas"), "a:b@c/town.atlas");
 }
 

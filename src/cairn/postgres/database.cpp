@@ -13,6 +13,18 @@
 #include "cairn/core/plain_text.hpp"
 
 namespace cairn::postgres {
+
+struct detail::Connection {
+  std::string name;
+  OpenOptions options;
+  std::unique_ptr<pqxx::connection> handle;
+  std::unique_ptr<pqxx::transaction_base> open;  ///< null outside of transactions
+  std::int64_t changes = 0;
+
+  template <class Run>
+  pqxx::result run(const Run& how);
+};
+
 namespace {
 
 // PostgreSQL's numbers of its types.
@@ -36,7 +48,8 @@ std::string first_line(std::string_view text) {
   return plain_text(line);
 }
 
-[[noreturn]] void fail(const std::string& name, const pqxx::sql_error& error) {
+[[noreturn]] void fail(const detail::Connection& connection, const pqxx::sql_error& error) {
+  const std::string& name = connection.name;
   const std::string code = error.sqlstate();
   const auto is = [&](std::string_view one) { return code == one; };
   if (is("22021")) throw Error(ErrorKind::kMisuse, name, "text that is not UTF-8", "UTF-8");
@@ -47,13 +60,17 @@ std::string first_line(std::string_view text) {
     throw Error(ErrorKind::kStorage, name, "cannot be written: " + first_line(error.what()),
                 "permission to write");
   }
-  if (is("57014")) throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
+  // The server also ends a statement for its own limit of time, or for its administrator.
+  if (is("57014") && connection.options.stop.stop_requested()) {
+    throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
+  }
   throw Error(ErrorKind::kStorage, name, first_line(error.what()), "");
 }
 
 // Calls libpqxx, whose errors become ours.
 template <class Action>
-auto guarded(const std::string& name, const Action& action) {
+auto guarded(const detail::Connection& connection, const Action& action) {
+  const std::string& name = connection.name;
   try {
     return action();
   } catch (const pqxx::in_doubt_error&) {
@@ -65,36 +82,45 @@ auto guarded(const std::string& name, const Action& action) {
     throw Error(ErrorKind::kStorage, name, "no connection: " + first_line(error.what()),
                 "a PostgreSQL server that can be reached");
   } catch (const pqxx::sql_error& error) {
-    fail(name, error);
+    fail(connection, error);
   } catch (const pqxx::failure& error) {
     throw Error(ErrorKind::kStorage, name, first_line(error.what()), "");
   }
 }
 
+// Where libpq takes the user and the password of a URL to end: at the @, or else at the host.
+std::size_t end_of_user(std::string_view url) {
+  const std::size_t begin = std::min(url.find("://") + 3, url.size());
+  const std::size_t end = url.find_first_of("@/", begin);
+  return end != url.npos && url[end] == '@' ? end : begin;
+}
+
+// Whether a message about a failed connection cannot quote a part of a password: neither because libpq could not read
+// the URL, nor because it took a part of a password that is not escaped for a host or a port.
+bool can_be_told(std::string_view message, std::string_view url) {
+  const std::size_t at = url.rfind('@');
+  if (at != url.npos && at > end_of_user(url)) return false;
+  return message.starts_with("connection to server") ||
+         message.starts_with("could not connect to server") ||
+         message.starts_with("could not translate host name") || message.starts_with("FATAL");
+}
+
 }  // namespace
 
-struct detail::Connection {
-  std::string name;
-  OpenOptions options;
-  std::unique_ptr<pqxx::connection> handle;
-  std::unique_ptr<pqxx::transaction_base> open;  ///< null outside of transactions
-  std::int64_t changes = 0;
-
-  template <class Run>
-  pqxx::result run(const Run& how) {
-    return guarded(name, [&] {
-      pqxx::result result;
-      if (open != nullptr) {
-        result = how(*open);
-      } else {
-        pqxx::nontransaction alone(*handle);
-        result = how(alone);
-      }
-      changes = static_cast<std::int64_t>(result.affected_rows());
-      return result;
-    });
-  }
-};
+template <class Run>
+pqxx::result detail::Connection::run(const Run& how) {
+  return guarded(*this, [&] {
+    pqxx::result result;
+    if (open != nullptr) {
+      result = how(*open);
+    } else {
+      pqxx::nontransaction alone(*handle);
+      result = how(alone);
+    }
+    changes = static_cast<std::int64_t>(result.affected_rows());
+    return result;
+  });
+}
 
 struct detail::Rows {
   pqxx::result result;
@@ -254,13 +280,21 @@ Database::Database(const std::string& url, std::string name, const OpenOptions& 
   connection_->name = std::move(name);
   connection_->options = options;
   // What the URL says itself comes later, and counts.
-  const std::size_t query = std::min(url.find('?'), url.size());
+  const std::size_t query = std::min(url.find('?', end_of_user(url)), url.size());
   const std::string own =
       query + 1 < url.size() ? fmt::format("&{}", url.substr(query + 1)) : std::string();
   const std::string full = fmt::format("{}?connect_timeout=10&fallback_application_name=cairn{}",
                                        url.substr(0, query), own);
-  guarded(connection_->name,
-          [&] { connection_->handle = std::make_unique<pqxx::connection>(full); });
+  try {
+    connection_->handle = std::make_unique<pqxx::connection>(full);
+  } catch (const pqxx::failure& error) {
+    const bool told = can_be_told(error.what(), url);
+    throw Error(ErrorKind::kStorage, connection_->name,
+                told ? "no connection: " + first_line(error.what()) : "no connection",
+                told ? "a PostgreSQL server that can be reached"
+                     : "a server at postgresql://USER:PASSWORD@HOST:PORT/DATABASE, with / ? @ % in "
+                       "these as %2F %3F %40 %25");
+  }
   // A server may be told to acknowledge what is not on its disk yet.
   execute("SET synchronous_commit TO on");
   execute("SET client_encoding TO 'UTF8'");
@@ -269,7 +303,7 @@ Database::Database(const std::string& url, std::string name, const OpenOptions& 
   execute("SET client_min_messages TO warning");
   if (options.read_only) execute("SET default_transaction_read_only TO on");
   if (!options.schema.empty()) {
-    execute(fmt::format("SET search_path TO {}", guarded(connection_->name, [&] {
+    execute(fmt::format("SET search_path TO {}", guarded(*connection_, [&] {
                           return connection_->handle->quote_name(options.schema);
                         })));
   }
@@ -307,6 +341,10 @@ std::int64_t Database::changes() const noexcept {
   return connection_->changes;
 }
 
+bool Database::in_transaction() const noexcept {
+  return connection_->open != nullptr;
+}
+
 Transaction::Transaction(Database& database, Kind kind) : connection_(database.connection_.get()) {
   detail::Connection& connection = *connection_;
   if (connection.open != nullptr) {
@@ -315,7 +353,7 @@ Transaction::Transaction(Database& database, Kind kind) : connection_(database.c
   }
   pqxx::connection& handle = *connection.handle;
   if (kind != Kind::kWrite) {
-    guarded(connection.name, [&] {
+    guarded(connection, [&] {
       if (kind == Kind::kRead) {
         connection.open = std::make_unique<
             pqxx::transaction<pqxx::repeatable_read, pqxx::readwrite_policy::read_only>>(handle);
@@ -327,7 +365,7 @@ Transaction::Transaction(Database& database, Kind kind) : connection_(database.c
   }
   const auto deadline = std::chrono::steady_clock::now() + connection.options.lock_timeout;
   for (;;) {
-    const bool locked = guarded(connection.name, [&] {
+    const bool locked = guarded(connection, [&] {
       connection.open = std::make_unique<pqxx::work>(handle);
       try {
         connection.open->exec(fmt::format("SET LOCAL lock_timeout TO {}", kWaitAtATime.count()));
@@ -359,7 +397,7 @@ Transaction::~Transaction() {
 }
 
 void Transaction::commit() {
-  guarded(connection_->name, [&] {
+  guarded(*connection_, [&] {
     // Whatever comes of it, it is over.
     const std::unique_ptr<pqxx::transaction_base> open = std::move(connection_->open);
     open->commit();

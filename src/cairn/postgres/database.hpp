@@ -132,6 +132,7 @@ class Database {
 
   /// Rows that the last statement changed.
   std::int64_t changes() const noexcept;
+  bool in_transaction() const noexcept;
 
  private:
   friend class Transaction;

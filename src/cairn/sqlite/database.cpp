@@ -182,12 +182,11 @@ Database::Database(const fs::path& path, const OpenOptions& options)
       sqlite3_limit(handle, SQLITE_LIMIT_FUNCTION_ARG, 16);
       sqlite3_limit(handle, SQLITE_LIMIT_LIKE_PATTERN_LENGTH, 1'000);
       sqlite3_limit(handle, SQLITE_LIMIT_TRIGGER_DEPTH, 1);
-      // A value of a read-only file cannot be longer than the file and its journal.
-      if (options.access == Access::kRead) {
-        fs::path journal = path;
-        journal += "-wal";
-        longest = std::min(longest, size_of(path) + size_of(journal) + 100'000);
-      }
+      // A value of the file cannot be longer than the file and its journal.
+      const std::uint64_t added = options.access == Access::kRead ? 0 : options.longest_written;
+      fs::path journal = path;
+      journal += "-wal";
+      longest = std::min(longest, size_of(path) + size_of(journal) + added + 100'000);
     }
     sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(longest));
     sqlite3_progress_handler(handle, kStepsBetweenLooks, wants_to_stop, connection_.get());

@@ -28,8 +28,11 @@ struct OpenOptions {
   /// journal. For kRead only.
   bool immutable = false;
   /// The file comes from others: no views or triggers, no functions in its schema with side effects,
-  /// structure checked while reading. Never for a file whose own triggers must run.
+  /// structure checked while reading, no value longer than the file can hold. Never for a file whose own
+  /// triggers must run.
   bool untrusted = true;
+  /// Longest value that this process or another writes while an untrusted file is open, bytes.
+  std::uint64_t longest_written = 1'000'000'000;
   /// Longest wait for another process's lock.
   std::chrono::milliseconds busy_timeout{10'000};
   /// Statements end with an Error (cancelled) soon after stop was requested.

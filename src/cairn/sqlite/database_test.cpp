@@ -21,10 +21,10 @@
 namespace cairn::sqlite {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using testing::message_of;
 
-class SqliteTest : public testing::Test {
+class SqliteTest : public ::testing::Test {
  protected:
   std::filesystem::path path(const std::string& name = "a.db") const { return folder_ / name; }
 
@@ -162,7 +162,7 @@ TEST_F(SqliteTest, ListsTablesAndColumns) {
   database.execute("CREATE TABLE images (image_id INTEGER PRIMARY KEY, \"name\" TEXT, camera_id)");
   EXPECT_TRUE(database.has_table("Images"));
   EXPECT_FALSE(database.has_table("cameras"));
-  EXPECT_THAT(database.columns("images"), testing::ElementsAre("image_id", "name", "camera_id"));
+  EXPECT_THAT(database.columns("images"), ::testing::ElementsAre("image_id", "name", "camera_id"));
 }
 
 TEST_F(SqliteTest, TakesOneStatementAtATime) {
@@ -288,6 +288,21 @@ TEST_F(SqliteTest, CallsAFileDamagedInWhichARowClaimsGigabytes) {
   std::ofstream(path(), std::ios::binary) << bytes;
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { Database(path(), {}).has_table("t"); }),
               HasSubstr("damaged"));
+}
+
+TEST_F(SqliteTest, MakesNoValueThatIsLongerThanAnUntrustedFileCanHold) {
+  fresh().execute("CREATE TABLE t (b)");
+  const auto make = [&](const OpenOptions& options) {
+    Database database(path(), options);
+    Statement row = database.prepare("SELECT zeroblob(1000000)");
+    row.step();
+    return row.blob(0).size();
+  };
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { make({}); }), HasSubstr("too big"));
+  EXPECT_THAT(message_of(ErrorKind::kInput,
+                         [&] { make({.access = Access::kWrite, .longest_written = 1000}); }),
+              HasSubstr("too big"));
+  EXPECT_EQ(make({.access = Access::kWrite, .longest_written = 1'000'000}), 1'000'000U);
 }
 
 TEST_F(SqliteTest, RefusesAFileCutShort) {

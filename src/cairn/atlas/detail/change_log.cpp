@@ -6,10 +6,12 @@
 #include <fmt/format.h>
 
 #include "cairn/atlas/detail/row_bytes.hpp"
-#include "cairn/core/error.hpp"
 
 namespace cairn {
 namespace {
+
+constexpr const char* kSound =
+    "a sound atlas; 'cairn atlas salvage' takes what is sound into a new one";
 
 std::map<std::uint64_t, std::uint64_t>* values_of(RowValues& values, std::int64_t kind) {
   switch (kind) {
@@ -62,9 +64,10 @@ void apply(const AtlasChanges& changes, AtlasState& state) {
   for (const auto& [id, agrees] : changes.agrees) state.agrees[id] = agrees;
 }
 
-void check_state(const AtlasState& state, const std::string& name) {
+void check_state(const AtlasState& state, const std::string& name, ErrorKind kind) {
   const auto refuse = [&](const std::string& what, const std::string& expected) {
-    throw Error(ErrorKind::kMisuse, name, what, expected);
+    if (kind == ErrorKind::kInput) throw Error(kind, name, "damaged: " + what, kSound);
+    throw Error(kind, name, what, expected);
   };
   std::set<std::string> names;
   for (const auto& [id, node] : state.nodes) {
@@ -87,14 +90,42 @@ void check_state(const AtlasState& state, const std::string& name) {
                        id.value),
            "both maps");
   }
+  for (const auto& [id, pose] : state.poses) {
+    const auto of_frame = state.poses.find(pose.frame);
+    if (of_frame != state.poses.end() && of_frame->second.frame == pose.frame) continue;
+    refuse(fmt::format("the pose of map {} is in the frame of map {}, which has no pose in it",
+                       id.value, pose.frame.value),
+           "a pose of that map in its own frame");
+  }
   for (const auto& [id, agrees] : state.agrees) {
     if (!state.links.contains(id)) refuse("agreement of a link that is not there", "the link");
   }
 }
 
+bool has_poses_of(const AtlasState& state, AtlasLinkId link, bool agrees) {
+  const auto found = state.links.find(link);
+  if (found == state.links.end()) return false;
+  const auto target = state.poses.find(found->second.target);
+  const auto source = state.poses.find(found->second.source);
+  return target != state.poses.end() && source != state.poses.end() &&
+         (!agrees || target->second.frame == source->second.frame);
+}
+
+void check_agreements(const AtlasState& before, const AtlasState& after, const std::string& name) {
+  for (const auto& [id, agrees] : after.agrees) {
+    if (has_poses_of(after, id, agrees)) continue;
+    // Atlases of earlier versions hold such agreements.
+    const auto old = before.agrees.find(id);
+    if (old != before.agrees.end() && !has_poses_of(before, id, old->second)) continue;
+    throw Error(
+        ErrorKind::kMisuse, name,
+        fmt::format("link {} would be left without the poses that it was compared with", id.value),
+        "poses of both its maps; to undo the later commands first");
+  }
+}
+
 void fail_as_damaged(const std::string& name, std::string_view what) {
-  throw Error(ErrorKind::kInput, name, fmt::format("{} is damaged", what),
-              "a sound atlas; 'cairn atlas salvage' takes what is sound into a new one");
+  throw Error(ErrorKind::kInput, name, fmt::format("{} is damaged", what), kSound);
 }
 
 }  // namespace cairn

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "cairn/atlas/store/records.hpp"
+#include "cairn/core/error.hpp"
 
 namespace cairn {
 
@@ -35,9 +36,18 @@ std::string commit_digest(const AtlasCommit& commit, std::span<const RowChange> 
 
 void apply(const AtlasChanges& changes, AtlasState& state);
 
-/// Checks that the changes lead to a valid atlas.
-/// @throws Error (misuse) naming the defect
-void check_state(const AtlasState& state, const std::string& name);
+/// Checks that all that the state refers to is in it.
+/// @param kind of the error: input for a state that was read, misuse for one that changes lead to
+/// @throws Error naming the defect
+void check_state(const AtlasState& state, const std::string& name, ErrorKind kind);
+
+/// Whether the poses that a link agrees with, or contradicts, are in the state. A link that agrees has both its maps
+/// in one frame.
+bool has_poses_of(const AtlasState& state, AtlasLinkId link, bool agrees);
+
+/// Checks that changes do not take away the poses that a link agrees with.
+/// @throws Error (misuse) naming the link
+void check_agreements(const AtlasState& before, const AtlasState& after, const std::string& name);
 
 /// @throws Error (input), always
 [[noreturn]] void fail_as_damaged(const std::string& name, std::string_view what);

@@ -164,12 +164,17 @@ class SqlStore : public AtlasStore {
   const AtlasStoreOptions& options() const { return options_; }
 
   CommitId last_commit() override {
-    return CommitId{
-        static_cast<std::uint64_t>(database_.integer("SELECT coalesce(max(id), 0) FROM commits"))};
+    const Within same(database_, Transaction::Kind::kRead);
+    const std::int64_t last = database_.integer("SELECT coalesce(max(id), 0) FROM commits");
+    // A damaged page can hide the last commits, whose digests then tell nothing.
+    if (database_.integer("SELECT coalesce(max(commit_id), 0) FROM changes") > last) {
+      fail_as_damaged(name(), fmt::format("the log: a commit after {} is missing; it", last));
+    }
+    return CommitId{static_cast<std::uint64_t>(last)};
   }
 
   AtlasState state(std::optional<CommitId> at) override {
-    const Transaction same(database_, Transaction::Kind::kRead);
+    const Within same(database_, Transaction::Kind::kRead);
     const CommitId last = last_commit();
     if (at && *at > last) {
       throw Error(ErrorKind::kMisuse, name(), fmt::format("commit {}", at->value),
@@ -187,10 +192,12 @@ class SqlStore : public AtlasStore {
   }
 
   std::vector<AtlasCommit> log() override {
+    const Within same(database_, Transaction::Kind::kRead);
     std::vector<AtlasCommit> commits;
-    Statement rows =
-        database_.prepare(fmt::format("SELECT {} FROM commits ORDER BY id", kCommitColumns));
-    while (rows.step()) commits.push_back(commit_of(rows));
+    for_each_commit(last_commit(), [&](const AtlasCommit& commit, std::span<const RowChange>) {
+      commits.push_back(commit);
+      return true;
+    });
     return commits;
   }
 
@@ -219,7 +226,7 @@ class SqlStore : public AtlasStore {
     hasher.update(bytes);
     std::string hash = to_string(hasher.digest());
     const std::string key = *bytes_of_hexadecimal(hash);
-    Transaction transaction(database_);
+    Within transaction(database_, Transaction::Kind::kWrite);
     Statement known = database_.prepare("SELECT id FROM maps WHERE hash = ?1");
     if (known.bind_all(as_blob(key)).step()) return hash;
     Statement added =
@@ -236,10 +243,18 @@ class SqlStore : public AtlasStore {
   }
 
   std::string map_bytes(const std::string& hash) override {
+    const Within same(database_, Transaction::Kind::kRead);
     const std::string what = fmt::format("the stored map {}", hash);
     const auto key = bytes_of_hexadecimal(hash);
+    if (!key) fail_as_damaged(name(), what);
     Statement row = database_.prepare("SELECT id, bytes FROM maps WHERE hash = ?1");
-    if (!key || !row.bind_all(as_blob(*key)).step()) fail_as_damaged(name(), what);
+    if (!row.bind_all(as_blob(*key)).step()) {
+      Statement node = database_.prepare("SELECT 1 FROM nodes WHERE map = ?1");
+      if (node.bind_all(as_blob(*key)).step()) fail_as_damaged(name(), what);
+      throw Error(ErrorKind::kStorage, name(),
+                  fmt::format("{} was removed and compacted by another process", what),
+                  "to be tried again");
+    }
     const std::int64_t map = row.integer(0);
     const std::uint64_t size = row.unsigned_integer(1);
     Statement chunks =
@@ -273,16 +288,18 @@ class SqlStore : public AtlasStore {
     commit.host = options_.host;
     commit.verb = info.verb;
     commit.text = changes.text;
-    commit.undoes = info.undoes;
+    commit.undoes = changes.undoes;
     commit.run = info.run.value == 0 ? commit.id : info.run;
     const std::vector<RowChange> rows = write_objects(changes, committed);
     AtlasState next = *newest_;
     apply(changes, next);
     next.commit = commit.id;
-    check_state(next, name());
+    check_state(next, name(), ErrorKind::kMisuse);
+    check_agreements(*newest_, next, name());
     write_commit(commit, rows);
     transaction.commit();
     committed.commit = commit.id;
+    committed.is_new = true;
     newest_ = std::move(next);
     return committed;
   }
@@ -312,7 +329,7 @@ class SqlStore : public AtlasStore {
       result.map_bytes = static_cast<std::uint64_t>(
           database_.integer("SELECT CAST(coalesce(sum(bytes), 0) AS BIGINT) FROM maps"));
     });
-    attempt([&] { check_state(read_state(last_commit()), name()); });
+    attempt([&] { read_state(last_commit()); });
     const auto check_rows = [&](const char* table, const char* columns, const auto& read) {
       std::vector<std::uint64_t> ids;
       attempt([&] {
@@ -364,6 +381,11 @@ class SqlStore : public AtlasStore {
     if (result.commits > 0) {
       const RowValues values = read_values(base);
       std::vector<RowChange> changes;
+      // As removals, so that next_id() stays above the ids of what is dropped.
+      for (const auto& [table, kind] : {std::pair("nodes", kNode), std::pair("links", kLink)}) {
+        const std::uint64_t highest = next_id(table, kind) - 1;
+        if (highest > 0) changes.push_back({kind, highest, std::nullopt});
+      }
       for (const auto& [object, value] : values.nodes) changes.push_back({kNode, object, value});
       for (const auto& [object, value] : values.links) changes.push_back({kLink, object, value});
       for (const auto& [object, value] : values.poses) changes.push_back({kPose, object, value});
@@ -403,9 +425,24 @@ class SqlStore : public AtlasStore {
   }
 
  private:
-  // Values after all commits up to this one, in order; checks each commit's digest.
-  RowValues read_values(CommitId at) {
-    RowValues values;
+  // The transaction of the commit() that calls this, or its own.
+  class Within {
+   public:
+    Within(Database& database, typename Transaction::Kind kind) {
+      if (!database.in_transaction()) own_.emplace(database, kind);
+    }
+    void commit() {
+      if (own_) own_->commit();
+    }
+
+   private:
+    std::optional<Transaction> own_;
+  };
+
+  // Passes all commits up to this one to `take`, in order, after checking their digests; a commit for which that
+  // returns false is damaged.
+  template <class Take>
+  void for_each_commit(CommitId at, const Take& take) {
     Statement commits = database_.prepare(
         fmt::format("SELECT {} FROM commits WHERE id <= ?1 ORDER BY id", kCommitColumns));
     commits.bind_all(at.value);
@@ -426,10 +463,19 @@ class SqlStore : public AtlasStore {
       for (; more && rows.unsigned_integer(3) <= commit.id.value; more = rows.step()) {
         changes.push_back(change_of(rows));
       }
-      bool sound = as_text(commits.blob(8)) == commit_digest(commit, changes);
-      for (const RowChange& change : changes) sound = values.apply(change) && sound;
-      if (!sound) fail_as_damaged(name(), fmt::format("commit {}", commit.id.value));
+      const bool sound = as_text(commits.blob(8)) == commit_digest(commit, changes);
+      if (!sound || !take(commit, changes)) {
+        fail_as_damaged(name(), fmt::format("commit {}", commit.id.value));
+      }
     }
+  }
+
+  RowValues read_values(CommitId at) {
+    RowValues values;
+    for_each_commit(at, [&](const AtlasCommit&, std::span<const RowChange> changes) {
+      return std::all_of(changes.begin(), changes.end(),
+                         [&](const RowChange& change) { return values.apply(change); });
+    });
     return values;
   }
 
@@ -450,6 +496,8 @@ class SqlStore : public AtlasStore {
       state.poses[pose.node] = pose;
     });
     for (const auto& [link, agrees] : values.agrees) state.agrees[AtlasLinkId{link}] = agrees != 0;
+    // Digests show that bytes were changed, not that a file from others makes sense.
+    check_state(state, name(), ErrorKind::kInput);
     return state;
   }
 
@@ -475,7 +523,7 @@ class SqlStore : public AtlasStore {
   }
 
   std::uint64_t next_id(const char* table, std::int64_t kind) {
-    // Ids of dropped objects are not reused, because the log may name them.
+    // Ids of dropped objects are not reused: the log or another process may name them.
     const std::int64_t of_rows =
         database_.integer(fmt::format("SELECT coalesce(max(id), 0) FROM {}", table));
     const std::int64_t of_changes =
@@ -501,6 +549,8 @@ class SqlStore : public AtlasStore {
         node.id = NodeId{next++};
         committed.nodes.push_back(node.id);
         insert(node);
+      } else {
+        require_row("nodes", node.id.value);
       }
       rows.push_back({kNode, node.id.value, node.id.value});
     }
@@ -510,6 +560,8 @@ class SqlStore : public AtlasStore {
         link.id = AtlasLinkId{next++};
         committed.links.push_back(link.id);
         insert(link);
+      } else {
+        require_row("links", link.id.value);
       }
       rows.push_back({kLink, link.id.value, link.id.value});
     }
@@ -522,6 +574,15 @@ class SqlStore : public AtlasStore {
       rows.push_back({kAgrees, id.value, agrees ? 1U : 0U});
     }
     return rows;
+  }
+
+  // A row that is restored may have been dropped by compact().
+  void require_row(const char* table, std::uint64_t id) {
+    Statement row = database_.prepare(fmt::format("SELECT 1 FROM {} WHERE id = ?1", table));
+    if (row.bind_all(id).step()) return;
+    throw Error(ErrorKind::kMisuse, name(),
+                fmt::format("row {} of its {} to be restored is not stored", id, table),
+                "one that no compaction dropped");
   }
 
   void insert(const AtlasNode& node) {

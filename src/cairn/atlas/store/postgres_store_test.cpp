@@ -20,6 +20,7 @@ namespace cairn {
 namespace {
 
 using testing::add;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using testing::message_of;
@@ -51,6 +52,27 @@ TEST_F(PostgresStoreTest, SaysThatAnotherProcessWrites) {
     EXPECT_TRUE(open({.read_only = true, .wait = std::chrono::milliseconds(10)})->log().empty());
   }
   EXPECT_EQ(add(*store, "one", 1).commit, CommitId{1});
+}
+
+// As a server may have it for every connection.
+TEST_F(PostgresStoreTest, ALimitOfTimeOfTheServerIsNoRequestToStop) {
+  postgres::Database database(server_->url(), "server");
+  database.execute("SET statement_timeout TO 1");
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { database.execute("SELECT pg_sleep(10)"); }),
+              HasSubstr("statement timeout"));
+}
+
+TEST(PostgresUrl, TellsNoPartOfAPassword) {
+  for (const std::string password :
+       {"top/secret", "0/secret", "top?secret", "top@secret", "top%zzsecret", "top secret"}) {
+    const std::string url = "postgresql://ada:" + password + "@127.0.0.1:1/town";
+    EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { open_postgres_store(url, {}); }),
+                AllOf(HasSubstr("no connection"), Not(HasSubstr("top")), Not(HasSubstr("port 0")),
+                      Not(HasSubstr("secret"))));
+  }
+  EXPECT_THAT(message_of(ErrorKind::kStorage,
+                         [] { open_postgres_store("postgresql://ada:se?cret@127.0.0.1:1/town"); }),
+              HasSubstr("port 1 failed"));
 }
 
 TEST_F(PostgresStoreTest, WaitingEndsWhenAsked) {

@@ -81,7 +81,8 @@ struct AtlasState {
 /// Changes of a commit. Nodes and links with id 0 are new; with another id, removed ones are restored.
 /// Removing a node does not remove its links and poses.
 struct AtlasChanges {
-  std::string text;  ///< description for people
+  std::string text;                ///< description for people
+  std::optional<CommitId> undoes;  ///< last commit of the command that they undo
   std::vector<AtlasNode> nodes;
   std::vector<AtlasLink> links;
   std::vector<AtlasPose> poses;  ///< each replaces the node's pose

@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <set>
 #include <string_view>
 #include <system_error>
@@ -104,6 +105,27 @@ void configure(sqlite::Database& database) {
   database.execute("PRAGMA foreign_keys = ON");
 }
 
+// A copy that another program made may keep a rollback journal instead.
+void keep_write_ahead_log(sqlite::Database& database, const fs::path& path) {
+  if (database.text("PRAGMA journal_mode = WAL") == "wal") return;
+  throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
+}
+
+// An atlas has a write-ahead log and no rollback journal. SQLite would apply one, and delete any file that it names.
+void refuse_journal(const fs::path& path) {
+  std::error_code failure;
+  // SQLite puts its files beside the file that a symbolic link leads to.
+  fs::path journal = fs::canonical(path, failure);
+  if (failure) return;  // opening it will throw with the reason
+  journal += "-journal";
+  const fs::file_status status = fs::status(journal, failure);
+  if (!fs::exists(status)) return;
+  if (fs::is_regular_file(status) && fs::file_size(journal, failure) == 0) return;
+  throw Error(ErrorKind::kInput, journal.string(),
+              "a rollback journal beside an atlas: applying it could delete other files",
+              "an atlas without one, as cairn never writes one");
+}
+
 void migrate(sqlite::Database& database, std::int64_t from) {
   for (std::int64_t schema = from; schema < kAtlasSchema; ++schema) {
     database.execute(kMigrations[static_cast<std::size_t>(schema)]);
@@ -189,6 +211,18 @@ void refuse_existing(const fs::path& path) {
   throw Error(ErrorKind::kStorage, path.string(), "exists already", "a name that is free");
 }
 
+// SQLite would apply what an atlas that was moved or deleted has left beside its name.
+void refuse_left_behind(const fs::path& path) {
+  for (const char* const ending : {"-wal", "-shm", "-journal"}) {
+    fs::path beside = path;
+    beside += ending;
+    std::error_code ignored;
+    if (!fs::exists(fs::symlink_status(beside, ignored))) continue;
+    throw Error(ErrorKind::kStorage, beside.string(), "is left of another atlas of that name",
+                "a name that is free, or that file removed");
+  }
+}
+
 }  // namespace
 
 const char* network_file_system(long type) {
@@ -226,6 +260,7 @@ const char* network_file_system(long type) {
 void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options) {
   std::error_code failure;
   if (fs::exists(fs::symlink_status(path, failure))) refuse_existing(path);
+  refuse_left_behind(path);
   require_local(path, options);
   const Unfinished unfinished(path);
   const fs::path& temporary = unfinished.path();
@@ -242,9 +277,7 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
       migrate(database, 0);
       transaction.commit();
       // Only now: what a journal of that kind holds reaches the file when it is closed, which reports no failure.
-      if (database.text("PRAGMA journal_mode = WAL") != "wal") {
-        throw Error(ErrorKind::kStorage, path.string(), "a write-ahead log cannot be kept", "");
-      }
+      keep_write_ahead_log(database, path);
     }
     // Unlike rename(), link() never replaces a file that another process has made meanwhile.
     fs::create_hard_link(temporary, path, failure);
@@ -271,8 +304,10 @@ sqlite::Database open_database(const fs::path& path, const AtlasStoreOptions& op
                 "an atlas; 'cairn atlas init' makes one");
   }
   require_local(path, options);
+  refuse_journal(path);
   sqlite::OpenOptions how{
       .access = options.read_only ? sqlite::Access::kRead : sqlite::Access::kWrite,
+      .longest_written = 2 * detail::kChunkBytes,
       .busy_timeout = options.wait,
       .stop = options.stop};
   const auto open = [&] {
@@ -315,6 +350,52 @@ void require_schema(sqlite::Database& database, const fs::path& path, bool read_
   transaction.commit();
 }
 
+// Statements of the tables by their names, as SQLite keeps them: without the semicolon.
+std::map<std::string, std::string> own_tables() {
+  std::map<std::string, std::string> tables;
+  constexpr std::string_view kStart = "CREATE TABLE ";
+  for (const std::string_view migration : kMigrations) {
+    for (std::size_t at = migration.find(kStart); at != migration.npos;) {
+      const std::string_view statement = migration.substr(at, migration.find(';', at) - at);
+      const std::size_t name = kStart.size();
+      tables.emplace(statement.substr(name, statement.find(' ', name) - name), statement);
+      at = migration.find(kStart, at + statement.size());
+    }
+  }
+  return tables;
+}
+
+// Generated columns, checks, indexes and virtual tables of a file from others could take any time and memory.
+void require_own_tables(sqlite::Database& database, const fs::path& path) {
+  std::map<std::string, std::string> missing = own_tables();
+  // The indexes of keys have no statement of their own.
+  sqlite::Statement rows =
+      database.prepare("SELECT name, sql FROM sqlite_schema WHERE sql IS NOT NULL");
+  while (rows.step()) {
+    const std::string name(rows.text(0));
+    const auto own = missing.find(name);
+    if (own == missing.end() || own->second != rows.text(1)) {
+      throw Error(ErrorKind::kInput, path.string(),
+                  fmt::format("{} in its schema is not what cairn makes", printable(name)),
+                  "an atlas as cairn made it");
+    }
+    missing.erase(own);
+  }
+  if (missing.empty()) return;
+  fail_as_damaged(path.string(), fmt::format("the table {}", missing.begin()->first));
+}
+
+sqlite::Database open_atlas(const fs::path& path, const AtlasStoreOptions& options) {
+  sqlite::Database database = open_database(path, options);
+  require_schema(database, path, options.read_only);
+  require_own_tables(database, path);
+  if (options.read_only) return database;
+  configure(database);
+  keep_write_ahead_log(database, path);
+  remove_second_name(path);
+  return database;
+}
+
 }  // namespace
 
 bool is_sqlite_store(const std::filesystem::path& path) {
@@ -334,18 +415,7 @@ bool is_sqlite_store(const std::filesystem::path& path) {
 
 std::unique_ptr<AtlasStore> open_sqlite_store(const fs::path& path,
                                               const AtlasStoreOptions& options) {
-  sqlite::Database database = open_database(path, options);
-  if (!options.read_only) {
-    configure(database);
-    remove_second_name(path);
-  }
-  require_schema(database, path, options.read_only);
-  for (const char* const table :
-       {"commits", "changes", "maps", "map_chunks", "nodes", "links", "poses"}) {
-    if (!database.has_table(table))
-      fail_as_damaged(path.string(), fmt::format("the table {}", table));
-  }
-  return std::make_unique<SqliteStore>(std::move(database), options);
+  return std::make_unique<SqliteStore>(open_atlas(path, options), options);
 }
 
 AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
@@ -353,8 +423,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
   AtlasSalvage result;
   AtlasStoreOptions reading = options;
   reading.read_only = true;
-  sqlite::Database database = open_database(from, reading);
-  require_schema(database, from, true);
+  sqlite::Database database = open_atlas(from, reading);
   const std::string name = from.string();
 
   const auto lose = [&](const std::string& what) {
@@ -415,7 +484,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
 
   create_sqlite_store(to, options);
   const std::unique_ptr<AtlasStore> store = open_sqlite_store(to, options);
-  SqliteStore source(open_database(from, reading), reading);
+  SqliteStore source(open_atlas(from, reading), reading);
   std::map<NodeId, NodeId> new_of_old;
   std::set<std::string> names;
   AtlasChanges changes;
@@ -460,19 +529,29 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
     pose.frame = new_of_old[pose.frame];
     rest.poses.push_back(pose);
   });
+  std::set<NodeId> frames;
+  for (const AtlasPose& pose : rest.poses) {
+    if (pose.node == pose.frame) frames.insert(pose.frame);
+  }
+  std::erase_if(rest.poses, [&](const AtlasPose& pose) { return !frames.contains(pose.frame); });
   result.links = rest.links.size();
   result.poses = rest.poses.size();
   rest.text = fmt::format("salvaged {} links and {} poses", result.links, result.poses);
   info.run = added.commit;
   const AtlasCommitted linked = store->commit(info, [&](const AtlasState&) { return rest; });
-  AtlasChanges agreements;
-  for (std::size_t i = 0; i < old_links.size(); ++i) {
-    const auto found = values.agrees.find(old_links[i].value);
-    if (found != values.agrees.end())
-      agreements.agrees.emplace_back(linked.links[i], found->second != 0);
-  }
-  agreements.text = fmt::format("salvaged {} agreements", agreements.agrees.size());
-  store->commit(info, [&](const AtlasState&) { return agreements; });
+  store->commit(info, [&](const AtlasState& now) {
+    AtlasChanges agreements;
+    for (std::size_t i = 0; i < old_links.size(); ++i) {
+      const auto found = values.agrees.find(old_links[i].value);
+      if (found == values.agrees.end()) continue;
+      const bool agrees = found->second != 0;
+      if (has_poses_of(now, linked.links[i], agrees)) {
+        agreements.agrees.emplace_back(linked.links[i], agrees);
+      }
+    }
+    agreements.text = fmt::format("salvaged {} agreements", agreements.agrees.size());
+    return agreements;
+  });
   return result;
 }
 

@@ -10,15 +10,15 @@
 namespace cairn {
 
 /// Creates an empty atlas, atomically.
-/// @throws Error (storage) if `path` exists or is on a network file system
+/// @throws Error (storage) if `path` or one of SQLite's files beside it exists, or it is on a network file system
 void create_sqlite_store(const std::filesystem::path& path, const AtlasStoreOptions& options = {});
 
 /// Whether a file is an atlas, by its first bytes. False if it cannot be read.
 bool is_sqlite_store(const std::filesystem::path& path);
 
 /// Opens an atlas and upgrades an older schema, in one transaction.
-/// @throws Error (input) naming the path if there is no atlas, or one of a newer schema; (storage) if it
-///        cannot be opened
+/// @throws Error (input) naming the path if there is no atlas, one of a newer schema, or a rollback journal
+///        beside it; (storage) if it cannot be opened
 std::unique_ptr<AtlasStore> open_sqlite_store(const std::filesystem::path& path,
                                               const AtlasStoreOptions& options = {});
 

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <set>
 #include <string>
 
@@ -62,6 +63,21 @@ TEST_F(SqliteStoreTest, TakesOverWhatAKilledProcessLeftUnfinished) {
     names.insert(entry.path().filename());
   }
   EXPECT_THAT(names, ElementsAre("new.atlas", "town.atlas"));
+}
+
+// SQLite would read an old atlas out of it.
+TEST_F(SqliteStoreTest, IsNotMadeBesideWhatAnotherLeft) {
+  for (const std::string ending : {"-wal", "-shm", "-journal"}) {
+    folder_.write("new.atlas" + ending, "left");
+    for (const auto& make :
+         {std::function<void()>([&] { create_sqlite_store(folder_ / "new.atlas"); }),
+          std::function<void()>([&] { salvage_sqlite_store(path(), folder_ / "new.atlas"); })}) {
+      EXPECT_THAT(message_of(ErrorKind::kStorage, make), HasSubstr("new.atlas" + ending));
+    }
+    EXPECT_FALSE(fs::exists(folder_ / "new.atlas"));
+    fs::remove(folder_ / ("new.atlas" + ending));
+  }
+  create_sqlite_store(folder_ / "new.atlas");
 }
 
 // A process that is killed between the two leaves an atlas with a second name, which is no rest to write over.
@@ -134,6 +150,73 @@ TEST_F(SqliteStoreTest, RefusesWhatIsNoAtlasOrANewerOne) {
   tamper("PRAGMA user_version = 7");
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open(); }), HasSubstr("newer version"));
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 3);
+}
+
+// A rollback journal can name any file as its super-journal, which SQLite then deletes.
+TEST_F(SqliteStoreTest, NeverAppliesARollbackJournal) {
+  add(*open(), "one", 1);
+  folder_.write("mine.txt", "years of work");
+  const std::string victim = (folder_ / "mine.txt").string();
+  const auto number = [](std::uint32_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift);
+    return bytes;
+  };
+  const std::string magic("\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 8);
+  std::string journal = magic + number(0) + number(0) + number(2) + number(512) + number(4096);
+  journal.resize(512, '\0');
+  std::uint32_t checksum = 0;
+  for (const char c : victim) checksum += static_cast<unsigned char>(c);
+  journal += number(0x40000000 / 4096 + 1) + victim +
+             number(static_cast<std::uint32_t>(victim.size())) + number(checksum) + magic;
+  folder_.write("town.atlas-journal", journal);
+  fs::create_symlink(path(), folder_ / "link.atlas");
+  for (const char* const name : {"town.atlas", "link.atlas"}) {
+    for (const bool read_only : {true, false}) {
+      EXPECT_THAT(message_of(ErrorKind::kInput,
+                             [&] { open_sqlite_store(folder_ / name, {.read_only = read_only}); }),
+                  HasSubstr("town.atlas-journal"));
+    }
+  }
+  EXPECT_THAT(
+      message_of(ErrorKind::kInput, [&] { salvage_sqlite_store(path(), folder_ / "saved.atlas"); }),
+      HasSubstr("town.atlas-journal"));
+  EXPECT_TRUE(fs::exists(victim));
+  folder_.write("town.atlas-journal", "");
+  EXPECT_EQ(open()->state().nodes.size(), 1U);
+}
+
+// A generated column, for example, can be of any length in a small file.
+TEST_F(SqliteStoreTest, RefusesTablesThatAreNotItsOwn) {
+  const std::string sound = testing::read_text(path());
+  for (const auto& [sql, reason] :
+       {std::pair("ALTER TABLE nodes ADD COLUMN long TEXT AS (hex(zeroblob(id)))", "'nodes'"),
+        std::pair("CREATE TABLE other (i)", "'other'"),
+        std::pair("CREATE INDEX fast ON nodes (hex(name))", "'fast'"),
+        std::pair("CREATE VIEW v AS SELECT 1", "'v'"), std::pair("DROP TABLE poses", "table poses"),
+        std::pair("ALTER TABLE links RENAME TO ways", "'ways'")}) {
+    tamper(sql);
+    for (const bool read_only : {true, false}) {
+      EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open({.read_only = read_only}); }),
+                  HasSubstr(reason))
+          << sql;
+    }
+    EXPECT_THAT(message_of(ErrorKind::kInput,
+                           [&] { salvage_sqlite_store(path(), folder_ / "saved.atlas"); }),
+                HasSubstr(reason));
+    folder_.write("town.atlas", sound);
+  }
+  EXPECT_THAT(open()->verify().problems, IsEmpty());
+}
+
+// Such as the copy that VACUUM INTO makes.
+TEST_F(SqliteStoreTest, GivesACopyWithoutAWriteAheadLogOneBeforeItWrites) {
+  add(*open(), "one", 1);
+  sqlite::Database(path(), {.access = sqlite::Access::kWrite}).text("PRAGMA journal_mode = DELETE");
+  const auto store = open();
+  EXPECT_EQ(sqlite::Database(path()).text("PRAGMA journal_mode"), "wal");
+  add(*store, "two", 2);
+  EXPECT_EQ(store->state().nodes.size(), 2U);
 }
 
 TEST_F(SqliteStoreTest, SalvagesWhatIsSound) {

@@ -36,12 +36,12 @@ struct AtlasStoreOptions {
 struct AtlasCommitInfo {
   std::string verb;
   CommitId run = {};  ///< first commit of the same command; 0: this one
-  std::optional<CommitId> undoes = {};
 };
 
 /// Result of AtlasStore::commit().
 struct AtlasCommitted {
   CommitId commit;                 ///< the new commit, or the last one if there was no change
+  bool is_new = false;             ///< whether there was a change
   std::vector<NodeId> nodes;       ///< ids of the new nodes, in order
   std::vector<AtlasLinkId> links;  ///< ids of the new links, in order
 };
@@ -104,16 +104,17 @@ class AtlasStore {
   virtual std::vector<AtlasCommit> log() = 0;
   virtual AtlasTouched touched(std::span<const CommitId> commits) = 0;
 
-  /// Stores a map's bytes, once for equal bytes. @return their hash
+  /// Stores a map's bytes, once for equal bytes. Outside of a commit with a node of it, compact() of another
+  /// process may drop them at once. @return their hash
   virtual std::string put_map(std::string_view bytes) = 0;
-  /// @throws Error (input) if they are missing or damaged
+  /// @throws Error (input) if they are missing or damaged, (storage) if no commit needs them any more
   virtual std::string map_bytes(const std::string& hash) = 0;
 
   using Make = std::function<AtlasChanges(const AtlasState& now)>;
-  /// Makes one commit, atomically: calls `make` while no other process can change the atlas. When this
-  /// returns, the commit is on disk.
+  /// Makes one commit, atomically: calls `make` while no other process can change the atlas. `make` may read
+  /// this store and put maps, as part of the commit. When this returns, the commit is on disk.
   /// @throws Error (misuse) for inconsistent changes: a name that is taken, a link or pose of a missing
-  ///        node
+  ///        node, a restored node or link that is not stored
   virtual AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) = 0;
 
   /// Adds pairs to the atlas's queue, once each. Null if this store has no queue.
@@ -124,7 +125,8 @@ class AtlasStore {
 
   /// Reads and checks all data.
   virtual AtlasVerification verify() = 0;
-  /// Joins the oldest commits so that `keep` commits are left, and drops data that none of these needs.
+  /// Joins the oldest commits so that `keep` commits are left, and drops data that none of these needs. Their ids
+  /// are not given again.
   /// @param dry only report what would be done
   /// @throws Error (misuse) for `keep` = 0
   virtual AtlasCompaction compact(std::uint64_t keep, bool dry) = 0;

@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/sqlite/database.hpp"
@@ -173,11 +174,49 @@ TEST_P(StoreTest, RefusesContradictionsAndChangesNothing) {
   AtlasLink broken = link(NodeId{1}, NodeId{1});
   (*broken.covariance_with_scale)(0, 0) = -1.0;
   message_of(ErrorKind::kMisuse, [&] { add_link(*store, broken); });
+  AtlasNode never = testing::node(*store, "seven", 7);
+  never.id = NodeId{7};
+  EXPECT_THAT(message_of(ErrorKind::kMisuse,
+                         [&] {
+                           store->commit({.verb = "undo"}, [&](const AtlasState&) {
+                             AtlasChanges changes;
+                             changes.nodes = {never};
+                             return changes;
+                           });
+                         }),
+              HasSubstr("row 7"));
   EXPECT_EQ(store->last_commit(), CommitId{1});
   EXPECT_EQ(
       store->commit({.verb = "none"}, [](const AtlasState&) { return AtlasChanges(); }).commit,
       CommitId{1});
   EXPECT_THAT(store->verify().problems, IsEmpty());
+}
+
+TEST_P(StoreTest, ReadsAndPutsMapsWithinACommit) {
+  const auto store = open();
+  add(*store, "one", 1);
+  const std::string bytes = bytes_of(synthetic_map({.seed = 2, .landmarks = 30, .frames = 4}));
+  const auto add_two = [&](const AtlasState& now) {
+    AtlasChanges changes;
+    EXPECT_EQ(store->state().nodes.size(), now.nodes.size());
+    EXPECT_EQ(store->state(CommitId{0}).nodes.size(), 0U);
+    AtlasNode two = now.nodes.begin()->second;
+    two.id = NodeId{};
+    two.name = "two";
+    two.map = store->put_map(bytes);
+    EXPECT_EQ(store->map_bytes(two.map), bytes);
+    changes.nodes = {two};
+    return changes;
+  };
+  // What is not committed is not kept.
+  store->commit({.verb = "add"}, [&](const AtlasState& now) {
+    add_two(now);
+    return AtlasChanges();
+  });
+  EXPECT_EQ(store->verify().maps, 1U);
+  store->commit({.verb = "add"}, add_two);
+  EXPECT_THAT(store->verify().problems, IsEmpty());
+  EXPECT_EQ(store->verify().maps, 2U);
 }
 
 TEST_P(StoreTest, SeesWhatAnotherProcessCommitted) {
@@ -195,7 +234,8 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
        {"UPDATE links SET probability = 0.5", "UPDATE links SET target_from_source = digest",
         "UPDATE nodes SET name = 'other' WHERE id = 2",
         "UPDATE commits SET author = 'eve' WHERE id = 1", "DELETE FROM changes WHERE commit_id = 2",
-        "DELETE FROM commits WHERE id = 2", "DELETE FROM nodes WHERE id = 1"}) {
+        "DELETE FROM commits WHERE id = 2", "DELETE FROM commits WHERE id = 3",
+        "DELETE FROM nodes WHERE id = 1"}) {
     renew();
     {
       const auto store = open();
@@ -208,6 +248,12 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
     EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->state(); }), HasSubstr("damaged"))
         << sql;
     EXPECT_FALSE(store->verify().problems.empty()) << sql;
+    const bool is_of_log = sql.find("commits") != sql.npos || sql.find("changes") != sql.npos;
+    if (!is_of_log) continue;
+    EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->log(); }), HasSubstr("damaged")) << sql;
+    EXPECT_THAT(message_of(ErrorKind::kInput, [&] { add(*store, "three", 3); }),
+                HasSubstr("damaged"))
+        << sql;
   }
   renew();
   const auto store = open();
@@ -219,6 +265,28 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
       message_of(ErrorKind::kInput, [&] { store->map_bytes(state.nodes.at(NodeId{1}).map); }),
       HasSubstr("damaged"));
   EXPECT_EQ(store->verify().problems.size(), 2U);
+}
+
+// As in a file that others made: every digest is right.
+TEST_P(StoreTest, RefusesARowThatRefersToWhatIsNotThere) {
+  AtlasLink stray = link(NodeId{1}, NodeId{2});
+  {
+    const auto store = open();
+    add(*store, "one", 1);
+    add(*store, "two", 2);
+    add_link(*store, stray);
+    stray = store->state().links.begin()->second;
+  }
+  stray.source = NodeId{99};
+  const std::string digest = hexadecimal(digest_of(stray, blobs_of(stray)));
+  tamper(fmt::format("UPDATE links SET source = 99, digest = {}{}'",
+                     GetParam() == "SQLite" ? "x'" : "'\\x", digest));
+  const auto store = open();
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->state(); }),
+              HasSubstr("link 1 is of map 99, which is not there"));
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { add(*store, "three", 3); }),
+              HasSubstr("link 1 is of map 99"));
+  EXPECT_FALSE(store->verify().problems.empty());
 }
 
 TEST_P(StoreTest, CompactsWhatNoKeptCommitNeeds) {
@@ -249,6 +317,39 @@ TEST_P(StoreTest, CompactsWhatNoKeptCommitNeeds) {
   EXPECT_EQ(store->state().nodes.size(), 2U);
   EXPECT_EQ(add(*store, "four", 4).commit, CommitId{5});
   EXPECT_EQ(store->state().nodes.rbegin()->first, NodeId{4});
+}
+
+TEST_P(StoreTest, NeverGivesAnIdAgainThatCompactingDropped) {
+  const auto store = open();
+  add(*store, "one", 1);
+  add(*store, "two", 2);
+  add(*store, "three", 3);
+  add_link(*store, link(NodeId{1}, NodeId{2}));
+  add_link(*store, link(NodeId{1}, NodeId{3}));
+  store->commit({.verb = "remove"}, [](const AtlasState&) {
+    AtlasChanges changes;
+    changes.removed_nodes = {NodeId{3}};
+    changes.removed_links = {AtlasLinkId{2}};
+    return changes;
+  });
+  const std::string dropped = store->state(CommitId{3}).nodes.at(NodeId{3}).map;
+  EXPECT_EQ(store->compact(1, false).nodes, 1U);
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { store->map_bytes(dropped); }),
+              HasSubstr("compacted"));
+  // Compacted again, and again without anything to drop.
+  EXPECT_EQ(add(*store, "four", 4).nodes, std::vector{NodeId{4}});
+  store->commit({.verb = "remove"}, [](const AtlasState&) {
+    AtlasChanges changes;
+    changes.removed_nodes = {NodeId{4}};
+    return changes;
+  });
+  store->compact(1, false);
+  store->compact(1, false);
+  EXPECT_EQ(add(*store, "five", 5).nodes, std::vector{NodeId{5}});
+  EXPECT_EQ(add_link(*store, link(NodeId{1}, NodeId{5})).links, std::vector{AtlasLinkId{3}});
+  EXPECT_EQ(store->compact(1, false).nodes, 0U);
+  EXPECT_EQ(add(*store, "six", 6).nodes, std::vector{NodeId{6}});
+  EXPECT_THAT(store->verify().problems, IsEmpty());
 }
 
 TEST_P(StoreTest, RefusesToMakeASecondOne) {
