@@ -173,17 +173,52 @@ TEST(Align, FailsWithAReasonWithoutLandmarks) {
   }
 }
 
+void expect_cancelled(const Alignment& alignment) {
+  EXPECT_EQ(status_of(alignment), "cancelled");
+  EXPECT_EQ(alignment.registration.status, RegistrationStatus::kCancelled);
+  EXPECT_FALSE(alignment.verdict);
+  EXPECT_FALSE(alignment.probability);
+  EXPECT_FALSE(alignment.target_from_source);
+  EXPECT_TRUE(alignment.candidates.empty());
+}
+
 TEST(Align, IsNotJudgedWhenStopped) {
   const SyntheticPair pair = synthetic_pair({.seed = 57});
   std::stop_source stop;
   stop.request_stop();
   AlignOptions options;
   options.execution.stop = stop.get_token();
-  for (const bool guessed : {false, true}) {
-    if (guessed) options.prior = PosePrior{};
-    const Alignment alignment = align(pair.source, pair.target, options);
-    EXPECT_NE(alignment.verdict, Verdict::kAligned);
-    EXPECT_FALSE(alignment.target_from_source);
+  for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
+    options.method = method;
+    for (const bool guessed : {false, true}) {
+      if (guessed) options.prior = PosePrior{};
+      expect_cancelled(align(pair.source, pair.target, options));
+    }
+    options.prior.reset();
+  }
+  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  expect_cancelled(judged);
+  EXPECT_EQ(judged.estimate->matrix(), pair.target_from_source.matrix());
+}
+
+TEST(Align, IsNotJudgedWhenStoppedDuringTheSearch) {
+  const SyntheticPair pair = synthetic_pair({.seed = 57, .landmarks = 400});
+  const PreparedMap source(pair.source);
+  const PreparedMap target(pair.target);
+  AlignOptions options;
+  std::size_t calls = 0;
+  options.execution.progress = [&](double) { ++calls; };
+  align(source, target, options);
+  const std::size_t all = calls;
+  ASSERT_GT(all, 2U);
+  for (const std::size_t last : {std::size_t{1}, all / 2, all}) {
+    std::stop_source stop;
+    options.execution.stop = stop.get_token();
+    calls = 0;
+    options.execution.progress = [&](double) {
+      if (++calls == last) stop.request_stop();
+    };
+    expect_cancelled(align(source, target, options));
   }
 }
 

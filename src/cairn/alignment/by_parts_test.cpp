@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdint>
+#include <stop_token>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -184,6 +187,34 @@ TEST(ByParts, AcceptNoTwoPlacesForOneThingThatStandsInBoth) {
     }
   }
   EXPECT_GT(convincing, 0) << "the thing must be enough to convince, or this tests nothing";
+}
+
+// The verdict on the whole maps is not the answer if a stop ends the placement of the parts.
+TEST(ByParts, AStoppedAlignmentHasNoVerdict) {
+  const PreparedMap source(described_pair(61).source);
+  const PreparedMap target(described_pair(62).target);
+  AlignOptions options;
+  options.parts = PartsUse::kNever;
+  const double whole_s = align(source, target, options).duration_s;
+  options.parts = PartsUse::kWhereRefused;
+  const Alignment complete = align(source, target, options);
+  ASSERT_TRUE(complete.verdict && complete.parts);
+  for (const double share : {0.2, 0.5, 0.8}) {
+    std::stop_source stop;
+    options.execution.stop = stop.get_token();
+    const std::chrono::duration<double> delay(whole_s + share * (complete.duration_s - whole_s));
+    const std::jthread caller([&] {
+      std::this_thread::sleep_for(delay);
+      stop.request_stop();
+    });
+    const Alignment alignment = align(source, target, options);
+    // On a busy machine, the stop may come before the parts or after the end.
+    if (alignment.verdict) {
+      EXPECT_TRUE(alignment.parts) << share;
+    } else {
+      EXPECT_EQ(status_of(alignment), "cancelled") << share;
+    }
+  }
 }
 
 TEST(ByParts, NeedTwoPartsOfEitherMap) {
