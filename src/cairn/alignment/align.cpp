@@ -412,6 +412,16 @@ Alignment aligned(const PreparedMap& source, const PreparedMap& target,
   return alignment;
 }
 
+// The maps' deformation and parts can refuse a given pose, but not replace it.
+Alignment judged(const PreparedMap& source, const PreparedMap& target, const Similarity3& pose,
+                 const AlignOptions& options) {
+  Alignment alignment = judged(source.cloud(), target.cloud(), pose, options);
+  if (alignment.verdict != Verdict::kAligned) return alignment;
+  const bool may_align = judge_deformed(source, target, options, alignment);
+  judge_by_parts(source, target, options, may_align, alignment);
+  return alignment;
+}
+
 PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
                        const AlignOptions& options) {
   return PreparedCloud(cloud, options.seed, options.execution.executor, name);
@@ -507,16 +517,15 @@ Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
   return timed(options, [&] {
-    return judged(prepared(source, options).cloud(), prepared(target, options).cloud(),
-                  target_from_source, options);
+    return judged(prepared(source, options), prepared(target, options), target_from_source,
+                  options);
   });
 }
 
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
-  return timed(options,
-               [&] { return judged(source.cloud(), target.cloud(), target_from_source, options); });
+  return timed(options, [&] { return judged(source, target, target_from_source, options); });
 }
 
 namespace {

@@ -127,7 +127,8 @@ Alignment align(const PreparedMap& source, const PreparedMap& target,
                 const AlignOptions& options = {});
 
 /// Judges a given pose without changing it, as align() judges its own. `method`, `prior` and `judge` have
-/// no effect.
+/// no effect. For maps, their deformation can refuse a pose that fits, and with PartsUse::kAlways so can their
+/// parts. Neither makes a pose aligned that is not aligned as a whole, as align() may do with a pose of its own.
 /// @throws Error (misuse) for invalid options, or a scale other than 1 without AlignOptions::scale
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});

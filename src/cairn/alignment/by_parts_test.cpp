@@ -217,6 +217,23 @@ TEST(ByParts, AStoppedAlignmentHasNoVerdict) {
   }
 }
 
+TEST(ByParts, JudgeAGivenPoseTooIfAlways) {
+  const SyntheticPair pair = described_pair(61);
+  const PreparedMap source(pair.source);
+  const PreparedMap target(pair.target);
+  AlignOptions options;
+  options.parts = PartsUse::kAlways;
+  const Alignment aligned = align(source, target, options);
+  ASSERT_TRUE(aligned.target_from_source && aligned.parts) << aligned.reason;
+  const Alignment judged = judge_pose(source, target, *aligned.target_from_source, options);
+  EXPECT_EQ(judged.verdict, aligned.verdict) << judged.reason;
+  EXPECT_EQ(judged.estimate->matrix(), aligned.estimate->matrix());
+  ASSERT_TRUE(judged.parts);
+  EXPECT_EQ(judged.parts->consensus, aligned.parts->consensus);
+  options.parts = PartsUse::kWhereRefused;
+  EXPECT_FALSE(judge_pose(source, target, *aligned.target_from_source, options).parts);
+}
+
 TEST(ByParts, NeedTwoPartsOfEitherMap) {
   const SyntheticPair pair = described_pair(63);
   const PreparedMap source(pair.source);
