@@ -159,7 +159,11 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
   RegistrationResult whole = !found   ? std::move(end)
                              : by_icp ? completed(std::move(*found), std::move(end))
                                       : joined(std::move(*found), std::move(end));
-  if (!options.judge || options.execution.stop.stop_requested()) return unjudged(std::move(whole));
+  if (!options.judge || options.execution.stop.stop_requested()) {
+    Alignment alignment = unjudged(std::move(whole));
+    alignment.radius = placed.radius;
+    return alignment;
+  }
   Alignment alignment;
   alignment.registration = std::move(whole);
   take_verdict(std::move(placed), alignment);

@@ -90,7 +90,7 @@ struct Alignment {
   std::vector<PlacementCandidate> candidates;
   /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
   RegistrationResult registration;
-  double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if not judged
+  double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if unknown
   /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
   std::optional<PartsAlignment> parts;
   /// How the maps are deformed against each other, if they clearly are; covariances then include the deviations of

@@ -149,6 +149,18 @@ TEST(Align, SaysOnlyHowItEndedWhereNoVerdictIsAskedFor) {
   EXPECT_THAT(status_of(alignment), ::testing::AnyOf("converged", "stopped"));
 }
 
+TEST(Align, StatesTheRadiusOfItsOverlapAlsoWithoutAVerdict) {
+  const SyntheticPair pair = synthetic_pair({.seed = 50, .landmarks = 800});
+  AlignOptions options;
+  const Alignment judged = align(pair.source, pair.target, options);
+  options.judge = false;
+  const Alignment unjudged = align(pair.source, pair.target, options);
+  ASSERT_FALSE(unjudged.verdict);
+  ASSERT_TRUE(unjudged.registration.overlap);
+  EXPECT_GT(unjudged.radius, 0.0);
+  EXPECT_EQ(unjudged.radius, judged.radius);
+}
+
 TEST(Align, IsTheSameForAnyNumberOfThreads) {
   const SyntheticPair pair = synthetic_pair({.seed = 56, .overlap = 0.4});
   AlignOptions options;
