@@ -510,6 +510,19 @@ TEST_F(EvaluateAlignmentTest, JudgesWithTheOptionsOfTheResult) {
   expect_refusal(judge, kBadInput, {"strict.json", "options", "prior_odds", "from 1e-6 to 1e6"});
 }
 
+// The pose turns the source upside down.
+TEST_F(EvaluateAlignmentTest, JudgesWithTheGravityOfTheResult) {
+  write_pair();
+  answer({"align", "source.map", "target.map", "--initial", "0 0 0 180 0 0", "--method", "icp",
+          "--max-iterations", "1", "--no-verdict", "--json", "over.json"});
+  Json saved = Json::parse(content("over.json"));
+  saved["options"]["gravity"] = true;
+  write("over.json", saved.dump());
+  const Json judged = document({"evaluate", "alignment", "over.json"}, kNoAlignment);
+  EXPECT_EQ(judged.at("options").at("gravity"), true);
+  EXPECT_THAT(judged.at("results").at(0).at("reason").get<std::string>(), HasSubstr("gravity"));
+}
+
 TEST_F(EvaluateAlignmentTest, PoseThatIsNotTrustedIsNoSuccessHoweverRight) {
   write_result();
   Json result = Json::parse(content("result.json"));

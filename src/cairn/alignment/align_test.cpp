@@ -108,6 +108,48 @@ TEST(Align, JudgesWhatAGuessIsRefinedTo) {
   }
 }
 
+// However a pose is found, it must agree with the gravity; here the true pose does not.
+TEST(Align, AcceptsNoPoseThatTheGravityForbids) {
+  const SyntheticPair pair = synthetic_pair({.seed = 53, .overlap = 0.6});
+  const auto expect_forbidden = [](const Alignment& alignment) {
+    EXPECT_EQ(alignment.verdict, Verdict::kRejected) << alignment.reason;
+    EXPECT_FALSE(alignment.target_from_source);
+  };
+  AlignOptions options;
+  options.gravity = GravityPrior();
+  const Eigen::Vector3d true_down =
+      pair.target_from_source.quaternion().inverse() * options.gravity->target;
+  options.gravity->source = -true_down;
+  for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
+    options.method = method;
+    options.prior = PosePrior{.target_from_source = pair.target_from_source};
+    const Alignment guessed = align(pair.source, pair.target, options);
+    expect_forbidden(guessed);
+  }
+  options.method = AlignMethod::kRobust;
+  options.prior.reset();
+  expect_forbidden(align(pair.source, pair.target, options));
+  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  expect_forbidden(judged);
+  EXPECT_THAT(judged.reason, HasSubstr("gravity by 180.0 deg"));
+  options.gravity->source = true_down;
+  options.prior = PosePrior{.target_from_source = pair.target_from_source};
+  EXPECT_EQ(align(pair.source, pair.target, options).verdict, Verdict::kAligned);
+}
+
+// A refinement must not leave the range that the search keeps to.
+TEST(Align, AcceptsNoPoseOfAScaleOutsideTheRange) {
+  const SyntheticPair pair = synthetic_pair({.seed = 53, .overlap = 0.6});
+  AlignOptions options;
+  options.scale = ScaleRange{1.2, 2.0};
+  options.prior = PosePrior{.target_from_source = pair.target_from_source};
+  const Alignment guessed = align(pair.source, pair.target, options);
+  EXPECT_NE(guessed.verdict, Verdict::kAligned) << guessed.reason;
+  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  EXPECT_EQ(judged.verdict, Verdict::kRejected);
+  EXPECT_THAT(judged.reason, HasSubstr("from 1.2 to 2 is allowed"));
+}
+
 TEST(Align, KeepsToAPriorsCovariance) {
   const SyntheticPair pair = synthetic_pair({.seed = 54, .overlap = 0.6});
   AlignOptions options;
