@@ -295,7 +295,7 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target,
   const PartsAlignment& parts = *alignment.parts;
   RegistrationResult result = held(source, target, options, *parts.target_from_source, alignment);
   result.covariance = parts.covariance;
-  result.covariance_with_scale.reset();
+  result.covariance_with_scale = parts.covariance_with_scale;
   alignment.registration = std::move(result);
   alignment.reason = fmt::format("{} and agree up to a bend: {}; as a whole: {}", parts_text(parts),
                                  bend_text(*parts.bend, target.length_unit()), alignment.reason);

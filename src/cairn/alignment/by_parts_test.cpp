@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <stop_token>
 #include <thread>
@@ -232,6 +233,35 @@ TEST(ByParts, JudgeAGivenPoseTooIfAlways) {
   EXPECT_EQ(judged.parts->consensus, aligned.parts->consensus);
   options.parts = PartsUse::kWhereRefused;
   EXPECT_FALSE(judge_pose(source, target, *aligned.target_from_source, options).parts);
+}
+
+// The parts of a bent map of free scale have scales of their own, so that the scale is not exact.
+TEST(ByParts, StateTheUncertaintyOfAFreeScale) {
+  const SyntheticPair pair = described_pair(61);
+  const PreparedMap source(bent(pair.source, 8.0));
+  const PreparedMap target(pair.target);
+  PlaceOptions options;
+  EXPECT_FALSE(place_by_parts(source, target, options).covariance_with_scale);
+  options.scale = ScaleRange{0.5, 2.0};
+  const PartsAlignment parts = place_by_parts(source, target, options);
+  ASSERT_TRUE(parts.consensus && parts.covariance && parts.covariance_with_scale);
+  const Matrix7d& covariance = *parts.covariance_with_scale;
+  EXPECT_EQ(Matrix6d(covariance.topLeftCorner<6, 6>()), *parts.covariance);
+  EXPECT_EQ(covariance, Matrix7d(covariance.transpose()));
+  double squares = 0.0;
+  double count = 0.0;
+  for (const PartPose& part : parts.parts) {
+    if (!part.agrees) continue;
+    const double off =
+        std::log(part.target_from_source->scale() / parts.target_from_source->scale());
+    if (part.map == parts.bend->map) {
+      squares += off * off;
+      ++count;
+    }
+  }
+  ASSERT_GT(count, 0.0);
+  EXPECT_GE(covariance(6, 6), squares / count);
+  EXPECT_LT(std::sqrt(covariance(6, 6)), 0.1);
 }
 
 TEST(ByParts, NeedTwoPartsOfEitherMap) {
