@@ -40,7 +40,7 @@ struct EvaluateAlignmentArguments {
   std::string source;
   std::string target;
   std::string camera;
-  double min_probability = AlignOptions().min_probability;
+  std::optional<double> min_probability;
   std::string source_trajectory;
   std::string source_truth;
   std::string target_trajectory;
@@ -91,7 +91,8 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
   add_text(command, "--target", target,
            "Target map, for a verdict (default: the path in the result)", "MAP");
   add_number(command, "--min-probability", min_probability,
-             "Without a truth: least probability of an aligned pose, at least 0.5 and below 1");
+             "Without a truth: least probability of an aligned pose, at least 0.5 and below 1 "
+             "(default: that of the result)");
   add_number(command, "--max-rotation-deg", max_rotation_deg,
              "Largest rotation error of a success, degrees");
   add_number(command, "--max-translation-m", max_translation_m,
@@ -105,7 +106,9 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
     command.get_option(name)->excludes(truth_file);
   }
   command.footer(
-      "Without a truth, judges each pose as it is; the exit code is 4 unless all are aligned.\n"
+      "Without a truth, judges each pose as it is, with the prior odds, probability, gravity,\n"
+      "scale, effort, parts and deformation that the result was aligned with. The exit code is 4\n"
+      "unless all are aligned.\n"
       "\n"
       "Example: align with two metrics, then compare the poses with the true one\n"
       "  cairn align source.map target.map --confidence none,observations --json result.json\n"
@@ -289,8 +292,9 @@ std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale
 int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
   const LoadedMap source_map = load(source, "--source", saved.source, saved);
   const LoadedMap target_map = load(target, "--target", saved.target, saved);
-  AlignOptions options;
-  options.min_probability = min_probability;
+  AlignOptions options = saved.judging;
+  if (min_probability) options.min_probability = *min_probability;
+  if (saved.with_gravity) options.gravity = gravity_prior(source_map.map, target_map.map);
   options.seed = common.seed;
   options.points.min_observations = saved.min_observations;
   options.execution.executor = common.executor();
@@ -302,6 +306,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
     judged.alignment = Alignment();
     judged.alignment.reason = "there is no pose to judge";
     if (pose) {
+      options.scale.reset();
       if (saved.with_scale || pose->scale() != 1.0) options.scale = ScaleRange();
       judged.alignment = judge_pose(source_map.map, target_map.map, *pose, options);
       judged.overlap_radius = judged.alignment.radius;
@@ -312,13 +317,20 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
     }
     results.push_back(std::move(judged));
   }
-  Json json = document(
-      "evaluate_alignment", common,
-      {{"result", describe_file(result, common)},
-       {"source", source_map.description},
-       {"target", target_map.description},
-       {"truth", nullptr}},
-      {{"min_probability", min_probability}, {"min_observations", saved.min_observations}});
+  Json json = document("evaluate_alignment", common,
+                       {{"result", describe_file(result, common)},
+                        {"source", source_map.description},
+                        {"target", target_map.description},
+                        {"truth", nullptr}},
+                       {{"min_probability", options.min_probability},
+                        {"prior_odds", options.prior_odds},
+                        {"gravity", saved.with_gravity},
+                        {"effort", options.effort},
+                        {"parts", options.parts == PartsUse::kAlways  ? "always"
+                                  : options.parts == PartsUse::kNever ? "never"
+                                                                      : "where_refused"},
+                        {"deformation", options.deformation},
+                        {"min_observations", saved.min_observations}});
   json["results"] = Json::array();
   Csv rows({"confidence", "status", "probability"});
   const Console console = common.console();
@@ -347,7 +359,7 @@ int EvaluateAlignmentArguments::run() {
   }
   with_option_names({{"AlignOptions.min_probability", "--min-probability"}}, [&] {
     AlignOptions options;
-    options.min_probability = min_probability;
+    options.min_probability = min_probability.value_or(options.min_probability);
     options.validate();
   });
   has_trajectories();

@@ -161,8 +161,7 @@ SharedAlignment record(Alignment alignment, const AlignOptions& options, const L
   if (options.method == AlignMethod::kIcp && options.confidence) record.k = options.icp.k;
   record.length_unit = target.info().length_unit;
   record.overlap_radius = options.overlap_radius;
-  if (!record.overlap_radius && alignment.registration.overlap)
-    record.overlap_radius = alignment.radius;
+  if (!record.overlap_radius && alignment.radius > 0.0) record.overlap_radius = alignment.radius;
   record.matches = alignment.registration.matches.size();
   record.alignment = std::move(alignment);
   result->seed = options.seed;

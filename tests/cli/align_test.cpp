@@ -453,6 +453,9 @@ TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {
   EXPECT_EQ(free.at("results").at(0).at("length_unit"), "free");
   EXPECT_EQ(free.at("results").at(0).at("overlap").at("radius"),
             free.at("results").at(0).at("support_radius"));
+  const Json unjudged = document({"align", "free.map", "free_target.map", "--anywhere", "--scale",
+                                  "--effort", "0.25", "--no-verdict"});
+  EXPECT_EQ(unjudged.at("results").at(0).at("overlap"), free.at("results").at(0).at("overlap"));
   expect_refusal({"align", "source.map", "target.map", "--initial-matrix", "result.json"},
                  kBadInput, {"result.json"});
 }

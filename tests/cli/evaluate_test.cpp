@@ -487,6 +487,42 @@ TEST_F(EvaluateAlignmentTest, WithoutATruthEachPoseIsJudged) {
   EXPECT_EQ(compared.at("results").at(0).at("success"), true);
 }
 
+TEST_F(EvaluateAlignmentTest, JudgesWithTheOptionsOfTheResult) {
+  write_pair();
+  answer(
+      {"align", "source.map", "target.map", "--no-verdict", "--no-parts", "--json", "right.json"});
+  Json saved = Json::parse(content("right.json"));
+  saved["options"]["prior_odds"] = 1e-6;
+  saved["options"]["min_probability"] = 1.0 - 1e-12;
+  write("strict.json", saved.dump());
+  const Words judge = {"evaluate", "alignment", "strict.json"};
+  const Json strict = document(judge, kNoAlignment);
+  EXPECT_NE(strict.at("results").at(0).at("verdict"), "aligned");
+  EXPECT_EQ(strict.at("options").at("prior_odds"), 1e-6);
+  EXPECT_EQ(strict.at("options").at("parts"), "never");
+  saved["options"]["prior_odds"] = 1.0;
+  write("strict.json", saved.dump());
+  Words lenient = judge;
+  lenient.insert(lenient.end(), {"--min-probability", "0.9"});
+  EXPECT_EQ(document(lenient).at("results").at(0).at("verdict"), "aligned");
+  saved["options"]["prior_odds"] = 0.0;
+  write("strict.json", saved.dump());
+  expect_refusal(judge, kBadInput, {"strict.json", "options", "prior_odds", "from 1e-6 to 1e6"});
+}
+
+// The pose turns the source upside down.
+TEST_F(EvaluateAlignmentTest, JudgesWithTheGravityOfTheResult) {
+  write_pair();
+  answer({"align", "source.map", "target.map", "--initial", "0 0 0 180 0 0", "--method", "icp",
+          "--max-iterations", "1", "--no-verdict", "--json", "over.json"});
+  Json saved = Json::parse(content("over.json"));
+  saved["options"]["gravity"] = true;
+  write("over.json", saved.dump());
+  const Json judged = document({"evaluate", "alignment", "over.json"}, kNoAlignment);
+  EXPECT_EQ(judged.at("options").at("gravity"), true);
+  EXPECT_THAT(judged.at("results").at(0).at("reason").get<std::string>(), HasSubstr("gravity"));
+}
+
 TEST_F(EvaluateAlignmentTest, PoseThatIsNotTrustedIsNoSuccessHoweverRight) {
   write_result();
   Json result = Json::parse(content("result.json"));

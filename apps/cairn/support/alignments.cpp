@@ -67,7 +67,7 @@ std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const Landma
     result.matches = alignment.registration.matches.size();
     // The search has a radius of its own, where none is asked for.
     result.overlap_radius = options.overlap_radius;
-    if (!result.overlap_radius && alignment.verdict) result.overlap_radius = alignment.radius;
+    if (!result.overlap_radius && alignment.radius > 0.0) result.overlap_radius = alignment.radius;
     if (truth && alignment.estimate) {
       result.error = pose_error(*alignment.estimate, *truth,
                                 point_set(source, std::nullopt, options.points).positions);
@@ -86,6 +86,8 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
       any([](const StrategyResult& one) { return one.alignment.registration.scale != 1.0; });
   const bool with_overlap =
       any([](const StrategyResult& one) { return one.alignment.registration.overlap.has_value(); });
+  const auto radius = std::find_if(results.begin(), results.end(),
+                                   [](const auto& one) { return one.overlap_radius.has_value(); });
   const bool with_probability =
       any([](const StrategyResult& one) { return one.alignment.probability.has_value(); });
   const std::string symbol = unit_symbol(unit);
@@ -130,12 +132,11 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
   text += fmt::format("\nscore    mean squared distance to the nearest target landmark, {}^2\n",
                       symbol);
   if (with_overlap) {
-    const auto radius = std::find_if(results.begin(), results.end(), [](const auto& one) {
-                          return one.overlap_radius.has_value();
-                        })->overlap_radius;
-    text += fmt::format(
-        "overlap  share of source / target landmarks with a counterpart within {:.3g} {}\n",
-        *radius, symbol);
+    text += "overlap  share of source / target landmarks with a counterpart";
+    if (radius != results.end()) {
+      text += fmt::format(" within {:.3g} {}", *radius->overlap_radius, symbol);
+    }
+    text += "\n";
   }
   return text;
 }

@@ -50,6 +50,39 @@ void check_version(const JsonField& root, unsigned newest) {
   }
 }
 
+// Options that the verdict depends on; each is the default if the document does not hold it.
+AlignOptions judging_of(const JsonField& options) {
+  AlignOptions judging;
+  const auto read = [&](const char* name, double& value, auto valid, std::string_view expected) {
+    const JsonField field = options[name];
+    value = field.optional_number().value_or(value);
+    if (!valid(value)) field.refuse(expected);
+  };
+  read(
+      "min_probability", judging.min_probability, [](double p) { return p >= 0.5 && p < 1.0; },
+      "at least 0.5 and below 1");
+  read(
+      "prior_odds", judging.prior_odds, [](double odds) { return odds >= 1e-6 && odds <= 1e6; },
+      "from 1e-6 to 1e6");
+  read(
+      "effort", judging.effort,
+      [](double effort) { return effort >= 1.0 / 16.0 && effort <= 64.0; }, "from 1/16 to 64");
+  if (const JsonField field = options["parts"]; !field.is_null()) {
+    const std::string parts = field.text();
+    if (parts == "always") {
+      judging.parts = PartsUse::kAlways;
+    } else if (parts == "never") {
+      judging.parts = PartsUse::kNever;
+    } else if (parts != "where_refused") {
+      field.refuse("always, never or where_refused");
+    }
+  }
+  if (const JsonField field = options["deformation"]; !field.is_null()) {
+    judging.deformation = field.truth();
+  }
+  return judging;
+}
+
 // Inputs by role, with what is said of each.
 std::vector<std::pair<std::string, Json>> described(const JsonField& inputs) {
   std::vector<std::pair<std::string, Json>> list;
@@ -107,6 +140,8 @@ SavedResult saved_result(const std::string& text, const std::string& file) {
     saved.min_observations = count.whole(std::numeric_limits<std::uint32_t>::max());
   }
   saved.with_scale = !options["estimate_scale"].is_null() && options["estimate_scale"].truth();
+  saved.with_gravity = !options["gravity"].is_null() && options["gravity"].truth();
+  saved.judging = judging_of(options);
   saved.seed = root["seed"].is_null() ? 0 : root["seed"].whole(kMostSeed);
   saved.camera = options["camera"].optional_text().value_or("");
   // The demo puts its start and truth beside the results.

@@ -34,7 +34,10 @@ struct SavedResult {
   Rigid3 initial;
   std::optional<Similarity3> truth;
   LengthUnit unit = LengthUnit::kMetres;
-  bool with_scale = false;  ///< whether the scale was estimated
+  bool with_scale = false;    ///< whether the scale was estimated
+  bool with_gravity = false;  ///< whether both maps' vertical was used
+  /// Options that the verdict depends on: min_probability, prior_odds, effort, parts, deformation.
+  AlignOptions judging;
   std::uint64_t seed = 0;
   std::vector<StrategyResult> results;
 };

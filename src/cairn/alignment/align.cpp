@@ -100,7 +100,6 @@ RegistrationResult joined(RegistrationResult way, RegistrationResult end) {
 
 // ICP's result with the covariance, open directions and overlap that the verdict uses.
 RegistrationResult completed(RegistrationResult result, RegistrationResult held) {
-  if (held.status == RegistrationStatus::kCancelled) result.status = held.status;
   result.covariance = held.covariance;
   result.covariance_with_scale = held.covariance_with_scale;
   result.unobservable = std::move(held.unobservable);
@@ -157,11 +156,14 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
     }
   }
   RegistrationResult end = std::move(placed.alignment);
-  const bool stopped = end.status == RegistrationStatus::kCancelled;
   RegistrationResult whole = !found   ? std::move(end)
                              : by_icp ? completed(std::move(*found), std::move(end))
                                       : joined(std::move(*found), std::move(end));
-  if (!options.judge || stopped) return unjudged(std::move(whole));
+  if (!options.judge || options.execution.stop.stop_requested()) {
+    Alignment alignment = unjudged(std::move(whole));
+    alignment.radius = placed.radius;
+    return alignment;
+  }
   Alignment alignment;
   alignment.registration = std::move(whole);
   take_verdict(std::move(placed), alignment);
@@ -174,11 +176,7 @@ Alignment judged(const PreparedCloud& source, const PreparedCloud& target, const
   PlacementResult placed = PreparedPair(source, target, placement_of(options)).judge(pose);
   Alignment alignment;
   alignment.registration = std::move(placed.alignment);
-  if (alignment.registration.status == RegistrationStatus::kCancelled) {
-    alignment.reason = alignment.registration.reason;
-  } else {
-    take_verdict(std::move(placed), alignment);
-  }
+  if (!options.execution.stop.stop_requested()) take_verdict(std::move(placed), alignment);
   take_pose(alignment);
   alignment.estimate = pose;
   if (alignment.target_from_source) alignment.target_from_source = pose;
@@ -203,11 +201,23 @@ Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const P
   return concluded(from, to, options, std::move(found));
 }
 
-// Result of work() with its duration.
+// The estimate without a verdict: a stopped stage may have missed what decides.
+Alignment cancelled(Alignment stopped) {
+  Alignment alignment;
+  alignment.estimate = stopped.estimate;
+  alignment.registration = std::move(stopped.registration);
+  alignment.registration.status = RegistrationStatus::kCancelled;
+  alignment.registration.stop_reason = StopReason::kCancelled;
+  alignment.reason = alignment.registration.reason = "cancelled before the alignment was complete";
+  return alignment;
+}
+
+// Result of work() with its duration; cancelled if the caller asked to stop, whichever stage that cut short.
 template <class Work>
 Alignment timed(const AlignOptions& options, const Work& work) {
   const auto start = std::chrono::steady_clock::now();
   Alignment alignment = work();
+  if (options.execution.stop.stop_requested()) alignment = cancelled(std::move(alignment));
   alignment.deterministic = !options.time_limit_s;
   alignment.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -285,7 +295,7 @@ void take_consensus(const PreparedMap& source, const PreparedMap& target,
   const PartsAlignment& parts = *alignment.parts;
   RegistrationResult result = held(source, target, options, *parts.target_from_source, alignment);
   result.covariance = parts.covariance;
-  result.covariance_with_scale.reset();
+  result.covariance_with_scale = parts.covariance_with_scale;
   alignment.registration = std::move(result);
   alignment.reason = fmt::format("{} and agree up to a bend: {}; as a whole: {}", parts_text(parts),
                                  bend_text(*parts.bend, target.length_unit()), alignment.reason);
@@ -406,6 +416,16 @@ Alignment aligned(const PreparedMap& source, const PreparedMap& target,
   return alignment;
 }
 
+// The maps' deformation and parts can refuse a given pose, but not replace it.
+Alignment judged(const PreparedMap& source, const PreparedMap& target, const Similarity3& pose,
+                 const AlignOptions& options) {
+  Alignment alignment = judged(source.cloud(), target.cloud(), pose, options);
+  if (alignment.verdict != Verdict::kAligned) return alignment;
+  const bool may_align = judge_deformed(source, target, options, alignment);
+  judge_by_parts(source, target, options, may_align, alignment);
+  return alignment;
+}
+
 PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
                        const AlignOptions& options) {
   return PreparedCloud(cloud, options.seed, options.execution.executor, name);
@@ -501,16 +521,15 @@ Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
   return timed(options, [&] {
-    return judged(prepared(source, options).cloud(), prepared(target, options).cloud(),
-                  target_from_source, options);
+    return judged(prepared(source, options), prepared(target, options), target_from_source,
+                  options);
   });
 }
 
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
-  return timed(options,
-               [&] { return judged(source.cloud(), target.cloud(), target_from_source, options); });
+  return timed(options, [&] { return judged(source, target, target_from_source, options); });
 }
 
 namespace {

@@ -90,7 +90,7 @@ struct Alignment {
   std::vector<PlacementCandidate> candidates;
   /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
   RegistrationResult registration;
-  double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if not judged
+  double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if unknown
   /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
   std::optional<PartsAlignment> parts;
   /// How the maps are deformed against each other, if they clearly are; covariances then include the deviations of
@@ -127,7 +127,8 @@ Alignment align(const PreparedMap& source, const PreparedMap& target,
                 const AlignOptions& options = {});
 
 /// Judges a given pose without changing it, as align() judges its own. `method`, `prior` and `judge` have
-/// no effect.
+/// no effect. For maps, their deformation can refuse a pose that fits, and with PartsUse::kAlways so can their
+/// parts. Neither makes a pose aligned that is not aligned as a whole, as align() may do with a pose of its own.
 /// @throws Error (misuse) for invalid options, or a scale other than 1 without AlignOptions::scale
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});

@@ -108,6 +108,48 @@ TEST(Align, JudgesWhatAGuessIsRefinedTo) {
   }
 }
 
+// However a pose is found, it must agree with the gravity; here the true pose does not.
+TEST(Align, AcceptsNoPoseThatTheGravityForbids) {
+  const SyntheticPair pair = synthetic_pair({.seed = 53, .overlap = 0.6});
+  const auto expect_forbidden = [](const Alignment& alignment) {
+    EXPECT_EQ(alignment.verdict, Verdict::kRejected) << alignment.reason;
+    EXPECT_FALSE(alignment.target_from_source);
+  };
+  AlignOptions options;
+  options.gravity = GravityPrior();
+  const Eigen::Vector3d true_down =
+      pair.target_from_source.quaternion().inverse() * options.gravity->target;
+  options.gravity->source = -true_down;
+  for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
+    options.method = method;
+    options.prior = PosePrior{.target_from_source = pair.target_from_source};
+    const Alignment guessed = align(pair.source, pair.target, options);
+    expect_forbidden(guessed);
+  }
+  options.method = AlignMethod::kRobust;
+  options.prior.reset();
+  expect_forbidden(align(pair.source, pair.target, options));
+  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  expect_forbidden(judged);
+  EXPECT_THAT(judged.reason, HasSubstr("gravity by 180.0 deg"));
+  options.gravity->source = true_down;
+  options.prior = PosePrior{.target_from_source = pair.target_from_source};
+  EXPECT_EQ(align(pair.source, pair.target, options).verdict, Verdict::kAligned);
+}
+
+// A refinement must not leave the range that the search keeps to.
+TEST(Align, AcceptsNoPoseOfAScaleOutsideTheRange) {
+  const SyntheticPair pair = synthetic_pair({.seed = 53, .overlap = 0.6});
+  AlignOptions options;
+  options.scale = ScaleRange{1.2, 2.0};
+  options.prior = PosePrior{.target_from_source = pair.target_from_source};
+  const Alignment guessed = align(pair.source, pair.target, options);
+  EXPECT_NE(guessed.verdict, Verdict::kAligned) << guessed.reason;
+  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  EXPECT_EQ(judged.verdict, Verdict::kRejected);
+  EXPECT_THAT(judged.reason, HasSubstr("from 1.2 to 2 is allowed"));
+}
+
 TEST(Align, KeepsToAPriorsCovariance) {
   const SyntheticPair pair = synthetic_pair({.seed = 54, .overlap = 0.6});
   AlignOptions options;
@@ -149,6 +191,18 @@ TEST(Align, SaysOnlyHowItEndedWhereNoVerdictIsAskedFor) {
   EXPECT_THAT(status_of(alignment), ::testing::AnyOf("converged", "stopped"));
 }
 
+TEST(Align, StatesTheRadiusOfItsOverlapAlsoWithoutAVerdict) {
+  const SyntheticPair pair = synthetic_pair({.seed = 50, .landmarks = 800});
+  AlignOptions options;
+  const Alignment judged = align(pair.source, pair.target, options);
+  options.judge = false;
+  const Alignment unjudged = align(pair.source, pair.target, options);
+  ASSERT_FALSE(unjudged.verdict);
+  ASSERT_TRUE(unjudged.registration.overlap);
+  EXPECT_GT(unjudged.radius, 0.0);
+  EXPECT_EQ(unjudged.radius, judged.radius);
+}
+
 TEST(Align, IsTheSameForAnyNumberOfThreads) {
   const SyntheticPair pair = synthetic_pair({.seed = 56, .overlap = 0.4});
   AlignOptions options;
@@ -173,17 +227,52 @@ TEST(Align, FailsWithAReasonWithoutLandmarks) {
   }
 }
 
+void expect_cancelled(const Alignment& alignment) {
+  EXPECT_EQ(status_of(alignment), "cancelled");
+  EXPECT_EQ(alignment.registration.status, RegistrationStatus::kCancelled);
+  EXPECT_FALSE(alignment.verdict);
+  EXPECT_FALSE(alignment.probability);
+  EXPECT_FALSE(alignment.target_from_source);
+  EXPECT_TRUE(alignment.candidates.empty());
+}
+
 TEST(Align, IsNotJudgedWhenStopped) {
   const SyntheticPair pair = synthetic_pair({.seed = 57});
   std::stop_source stop;
   stop.request_stop();
   AlignOptions options;
   options.execution.stop = stop.get_token();
-  for (const bool guessed : {false, true}) {
-    if (guessed) options.prior = PosePrior{};
-    const Alignment alignment = align(pair.source, pair.target, options);
-    EXPECT_NE(alignment.verdict, Verdict::kAligned);
-    EXPECT_FALSE(alignment.target_from_source);
+  for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
+    options.method = method;
+    for (const bool guessed : {false, true}) {
+      if (guessed) options.prior = PosePrior{};
+      expect_cancelled(align(pair.source, pair.target, options));
+    }
+    options.prior.reset();
+  }
+  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  expect_cancelled(judged);
+  EXPECT_EQ(judged.estimate->matrix(), pair.target_from_source.matrix());
+}
+
+TEST(Align, IsNotJudgedWhenStoppedDuringTheSearch) {
+  const SyntheticPair pair = synthetic_pair({.seed = 57, .landmarks = 400});
+  const PreparedMap source(pair.source);
+  const PreparedMap target(pair.target);
+  AlignOptions options;
+  std::size_t calls = 0;
+  options.execution.progress = [&](double) { ++calls; };
+  align(source, target, options);
+  const std::size_t all = calls;
+  ASSERT_GT(all, 2U);
+  for (const std::size_t last : {std::size_t{1}, all / 2, all}) {
+    std::stop_source stop;
+    options.execution.stop = stop.get_token();
+    calls = 0;
+    options.execution.progress = [&](double) {
+      if (++calls == last) stop.request_stop();
+    };
+    expect_cancelled(align(source, target, options));
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "cairn/alignment/detail/pose_difference.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
@@ -38,7 +39,8 @@ struct Trial {
   PartPose pose;
   Similarity3 own;  // found, other_from_own
   bool decisive = false;
-  std::optional<Matrix6d> covariance;   // of target_from_source
+  // Of target_from_source; without an estimated scale, the last row and column are zero.
+  std::optional<Matrix7d> covariance = {};
   std::vector<Similarity3> candidates;  // other_from_own, with at least kLeastProbability
   std::vector<double> shares;           // of its matches in each part of the other map
 };
@@ -85,7 +87,12 @@ Trial trial(const Side& side, const PreparedPart& part, PlaceOptions options) {
   pose.probability = placed.probability;
   pose.found = placed.alignment.similarity();
   result.own = side.own(*pose.found);
-  result.covariance = placed.alignment.covariance;
+  if (placed.alignment.covariance_with_scale) {
+    result.covariance = placed.alignment.covariance_with_scale;
+  } else if (placed.alignment.covariance) {
+    result.covariance = Matrix7d(Matrix7d::Zero());
+    result.covariance->topLeftCorner<6, 6>() = *placed.alignment.covariance;
+  }
   const auto& agreement = placed.candidates.front().support.agreement;
   result.decisive =
       placed.verdict == Verdict::kAligned && agreement && agreement->spread >= kDecisiveAgreement;
@@ -332,15 +339,15 @@ Similarity3 single_pose(const Side& side, bool free_scale) {
   return Similarity3::from_matrix(least_squares_similarity(here, there, free_scale));
 }
 
-// Covariance within the parts and between them.
-std::optional<Matrix6d> spread_of(const Side& side, const Similarity3& whole) {
-  Matrix6d sum = Matrix6d::Zero();
+// Covariance within the parts and between them, with the scale.
+std::optional<Matrix7d> spread_of(const Side& side, const Similarity3& whole) {
+  Matrix7d sum = Matrix7d::Zero();
   double count = 0.0;
   double known = 0.0;
-  Matrix6d within = Matrix6d::Zero();
+  Matrix7d within = Matrix7d::Zero();
   for (const Trial& trial : side.trials) {
     if (!trial.pose.agrees) continue;
-    const Vector6d off = whole.rigid().difference_to(trial.pose.target_from_source->rigid());
+    const Vector7d off = pose_difference(whole, *trial.pose.target_from_source);
     sum += off * off.transpose();
     ++count;
     if (!trial.covariance || !trial.decisive) continue;
@@ -348,8 +355,8 @@ std::optional<Matrix6d> spread_of(const Side& side, const Similarity3& whole) {
     ++known;
   }
   if (known == 0.0) return std::nullopt;
-  const Matrix6d covariance = sum / count + within / known;
-  return Matrix6d(0.5 * (covariance + covariance.transpose()));
+  const Matrix7d covariance = sum / count + within / known;
+  return Matrix7d(0.5 * (covariance + covariance.transpose()));
 }
 
 void conclude(Side& side, const Agreement& agree, bool free_scale, PartsAlignment& result) {
@@ -358,7 +365,10 @@ void conclude(Side& side, const Agreement& agree, bool free_scale, PartsAlignmen
   result.consensus = true;
   result.target_from_source = side.own(whole);
   result.bend = bend_of(side, whole, agree);
-  result.covariance = spread_of(side, *result.target_from_source);
+  if (const auto covariance = spread_of(side, *result.target_from_source)) {
+    result.covariance = Matrix6d(covariance->topLeftCorner<6, 6>());
+    if (free_scale) result.covariance_with_scale = covariance;
+  }
   for (const std::size_t part : side.decisive) {
     result.probability = std::max(result.probability, side.trials[part].pose.probability);
   }

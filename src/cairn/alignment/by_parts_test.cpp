@@ -3,7 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
+#include <cmath>
 #include <cstdint>
+#include <stop_token>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -184,6 +188,80 @@ TEST(ByParts, AcceptNoTwoPlacesForOneThingThatStandsInBoth) {
     }
   }
   EXPECT_GT(convincing, 0) << "the thing must be enough to convince, or this tests nothing";
+}
+
+// The verdict on the whole maps is not the answer if a stop ends the placement of the parts.
+TEST(ByParts, AStoppedAlignmentHasNoVerdict) {
+  const PreparedMap source(described_pair(61).source);
+  const PreparedMap target(described_pair(62).target);
+  AlignOptions options;
+  options.parts = PartsUse::kNever;
+  const double whole_s = align(source, target, options).duration_s;
+  options.parts = PartsUse::kWhereRefused;
+  const Alignment complete = align(source, target, options);
+  ASSERT_TRUE(complete.verdict && complete.parts);
+  for (const double share : {0.2, 0.5, 0.8}) {
+    std::stop_source stop;
+    options.execution.stop = stop.get_token();
+    const std::chrono::duration<double> delay(whole_s + share * (complete.duration_s - whole_s));
+    const std::jthread caller([&] {
+      std::this_thread::sleep_for(delay);
+      stop.request_stop();
+    });
+    const Alignment alignment = align(source, target, options);
+    // On a busy machine, the stop may come before the parts or after the end.
+    if (alignment.verdict) {
+      EXPECT_TRUE(alignment.parts) << share;
+    } else {
+      EXPECT_EQ(status_of(alignment), "cancelled") << share;
+    }
+  }
+}
+
+TEST(ByParts, JudgeAGivenPoseTooIfAlways) {
+  const SyntheticPair pair = described_pair(61);
+  const PreparedMap source(pair.source);
+  const PreparedMap target(pair.target);
+  AlignOptions options;
+  options.parts = PartsUse::kAlways;
+  const Alignment aligned = align(source, target, options);
+  ASSERT_TRUE(aligned.target_from_source && aligned.parts) << aligned.reason;
+  const Alignment judged = judge_pose(source, target, *aligned.target_from_source, options);
+  EXPECT_EQ(judged.verdict, aligned.verdict) << judged.reason;
+  EXPECT_EQ(judged.estimate->matrix(), aligned.estimate->matrix());
+  ASSERT_TRUE(judged.parts);
+  EXPECT_EQ(judged.parts->consensus, aligned.parts->consensus);
+  options.parts = PartsUse::kWhereRefused;
+  EXPECT_FALSE(judge_pose(source, target, *aligned.target_from_source, options).parts);
+}
+
+// The parts of a bent map of free scale have scales of their own, so that the scale is not exact.
+TEST(ByParts, StateTheUncertaintyOfAFreeScale) {
+  const SyntheticPair pair = described_pair(61);
+  const PreparedMap source(bent(pair.source, 8.0));
+  const PreparedMap target(pair.target);
+  PlaceOptions options;
+  EXPECT_FALSE(place_by_parts(source, target, options).covariance_with_scale);
+  options.scale = ScaleRange{0.5, 2.0};
+  const PartsAlignment parts = place_by_parts(source, target, options);
+  ASSERT_TRUE(parts.consensus && parts.covariance && parts.covariance_with_scale);
+  const Matrix7d& covariance = *parts.covariance_with_scale;
+  EXPECT_EQ(Matrix6d(covariance.topLeftCorner<6, 6>()), *parts.covariance);
+  EXPECT_EQ(covariance, Matrix7d(covariance.transpose()));
+  double squares = 0.0;
+  double count = 0.0;
+  for (const PartPose& part : parts.parts) {
+    if (!part.agrees) continue;
+    const double off =
+        std::log(part.target_from_source->scale() / parts.target_from_source->scale());
+    if (part.map == parts.bend->map) {
+      squares += off * off;
+      ++count;
+    }
+  }
+  ASSERT_GT(count, 0.0);
+  EXPECT_GE(covariance(6, 6), squares / count);
+  EXPECT_LT(std::sqrt(covariance(6, 6)), 0.1);
 }
 
 TEST(ByParts, NeedTwoPartsOfEitherMap) {

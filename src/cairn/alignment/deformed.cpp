@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cairn/alignment/detail/moved_in_map.hpp"
+#include "cairn/alignment/detail/pose_difference.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
@@ -72,12 +73,6 @@ double quantile(std::vector<double> values, double share) {
       values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
-}
-
-Vector7d difference(const Similarity3& a, const Similarity3& b) {
-  Vector7d result;
-  result << a.rigid().difference_to(b.rigid()), std::log(b.scale() / a.scale());
-  return result;
 }
 
 // Largest rotation between two of the poses, and largest ratio of their scales, without the outermost.
@@ -205,7 +200,7 @@ std::optional<DeformedPose> DeformablePair::described(const Similarity3& start,
     if (i % step != 0) continue;
     local.push_back(result.near(from[i]));
     shears.push_back(result.deformation.shear(start * from[i]));
-    const Vector7d off = difference(whole, local.back());
+    const Vector7d off = pose_difference(whole, local.back());
     result.spread += off * off.transpose();
   }
   result.spread /= static_cast<double>(local.size());

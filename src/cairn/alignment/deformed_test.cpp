@@ -190,6 +190,30 @@ TEST(DeformedMaps, AreNotAlignedIfTheDeformationIsLarge) {
   }
 }
 
+// As align() judges its own.
+TEST(DeformedMaps, AreSoForAGivenPoseToo) {
+  const SyntheticPair pair = described_pair(61);
+  const PreparedMap target(pair.target);
+  AlignOptions options = of_free_scale();
+  int stated = 0;
+  for (const double factor : {0.2, 0.4, 0.6}) {
+    const LandmarkMap source = deformed_by(Stretch(pair.source, factor), pair.source);
+    const PreparedMap prepared(source);
+    options.deformation = false;
+    const Alignment rigid = align(prepared, target, options);
+    options.deformation = true;
+    const Alignment found = align(prepared, target, options);
+    if (rigid.verdict != Verdict::kAligned || !found.deformation) continue;
+    ++stated;
+    const Alignment judged = judge_pose(prepared, target, *rigid.target_from_source, options);
+    EXPECT_EQ(judged.verdict, found.verdict) << judged.reason;
+    EXPECT_EQ(judged.estimate->matrix(), rigid.estimate->matrix());
+    ASSERT_TRUE(judged.deformation) << factor;
+    EXPECT_NEAR(judged.deformation->scale_ratio, found.deformation->scale_ratio, 1e-3);
+  }
+  EXPECT_GT(stated, 0) << "else this shows nothing";
+}
+
 TEST(DeformedMaps, NeedDescriptors) {
   const SyntheticPair pair = synthetic_pair({.seed = 68, .landmarks = 500, .frames = 16});
   const PreparedMap source(pair.source);

@@ -15,6 +15,7 @@
 #include "cairn/core/detail/alarm.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
@@ -236,11 +237,27 @@ class Placement {
     return poses;
   }
 
+  /// Angle between both downward directions; 0 without a gravity prior.
+  double tilt(const Rigid3& pose) const {
+    if (!options_.gravity) return 0.0;
+    const Eigen::Vector3d down = pose.quaternion() * options_.gravity->source;
+    const Eigen::Vector3d& there = options_.gravity->target;
+    return std::atan2(down.cross(there).norm(), down.dot(there));
+  }
+  bool is_tilted(const Rigid3& pose) const {
+    return options_.gravity && tilt(pose) > options_.gravity->max_tilt_rad;
+  }
+
   /// Whether its scale is outside the requested range.
   bool has_other_scale(const Finalist& pose) const {
     if (!options_.scale) return false;
     const auto [least, most] = *options_.scale;
     return pose.scale < least * (1.0 - kScaleMargin) || pose.scale > most * (1.0 + kScaleMargin);
+  }
+
+  /// Whether the requested gravity and scale allow it.
+  bool allows(const Finalist& pose) const {
+    return !is_tilted(pose.target_from_source) && !has_other_scale(pose);
   }
 
   /// The optimum near a pose.
@@ -281,12 +298,7 @@ class Placement {
   std::size_t landmarks() const { return std::min(pair_.source().size(), pair_.target().size()); }
 
   Candidates candidates(const TimeLimit& time) const {
-    const auto accept = [&](const Rigid3& pose) {
-      if (!options_.gravity) return true;
-      const Eigen::Vector3d down = pose.quaternion() * options_.gravity->source.normalized();
-      return down.dot(options_.gravity->target.normalized()) >=
-             std::cos(options_.gravity->max_tilt_rad);
-    };
+    const auto accept = [&](const Rigid3& pose) { return !is_tilted(pose); };
     std::vector<Finalist> proposed;
     for (const DescriptorPose& proposal : proposals()) {
       if (!accept(proposal.pose.rigid())) continue;
@@ -391,7 +403,7 @@ class Placement {
 
   // The distinct poses with their probabilities, likeliest first.
   std::vector<Finalist> judged(std::vector<Finalist> poses) const {
-    std::erase_if(poses, [&](const Finalist& pose) { return has_other_scale(pose); });
+    std::erase_if(poses, [&](const Finalist& pose) { return !allows(pose); });
     return with_probabilities(distinct(std::move(poses), all_, 1));
   }
 
@@ -572,6 +584,7 @@ class PreparedPair::Parts {
   void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
                      const TimeLimit& time, PlacementResult& result) const;
   void judge_best(const Finalist& best, PlacementResult& result) const;
+  std::string forbidden(const Finalist& pose) const;
   Placed beside(Candidates found, const Finalist& pose) const;
   void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
   void require_scale(const Similarity3& pose) const;
@@ -676,7 +689,7 @@ void PreparedPair::Parts::conclude(Candidates found, const TimeLimit& time,
     // Evidence at the finer scales can only be lost if there is some.
     const bool worse =
         precision(best) < 1.0 && Placement::merit(after) < kKept * Placement::merit(best);
-    const bool settled = !failed && !worse && !placement_->has_other_scale(after);
+    const bool settled = !failed && !worse && placement_->allows(after);
     if (!settled || attempt + 1 == kAttempts) {
       result.alignment = refined(best, true, time, result);
       break;
@@ -715,6 +728,21 @@ PreparedPair::Parts::Placed PreparedPair::Parts::beside(Candidates found,
   return {std::move(found), index};
 }
 
+// Why the requested gravity or scale does not allow a pose.
+std::string PreparedPair::Parts::forbidden(const Finalist& pose) const {
+  if (placement_->is_tilted(pose.target_from_source)) {
+    return fmt::format(
+        "the pose tilts the source's gravity by {:.1f} deg against the target's: at most {:.1f} "
+        "deg "
+        "are allowed",
+        degrees(placement_->tilt(pose.target_from_source)),
+        degrees(callers_.gravity->max_tilt_rad));
+  }
+  return fmt::format("the pose has a scale of {:.4g}: from {:.4g} to {:.4g} is allowed",
+                     for_caller(pose.similarity()).scale(), callers_.scale->least,
+                     callers_.scale->most);
+}
+
 // @param held   the pose to judge, unchanged
 // @param better distance to the placed pose, if that is a better one nearby
 void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& held,
@@ -732,6 +760,10 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
     return;
   }
   report(found.poses, result);
+  if (!placement_->allows(held)) {
+    result.reason = forbidden(held);
+    return;
+  }
   if (better) {
     const double unit = inverted_ ? 1.0 / held.scale : 1.0;
     result.reason = fmt::format(
@@ -803,7 +835,9 @@ PlacementResult PreparedPair::Parts::settle(const Similarity3& pose) {
     Finalist settled = placement_->settled(centred(pose), callers_.execution.stop);
     if (const auto better = placement_->better_near(found.poses, settled).first) settled = *better;
     Placed placed = beside(found, settled);
-    if (placed.own == 0) return conclude(std::move(placed.found), time, result);
+    if (placed.own == 0 && placement_->allows(settled)) {
+      return conclude(std::move(placed.found), time, result);
+    }
     conclude_held(placed, placed.found.poses[placed.own], std::nullopt, time, result);
   });
 }

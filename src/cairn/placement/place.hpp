@@ -126,8 +126,8 @@ class PreparedPair {
   /// Same as cairn::place().
   PlacementResult place();
 
-  /// Judges a given pose without changing it. It is aligned only if it is likelier than every other pose
-  /// and no worse than the best pose near it.
+  /// Judges a given pose without changing it. It is aligned only if gravity and scale range allow it, it is
+  /// likelier than every other pose and no worse than the best pose near it.
   /// @throws Error (misuse) for a scale other than 1 without PlaceOptions::scale
   PlacementResult judge(const Similarity3& target_from_source);
 

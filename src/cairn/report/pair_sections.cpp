@@ -64,7 +64,7 @@ AlignmentRun make_run(const Alignment& alignment, const ShownPoints& source,
   RegistrationResult registration = alignment.registration;
   registration.reason = alignment.reason;
   registration.duration_s = alignment.duration_s;
-  if (alignment.verdict == Verdict::kRejected) registration.status = RegistrationStatus::kFailed;
+  options.rejected = alignment.verdict == Verdict::kRejected;
   options.status = status_of(alignment);
   return make_run(registration, source, target, options);
 }

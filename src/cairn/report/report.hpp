@@ -114,7 +114,7 @@ struct AlignmentRun {
   std::string name = {};
   std::vector<std::pair<std::string, Scalar>> summary = {};
   std::vector<Similarity3> target_from_source =
-      {};  ///< the initial pose, then the pose after each iteration
+      {};  ///< the initial pose, the pose after each iteration, and the result if none ended there
   std::vector<double> mean_squared_distance = {};
   std::vector<double> scores = {};
   std::vector<double> rotation_error_deg = {};

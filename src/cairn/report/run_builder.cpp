@@ -46,6 +46,37 @@ std::vector<std::int32_t> match_list(const std::vector<Match>& matches, const Sh
   return list;
 }
 
+bool has_pose(const RegistrationResult& result) {
+  return result.status != RegistrationStatus::kFailed;
+}
+
+// The iterations, and the estimate if no iteration ended there: the best pose of a cycle, the pose that
+// the maps' parts agree on, or any pose if the result has no history.
+std::vector<IterationRecord> with_estimate(const RegistrationResult& result) {
+  std::vector<IterationRecord> history = result.history;
+  const auto is_estimate = [&](const IterationRecord& record) {
+    return Similarity3(record.scale, record.target_from_source).matrix() ==
+           result.similarity().matrix();
+  };
+  if (!has_pose(result) || (!history.empty() && is_estimate(history.back()))) return history;
+  const std::size_t best =
+      result.repetition ? static_cast<std::size_t>(result.repetition->best_iteration) : 0;
+  IterationRecord estimate;
+  if (result.stop_reason == StopReason::kCycle && best < history.size()) {
+    // The matches at a cycle's best pose are those at the start of the following iteration.
+    estimate = history[best];
+  } else {
+    // A document holds the matches of iterations only.
+    if (!history.empty()) estimate.matches = history.back().matches;
+    estimate.mean_squared_distance = kNan;
+  }
+  estimate.target_from_source = result.target_from_source;
+  estimate.scale = result.scale;
+  estimate.score = result.score;
+  history.push_back(std::move(estimate));
+  return history;
+}
+
 void add_errors(AlignmentRun& run, const Similarity3& truth,
                 const std::vector<Eigen::Vector3d>& positions) {
   for (const Similarity3& pose : run.target_from_source) {
@@ -126,16 +157,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
   run.target_from_source = {Similarity3(initial_scale, options.initial)};
   run.mean_squared_distance = {kNan};
   run.scores = {result.initial_score.value_or(kNan)};
-  std::vector<IterationRecord> history = result.history;
-  const std::size_t best =
-      result.repetition ? static_cast<std::size_t>(result.repetition->best_iteration) : 0;
-  if (result.stop_reason == StopReason::kCycle && best < history.size()) {
-    // The final pose is last; its matches are those at the start of the following iteration.
-    IterationRecord taken = history[best];
-    taken.target_from_source = result.target_from_source;
-    taken.score = result.score;
-    history.push_back(std::move(taken));
-  }
+  const std::vector<IterationRecord> history = with_estimate(result);
   bool traced = !history.empty();
   for (const IterationRecord& iteration : history) {
     run.target_from_source.emplace_back(iteration.scale, iteration.target_from_source);
@@ -150,9 +172,9 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
 
   const std::string status =
       options.status.empty() ? std::string(to_string(result.status)) : options.status;
-  const bool has_pose = result.status != RegistrationStatus::kFailed;
-  const bool has_error = has_pose && !run.rotation_error_deg.empty();
-  const bool has_scale = has_pose && result.scale != 1.0;  // maps of one scale have none
+  const bool counts = has_pose(result) && !options.rejected;
+  const bool has_error = counts && !run.rotation_error_deg.empty();
+  const bool has_scale = counts && result.scale != 1.0;  // maps of one scale have none
   const auto& overlap = result.overlap;
   run.summary = {
       {"status", status},

@@ -37,10 +37,11 @@ struct RunOptions {
   std::optional<Similarity3> truth = {};  ///< true target_from_source; adds errors
   /// Displayed status; empty: the result's.
   std::string status = {};
+  bool rejected = false;  ///< by the verdict: the summary states no error and no scale
 };
 
-/// An alignment by iteration. Includes scores and matches of each with IcpOptions::trace, else only those
-/// in the result.
+/// An alignment by iteration; its last pose is the result's, if that has one. Includes scores and matches of
+/// each iteration with IcpOptions::trace, else only those in the result.
 /// @throws Error (misuse) if a match names a missing point
 AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
                       const ShownPoints& target, const RunOptions& options);

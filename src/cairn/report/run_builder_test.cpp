@@ -10,6 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/report/map_builder.hpp"
 #include "cairn/report/writer.hpp"
@@ -125,6 +126,59 @@ TEST(MakeRun, APoseTakenFromACycleComesLast) {
   EXPECT_THAT(run.matches->change_counts, SizeIs(aligned.result.history.size()));
 }
 
+std::map<std::string, Scalar> summary_of(const AlignmentRun& run) {
+  return {run.summary.begin(), run.summary.end()};
+}
+
+// As saved without a trace.
+TEST(MakeRun, AResultWithoutAHistoryEndsAtItsPose) {
+  Aligned aligned;
+  aligned.result.history.clear();
+  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
+  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
+  ASSERT_THAT(run.target_from_source, SizeIs(2));
+  EXPECT_EQ(run.target_from_source.front().matrix(), aligned.options.initial.matrix());
+  EXPECT_EQ(run.target_from_source.back().matrix(), aligned.result.target_from_source.matrix());
+  EXPECT_THAT(run.scores, ElementsAre(*aligned.result.initial_score, *aligned.result.score));
+  EXPECT_FALSE(run.matches.has_value());
+  const PoseError error = pose_error(aligned.result.target_from_source,
+                                     aligned.pair.target_from_source, source.positions);
+  EXPECT_EQ(summary_of(run).at("rotation_error_deg"), Scalar(degrees(error.rotation_rad)));
+  EXPECT_EQ(summary_of(run).at("translation_error_m"), Scalar(error.translation));
+}
+
+// As the pose that the parts of the maps agree on.
+TEST(MakeRun, APoseThatNoIterationReachedComesLast) {
+  Aligned aligned;
+  const Similarity3 estimate(1.5, aligned.pair.target_from_source);
+  ASSERT_NE(estimate.matrix(), aligned.result.similarity().matrix());
+  aligned.result.target_from_source = estimate.rigid();
+  aligned.result.scale = estimate.scale();
+  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
+  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  RunOptions options = aligned.run_options();
+  options.truth = estimate;
+  const AlignmentRun run = make_run(aligned.result, source, target, options);
+  ASSERT_THAT(run.target_from_source, SizeIs(aligned.result.history.size() + 2));
+  EXPECT_EQ(run.target_from_source.back().matrix(), estimate.matrix());
+  EXPECT_EQ(summary_of(run).at("rotation_error_deg"), Scalar(0.0));
+  EXPECT_EQ(summary_of(run).at("translation_error_m"), Scalar(0.0));
+  EXPECT_THAT(run.matches->change_counts, SizeIs(aligned.result.history.size()));
+}
+
+TEST(MakeRun, ARejectedPoseIsShownWithoutErrors) {
+  Aligned aligned;
+  aligned.result.history.clear();
+  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
+  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  RunOptions options = aligned.run_options();
+  options.rejected = true;
+  const AlignmentRun run = make_run(aligned.result, source, target, options);
+  EXPECT_EQ(run.target_from_source.back().matrix(), aligned.result.target_from_source.matrix());
+  EXPECT_EQ(summary_of(run).at("rotation_error_deg"), Scalar());
+}
+
 // The points of a match are where its landmarks are, whichever landmarks the report shows.
 TEST(MakeRun, MatchesNameTheLandmarksOfTheShownMaps) {
   const Aligned aligned;
@@ -199,10 +253,9 @@ TEST(MakeRun, AFailedAlignmentHasItsInitialPoseOnly) {
   EXPECT_THAT(run.target_from_source, SizeIs(1));
   EXPECT_THAT(run.scores, IsEmpty());
   EXPECT_FALSE(run.matches.has_value());
-  const std::map<std::string, Scalar> summary(run.summary.begin(), run.summary.end());
-  EXPECT_EQ(summary.at("status"), Scalar("failed"));
-  EXPECT_EQ(summary.at("score"), Scalar());
-  EXPECT_EQ(summary.at("rotation_error_deg"), Scalar());
+  EXPECT_EQ(summary_of(run).at("status"), Scalar("failed"));
+  EXPECT_EQ(summary_of(run).at("score"), Scalar());
+  EXPECT_EQ(summary_of(run).at("rotation_error_deg"), Scalar());
 }
 
 TEST(MakeRun, AMatchOfAPointThatIsNotThereIsRefused) {

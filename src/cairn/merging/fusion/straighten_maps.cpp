@@ -97,7 +97,8 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     if (joined == group[link.target]) continue;
     std::replace(group.begin(), group.end(), joined, group[link.target]);
     if (link.kind != LinkKind::kPlacement) continue;
-    if (link.covariance_with_scale && !straight[link.source]) {
+    // A link that the parts aligned has their bend instead.
+    if (link.covariance_with_scale && !link.parts && !straight[link.source]) {
       auto mended =
           undeformed(*maps[link.source].map, prepare(link.source), prepare(link.target), link);
       if (mended && fused(now(link.target), mended->map, link, options) >=
