@@ -178,11 +178,7 @@ void fill_frames(MapTables& tables, py::handle poses, py::handle ids, py::handle
         });
   }
   if (!image_names.is_none()) {
-    for (const py::handle name : py::iter(image_names)) {
-      if (!py::isinstance<py::str>(name))
-        throw py::type_error("image_names: expected a list of text");
-      frames.image_names.push_back(name.cast<std::string>());
-    }
+    frames.image_names = encoded_each(image_names, "image_names");
     if (frames.image_names.size() != count) {
       throw Error(ErrorKind::kMisuse, "image_names",
                   fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
@@ -310,12 +306,12 @@ SharedMap from_arrays(
     const py::object& image_names, const py::object& observed_landmarks,
     const py::object& observing_frames, const py::object& pixels, const py::object& keypoints,
     const py::object& depths, const py::object& octaves, const py::object& sigmas_px,
-    const std::string& length_unit, const std::optional<std::string>& world_frame,
-    const py::object& gravity, const std::optional<std::vector<std::string>>& provenance) {
+    const std::string& length_unit, const py::object& world_frame, const py::object& gravity,
+    const py::object& provenance) {
   MapTables tables;
   tables.info.length_unit = length_unit_of(length_unit);
-  tables.info.world_frame = world_frame;
-  if (provenance) tables.info.provenance = *provenance;
+  if (!world_frame.is_none()) tables.info.world_frame = encoded(world_frame, "world_frame");
+  if (!provenance.is_none()) tables.info.provenance = encoded_each(provenance, "provenance");
   if (!gravity.is_none()) {
     const auto down = real_array(gravity, "gravity", {3});
     tables.info.gravity = Eigen::Vector3d(down.at(0), down.at(1), down.at(2));
@@ -795,7 +791,7 @@ void bind_maps(py::module_& module) {
           "image_names",
           [](const SharedMap& self) -> py::object {
             if (self->frames().image_names.empty()) return py::none();
-            return py::cast(self->frames().image_names);
+            return decoded(self->frames().image_names);
           },
           "One per frame, '' where unknown; or None.")
       .def_property_readonly(
@@ -875,17 +871,19 @@ void bind_maps(py::module_& module) {
           "length_unit",
           [](const SharedMap& self) { return std::string(to_string(self->info().length_unit)); },
           "'metres' or 'free'.")
-      .def_property_readonly("world_frame",
-                             [](const SharedMap& self) { return self->info().world_frame; })
+      .def_property_readonly(
+          "world_frame",
+          [](const SharedMap& self) { return decoded_or_none(self->info().world_frame); })
       .def_property_readonly(
           "gravity", [](const SharedMap& self) { return matrix_or_none(self->info().gravity); },
           "(3,), downward direction in the world frame; or None.")
       .def_property_readonly(
           "georeference", [](const SharedMap& self) { return self->info().georeference; },
           "GeoReference of the map; or None.")
-      .def_property_readonly("uuid", [](const SharedMap& self) { return self->info().uuid; })
       .def_property_readonly(
-          "provenance", [](const SharedMap& self) { return self->info().provenance; },
+          "uuid", [](const SharedMap& self) { return decoded_or_none(self->info().uuid); })
+      .def_property_readonly(
+          "provenance", [](const SharedMap& self) { return decoded(self->info().provenance); },
           "History of the map, oldest entry first.")
       .def(
           "transformed",

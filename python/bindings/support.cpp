@@ -15,6 +15,8 @@
 
 #include "cairn/core/detail/memory.hpp"
 
+#include "bindings/text.hpp"
+
 namespace cairn::python {
 namespace {
 
@@ -314,10 +316,7 @@ void from_python(py::handle value, const std::string& name, double& result) {
 }
 
 void from_python(py::handle value, const std::string& name, std::string& result) {
-  if (!py::isinstance<py::str>(value)) {
-    throw py::type_error(fmt::format("{}: {}; expected text", name, type_name(value)));
-  }
-  result = value.cast<std::string>();
+  result = encoded(value, name);
 }
 
 void from_python(py::handle value, const std::string& name, std::optional<double>& result) {

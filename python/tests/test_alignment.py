@@ -158,6 +158,13 @@ class Merge(unittest.TestCase):
         self.assertEqual((used.source, used.target, used.verdict), ("source", "target", "aligned"))
         self.assertFalse(result.adjusted)
 
+    def test_names_may_be_any_bytes(self):
+        other = cairn.synthetic_map(landmarks=300, seed=5)
+        result = cairn.merge([PAIR.target, other], names=["\udcff", "other"])
+        self.assertEqual([part.name for part in result.maps], ["\udcff", "other"])
+        self.assertTrue(result.maps[1].reason)
+        self.assertTrue(result.links[0].reason)
+
     def test_adjusts_if_asked_or_says_why_not(self):
         maps = [part.with_camera(cairn.Camera.tum("fr1")) for part in (PAIR.target, PAIR.source)]
         plain = cairn.merge(maps).map

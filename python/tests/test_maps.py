@@ -53,6 +53,16 @@ def full_map():
 
 
 class Columns(unittest.TestCase):
+    def test_texts_may_be_any_bytes(self):
+        given = dict(image_names=["\udcff.png", "\u00e4"], world_frame="\udcff", provenance=["by \udcff"])
+        m = cairn.LandmarkMap.from_arrays(np.zeros((1, 3)), frame_poses=[posed(0.0), posed(0.5)], **given)
+        for one in (m, pickle.loads(pickle.dumps(m))):
+            self.assertEqual({name: getattr(one, name) for name in given}, given)
+        for wrong in ({"image_names": "ab"}, {"image_names": 3}, {"provenance": [b"a"]}, {"world_frame": 3}):
+            (name,) = wrong
+            with self.assertRaisesRegex(TypeError, f"^{name}.*expected"):
+                cairn.LandmarkMap.from_arrays(np.zeros((1, 3)), frame_poses=[posed(0.0), posed(0.5)], **wrong)
+
     def test_masked_entries_are_unknown(self):
         one = full_map()
         known = [True, False, True]
@@ -206,6 +216,16 @@ class Files(unittest.TestCase):
                     m.write(path)
                 read = cairn.read_map(str(path))
                 np.testing.assert_allclose(np.sort(read.positions, 0), np.sort(m.positions, 0), atol=1e-6)
+
+    def test_warnings_name_files_of_any_bytes(self):
+        text = ("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+                "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n3 0 0 0\n")
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, os.fsdecode(b"\xff.ply"))
+            with open(path, "w") as file:
+                file.write(text)
+            with self.assertWarnsRegex(UserWarning, r"/\\xff\.ply: .* left out"):
+                self.assertEqual(len(cairn.read_map(path)), 1)
 
     def test_what_a_format_cannot_hold_is_warned_of(self):
         with tempfile.TemporaryDirectory() as folder:
