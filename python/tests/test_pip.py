@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""test_pip.py SOURCE BUILD: `pip install` into a virtual environment, with the module of a build."""
+"""test_pip.py SOURCE BUILD: `pip install` of a source distribution into a virtual environment, with the module of a
+build."""
 
 import os
 import pathlib
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
+
+# What a source distribution needs, all of it.
+PARTS = (
+    "CMakeLists.txt", "LICENSE", "README.md", "THIRD_PARTY", "pyproject.toml", "setup.py", "adapters", "cmake",
+    "packaging", "python", "src", "viewer")
 
 PROGRAM = """
 import sys, cairn
@@ -15,6 +22,30 @@ pair = cairn.synthetic_pair(landmarks=500)
 result = cairn.align(pair.source, pair.target)
 print(cairn.__version__, result.verdict)
 """
+
+def files_in(folder):
+    return {
+        path.relative_to(folder) for path in folder.rglob("*") if path.is_file() and path.suffix not in (".pyc", ".pyo")}
+
+
+def source_distribution(source, folder):
+    """The unpacked source distribution of a copy of the source tree."""
+    tree = folder / "tree"
+    tree.mkdir()
+    for name in PARTS + ("MANIFEST.in",):
+        if (source / name).is_dir():
+            shutil.copytree(source / name, tree / name)
+        else:
+            shutil.copy2(source / name, tree)
+    expected = files_in(tree)
+    subprocess.run([sys.executable, "setup.py", "-q", "sdist", "-d", folder], cwd=tree, check=True)
+    (archive,) = folder.glob("cairn-*.tar.gz")
+    with tarfile.open(archive) as file:
+        file.extractall(folder)
+    unpacked = folder / archive.name.removesuffix(".tar.gz")
+    left_out = expected - files_in(unpacked)
+    assert not left_out, f"the source distribution leaves out {sorted(map(str, left_out))}"
+    return unpacked
 
 
 def main(source, build):
@@ -29,11 +60,7 @@ def main(source, build):
     environment.pop("PYTHONPATH", None)
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        tree = folder / "cairn"
-        tree.mkdir()
-        for file in ("CMakeLists.txt", "pyproject.toml", "setup.py"):
-            shutil.copy2(source / file, tree)
-        shutil.copytree(source / "python" / "cairn", tree / "python" / "cairn")
+        tree = source_distribution(source, folder)
         venv = folder / "venv"
         subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", venv], check=True)
         python = venv / "bin" / "python"
