@@ -199,7 +199,7 @@ py::array_t<double> real_array(py::handle value, std::string_view name,
 py::array_t<std::int64_t> integer_array(py::handle value, std::string_view name,
                                         const std::vector<py::ssize_t>& shape, Masked masked) {
   const py::array array = checked_array(value, name, shape, "iu", "integers", masked);
-  if (array.dtype().kind() == 'u' && array.itemsize() == 8) {
+  if (array.dtype().kind() == 'u') {
     const auto wide = cast_array<std::uint64_t>(array);
     for (py::ssize_t i = 0; i < wide.size(); ++i) {
       if (wide.data()[i] > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())) {
@@ -229,7 +229,7 @@ py::array_t<std::uint64_t> id_array(py::handle value, std::string_view name,
 py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
                                      const std::vector<py::ssize_t>& shape, Masked masked) {
   const py::array array = checked_array(value, name, shape, "u", "bytes (uint8)", masked);
-  if (array.itemsize() != 1 && array.size() > 0) {
+  if (array.dtype().char_() != 'B' && array.size() > 0) {
     throw py::type_error(fmt::format("{}: array of {}; expected bytes (uint8)", name,
                                      py::str(array.dtype()).cast<std::string>()));
   }
@@ -297,8 +297,10 @@ py::object to_python(const std::optional<double>& value) {
 }
 
 void from_python(py::handle value, const std::string& name, bool& result) {
-  const bool is_numpy = type_name(value) == "bool_";
-  if (!py::isinstance<py::bool_>(value) && !is_numpy) {
+  const auto is_numpy = [&] {
+    return py::isinstance(value, py::module_::import("numpy").attr("bool_"));
+  };
+  if (!py::isinstance<py::bool_>(value) && !is_numpy()) {
     throw py::type_error(fmt::format("{}: {}; expected True or False", name, type_name(value)));
   }
   result = PyObject_IsTrue(value.ptr()) == 1;

@@ -90,7 +90,7 @@ py::array view(const Scalar* data, std::vector<py::ssize_t> shape, py::handle ow
 /// An array that owns a copy of the numbers.
 template <class Scalar>
 py::array copied(const std::vector<Scalar>& values, std::vector<py::ssize_t> shape) {
-  return py::array(py::dtype::of<Scalar>(), std::move(shape), values.data());
+  return py::array_t<Scalar>(std::move(shape), values.data());
 }
 template <class Scalar>
 py::array copied(const std::vector<Scalar>& values) {

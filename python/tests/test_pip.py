@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""test_pip.py SOURCE BUILD: `pip install` of a source distribution into a virtual environment, with the module of a
-build."""
+"""test_pip.py SOURCE BUILD PYBIND11: `pip install` of a source distribution into a virtual environment, with the module
+of a build by this version of pybind11."""
 
 import os
 import pathlib
@@ -22,6 +22,23 @@ pair = cairn.synthetic_pair(landmarks=500)
 result = cairn.align(pair.source, pair.target)
 print(cairn.__version__, result.verdict)
 """
+
+METADATA = """
+import importlib.metadata
+cairn = importlib.metadata.distribution("cairn")
+print(*(name for name in cairn.requires if name.startswith("numpy")))
+"""
+
+WITH_NUMPY_2 = """
+import sys, types
+sys.modules["numpy"] = types.ModuleType("numpy")
+sys.modules["numpy"].__version__ = "2.1.0"
+try:
+    import cairn
+except ImportError as error:
+    print(error)
+"""
+
 
 def files_in(folder):
     return {
@@ -48,7 +65,7 @@ def source_distribution(source, folder):
     return unpacked
 
 
-def main(source, build):
+def main(source, build, pybind11):
     source = pathlib.Path(source)
     try:
         import ensurepip  # noqa: F401
@@ -67,7 +84,20 @@ def main(source, build):
         subprocess.run(
             [python, "-m", "pip", "install", "--no-build-isolation", "--no-index", "--no-deps", "-q", tree],
             env=environment, check=True)
-        subprocess.run([python, "-c", PROGRAM], env=environment, cwd=folder, check=True)
+
+        def output(program):
+            return subprocess.run(
+                [python, "-c", program], env=environment, cwd=folder, check=True, stdout=subprocess.PIPE,
+                text=True).stdout
+
+        print(output(PROGRAM))
+        numpy = output(METADATA)
+        is_old = tuple(map(int, pybind11.split(".")[:2])) < (2, 12)
+        if shutil.which("pkg-config"):
+            assert ("<2" in numpy) == is_old, numpy
+        if is_old:
+            refusal = output(WITH_NUMPY_2)
+            assert "NumPy 2.1.0; expected NumPy below 2" in refusal and "'numpy<2'" in refusal, refusal
 
 
 if __name__ == "__main__":
