@@ -37,6 +37,9 @@ class BuildWithCMake(build_ext):
         (built,) = (build / "python" / "cairn").glob("_cairn*.so")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(built, target)
+        viewer_notices = build / "viewer" / "page" / "THIRD_PARTY_VIEWER.txt"
+        if viewer_notices.exists():
+            shutil.copy2(viewer_notices, target.parent)
 
     def build_with_cmake(self, build):
         options = {

@@ -24,9 +24,10 @@ print(cairn.__version__, result.verdict)
 """
 
 METADATA = """
-import importlib.metadata
+import importlib.metadata, pathlib
 cairn = importlib.metadata.distribution("cairn")
 print(*(name for name in cairn.requires if name.startswith("numpy")))
+print(*(path.name for path in cairn.files if path.name.startswith(("LICENSE", "THIRD_PARTY"))))
 """
 
 WITH_NUMPY_2 = """
@@ -91,10 +92,13 @@ def main(source, build, pybind11):
                 text=True).stdout
 
         print(output(PROGRAM))
-        numpy = output(METADATA)
+        numpy, notices = output(METADATA).splitlines()
         is_old = tuple(map(int, pybind11.split(".")[:2])) < (2, 12)
         if shutil.which("pkg-config"):
             assert ("<2" in numpy) == is_old, numpy
+        assert {"LICENSE", "THIRD_PARTY"} <= set(notices.split()), notices
+        viewer = pathlib.Path(build) / "viewer" / "page" / "THIRD_PARTY_VIEWER.txt"
+        assert ("THIRD_PARTY_VIEWER.txt" in notices.split()) == viewer.exists(), notices
         if is_old:
             refusal = output(WITH_NUMPY_2)
             assert "NumPy 2.1.0; expected NumPy below 2" in refusal and "'numpy<2'" in refusal, refusal
