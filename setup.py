@@ -20,6 +20,13 @@ ROOT = pathlib.Path(__file__).parent.resolve()
 VERSION = re.search(r"project\(cairn VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt").read_text()).group(1)
 
 
+def required_numpy():
+    """pybind11 before 2.12 knows no NumPy 2, which a module that is built with it refuses to be imported with."""
+    query = ["pkg-config", "--max-version=2.11.99", "pybind11"]
+    is_old = shutil.which(query[0]) and subprocess.run(query, stderr=subprocess.DEVNULL).returncode == 0
+    return "numpy<2" if is_old else "numpy"
+
+
 class BuildWithCMake(build_ext):
     def build_extension(self, extension):
         target = pathlib.Path(self.get_ext_fullpath(extension.name)).resolve()
@@ -30,6 +37,9 @@ class BuildWithCMake(build_ext):
         (built,) = (build / "python" / "cairn").glob("_cairn*.so")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(built, target)
+        viewer_notices = build / "viewer" / "page" / "THIRD_PARTY_VIEWER.txt"
+        if viewer_notices.exists():
+            shutil.copy2(viewer_notices, target.parent)
 
     def build_with_cmake(self, build):
         options = {
@@ -51,6 +61,7 @@ class BuildWithCMake(build_ext):
 
 setup(
     version=VERSION,
+    install_requires=[required_numpy()],
     packages=["cairn"],
     package_dir={"cairn": "python/cairn"},
     package_data={"cairn": ["py.typed", "*.pyi"]},

@@ -19,7 +19,11 @@ install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/ad
         FILES_MATCHING PATTERN "*.hpp")
 install(FILES "${PROJECT_BINARY_DIR}/generated/cairn/core/version_number.hpp"
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/core)
-install(FILES LICENSE THIRD_PARTY DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tool)
+# Every part holds code of others, and each Debian package has a folder of documents (CairnPackages.cmake).
+set_property(GLOBAL APPEND PROPERTY CAIRN_NOTICES "${PROJECT_SOURCE_DIR}/LICENSE" "${PROJECT_SOURCE_DIR}/THIRD_PARTY")
+get_property(notices GLOBAL PROPERTY CAIRN_NOTICES)
+install(FILES ${notices} DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tool)
+install(FILES ${notices} DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/libcairn-dev" COMPONENT dev EXCLUDE_FROM_ALL)
 if(TARGET cairn_app)
   install(FILES packaging/cairn.bash RENAME cairn COMPONENT tool
           DESTINATION "${CMAKE_INSTALL_DATADIR}/bash-completion/completions")
@@ -58,6 +62,7 @@ if(TARGET cairn_python)
   install(TARGETS cairn_python LIBRARY DESTINATION "\${cairn_python_folder}/cairn" COMPONENT python)
   install(DIRECTORY python/cairn/ DESTINATION "\${cairn_python_folder}/cairn" COMPONENT python
           FILES_MATCHING PATTERN "*.py" PATTERN "*.pyi" PATTERN "py.typed")
+  install(FILES ${notices} DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/python3-cairn" COMPONENT python EXCLUDE_FROM_ALL)
 endif()
 
 # Modules that a consumer asks for by name, beside what always comes.

@@ -32,5 +32,5 @@ function(cairn_embed_viewer target source)
   add_dependencies(${target} ${target}_viewer)
   set_source_files_properties("${source}" PROPERTIES
     OBJECT_DEPENDS "${page}" COMPILE_DEFINITIONS "CAIRN_VIEWER_PAGE=\"${page}\"")
-  install(FILES "${work}/page/THIRD_PARTY_VIEWER.txt" DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT tool)
+  set_property(GLOBAL APPEND PROPERTY CAIRN_NOTICES "${work}/page/THIRD_PARTY_VIEWER.txt")
 endfunction()

@@ -130,12 +130,6 @@ struct Route {
   std::vector<Link> links;
 };
 
-py::list decoded_all(const std::vector<std::string>& texts) {
-  py::list list;
-  for (const std::string& text : texts) list.append(decoded(text));
-  return list;
-}
-
 py::object text_or_none(const std::string& text) {
   if (text.empty()) return py::none();
   return decoded(text);
@@ -405,7 +399,7 @@ py::list split_map(SharedAtlas& self, const py::object& name, const py::object& 
     const AtlasState state = atlas.state();
     for (const NodeId id : parts) names.push_back(state.nodes.at(id).name);
   });
-  return decoded_all(names);
+  return decoded(names);
 }
 
 struct CompactKeywords {
@@ -506,7 +500,7 @@ std::optional<Route> path_between(SharedAtlas& self, const py::object& target,
 py::list verify(SharedAtlas& self) {
   AtlasVerification found;
   self.alone("verifying", [&](Atlas& atlas, const Execution&) { found = atlas.store().verify(); });
-  return decoded_all(found.problems);
+  return decoded(found.problems);
 }
 
 // Keywords that select a component of an atlas and a commit.
@@ -753,7 +747,7 @@ void bind_contents(py::module_& module) {
       });
   py::class_<Route>(module, "AtlasRoute", "A chain of links from one map of an atlas to another.")
       .def_property_readonly(
-          "maps", [](const Route& self) { return decoded_all(self.maps); },
+          "maps", [](const Route& self) { return decoded(self.maps); },
           "Names of the maps, from the target to the source.")
       .def_readonly("links", &Route::links, "Links between consecutive maps.")
       .def_property_readonly(
@@ -853,7 +847,7 @@ void bind_results(py::module_& module) {
       .def_readonly("links", &AtlasSalvage::links)
       .def_readonly("poses", &AtlasSalvage::poses)
       .def_property_readonly(
-          "lost", [](const AtlasSalvage& self) { return decoded_all(self.lost); },
+          "lost", [](const AtlasSalvage& self) { return decoded(self.lost); },
           "One sentence for each loss.")
       .def("__repr__", [](const AtlasSalvage& self) {
         return fmt::format("<AtlasSalvage: {} maps, {} links, {} poses; {} lost>", self.maps,

@@ -34,7 +34,8 @@ void translate(std::exception_ptr thrown) {
 }  // namespace
 
 void bind_errors(py::module_& /*module*/) {
-  py::register_exception_translator(&translate);
+  // For the functions of this module only: errors of other modules' are theirs to translate.
+  py::register_local_exception_translator(&translate);
 }
 
 }  // namespace cairn::python

@@ -27,7 +27,8 @@ std::vector<float> depth_of(py::handle given, const Camera& camera) {
   if (given.is_none()) return {};
   const auto array =
       real_array(given, "depth_m",
-                 {static_cast<py::ssize_t>(camera.height), static_cast<py::ssize_t>(camera.width)});
+                 {static_cast<py::ssize_t>(camera.height), static_cast<py::ssize_t>(camera.width)},
+                 Masked::kUnknown);
   std::vector<float> depth(static_cast<std::size_t>(array.size()));
   for (std::size_t i = 0; i < depth.size(); ++i) {
     const double value = array.data()[i];

@@ -86,18 +86,14 @@ std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t coun
 DescriptorColumn descriptors_of(py::handle given, const std::string& kind, std::size_t count) {
   DescriptorColumn column;
   column.kind = kind;
-  const auto array = byte_array(given, "descriptors", {static_cast<py::ssize_t>(count), -1});
+  const auto array =
+      byte_array(given, "descriptors", {static_cast<py::ssize_t>(count), -1}, Masked::kUnknown);
   column.bytes_each = static_cast<std::size_t>(array.shape(1));
   column.bytes.assign(array.data(), array.data() + array.size());
-  column.known.assign(count, 1);
-  const auto mask = py::cast<py::array_t<bool, py::array::c_style | py::array::forcecast>>(
-      py::module_::import("numpy.ma").attr("getmaskarray")(given));
+  column.known = known_rows(given, count);
   for (std::size_t i = 0; i < count; ++i) {
     std::uint8_t* const bytes = column.bytes.data() + i * column.bytes_each;
-    if (column.bytes_each > 0 && mask.data()[i * column.bytes_each]) {
-      column.known[i] = 0;
-      std::fill_n(bytes, column.bytes_each, std::uint8_t{0});
-    }
+    if (column.known[i] == 0) std::fill_n(bytes, column.bytes_each, std::uint8_t{0});
   }
   return column;
 }
@@ -119,7 +115,8 @@ void add_further(std::optional<DescriptorColumn>& column, py::handle further, py
 
 // From an array of n matrices.
 std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count) {
-  const auto array = real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3});
+  const auto array =
+      real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3}, Masked::kUnknown);
   std::vector<Eigen::Matrix3d> matrices;
   reserve_populated(matrices, count);
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -165,10 +162,11 @@ void fill_frames(MapTables& tables, py::handle poses, py::handle ids, py::handle
   frames.ids = ids_of<FrameId>(ids, "frame_ids", count);
   const auto size = static_cast<py::ssize_t>(count);
   if (!timestamps.is_none()) {
-    frames.timestamps_s = from_nan(real_array(timestamps, "timestamps_s", {size}));
+    frames.timestamps_s =
+        from_nan(real_array(timestamps, "timestamps_s", {size}, Masked::kUnknown));
   }
   if (!cameras.is_none()) {
-    const auto indices = integer_array(cameras, "frame_cameras", {size});
+    const auto indices = integer_array(cameras, "frame_cameras", {size}, Masked::kUnknown);
     frames.cameras =
         from_masked<CameraIndex>(cameras, indices, [&](const std::int64_t* at, std::size_t i) {
           if (*at < 0 || *at >= static_cast<std::int64_t>(tables.cameras.size())) {
@@ -180,11 +178,7 @@ void fill_frames(MapTables& tables, py::handle poses, py::handle ids, py::handle
         });
   }
   if (!image_names.is_none()) {
-    for (const py::handle name : py::iter(image_names)) {
-      if (!py::isinstance<py::str>(name))
-        throw py::type_error("image_names: expected a list of text");
-      frames.image_names.push_back(name.cast<std::string>());
-    }
+    frames.image_names = encoded_each(image_names, "image_names");
     if (frames.image_names.size() != count) {
       throw Error(ErrorKind::kMisuse, "image_names",
                   fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
@@ -197,7 +191,8 @@ template <class Integer>
 OptionalColumn<Integer> integer_column(py::handle given, const char* name,
                                        const std::vector<std::size_t>& order) {
   if (given.is_none()) return {};
-  const auto array = integer_array(given, name, {static_cast<py::ssize_t>(order.size())});
+  const auto array =
+      integer_array(given, name, {static_cast<py::ssize_t>(order.size())}, Masked::kUnknown);
   using Limits = std::numeric_limits<Integer>;
   const auto column =
       from_masked<Integer>(given, array, [&](const std::int64_t* at, std::size_t i) {
@@ -267,7 +262,7 @@ void fill_observations(MapTables& tables, py::handle landmarks, py::handle frame
   table.octaves = integer_column<std::int32_t>(octaves, "octaves", order);
   const auto fill = [&](py::handle given, const char* name, OptionalColumn<double>& values) {
     if (given.is_none()) return;
-    const auto column = from_nan(real_array(given, name, {size}));
+    const auto column = from_nan(real_array(given, name, {size}, Masked::kUnknown));
     values.resize(count);
     for (std::size_t i = 0; i < count; ++i) values[i] = column[order[i]];
   };
@@ -311,12 +306,12 @@ SharedMap from_arrays(
     const py::object& image_names, const py::object& observed_landmarks,
     const py::object& observing_frames, const py::object& pixels, const py::object& keypoints,
     const py::object& depths, const py::object& octaves, const py::object& sigmas_px,
-    const std::string& length_unit, const std::optional<std::string>& world_frame,
-    const py::object& gravity, const std::optional<std::vector<std::string>>& provenance) {
+    const std::string& length_unit, const py::object& world_frame, const py::object& gravity,
+    const py::object& provenance) {
   MapTables tables;
   tables.info.length_unit = length_unit_of(length_unit);
-  tables.info.world_frame = world_frame;
-  if (provenance) tables.info.provenance = *provenance;
+  if (!world_frame.is_none()) tables.info.world_frame = encoded(world_frame, "world_frame");
+  if (!provenance.is_none()) tables.info.provenance = encoded_each(provenance, "provenance");
   if (!gravity.is_none()) {
     const auto down = real_array(gravity, "gravity", {3});
     tables.info.gravity = Eigen::Vector3d(down.at(0), down.at(1), down.at(2));
@@ -336,10 +331,11 @@ SharedMap from_arrays(
   landmarks.ids = ids_of<LandmarkId>(ids, "ids", count);
   if (!covariances.is_none()) landmarks.covariances = covariances_of(covariances, count);
   if (!colors.is_none()) {
-    landmarks.colors = from_masked<Color>(colors, byte_array(colors, "colors", {size, 3}),
-                                          [](const std::uint8_t* rgb, std::size_t) {
-                                            return Color{rgb[0], rgb[1], rgb[2]};
-                                          });
+    landmarks.colors =
+        from_masked<Color>(colors, byte_array(colors, "colors", {size, 3}, Masked::kUnknown),
+                           [](const std::uint8_t* rgb, std::size_t) {
+                             return Color{rgb[0], rgb[1], rgb[2]};
+                           });
   }
   if (!descriptors.is_none())
     landmarks.descriptors = descriptors_of(descriptors, descriptor_kind, count);
@@ -350,7 +346,8 @@ SharedMap from_arrays(
     for (const auto& [name, values] : columns.cast<py::dict>()) {
       if (!py::isinstance<py::str>(name)) throw py::type_error("columns: expected names as keys");
       const auto text = name.cast<std::string>();
-      const auto array = real_array(values, fmt::format("columns['{}']", text), {size});
+      const auto array =
+          real_array(values, fmt::format("columns['{}']", text), {size}, Masked::kUnknown);
       landmarks.columns.push_back({text, {array.data(), array.data() + array.size()}});
     }
   }
@@ -497,19 +494,18 @@ SharedMap unpacked(const py::bytes& bytes) {
 }
 
 std::vector<LandmarkIndex> landmark_indices(const LandmarkMap& map, py::handle given) {
-  auto indices = py::reinterpret_borrow<py::object>(given);
-  if (const py::array array = py::array::ensure(given); array && array.dtype().kind() == 'b') {
-    const auto count = static_cast<py::ssize_t>(map.landmark_count());
-    if (array.ndim() != 1 || array.shape(0) != count) {
-      throw Error(ErrorKind::kMisuse, "landmarks", "a mask of another shape than (n,)",
-                  fmt::format("n = {}", count));
-    }
-    indices = py::module_::import("numpy").attr("flatnonzero")(array);
-  } else if (!array) {
-    PyErr_Clear();
-  }
-  const auto array = integer_array(indices, "landmarks", {-1});
   std::vector<LandmarkIndex> result;
+  const py::array flags = py::array::ensure(given);
+  if (!flags) PyErr_Clear();
+  if (flags && flags.dtype().kind() == 'b') {
+    const auto chosen =
+        flag_array(given, "landmarks", {static_cast<py::ssize_t>(map.landmark_count())});
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      if (chosen.data()[i]) result.push_back({i});
+    }
+    return result;
+  }
+  const auto array = integer_array(given, "landmarks", {-1});
   for (py::ssize_t i = 0; i < array.size(); ++i) {
     if (array.data()[i] < 0 || array.data()[i] >= static_cast<std::int64_t>(map.landmark_count())) {
       throw Error(ErrorKind::kMisuse, fmt::format("landmarks[{}]", i),
@@ -795,7 +791,7 @@ void bind_maps(py::module_& module) {
           "image_names",
           [](const SharedMap& self) -> py::object {
             if (self->frames().image_names.empty()) return py::none();
-            return py::cast(self->frames().image_names);
+            return decoded(self->frames().image_names);
           },
           "One per frame, '' where unknown; or None.")
       .def_property_readonly(
@@ -875,17 +871,19 @@ void bind_maps(py::module_& module) {
           "length_unit",
           [](const SharedMap& self) { return std::string(to_string(self->info().length_unit)); },
           "'metres' or 'free'.")
-      .def_property_readonly("world_frame",
-                             [](const SharedMap& self) { return self->info().world_frame; })
+      .def_property_readonly(
+          "world_frame",
+          [](const SharedMap& self) { return decoded_or_none(self->info().world_frame); })
       .def_property_readonly(
           "gravity", [](const SharedMap& self) { return matrix_or_none(self->info().gravity); },
           "(3,), downward direction in the world frame; or None.")
       .def_property_readonly(
           "georeference", [](const SharedMap& self) { return self->info().georeference; },
           "GeoReference of the map; or None.")
-      .def_property_readonly("uuid", [](const SharedMap& self) { return self->info().uuid; })
       .def_property_readonly(
-          "provenance", [](const SharedMap& self) { return self->info().provenance; },
+          "uuid", [](const SharedMap& self) { return decoded_or_none(self->info().uuid); })
+      .def_property_readonly(
+          "provenance", [](const SharedMap& self) { return decoded(self->info().provenance); },
           "History of the map, oldest entry first.")
       .def(
           "transformed",
@@ -918,7 +916,8 @@ void bind_maps(py::module_& module) {
           "with_column",
           [](const SharedMap& self, const std::string& name, const py::object& values) {
             const auto array =
-                real_array(values, "values", {static_cast<py::ssize_t>(self->landmark_count())});
+                real_array(values, "values", {static_cast<py::ssize_t>(self->landmark_count())},
+                           Masked::kUnknown);
             return std::make_shared<LandmarkMap>(
                 with_column(*self, name, {array.data(), array.data() + array.size()}));
           },

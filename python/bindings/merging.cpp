@@ -29,12 +29,14 @@ const Keywords<MergeOptions>& merge_keywords() {
   return table;
 }
 
-Merged merge_maps(const std::vector<SharedMap>& maps,
-                  const std::optional<std::vector<std::string>>& names, const py::kwargs& given) {
+Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_names,
+                  const py::kwargs& given) {
   CallOptions call;
   MergeOptions options = merge_keywords().read(given, &call);
   Merged merged;
   std::vector<MergeInput> inputs;
+  std::optional<std::vector<std::string>> names;
+  if (!given_names.is_none()) names = encoded_each(given_names, "names");
   if (names && names->size() != maps.size()) {
     throw Error(ErrorKind::kMisuse, "names", fmt::format("{} names", names->size()),
                 fmt::format("{}, one a map", maps.size()));
@@ -66,7 +68,7 @@ void bind_merging(py::module_& module) {
       .def_property_readonly("name", [](const MergedPart& self) { return decoded(self.name); })
       .def_property_readonly("placed", [](const MergedPart& self) { return self.part.placed; })
       .def_property_readonly(
-          "reason", [](const MergedPart& self) { return self.part.reason; },
+          "reason", [](const MergedPart& self) { return decoded(self.part.reason); },
           "Why the map is not placed, in one sentence; empty if it is placed.")
       .def_property_readonly(
           "world_from_map",
@@ -108,7 +110,7 @@ void bind_merging(py::module_& module) {
       .def_property_readonly(
           "probability", [](const Link& self) { return self.link.probability; },
           "Probability that the transform is right; None if it was not judged.")
-      .def_property_readonly("reason", [](const Link& self) { return self.link.reason; })
+      .def_property_readonly("reason", [](const Link& self) { return decoded(self.link.reason); })
       .def_property_readonly(
           "target_from_source",
           [](const Link& self) { return pose_array(self.link.target_from_source); },

@@ -10,6 +10,7 @@
 
 #include "bindings/images.hpp"
 #include "bindings/support.hpp"
+#include "bindings/text.hpp"
 
 namespace cairn::python {
 namespace {
@@ -103,13 +104,14 @@ std::unique_ptr<SharedOdometry> make_odometry(const Camera& camera, const py::kw
 
 FrameReport track(SharedOdometry& self, double timestamp_s, const py::object& image,
                   const py::object& depth_m, const std::string& channels,
-                  const std::string& image_name) {
+                  const py::str& image_name) {
   const std::vector<std::uint8_t> bgr = image_of(image, self.camera(), channels);
   const std::vector<float> depth = depth_of(depth_m, self.camera());
+  const std::string name = encoded(image_name, "image_name");
   return self.alone([&](Odometry& odometry) {
     const FrameImages images =
         frame_images(timestamp_s, self.camera().width, self.camera().height, bgr, depth);
-    return odometry.track(timestamp_s, odometry.extract(images.gray, images.depth_m), image_name);
+    return odometry.track(timestamp_s, odometry.extract(images.gray, images.depth_m), name);
   });
 }
 

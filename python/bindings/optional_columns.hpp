@@ -67,15 +67,10 @@ template <class Entry, class Scalar, class Get>
 OptionalColumn<Entry> from_masked(py::handle given, const py::array_t<Scalar>& values,
                                   const Get& get) {
   OptionalColumn<Entry> column(static_cast<std::size_t>(values.shape(0)));
-  const auto mask = py::cast<py::array_t<bool, py::array::c_style | py::array::forcecast>>(
-      py::module_::import("numpy.ma").attr("getmaskarray")(given));
-  const py::ssize_t width = values.ndim() > 1 ? values.shape(1) : 1;
+  const std::vector<std::uint8_t> known = known_rows(given, column.size());
+  const auto width = static_cast<std::size_t>(values.ndim() > 1 ? values.shape(1) : 1);
   for (std::size_t i = 0; i < column.size(); ++i) {
-    const std::size_t at = i * static_cast<std::size_t>(width);
-    bool known = true;
-    for (py::ssize_t j = 0; j < width; ++j)
-      known = known && !mask.data()[at + static_cast<std::size_t>(j)];
-    if (known) column[i] = get(values.data() + at, i);
+    if (known[i] != 0) column[i] = get(values.data() + i * width, i);
   }
   return column;
 }

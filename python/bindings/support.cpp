@@ -15,6 +15,8 @@
 
 #include "cairn/core/detail/memory.hpp"
 
+#include "bindings/text.hpp"
+
 namespace cairn::python {
 namespace {
 
@@ -31,10 +33,20 @@ std::string shape_text(const std::vector<py::ssize_t>& shape) {
   return text + (shape.size() == 1 ? ",)" : ")");
 }
 
-// An array of these kinds of numbers (NumPy's letters) and this shape; throws if it is not.
+py::module_ numpy_ma() {
+  return py::module_::import("numpy.ma");
+}
+
+std::size_t masked_entries(py::handle value) {
+  const py::module_ ma = numpy_ma();
+  if (!ma.attr("is_masked")(value).cast<bool>()) return 0;
+  return ma.attr("count_masked")(value).cast<std::size_t>();
+}
+
+// An array of these kinds of numbers (NumPy's letters) and this shape; throws if it is not. The array has no mask.
 py::array checked_array(py::handle value, std::string_view name,
                         const std::vector<py::ssize_t>& shape, std::string_view kinds,
-                        std::string_view what) {
+                        std::string_view what, Masked masked = Masked::kRefused) {
   py::array array = py::array::ensure(value);
   if (!array) {
     PyErr_Clear();
@@ -60,6 +72,11 @@ py::array checked_array(py::handle value, std::string_view name,
   if (!fits) {
     throw Error(ErrorKind::kMisuse, name, "shape " + shape_text(found),
                 "shape " + shape_text(shape));
+  }
+  if (const std::size_t count = masked == Masked::kRefused ? masked_entries(value) : 0; count > 0) {
+    throw Error(ErrorKind::kMisuse, name,
+                fmt::format("{} masked {}", count, count == 1 ? "entry" : "entries"),
+                fmt::format("{}, none of them masked", what));
   }
   return array;
 }
@@ -171,14 +188,18 @@ py::array pose_arrays(const std::vector<Rigid3>& poses) {
 }
 
 py::array_t<double> real_array(py::handle value, std::string_view name,
-                               const std::vector<py::ssize_t>& shape) {
-  return cast_array<double>(checked_array(value, name, shape, "fiub", "real numbers"));
+                               const std::vector<py::ssize_t>& shape, Masked masked) {
+  const py::array array = checked_array(value, name, shape, "fiub", "real numbers", masked);
+  if (masked == Masked::kRefused || masked_entries(value) == 0) return cast_array<double>(array);
+  const py::module_ ma = numpy_ma();
+  return cast_array<double>(ma.attr("filled")(ma.attr("asarray")(value, "float64"),
+                                              std::numeric_limits<double>::quiet_NaN()));
 }
 
 py::array_t<std::int64_t> integer_array(py::handle value, std::string_view name,
-                                        const std::vector<py::ssize_t>& shape) {
-  const py::array array = checked_array(value, name, shape, "iu", "integers");
-  if (array.dtype().kind() == 'u' && array.itemsize() == 8) {
+                                        const std::vector<py::ssize_t>& shape, Masked masked) {
+  const py::array array = checked_array(value, name, shape, "iu", "integers", masked);
+  if (array.dtype().kind() == 'u') {
     const auto wide = cast_array<std::uint64_t>(array);
     for (py::ssize_t i = 0; i < wide.size(); ++i) {
       if (wide.data()[i] > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())) {
@@ -206,13 +227,30 @@ py::array_t<std::uint64_t> id_array(py::handle value, std::string_view name,
 }
 
 py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
-                                     const std::vector<py::ssize_t>& shape) {
-  const py::array array = checked_array(value, name, shape, "u", "bytes (uint8)");
-  if (array.itemsize() != 1 && array.size() > 0) {
+                                     const std::vector<py::ssize_t>& shape, Masked masked) {
+  const py::array array = checked_array(value, name, shape, "u", "bytes (uint8)", masked);
+  if (array.dtype().char_() != 'B' && array.size() > 0) {
     throw py::type_error(fmt::format("{}: array of {}; expected bytes (uint8)", name,
                                      py::str(array.dtype()).cast<std::string>()));
   }
   return cast_array<std::uint8_t>(array);
+}
+
+py::array_t<bool> flag_array(py::handle value, std::string_view name,
+                             const std::vector<py::ssize_t>& shape) {
+  return cast_array<bool>(checked_array(value, name, shape, "b", "True and False"));
+}
+
+std::vector<std::uint8_t> known_rows(py::handle value, std::size_t count) {
+  std::vector<std::uint8_t> known(count, 1);
+  if (masked_entries(value) == 0) return known;
+  const auto mask = cast_array<bool>(numpy_ma().attr("getmaskarray")(value));
+  const auto size = static_cast<std::size_t>(mask.size());
+  const std::size_t width = size / count;
+  for (std::size_t i = 0; i < size; ++i) {
+    if (mask.data()[i]) known[i / width] = 0;
+  }
+  return known;
 }
 
 std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view name) {
@@ -259,8 +297,10 @@ py::object to_python(const std::optional<double>& value) {
 }
 
 void from_python(py::handle value, const std::string& name, bool& result) {
-  const bool is_numpy = type_name(value) == "bool_";
-  if (!py::isinstance<py::bool_>(value) && !is_numpy) {
+  const auto is_numpy = [&] {
+    return py::isinstance(value, py::module_::import("numpy").attr("bool_"));
+  };
+  if (!py::isinstance<py::bool_>(value) && !is_numpy()) {
     throw py::type_error(fmt::format("{}: {}; expected True or False", name, type_name(value)));
   }
   result = PyObject_IsTrue(value.ptr()) == 1;
@@ -278,10 +318,7 @@ void from_python(py::handle value, const std::string& name, double& result) {
 }
 
 void from_python(py::handle value, const std::string& name, std::string& result) {
-  if (!py::isinstance<py::str>(value)) {
-    throw py::type_error(fmt::format("{}: {}; expected text", name, type_name(value)));
-  }
-  result = value.cast<std::string>();
+  result = encoded(value, name);
 }
 
 void from_python(py::handle value, const std::string& name, std::optional<double>& result) {

@@ -90,7 +90,7 @@ py::array view(const Scalar* data, std::vector<py::ssize_t> shape, py::handle ow
 /// An array that owns a copy of the numbers.
 template <class Scalar>
 py::array copied(const std::vector<Scalar>& values, std::vector<py::ssize_t> shape) {
-  return py::array(py::dtype::of<Scalar>(), std::move(shape), values.data());
+  return py::array_t<Scalar>(std::move(shape), values.data());
 }
 template <class Scalar>
 py::array copied(const std::vector<Scalar>& values) {
@@ -127,25 +127,33 @@ py::object matrix_or_none(const std::optional<Matrix>& matrix) {
   return copied_matrix(*matrix);
 }
 
-/// Numbers of a user's array, row-major, checked against a shape.
-struct Numbers {
-  py::array array;
-  std::vector<py::ssize_t> shape;
+/// What an argument makes of an array's masked entries (numpy.ma).
+enum class Masked {
+  kRefused,  ///< the argument has no unknown entries
+  kUnknown,  ///< they are NaN among real numbers; elsewhere known_rows() tells them
 };
 
 /// @param shape -1 for any length
 /// @param name  of the argument, for error messages
-/// @throws TypeError unless it is an array of real numbers, Error (misuse) for another shape
+/// @throws TypeError unless it is an array of real numbers, Error (misuse) for another shape or a masked entry
 py::array_t<double> real_array(py::handle value, std::string_view name,
-                               const std::vector<py::ssize_t>& shape);
+                               const std::vector<py::ssize_t>& shape,
+                               Masked masked = Masked::kRefused);
 /// The same for integers: floats are refused.
 py::array_t<std::int64_t> integer_array(py::handle value, std::string_view name,
-                                        const std::vector<py::ssize_t>& shape);
+                                        const std::vector<py::ssize_t>& shape,
+                                        Masked masked = Masked::kRefused);
 /// The same for ids: integers from 0 to 2^64 - 1.
 py::array_t<std::uint64_t> id_array(py::handle value, std::string_view name,
                                     const std::vector<py::ssize_t>& shape);
 py::array_t<std::uint8_t> byte_array(py::handle value, std::string_view name,
-                                     const std::vector<py::ssize_t>& shape);
+                                     const std::vector<py::ssize_t>& shape,
+                                     Masked masked = Masked::kRefused);
+/// The same for True and False.
+py::array_t<bool> flag_array(py::handle value, std::string_view name,
+                             const std::vector<py::ssize_t>& shape);
+/// For each of the `count` rows of a checked array: 1, or 0 if an entry is masked.
+std::vector<std::uint8_t> known_rows(py::handle value, std::size_t count);
 
 /// (n, 3).
 std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view name);

@@ -2,6 +2,7 @@
 """Aligning, judging, merging; long calls."""
 
 import json
+import math
 import os
 import pickle
 import signal
@@ -88,6 +89,16 @@ class Align(unittest.TestCase):
         np.testing.assert_array_equal(again.registration.matches, self.result.registration.matches)
         self.assertEqual(len(again.candidates), len(self.result.candidates))
 
+    def test_an_unlimited_option_is_kept(self):
+        for given in (math.inf, np.float32(math.inf)):
+            result = cairn.align(
+                PAIR.source, PAIR.target, method="icp", initial=PAIR.target_from_source, max_distance=given,
+                judge=False)
+            options = json.loads(result.to_json(), parse_constant=self.fail)["options"]
+            self.assertIsNone(options["max_distance"])
+            again = pickle.loads(pickle.dumps(result))
+            self.assertEqual(again.to_json(), result.to_json())
+
     def test_reads_well(self):
         self.assertIn("aligned", repr(self.result))
         self.assertIn("<table>", self.result._repr_html_())
@@ -146,6 +157,13 @@ class Merge(unittest.TestCase):
         (used,) = [link for link in result.links if link.used]
         self.assertEqual((used.source, used.target, used.verdict), ("source", "target", "aligned"))
         self.assertFalse(result.adjusted)
+
+    def test_names_may_be_any_bytes(self):
+        other = cairn.synthetic_map(landmarks=300, seed=5)
+        result = cairn.merge([PAIR.target, other], names=["\udcff", "other"])
+        self.assertEqual([part.name for part in result.maps], ["\udcff", "other"])
+        self.assertTrue(result.maps[1].reason)
+        self.assertTrue(result.links[0].reason)
 
     def test_adjusts_if_asked_or_says_why_not(self):
         maps = [part.with_camera(cairn.Camera.tum("fr1")) for part in (PAIR.target, PAIR.source)]
@@ -240,6 +258,12 @@ class Reports(unittest.TestCase):
             report.write(path)
             with open(path, encoding="utf-8") as file:
                 self.assertEqual(file.read(), report.html)
+
+    def test_are_made_of_results_with_an_unlimited_option(self):
+        result = cairn.align(
+            PAIR.source, PAIR.target, method="icp", initial=PAIR.target_from_source, max_distance=math.inf,
+            judge=False)
+        self.assertIn("html", cairn.report(PAIR.source, PAIR.target, [result]).html)
 
     def test_of_one_map_need_nothing_else(self):
         self.assertIn("html", cairn.report(PAIR.source).html)

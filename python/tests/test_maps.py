@@ -53,6 +53,62 @@ def full_map():
 
 
 class Columns(unittest.TestCase):
+    def test_texts_may_be_any_bytes(self):
+        given = dict(image_names=["\udcff.png", "\u00e4"], world_frame="\udcff", provenance=["by \udcff"])
+        m = cairn.LandmarkMap.from_arrays(np.zeros((1, 3)), frame_poses=[posed(0.0), posed(0.5)], **given)
+        for one in (m, pickle.loads(pickle.dumps(m))):
+            self.assertEqual({name: getattr(one, name) for name in given}, given)
+        for wrong in ({"image_names": "ab"}, {"image_names": 3}, {"provenance": [b"a"]}, {"world_frame": 3}):
+            (name,) = wrong
+            with self.assertRaisesRegex(TypeError, f"^{name}.*expected"):
+                cairn.LandmarkMap.from_arrays(np.zeros((1, 3)), frame_poses=[posed(0.0), posed(0.5)], **wrong)
+
+    def test_masked_entries_are_unknown(self):
+        one = full_map()
+        known = [True, False, True]
+        observed = [True, True, False, True]
+
+        def masked(values, known):
+            result = np.ma.MaskedArray(values)
+            result[~np.array(known)] = np.ma.masked
+            return result
+
+        m = cairn.LandmarkMap.from_arrays(
+            one.positions, covariances=masked(one.covariances, known), columns={"weight": masked([1.0, 2.0, 3.0], known)},
+            descriptors=np.ma.MaskedArray(one.descriptors, mask=np.arange(96).reshape(3, 32) == 37),
+            descriptor_kind="ORB",
+            frame_poses=one.frame_poses, timestamps_s=masked([1, 2], [True, False]),
+            observed_landmarks=[0, 1, 2, 2], observing_frames=[0, 1, 0, 1], pixels=np.ones((4, 2)),
+            depths=masked([1.0, 2.0, 3.0, 4.0], observed), sigmas_px=masked([1.0, 2.0, 3.0, 4.0], observed))
+        np.testing.assert_array_equal(np.isnan(m.covariances).all(axis=(1, 2)), [False, True, False])
+        np.testing.assert_array_equal(m.columns["weight"], [1.0, np.nan, 3.0])
+        np.testing.assert_array_equal(m.known_descriptors, known)
+        np.testing.assert_array_equal(m.timestamps_s, [1.0, np.nan])
+        np.testing.assert_array_equal(m.depths, [1.0, 2.0, np.nan, 4.0])
+        np.testing.assert_array_equal(m.sigmas_px, [1.0, 2.0, np.nan, 4.0])
+        np.testing.assert_array_equal(
+            m.with_column("weight", masked([1, 2, 3], known)).columns["weight"], [1.0, np.nan, 3.0])
+
+    def test_a_masked_entry_is_refused_where_none_may_be_unknown(self):
+        m = full_map()
+        make = cairn.LandmarkMap.from_arrays
+        positions = np.ma.masked_greater(m.positions, 2.5)
+        ids = np.ma.masked_equal([1, 2, 3], 2)
+        for name, entries, call in (
+            ("positions", "1 masked entry", lambda: make(positions)),
+            ("ids", "1 masked entry", lambda: make(m.positions, ids=ids)),
+            ("pixels", "2 masked entries", lambda: make(
+                m.positions, frame_poses=m.frame_poses, observed_landmarks=[0], observing_frames=[0],
+                pixels=np.ma.MaskedArray(np.zeros((1, 2)), mask=True))),
+            ("landmarks", "1 masked entry", lambda: m.select(ids)),
+            ("landmarks", "3 masked entries", lambda: m.select(np.ma.MaskedArray([True] * 3, mask=True))),
+            ("source", "1 masked entry", lambda: cairn.icp(positions, m.positions)),
+        ):
+            expected = f"{name}: {entries}; expected .*none of them masked"
+            with self.subTest(name), self.assertRaisesRegex(cairn.MisuseError, expected):
+                call()
+        np.testing.assert_array_equal(make(np.ma.MaskedArray(m.positions, mask=False)).positions, m.positions)
+
     def test_hold_several_descriptors_of_a_landmark(self):
         given = dict(positions=np.zeros((2, 3)), descriptors=np.array([[1, 2], [3, 4]], np.uint8), descriptor_kind="ORB")
         further = np.array([[5, 6], [7, 8], [9, 10]], np.uint8)
@@ -160,6 +216,16 @@ class Files(unittest.TestCase):
                     m.write(path)
                 read = cairn.read_map(str(path))
                 np.testing.assert_allclose(np.sort(read.positions, 0), np.sort(m.positions, 0), atol=1e-6)
+
+    def test_warnings_name_files_of_any_bytes(self):
+        text = ("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+                "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n3 0 0 0\n")
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, os.fsdecode(b"\xff.ply"))
+            with open(path, "w") as file:
+                file.write(text)
+            with self.assertWarnsRegex(UserWarning, r"/\\xff\.ply: .* left out"):
+                self.assertEqual(len(cairn.read_map(path)), 1)
 
     def test_what_a_format_cannot_hold_is_warned_of(self):
         with tempfile.TemporaryDirectory() as folder:

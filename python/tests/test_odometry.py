@@ -69,6 +69,12 @@ class Odometry(unittest.TestCase):
         self.assertGreater(len(m), 50)
         self.assertIsNotNone(m.covariances)
 
+    def test_has_an_empty_map_before_its_first_keyframe(self):
+        odometry = cairn.Odometry(PLACE.camera)
+        for covariance in ("marginal", "recursive"):
+            self.assertEqual(len(odometry.map(covariance=covariance)), 0)
+            self.assertEqual(len(odometry.map(covariance=covariance).frame_ids), 0)
+
     def test_channels_and_gray_differ_by_rounding_only(self):
         frame = PLACE[0]
         reports = []

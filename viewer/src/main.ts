@@ -3,6 +3,7 @@ import { ReportError, messageOf } from "./document/errors";
 import { readEmbedded } from "./document/embedded";
 import { parseReport } from "./document/parse";
 import { h } from "./dom";
+import { startLinks } from "./links";
 import { buildPage } from "./page";
 import { startPaper } from "./paper";
 import { startTheme } from "./theme";
@@ -14,6 +15,7 @@ async function start(): Promise<void> {
   }
   startPaper();
   startTheme();
+  startLinks();
   try {
     const [json, buffers] = await Promise.all([
       readEmbedded(document, "cairn-report"),

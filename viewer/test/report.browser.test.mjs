@@ -1042,6 +1042,29 @@ thorough("a keyframe of a network is entered, shows what it saw, moves with its 
   });
 });
 
+test("in a notebook a link to a part of the report leads there", async () => {
+  const path = join(folder, "notebook.html");
+  const srcdoc = readFileSync(reportPath(), "utf8").replaceAll("&", "&amp;").replaceAll('"', "&quot;");
+  const style = "width:100%;height:720px;border:0";
+  writeFileSync(path, `<!doctype html><html data-state="ready"><iframe srcdoc="${srcdoc}" style="${style}"></iframe></html>`);
+  const { page, context, complaints } = await openReport(browser, path);
+  const [, report] = page.frames();
+  await report.waitForSelector("html[data-state=ready]", { state: "attached" });
+  const arrivesAt = (id) =>
+    report.waitForFunction((wanted) => {
+      const part = document.getElementById(wanted);
+      return part === document.activeElement && part.getBoundingClientRect().top < innerHeight;
+    }, id);
+  await report.getByRole("link", { name: "Provenance" }).click();
+  await arrivesAt("provenance");
+  await report.locator(".skip").focus();
+  await page.keyboard.press("Enter");
+  await arrivesAt("content");
+  assert.equal(report.url(), "about:srcdoc");
+  assert.deepEqual(complaints, []);
+  await context.close();
+});
+
 test("names that hold markup or script are shown and do nothing", async () => {
   await withReport(sampleFile("hostile"), {}, async ({ page }) => {
     await scrollThrough(page);

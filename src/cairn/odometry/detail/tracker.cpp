@@ -493,9 +493,10 @@ Odometry::Tracker::MapCovariances Odometry::Tracker::map_covariances(
   const std::vector<Keyframe>& keyframes = graph_.keyframes();
   if (marginal || keyframes.size() <= kMostMarginalKeyframes) {
     MarginalCovariances all = marginal_covariances(graph_);
-    result.poses.emplace_back(Matrix6d::Zero());
-    for (std::size_t i = 1; i < keyframes.size(); ++i) {
-      result.poses.push_back(stated_covariance(all.keyframes[i]));
+    for (std::size_t i = 0; i < keyframes.size(); ++i) {
+      // The map is in the frame of its first keyframe.
+      result.poses.push_back(i == 0 ? Matrix6d(Matrix6d::Zero())
+                                    : stated_covariance(all.keyframes[i]));
     }
     if (marginal) result.landmarks = std::move(all.landmarks);
   }

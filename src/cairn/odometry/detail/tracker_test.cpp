@@ -49,6 +49,14 @@ TEST_F(TrackerTest, WaitsForDepthAndTexture) {
   EXPECT_LT(error(0), 1e-12) << "the map is in the frame of its first camera";
 }
 
+TEST_F(TrackerTest, HasAnEmptyMapBeforeItsFirstKeyframe) {
+  for (const auto kind : {LandmarkCovariance::kMarginal, LandmarkCovariance::kRecursive}) {
+    const LandmarkMap map = odometry_.map({.covariance = kind});
+    EXPECT_EQ(map.frame_count(), 0U);
+    EXPECT_EQ(map.landmark_count(), 0U);
+  }
+}
+
 TEST_F(TrackerTest, FollowsTheCamera) {
   for (int right = 0; right <= 60; right += 6) {
     ASSERT_EQ(track(right).status, FrameStatus::kTracked) << right;
