@@ -136,10 +136,10 @@ void bind_trajectory(py::module_& module) {
       "read_trajectory",
       [](const std::filesystem::path& path) {
         std::vector<std::string> remarks;
-        Trajectory trajectory =
+        Trajectory poses =
             read_trajectory(path, [&](std::string_view remark) { remarks.emplace_back(remark); });
         warn(remarks);
-        return trajectory;
+        return poses;
       },
       py::arg("path"),
       "read_trajectory(path)\n--\n\nReads a trajectory in the format of the TUM RGB-D benchmark, "

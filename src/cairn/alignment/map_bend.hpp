@@ -73,7 +73,7 @@ struct PartsAlignment {
   std::optional<Similarity3> target_from_source;
   std::optional<Matrix6d> covariance;
   std::optional<Matrix7d> covariance_with_scale = {};  ///< the same, if a scale is estimated
-  double probability = 0.0;  ///< the largest of the parts that agree
+  double probability = 0.0;                            ///< the largest of the parts that agree
 };
 
 }  // namespace cairn

@@ -25,8 +25,8 @@ using ::testing::HasSubstr;
 
 const Rigid3 kMotion = Rigid3::from_roll_pitch_yaw({5, -6, 7}, 1.0, 0.5, -2.0);
 
-std::string refusal(auto&& call) {
-  return testing::refusal(ErrorKind::kInput, call);
+std::string refusal(auto&& call, ErrorKind kind = ErrorKind::kInput) {
+  return testing::refusal(kind, call);
 }
 
 CovarianceCalibration calibration(const LandmarkMap& map, const LandmarkMap& truth) {
@@ -84,8 +84,9 @@ TEST(EstimatesInFirstKeyframe, NameWhatTheMapLacks) {
   tables.observations = {};
   EXPECT_THAT(refusal([&] { estimates_in_first_keyframe(LandmarkMap(tables), truth); }),
               HasSubstr("the map has no observations"));
-  EXPECT_THAT(refusal([&] { estimates_in_first_keyframe(testing::plain_map(), {}); }),
-              HasSubstr("truth_in_keyframe: 0 entries; expected 3, one a landmark"));
+  EXPECT_THAT(
+      refusal([&] { estimates_in_first_keyframe(testing::plain_map(), {}); }, ErrorKind::kMisuse),
+      HasSubstr("truth_in_keyframe: 0 entries; expected 3, one a landmark"));
 }
 
 TEST(EstimatesInFirstKeyframe, NameWhatAMapOfOneLandmarkLacks) {
@@ -149,8 +150,9 @@ TEST(TruePositions, AreFoundByIdsOfLandmarksAndFrames) {
   KeyframePoses unknown = keyframe_poses(map, truth);
   unknown[0].reset();
   EXPECT_FALSE(true_positions_in_first_keyframe(map, truth, unknown)[0]);
-  EXPECT_THAT(refusal([&] { true_positions_in_first_keyframe(map, truth, {}); }),
-              HasSubstr("truth_from_keyframe: 0 entries; expected 2, one a frame"));
+  EXPECT_THAT(
+      refusal([&] { true_positions_in_first_keyframe(map, truth, {}); }, ErrorKind::kMisuse),
+      HasSubstr("truth_from_keyframe: 0 entries; expected 2, one a frame"));
   EXPECT_THAT(refusal([&] {
                 true_positions_in_first_keyframe(map, testing::full_map(), KeyframePoses(2));
               }),

@@ -41,8 +41,12 @@ std::string written(const Report& report, std::string_view page = kStubPage) {
   return html;
 }
 
-std::string refusal(const Report& report, std::string_view page = kStubPage) {
-  return testing::refusal(ErrorKind::kMisuse, [&] { written(report, page); });
+std::string refusal(const Report& report) {
+  return testing::refusal(ErrorKind::kMisuse, [&] { written(report, kStubPage); });
+}
+
+std::string refusal_of_page(std::string_view page) {
+  return testing::refusal(ErrorKind::kInput, [&] { written({}, page); });
 }
 
 Answer ambiguous_answer() {
@@ -361,12 +365,12 @@ TEST(WriteReport, EmptyReportAndEmptyMapAreFine) {
 }
 
 TEST(WriteReport, PageWithoutItsMarksIsRefused) {
-  EXPECT_THAT(refusal({}, "<title><!--CAIRN:TITLE--></title>"),
+  EXPECT_THAT(refusal_of_page("<title><!--CAIRN:TITLE--></title>"),
               HasSubstr("viewer page: <!--CAIRN:DATA--> stands there nowhere"));
-  EXPECT_THAT(refusal({}, "<!--CAIRN:DATA-->"), HasSubstr("<!--CAIRN:TITLE-->"));
-  EXPECT_THAT(refusal({}, "<!--CAIRN:TITLE--><!--CAIRN:DATA--><!--CAIRN:DATA-->"),
+  EXPECT_THAT(refusal_of_page("<!--CAIRN:DATA-->"), HasSubstr("<!--CAIRN:TITLE-->"));
+  EXPECT_THAT(refusal_of_page("<!--CAIRN:TITLE--><!--CAIRN:DATA--><!--CAIRN:DATA-->"),
               HasSubstr("more than once"));
-  EXPECT_THAT(refusal({}, "<!--CAIRN:DATA--><!--CAIRN:TITLE-->"), HasSubstr("title"));
+  EXPECT_THAT(refusal_of_page("<!--CAIRN:DATA--><!--CAIRN:TITLE-->"), HasSubstr("title"));
 }
 
 TEST(WriteReport, WhatDoesNotFitTogetherIsRefusedByName) {
