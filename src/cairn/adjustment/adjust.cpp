@@ -381,7 +381,7 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
     } catch (const Error& error) {
       // The map itself was accepted above; an adjustment that took hours is worth more than its covariances.
       if (error.kind() != ErrorKind::kInput) throw;
-      result.covariance_defect = error.what();
+      result.why_no_covariances = error.what();
     }
   }
   if (result.covariance_references.empty()) {

@@ -51,7 +51,7 @@ struct AdjustResult {
   std::vector<std::optional<FrameIndex>> covariance_references;
   /// Why the result has no covariances though they were requested: too many pairs of frames share landmarks.
   /// Empty otherwise.
-  std::string covariance_defect;
+  std::string why_no_covariances;
 };
 
 /// Full bundle adjustment: moves frames, landmarks and, if requested, cameras to minimise the squared

@@ -190,7 +190,7 @@ TEST(Adjust, KeepsTheAdjustedMapIfItsCovariancesAreTooLarge) {
   options.covariances = true;
   options.min_observations = map.observation_count() + 1;  // nothing moves, which is quick
   const AdjustResult result = adjust(map, options);
-  EXPECT_THAT(result.covariance_defect, HasSubstr("pairs of frames share landmarks"));
+  EXPECT_THAT(result.why_no_covariances, HasSubstr("pairs of frames share landmarks"));
   EXPECT_EQ(result.map.landmark_count(), map.landmark_count());
   EXPECT_FALSE(result.map.has_covariances());
   EXPECT_TRUE(result.map.frames().pose_covariances.empty());

@@ -205,6 +205,7 @@ Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const P
 Alignment cancelled(Alignment stopped) {
   Alignment alignment;
   alignment.estimate = stopped.estimate;
+  alignment.radius = stopped.radius;
   alignment.registration = std::move(stopped.registration);
   alignment.registration.status = RegistrationStatus::kCancelled;
   alignment.registration.stop_reason = StopReason::kCancelled;

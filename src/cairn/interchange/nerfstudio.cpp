@@ -130,8 +130,11 @@ class Reader {
     const double k2 = coefficient("k2");
     const double k3 = coefficient("k3");
     const double k4 = coefficient("k4");
+    // Nerfstudio takes all of these for one model, whatever their names say.
+    constexpr std::array<std::string_view, 5> kPerspective = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE",
+                                                              "RADIAL", "SIMPLE_RADIAL"};
     const bool is_perspective =
-        model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE";
+        std::find(kPerspective.begin(), kPerspective.end(), model) != kPerspective.end();
     if (is_fisheye) {
       with("OPENCV_FISHEYE", {k1, k2, k3, k4});
     } else if (!is_perspective || k4 != 0.0) {
@@ -273,7 +276,8 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
   if (has_points) all["ply_file_path"] = kPointsName;
   try {
-    // Both are written before one has its name: what a killed process leaves is no file that the next run refuses.
+    // Both are written before either gets its name, so that only a process killed between the two leaves a file that
+    // the next run refuses.
     write_file(path, [&](const ByteSink& sink) {
       sink(all.dump(1) + "\n");
       if (has_points) write_file(points, [&](const ByteSink& ply) { write_ply(map, ply); });

@@ -58,9 +58,10 @@ TEST_F(NerfstudioTest, CamerasAreOfAFrameOrOfAll) {
 }
 
 TEST_F(NerfstudioTest, OtherModelsAreNotTakenForPerspective) {
-  for (const char* model : {"PINHOLE", "SIMPLE_PINHOLE"}) {
+  for (const char* model : {"PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"}) {
     const auto of_frame = R"(, "camera_model": ")" + std::string(model) + "\"";
     EXPECT_EQ(read_bytes(document("", of_frame)).cameras()[0].model, "PINHOLE");
+    EXPECT_EQ(read_bytes(document("", of_frame + R"(, "k1": 0.1)")).cameras()[0].model, "OPENCV");
   }
   for (const char* of_frame : {R"(, "camera_model": "FISHEYE624", "k1": 0.1)",
                                R"(, "camera_model": "EQUIRECTANGULAR")", R"(, "k4": 0.3)"}) {

@@ -700,8 +700,8 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
                 "is there already, and would be overwritten", "a folder without it");
   }
   writer.remark();  // before writing, because the caller may refuse the loss
-  // All are written before the first has its name, and the reconstruction gets its own last: what a killed process
-  // leaves is no file that the next run would refuse, nor a reconstruction without its tracks.
+  // All are written before the first gets its name, and the reconstruction gets its own last. Only a process killed in
+  // between leaves a file that the next run refuses, and none a reconstruction without its tracks.
   const auto write_control_points = [&] {
     if (!has_control_points) return;
     write_file(control_points, [&](const ByteSink& sink) { writer.write_control_points(sink); });

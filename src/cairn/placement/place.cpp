@@ -804,7 +804,7 @@ PlacementResult PreparedPair::Parts::timed(const Work& work) {
     if (result.cut_short) result.reason += "; the time limit cut the work short";
     for (const auto& [cloud, name] :
          {std::pair(&source_, "source"), std::pair(&target_, "target")}) {
-      if (!cloud->ignores_covariances()) continue;
+      if (!callers_.use_covariances || !cloud->ignores_covariances()) continue;
       result.reason += fmt::format(
           "; the covariances of the {} are not used, because they exceed a tenth of its extent",
           name);

@@ -27,8 +27,8 @@ double cloud_extent(const LandmarkCloud& cloud);
 /// CloudScales::noise alone.
 double cloud_noise(const LandmarkCloud& cloud);
 
-/// Whether the covariances state noise of more than a tenth of the extent. No map is so bad: they are placeholders, e.g.
-/// the identity.
+/// Whether the covariances state noise of more than a tenth of the extent, and so are of no use: they are placeholders,
+/// e.g. the identity, or the cloud is too small for them.
 bool has_placeholder_covariances(const LandmarkCloud& cloud);
 
 /// Number of neighbours that define a landmark's spacing.

@@ -145,8 +145,8 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
       if (!adjusted.covariance_references.empty()) {
         result.map = with_uncertain_references(std::move(result.map),
                                                adjusted.covariance_references, maps, result.frames);
-      } else if (!adjusted.covariance_defect.empty() && options.fusion.log) {
-        options.fusion.log("the adjusted map has no covariances: " + adjusted.covariance_defect);
+      } else if (!adjusted.why_no_covariances.empty() && options.fusion.log) {
+        options.fusion.log("the adjusted map has no covariances: " + adjusted.why_no_covariances);
       }
       break;
     }

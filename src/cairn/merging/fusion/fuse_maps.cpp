@@ -373,6 +373,8 @@ void Fusion::add_frames(std::size_t m) {
 std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
                                               std::optional<CameraIndex> camera) const {
   const FrameTable& theirs = maps_[m].map->frames();
+  const bool is_last = i + 1 == maps_[m].map->frame_count();
+  if (i > 0 && !is_last) return std::nullopt;
   if (theirs.timestamps_s.empty() || !theirs.timestamps_s[i]) return std::nullopt;
   const std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
   const auto is_same = [&](FrameIndex frame) {
@@ -384,7 +386,7 @@ std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
     const std::vector<FrameIndex>& earlier = result_.frames[k];
     if (earlier.empty()) continue;
     if (i == 0 && is_same(earlier.back())) return earlier.back();
-    if (i + 1 == maps_[m].map->frame_count() && is_same(earlier.front())) return earlier.front();
+    if (is_last && is_same(earlier.front())) return earlier.front();
   }
   return std::nullopt;
 }
@@ -539,15 +541,16 @@ void add_control_points(const std::vector<ControlPoint>& more, std::vector<Contr
 
 // Which frames are a map's: consecutive ones, and those that an earlier map has too.
 std::string Fusion::frames_line(std::size_t m) const {
-  std::vector<FrameIndex> before;
+  // New frames come behind all others.
+  std::uint32_t known = 0;
   for (std::size_t k = 0; k < m; ++k) {
-    before.insert(before.end(), result_.frames[k].begin(), result_.frames[k].end());
+    for (const FrameIndex frame : result_.frames[k]) known = std::max(known, frame.value + 1);
   }
   std::string line;
   std::vector<FrameIndex> own;
   for (std::size_t i = 0; i < result_.frames[m].size(); ++i) {
     const FrameIndex frame = result_.frames[m][i];
-    if (std::find(before.begin(), before.end(), frame) == before.end()) {
+    if (frame.value >= known) {
       own.push_back(frame);
     } else {
       line += fmt::format("; frame {} is its {} too", frame.value, i == 0 ? "first" : "last");
