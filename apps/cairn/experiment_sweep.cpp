@@ -153,6 +153,9 @@ int SweepArguments::check(const StudyPlan& plan, const Shard& part,
 int SweepArguments::run() {
   const Shard part = shard();
   require_outputs(common);
+  if (check_only && !(common.json_path.empty() && common.report_path.empty())) {
+    throw Error(ErrorKind::kMisuse, "--check", "given with --json or --report", "--check alone");
+  }
   const std::string yaml = read_file(study_path);
   const Study study = parse_study(yaml, study_path);
   check_pairs(study, study_path);

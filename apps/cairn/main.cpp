@@ -256,19 +256,26 @@ bool reader_of_stdout_left() {
   return ::poll(&stream, 1, 0) == 1 && (stream.revents & POLLERR) != 0;
 }
 
+// What SIGPIPE did when the program was started.
+void (*on_broken_pipe)(int) = SIG_DFL;
+
+// Ends the program as SIGPIPE does by default, if the reader of stdout left.
+void end_if_reader_left() {
+  if (on_broken_pipe != SIG_DFL || !reader_of_stdout_left()) return;
+  std::signal(SIGPIPE, SIG_DFL);
+  std::raise(SIGPIPE);
+}
+
 // The command, from its first allocation to the last byte of its answer.
 int work(int argc, char** argv) {
   cairn::cli::catch_interrupts();
   cairn::cli::keep_command_line(argc, argv);
   // A reader of stdout that leaves early, as head does, must not cost the files that are yet to be written.
-  const auto on_broken_pipe = std::signal(SIGPIPE, SIG_IGN);
+  on_broken_pipe = std::signal(SIGPIPE, SIG_IGN);
   const int code = run(argc, argv);
   // An answer that never reached its file is no answer.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    if (on_broken_pipe == SIG_DFL && reader_of_stdout_left()) {
-      std::signal(SIGPIPE, SIG_DFL);
-      std::raise(SIGPIPE);
-    }
+    end_if_reader_left();
     print_error("cairn: stdout: cannot be written\n");
     return ExitCode::kInternalError;
   }
@@ -281,6 +288,7 @@ int explain() {
     throw;
   } catch (const cairn::Error& error) {
     if (error.kind() == cairn::ErrorKind::kCancelled) cairn::cli::end_by_interrupt();
+    if (error.kind() == cairn::ErrorKind::kStorage) end_if_reader_left();
     print_error(fmt::format("cairn: {}\n", error.what()));
     return exit_code_of(error.kind());
   } catch (const std::bad_alloc&) {

@@ -110,11 +110,17 @@ void require_same(const fs::path& folder, const std::string& found, const std::s
               fmt::format("{}, or a new folder", printable(here)));
 }
 
+// What cannot be looked at is there: whoever opens it says why.
+bool is_there(const fs::path& path) {
+  std::error_code failure;
+  return fs::exists(path, failure) || failure;
+}
+
 // The kinds of processor that a folder names, one a line.
 std::set<std::string> read_processors(const fs::path& folder) {
   std::set<std::string> kinds;
   const fs::path path = folder / kProcessors;
-  if (!fs::exists(path)) return kinds;
+  if (!is_there(path)) return kinds;
   std::istringstream lines(read_file(path));
   for (std::string line; std::getline(lines, line);) kinds.insert(line);
   return kinds;
@@ -275,11 +281,11 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
   auto lock = std::make_unique<FolderLock>(folder);
   const Identity identity = identity_of(plan, shard, inputs);
   const fs::path path = folder / kIdentity;
-  if (fs::exists(path)) {
+  if (is_there(path)) {
     require_same(folder, read_identity(folder).text(), identity.text());
   } else {
     for (const std::string_view name : {kRuns, kTimings}) {
-      if (!fs::exists(folder / name)) continue;
+      if (!is_there(folder / name)) continue;
       throw Error(ErrorKind::kInput, (folder / name).string(), "is there, but no study.txt",
                   "a new folder");
     }
@@ -369,10 +375,10 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
 bool is_complete(const fs::path& folder, const StudyPlan& plan, const Shard& shard,
                  const std::vector<std::string>& inputs) {
   shard.validate();
-  if (!fs::exists(folder / kIdentity)) return false;
+  if (!is_there(folder / kIdentity)) return false;
   const Identity identity = identity_of(plan, shard, inputs);
   require_same(folder, read_identity(folder).text(), identity.text());
-  if (!fs::exists(folder / kRuns) || !fs::exists(folder / kTimings)) return false;
+  if (!is_there(folder / kRuns) || !is_there(folder / kTimings)) return false;
   const SoundTable runs = read_table(folder / kRuns, runs_header());
   const SoundTable timings = read_table(folder / kTimings, timings_header());
   const bool is_whole = runs.is_whole && timings.is_whole && runs.rows == identity.runs &&

@@ -99,6 +99,7 @@ std::size_t end_of_user(std::string_view url) {
 // the URL, nor because it took a part of a password that is not escaped for a host or a port.
 bool can_be_told(std::string_view message, std::string_view url) {
   const std::size_t at = url.rfind('@');
+  if (at == url.npos && url.find("password=") == url.npos) return true;  // it holds none
   if (at != url.npos && at > end_of_user(url)) return false;
   return message.starts_with("connection to server") ||
          message.starts_with("could not connect to server") ||

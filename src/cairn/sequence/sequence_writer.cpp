@@ -66,7 +66,8 @@ SequenceWriter::SequenceWriter(const fs::path& folder, const SequenceWriterOptio
 
 void SequenceWriter::take_folder() {
   const auto refuse_sequence = [&] {
-    if (!fs::exists(folder_ / "rgb.txt")) return;
+    std::error_code ignored;
+    if (!fs::exists(folder_ / "rgb.txt", ignored)) return;
     throw Error(ErrorKind::kMisuse, folder_.string(), "holds a sequence already", "a new folder");
   };
   if (!is_unfinished(folder_)) refuse_sequence();
@@ -93,6 +94,8 @@ void SequenceWriter::delete_leftovers() const {
     const std::string hidden = fmt::format(".{}.cairn-unfinished", name.filename().string());
     std::error_code error;
     for (const fs::path& file : {folder_ / name, folder_ / part / hidden}) {
+      if (fs::is_directory(fs::symlink_status(file, error)))
+        continue;  // of a list that was cut short
       fs::remove(file, error);
       if (error) fail(file, "cannot be deleted", error);
     }
@@ -130,9 +133,15 @@ void SequenceWriter::discard() {
     fs::remove(folder_ / entry.depth, ignored);
   }
   for (const auto& file : files_) fs::remove(file, ignored);
-  if (unfinished_ && unfinished_->holds()) fs::remove(unfinished_->path(), ignored);
   // Removes only empty folders; keeps other files.
-  for (auto made = made_.rbegin(); made != made_.rend(); ++made) fs::remove(*made, ignored);
+  const auto remove_made = [&](bool outermost) {
+    for (auto made = made_.rbegin(); made != made_.rend(); ++made) {
+      if ((*made == folder_) == outermost) fs::remove(*made, ignored);
+    }
+  };
+  remove_made(false);
+  if (unfinished_ && unfinished_->holds()) fs::remove(unfinished_->path(), ignored);
+  remove_made(true);
 }
 
 SequenceWriter::~SequenceWriter() {

@@ -183,7 +183,8 @@ Database::Database(const fs::path& path, const OpenOptions& options)
       sqlite3_limit(handle, SQLITE_LIMIT_LIKE_PATTERN_LENGTH, 1'000);
       sqlite3_limit(handle, SQLITE_LIMIT_TRIGGER_DEPTH, 1);
       // A value of the file cannot be longer than the file and its journal.
-      const std::uint64_t added = options.access == Access::kRead ? 0 : options.longest_written;
+      const std::uint64_t added =
+          options.longest_written.value_or(options.access == Access::kRead ? 0 : kLongestValue);
       fs::path journal = path;
       journal += "-wal";
       longest = std::min(longest, size_of(path) + size_of(journal) + added + 100'000);

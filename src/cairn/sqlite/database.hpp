@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -31,8 +32,9 @@ struct OpenOptions {
   /// structure checked while reading, no value longer than the file can hold. Never for a file whose own
   /// triggers must run.
   bool untrusted = true;
-  /// Longest value that this process or another writes while an untrusted file is open, bytes.
-  std::uint64_t longest_written = 1'000'000'000;
+  /// Longest value that this process or another writes while an untrusted file is open, bytes. std::nullopt: none that
+  /// is longer than the file, for kRead; any, for other access.
+  std::optional<std::uint64_t> longest_written = {};
   /// Longest wait for another process's lock.
   std::chrono::milliseconds busy_timeout{10'000};
   /// Statements end with an Error (cancelled) soon after stop was requested.

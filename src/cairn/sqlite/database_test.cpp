@@ -303,6 +303,9 @@ TEST_F(SqliteTest, MakesNoValueThatIsLongerThanAnUntrustedFileCanHold) {
                          [&] { make({.access = Access::kWrite, .longest_written = 1000}); }),
               HasSubstr("too big"));
   EXPECT_EQ(make({.access = Access::kWrite, .longest_written = 1'000'000}), 1'000'000U);
+  EXPECT_EQ(make({.access = Access::kWrite}), 1'000'000U);
+  // A reader beside a writer.
+  EXPECT_EQ(make({.longest_written = 1'000'000}), 1'000'000U);
 }
 
 TEST_F(SqliteTest, RefusesAFileCutShort) {

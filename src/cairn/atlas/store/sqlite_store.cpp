@@ -213,13 +213,18 @@ void refuse_existing(const fs::path& path) {
 
 // SQLite would apply what an atlas that was moved or deleted has left beside its name.
 void refuse_left_behind(const fs::path& path) {
-  for (const char* const ending : {"-wal", "-shm", "-journal"}) {
+  for (const char* const ending : {"-wal", "-journal"}) {
     fs::path beside = path;
     beside += ending;
     std::error_code ignored;
-    if (!fs::exists(fs::symlink_status(beside, ignored))) continue;
-    throw Error(ErrorKind::kStorage, beside.string(), "is left of another atlas of that name",
-                "a name that is free, or that file removed");
+    const fs::file_status status = fs::symlink_status(beside, ignored);
+    if (!fs::exists(status)) continue;
+    // Whoever only reads an atlas leaves an empty one.
+    if (fs::is_regular_file(status) && fs::file_size(beside, ignored) == 0 && !ignored) continue;
+    throw Error(
+        ErrorKind::kStorage, beside.string(), "is left of another atlas of that name",
+        "a name that is free; this file may hold the last changes of that atlas, and belongs "
+        "beside it under its new name");
   }
 }
 
@@ -366,7 +371,8 @@ std::map<std::string, std::string> own_tables() {
 }
 
 // Generated columns, checks, indexes and virtual tables of a file from others could take any time and memory.
-void require_own_tables(sqlite::Database& database, const fs::path& path) {
+// @param all whether none of our own may be missing
+void require_own_tables(sqlite::Database& database, const fs::path& path, bool all) {
   std::map<std::string, std::string> missing = own_tables();
   // The indexes of keys have no statement of their own.
   sqlite::Statement rows =
@@ -377,18 +383,20 @@ void require_own_tables(sqlite::Database& database, const fs::path& path) {
     if (own == missing.end() || own->second != rows.text(1)) {
       throw Error(ErrorKind::kInput, path.string(),
                   fmt::format("{} in its schema is not what cairn makes", printable(name)),
-                  "an atlas as cairn made it");
+                  "an atlas as cairn made it; sqlite3 can drop what another program added");
     }
     missing.erase(own);
   }
-  if (missing.empty()) return;
+  if (!all || missing.empty()) return;
   fail_as_damaged(path.string(), fmt::format("the table {}", missing.begin()->first));
 }
 
-sqlite::Database open_atlas(const fs::path& path, const AtlasStoreOptions& options) {
+// @param whole whether the atlas must have all its tables
+sqlite::Database open_atlas(const fs::path& path, const AtlasStoreOptions& options,
+                            bool whole = true) {
   sqlite::Database database = open_database(path, options);
   require_schema(database, path, options.read_only);
-  require_own_tables(database, path);
+  require_own_tables(database, path, whole);
   if (options.read_only) return database;
   configure(database);
   keep_write_ahead_log(database, path);
@@ -423,7 +431,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
   AtlasSalvage result;
   AtlasStoreOptions reading = options;
   reading.read_only = true;
-  sqlite::Database database = open_atlas(from, reading);
+  sqlite::Database database = open_atlas(from, reading, false);
   const std::string name = from.string();
 
   const auto lose = [&](const std::string& what) {
@@ -484,7 +492,7 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
 
   create_sqlite_store(to, options);
   const std::unique_ptr<AtlasStore> store = open_sqlite_store(to, options);
-  SqliteStore source(open_atlas(from, reading), reading);
+  SqliteStore source(open_atlas(from, reading, false), reading);
   std::map<NodeId, NodeId> new_of_old;
   std::set<std::string> names;
   AtlasChanges changes;

@@ -88,6 +88,7 @@ void OutputFolder::discard() {
   if (!lock_) return;
   std::error_code error;
   fs::remove_all(unfinished_, error);
+  if (error == std::errc::filename_too_long) error.clear();  // it was never made
   // The lock goes last, so that no other process takes over what is being deleted; and it stays with what cannot be
   // deleted, so that the next process knows that as ours.
   if (!error) fs::remove(container_ / kLock, error);
