@@ -20,6 +20,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/map/io/losses.hpp"
@@ -827,14 +828,9 @@ class ModelWriter {
 constexpr std::array<std::string_view, 5> kStems = {"cameras", "images", "points3D", "rigs",
                                                     "frames"};
 
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);  // a pipe would block
-}
-
 bool is_model(const fs::path& folder, ColmapForm form) {
-  return is_there(folder / file_name("points3D", form)) ||
-         is_there(folder / file_name("images", form));
+  return detail::is_file(folder / file_name("points3D", form)) ||
+         detail::is_file(folder / file_name("images", form));
 }
 
 // The folder of a model, which is named itself or by one of its files.
@@ -846,7 +842,7 @@ std::optional<fs::path> model_folder(const MapInput& input, ColmapForm form) {
       std::any_of(kStems.begin(), kStems.end(),
                   [&](std::string_view stem) { return name == file_name(stem, form); });
   const fs::path folder = input.path.parent_path();
-  const bool beside = is_there(folder / file_name("points3D", form));
+  const bool beside = detail::is_file(folder / file_name("points3D", form));
   return is_file_of_model && beside ? std::optional(folder) : std::nullopt;
 }
 
@@ -883,7 +879,7 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
   std::vector<std::unique_ptr<FileReader>> files;
   const auto open = [&](std::string_view stem, bool is_required) -> ByteSource* {
     const fs::path path = folder / file_name(stem, form);
-    if (!is_required && !is_there(path)) return nullptr;
+    if (!is_required && !detail::is_file(path)) return nullptr;
     return files.emplace_back(std::make_unique<FileReader>(path)).get();
   };
   ColmapSources sources;

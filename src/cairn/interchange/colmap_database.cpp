@@ -18,6 +18,7 @@
 #include "cairn/interchange/detail/database_file.hpp"
 #include "cairn/interchange/detail/database_formats.hpp"
 #include "cairn/interchange/detail/described_observations.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/rtabmap.hpp"
 #include "cairn/interchange/stella_database.hpp"
 #include "cairn/sqlite/database.hpp"
@@ -30,11 +31,6 @@ namespace fs = std::filesystem;
 constexpr std::size_t kSiftBytes = 128;
 constexpr std::size_t kMostOfLandmark = 8;  // descriptors to compare
 constexpr std::size_t kNotFound = std::numeric_limits<std::size_t>::max();
-
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);  // a pipe would block
-}
 
 // An observation whose descriptor is wanted.
 struct Wanted {
@@ -211,8 +207,8 @@ class DescriptorReader {
 
 // The folder of a model, in the binary form if there are both.
 std::optional<ColmapForm> form_of(const fs::path& folder) {
-  if (is_there(folder / "points3D.bin")) return ColmapForm::kBinary;
-  if (is_there(folder / "points3D.txt")) return ColmapForm::kText;
+  if (detail::is_file(folder / "points3D.bin")) return ColmapForm::kBinary;
+  if (detail::is_file(folder / "points3D.txt")) return ColmapForm::kText;
   return std::nullopt;
 }
 
@@ -288,7 +284,7 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
   if (!place.has_filename()) place = place.parent_path();
   for (int up = 0; up < 3; ++up, place = place.parent_path()) {
     const fs::path database = place / "database.db";
-    if (!is_there(database)) continue;
+    if (!detail::is_file(database)) continue;
     try {
       auto descriptors = read_descriptors(model, database, options);
       return with_descriptors(std::move(model), std::move(descriptors));

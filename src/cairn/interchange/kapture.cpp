@@ -25,6 +25,7 @@
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/interchange/detail/described_observations.hpp"
 #include "cairn/interchange/detail/descriptor_bytes.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/map/io/losses.hpp"
@@ -812,14 +813,14 @@ class Reader {
 
 // The kapture folder that a path is, or is a file of.
 std::optional<fs::path> kapture_folder(const MapInput& input) {
-  std::error_code ignored;
   if (input.source == nullptr) {
-    if (fs::is_regular_file(input.path / kSensors, ignored)) return input.path;
+    if (detail::is_file(input.path / kSensors)) return input.path;
     return std::nullopt;
   }
   if (!input.first_bytes.starts_with(kHeader)) return std::nullopt;
+  std::error_code ignored;
   const fs::path folder = fs::absolute(input.path, ignored).parent_path().parent_path();
-  if (!fs::is_regular_file(folder / kSensors, ignored)) return std::nullopt;
+  if (!detail::is_file(folder / kSensors)) return std::nullopt;
   return folder;
 }
 
@@ -832,8 +833,7 @@ LandmarkMap read_kapture(const KaptureFiles& files, const MapReadOptions& option
 LandmarkMap read_kapture(const fs::path& folder, const MapReadOptions& options) {
   const KaptureFiles files{folder.string(),
                            [&](const std::string& path) -> std::unique_ptr<ByteSource> {
-                             std::error_code ignored;
-                             if (!fs::is_regular_file(folder / path, ignored)) return nullptr;
+                             if (!detail::is_file(folder / path)) return nullptr;
                              return std::make_unique<FileReader>(folder / path);
                            },
                            [&](const std::string& path) {

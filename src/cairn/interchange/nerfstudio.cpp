@@ -16,6 +16,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/plain_text.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/written_frames.hpp"
@@ -160,8 +161,7 @@ class Reader {
   }
 
   void read_points(const fs::path& path) {
-    std::error_code ignored;
-    if (!fs::is_regular_file(path, ignored)) {
+    if (!detail::is_file(path)) {
       remark(printable(path.string()) + " is not there: the map has no landmarks");
       return;
     }

@@ -21,6 +21,7 @@
 #include "cairn/core/plain_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/json_document.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
@@ -773,8 +774,7 @@ std::vector<MapFormat> opensfm_formats() {
                  sources.reconstruction = input.source;
                  const auto beside = [&](const char* name, std::optional<FileReader>& file) {
                    const fs::path path = input.path.parent_path() / name;
-                   std::error_code ignored;
-                   return fs::is_regular_file(path, ignored) ? &file.emplace(path) : nullptr;
+                   return detail::is_file(path) ? &file.emplace(path) : nullptr;
                  };
                  std::optional<FileReader> tracks;
                  std::optional<FileReader> control_points;

@@ -71,8 +71,8 @@ std::string other_surroundings(const SightCounts& around) {
   return {};
 }
 
-// Whether the landmarks match at another pose as well as at the best. The probability compares how close matches are
-// to those of all other poses, which tells nothing where many poses match like the best, as along a fence.
+// Whether the landmarks match at another pose as well as at the best. The probability does not tell: it compares how
+// close the matches of each pose are with those of all other poses, and along a fence many poses match equally well.
 bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
   const auto looks = [](const Support& support) {
     return support.spread_likeness + (support.agreement ? support.agreement->evidence() : 0.0);
