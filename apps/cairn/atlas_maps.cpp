@@ -275,6 +275,11 @@ struct LinkArguments : AtlasArguments {
     if (result.not_likely > 0)
       text += fmt::format("; {} unlikely and not tried", result.not_likely);
     console.print(text + "\n");
+    if (result.aligned < result.tried) {
+      console.print(
+          "  hint: 'cairn atlas show --all' lists the others. Align the maps of one with 'cairn "
+          "align', which shows its candidates and hints.\n");
+    }
     return kDone;
   }
 };

@@ -265,6 +265,11 @@ int MergeArguments::run() {
     console.print(fmt::format("{}: {} <- {}: {}\n", to_string(link.verdict), names[link.target],
                               names[link.source], link.reason));
   }
+  if (!likeliest.empty()) {
+    console.print(
+        "  hint: Align the maps of one of these with 'cairn align', which shows its candidates and "
+        "hints.\n");
+  }
   for (std::size_t i = 0; i < result.links.size(); ++i) {
     const MapLink& link = result.links[i];
     const bool contradicted = link.verdict == Verdict::kAligned && !result.used[i] &&

@@ -62,7 +62,8 @@ TEST_F(AtlasCliTest, MakesOneMapOfSessionsAndKeepsHow) {
   const SyntheticPair pair = write_pair(900);
   fill();
   EXPECT_THAT(answer(atlas({"link"})), AllOf(ContainsRegex("target <- source >?99\\.[0-9]+ %"),
-                                             HasSubstr("3 pairs tried, 1 aligned\n")));
+                                             HasSubstr("3 pairs tried, 1 aligned\n"),
+                                             HasSubstr("hint: 'cairn atlas show --all'")));
   EXPECT_EQ(answer(atlas({"link"})), "0 pairs tried, 0 aligned; 3 tried before\n");
   EXPECT_EQ(answer(atlas({"optimize"})),
             "2 maps in the frame of target\n1 map not placed: no link connects them\n");

@@ -135,7 +135,8 @@ TEST_F(MergeTest, WritesNothingWhereNothingBelongsTogether) {
   EXPECT_EQ(result.exit_code, kNoAlignment);
   EXPECT_THAT(result.output,
               AllOf(HasSubstr("placed 0 of 2\n"), HasSubstr("left out stranger: "),
-                    HasSubstr("left out target: "), HasSubstr("both.map is not written")));
+                    HasSubstr("left out target: "), HasSubstr("hint: Align the maps of one"),
+                    HasSubstr("both.map is not written")));
   EXPECT_EQ(content("both.map"), "what was there");
 }
 

@@ -364,6 +364,10 @@ bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
   if (placed.verdict != Verdict::kAligned || !placed.alignment.covariance) {
     return found->is_small;
   }
+  if (const auto why = forbidden(found->target_from_source, placement)) {
+    alignment.reason += fmt::format("; {}, but {}", deformation_text(found->figures), *why);
+    return found->is_small;
+  }
   alignment.deformation = found->figures;
   take_deformed(source, target, options, *found, std::move(placed), alignment);
   return true;
@@ -385,6 +389,10 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
   const PartsAlignment& found = *alignment.parts;
   if (!may_align) return;
   if (found.consensus && found.covariance && refused) {
+    if (const auto why = forbidden(*found.target_from_source, placement)) {
+      alignment.reason += fmt::format("; {}, but {}", parts_text(found), *why);
+      return;
+    }
     alignment.parts->confirmed = is_aligned_straightened(found, source, target, placement);
     if (*found.confirmed) return take_consensus(source, target, options, alignment);
     alignment.reason +=

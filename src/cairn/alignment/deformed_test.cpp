@@ -190,6 +190,20 @@ TEST(DeformedMaps, AreNotAlignedIfTheDeformationIsLarge) {
   }
 }
 
+TEST(DeformedMaps, AreNotAlignedByAPoseThatIsNotAllowed) {
+  const SyntheticPair pair = described_pair(61);
+  const LandmarkMap source = deformed_by(Stretch(pair.source), pair.source);
+  AlignOptions options = of_free_scale();
+  const Alignment free = align(source, pair.target, options);
+  ASSERT_EQ(free.verdict, Verdict::kAligned) << free.reason;
+  // A part of the map has a smaller scale than the whole.
+  options.scale->most = free.target_from_source->scale() / 1.05;
+  const Alignment narrow = align(source, pair.target, options);
+  EXPECT_NE(narrow.verdict, Verdict::kAligned);
+  EXPECT_THAT(narrow.reason, ::testing::HasSubstr("but the pose has a scale of"));
+  EXPECT_FALSE(narrow.target_from_source);
+}
+
 // As align() judges its own.
 TEST(DeformedMaps, AreSoForAGivenPoseToo) {
   const SyntheticPair pair = described_pair(61);

@@ -162,6 +162,23 @@ void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
   candidate.scale = pose.scale();
 }
 
+// Angle between both downward directions.
+double tilt(const Rigid3& pose, const GravityPrior& gravity) {
+  const Eigen::Vector3d down = pose.quaternion() * gravity.source;
+  return std::atan2(down.cross(gravity.target).norm(), down.dot(gravity.target));
+}
+
+bool is_tilted(const Rigid3& pose, const PlaceOptions& options) {
+  return options.gravity && tilt(pose, *options.gravity) > options.gravity->max_tilt_rad;
+}
+
+// Whether a scale is outside the requested range. Its inverse is outside the inverse range then.
+bool has_other_scale(double scale, const PlaceOptions& options) {
+  if (!options.scale) return false;
+  const auto [least, most] = *options.scale;
+  return scale * (1.0 + kScaleMargin) < least || scale > most * (1.0 + kScaleMargin);
+}
+
 // A centred pose that may become a candidate.
 struct Finalist : PlacementCandidate {
   Proximity proximity = {};
@@ -237,27 +254,9 @@ class Placement {
     return poses;
   }
 
-  /// Angle between both downward directions; 0 without a gravity prior.
-  double tilt(const Rigid3& pose) const {
-    if (!options_.gravity) return 0.0;
-    const Eigen::Vector3d down = pose.quaternion() * options_.gravity->source;
-    const Eigen::Vector3d& there = options_.gravity->target;
-    return std::atan2(down.cross(there).norm(), down.dot(there));
-  }
-  bool is_tilted(const Rigid3& pose) const {
-    return options_.gravity && tilt(pose) > options_.gravity->max_tilt_rad;
-  }
-
-  /// Whether its scale is outside the requested range.
-  bool has_other_scale(const Finalist& pose) const {
-    if (!options_.scale) return false;
-    const auto [least, most] = *options_.scale;
-    return pose.scale < least * (1.0 - kScaleMargin) || pose.scale > most * (1.0 + kScaleMargin);
-  }
-
   /// Whether the requested gravity and scale allow it.
   bool allows(const Finalist& pose) const {
-    return !is_tilted(pose.target_from_source) && !has_other_scale(pose);
+    return !is_tilted(pose.target_from_source, options_) && !has_other_scale(pose.scale, options_);
   }
 
   /// The optimum near a pose.
@@ -298,7 +297,7 @@ class Placement {
   std::size_t landmarks() const { return std::min(pair_.source().size(), pair_.target().size()); }
 
   Candidates candidates(const TimeLimit& time) const {
-    const auto accept = [&](const Rigid3& pose) { return !is_tilted(pose); };
+    const auto accept = [&](const Rigid3& pose) { return !is_tilted(pose, options_); };
     std::vector<Finalist> proposed;
     for (const DescriptorPose& proposal : proposals()) {
       if (!accept(proposal.pose.rigid())) continue;
@@ -584,7 +583,6 @@ class PreparedPair::Parts {
   void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
                      const TimeLimit& time, PlacementResult& result) const;
   void judge_best(const Finalist& best, PlacementResult& result) const;
-  std::string forbidden(const Finalist& pose) const;
   Placed beside(Candidates found, const Finalist& pose) const;
   void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
   void require_scale(const Similarity3& pose) const;
@@ -728,21 +726,6 @@ PreparedPair::Parts::Placed PreparedPair::Parts::beside(Candidates found,
   return {std::move(found), index};
 }
 
-// Why the requested gravity or scale does not allow a pose.
-std::string PreparedPair::Parts::forbidden(const Finalist& pose) const {
-  if (placement_->is_tilted(pose.target_from_source)) {
-    return fmt::format(
-        "the pose tilts the source's gravity by {:.1f} deg against the target's: at most {:.1f} "
-        "deg "
-        "are allowed",
-        degrees(placement_->tilt(pose.target_from_source)),
-        degrees(callers_.gravity->max_tilt_rad));
-  }
-  return fmt::format("the pose has a scale of {:.4g}: from {:.4g} to {:.4g} is allowed",
-                     for_caller(pose.similarity()).scale(), callers_.scale->least,
-                     callers_.scale->most);
-}
-
 // @param held   the pose to judge, unchanged
 // @param better distance to the placed pose, if that is a better one nearby
 void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& held,
@@ -760,8 +743,8 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
     return;
   }
   report(found.poses, result);
-  if (!placement_->allows(held)) {
-    result.reason = forbidden(held);
+  if (auto why = forbidden(for_caller(held.similarity()), callers_)) {
+    result.reason = *std::move(why);
     return;
   }
   if (better) {
@@ -840,6 +823,22 @@ PlacementResult PreparedPair::Parts::settle(const Similarity3& pose) {
     }
     conclude_held(placed, placed.found.poses[placed.own], std::nullopt, time, result);
   });
+}
+
+std::optional<std::string> forbidden(const Similarity3& target_from_source,
+                                     const PlaceOptions& options) {
+  if (is_tilted(target_from_source.rigid(), options)) {
+    return fmt::format(
+        "the pose tilts the source's gravity by {:.1f} deg against the target's: at most {:.1f} "
+        "deg are allowed",
+        degrees(tilt(target_from_source.rigid(), *options.gravity)),
+        degrees(options.gravity->max_tilt_rad));
+  }
+  if (has_other_scale(target_from_source.scale(), options)) {
+    return fmt::format("the pose has a scale of {:.4g}: from {:.4g} to {:.4g} is allowed",
+                       target_from_source.scale(), options.scale->least, options.scale->most);
+  }
+  return std::nullopt;
 }
 
 void PlaceOptions::validate() const {

@@ -70,6 +70,10 @@ struct PlaceOptions {
   void validate() const;
 };
 
+/// Why the gravity or the range of scales of `options` does not allow a pose; std::nullopt if they do.
+std::optional<std::string> forbidden(const Similarity3& target_from_source,
+                                     const PlaceOptions& options);
+
 struct PlacementResult {
   Verdict verdict = Verdict::kRejected;
   std::string reason;  ///< one sentence for people, the decision first

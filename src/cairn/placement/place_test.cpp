@@ -336,6 +336,29 @@ TEST(Place, KeepsToGravity) {
   EXPECT_NE(wrong.verdict, Verdict::kAligned) << wrong.reason;
 }
 
+TEST(Place, SaysWhyAPoseIsNotAllowed) {
+  const auto tilted = [](double degrees) {
+    return Similarity3(
+        Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(radians(degrees), Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(2.0, Eigen::Vector3d::UnitZ())),
+               {1.0, 2.0, 3.0}));
+  };
+  PlaceOptions options;
+  EXPECT_FALSE(forbidden(tilted(90.0), options));
+  options.gravity = GravityPrior{.max_tilt_rad = radians(10.0)};
+  EXPECT_FALSE(forbidden(tilted(9.9), options));
+  EXPECT_THAT(forbidden(tilted(10.1), options).value_or(""), ::testing::HasSubstr("10.1 deg"));
+  const auto scaled = [](double scale) { return Similarity3(scale, Rigid3()); };
+  EXPECT_FALSE(forbidden(scaled(3.0), options)) << "judge() refuses these";
+  options.scale = ScaleRange{0.5, 2.0};
+  // The ends are not exact.
+  for (const double allowed : {0.49, 2.04}) EXPECT_FALSE(forbidden(scaled(allowed), options));
+  for (const double other : {0.48, 2.08}) {
+    EXPECT_THAT(forbidden(scaled(other), options).value_or(""),
+                ::testing::HasSubstr("from 0.5 to 2 is allowed"));
+  }
+}
+
 TEST(Place, RejectsMapsOfDifferentScenes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const PlacementResult result =
