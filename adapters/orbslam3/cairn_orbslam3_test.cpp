@@ -19,7 +19,8 @@ namespace {
 
 using ::testing::ElementsAre;
 
-// Stand-ins with the accessors that the header calls.
+// Stand-ins with the accessors that the header calls, named as in ORB-SLAM3.
+// NOLINTBEGIN(readability-identifier-naming)
 struct Pose {
   Eigen::Quaternionf q = Eigen::Quaternionf::Identity();
   Eigen::Vector3f t = Eigen::Vector3f::Zero();
@@ -65,6 +66,7 @@ struct StandIn {
   std::vector<Keyframe*> GetAllKeyFrames() const { return keyframes; }
   std::vector<MapPoint*> GetAllMapPoints() const { return points; }
 };
+// NOLINTEND(readability-identifier-naming)
 
 TEST(OrbSlam3, AMapIsWrittenAsCairnReadsIt) {
   Keyframe first;

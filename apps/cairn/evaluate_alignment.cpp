@@ -398,7 +398,7 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
                       percent_of(*entry.error) <= max_scale_percent;
       successes = successes.value_or(0) + (*entry.success ? 1 : 0);
     }
-    judged.push_back(std::move(entry));
+    judged.push_back(entry);
   }
 
   Json inputs = {{"result", describe_file(result, common)},

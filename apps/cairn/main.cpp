@@ -162,7 +162,7 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
                        did_you_mean(name, option_names(*parsed_verbs(program).back())));
   }
   if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr) {
-    const std::string missing = missing_argument(*parsed_verbs(program).back());
+    std::string missing = missing_argument(*parsed_verbs(program).back());
     if (!missing.empty()) return missing;
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr) return error.what();

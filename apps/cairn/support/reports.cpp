@@ -57,7 +57,7 @@ report::Report begin_report(std::string title, const CommonArguments& common) {
 }
 
 void add_pair(report::Report& report, const ReportedPair& pair, const std::string& prefix) {
-  report::ShownPair shown = pair;
+  auto shown = static_cast<const report::ShownPair&>(pair);
   for (const StrategyResult& result : pair.results) {
     shown.alignments.push_back({&result.alignment, name_of(result), result.k});
   }

@@ -73,6 +73,7 @@ void execute(tbb::task_arena& arena, const Work& work) {
   try {
     arena.execute(work);
   } catch (const std::runtime_error& error) {
+    acquire(block_ended);  // It may be what a block threw.
     if (!std::string_view(error.what()).starts_with("pthread_create")) throw;
     throw Error(ErrorKind::kStorage, "threads",
                 fmt::format("the operating system cannot start another ({})", error.what()),
