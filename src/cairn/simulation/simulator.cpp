@@ -70,13 +70,13 @@ RenderedFrame RgbdSimulator::picture_at(double timestamp_s, const Executor& exec
   if (options_.readout_s <= 0.0) {
     return renderer_.render(camera, rays_, pose_at(trajectory_, timestamp_s), executor);
   }
-  constexpr std::uint32_t kRows = 4;
+  constexpr std::uint32_t kRowsAtOnce = 4;
   constexpr std::uint32_t kMargin = 1;  // an edge is found by the rows beside it
   RenderedFrame whole;
   whole.width = camera.width;
   whole.height = camera.height;
-  for (std::uint32_t first = 0; first < camera.height; first += kRows) {
-    const std::uint32_t last = std::min(first + kRows, camera.height);
+  for (std::uint32_t first = 0; first < camera.height; first += kRowsAtOnce) {
+    const std::uint32_t last = std::min(first + kRowsAtOnce, camera.height);
     const std::uint32_t from = first - std::min(first, kMargin);
     const std::uint32_t to = std::min(last + kMargin, camera.height);
     Camera band = camera;

@@ -18,7 +18,7 @@ constexpr std::size_t kProposers = 64;
 // Proposals that are kept for a pair of groups.
 constexpr std::size_t kKept = 3;
 // Largest error of an edge, in standard deviations.
-constexpr double kDeviations = 3.0;
+constexpr double kToleratedDeviations = 3.0;
 // Half of the largest rotation angle, π.
 constexpr double kRight = 1.5707963267948966;
 // Groups from this size on are refined.
@@ -223,17 +223,18 @@ class Growth {
         square(scale) * (square(mine.shift) + square(its.shift)) +
         (one.in_first - other.in_first).squaredNorm() * (square(mine.turn) + square(mine.growth));
     const double shift = agreement_ * other.first_from_node.scale() * extents_[other.node].radius +
-                         kDeviations * std::sqrt(variance + square(further.shift));
+                         kToleratedDeviations * std::sqrt(variance + square(further.shift));
     const Eigen::Vector3d said = one.linear * other.in_second + one.first_from_second.translation();
     if ((said - other.in_first).squaredNorm() > square(shift)) return false;
     if (std::abs(one.log_scale - other.log_scale) >
-        agreement_ + kDeviations * std::hypot(mine.growth, its.growth, further.growth)) {
+        agreement_ + kToleratedDeviations * std::hypot(mine.growth, its.growth, further.growth)) {
       return false;
     }
     const double cosine =
         std::abs(one.quaternion.dot(other.quaternion));  // of half the rotation between them
     if (cosine >= least_cosine_) return true;
-    const double turn = agreement_ + kDeviations * std::hypot(mine.turn, its.turn, further.turn);
+    const double turn =
+        agreement_ + kToleratedDeviations * std::hypot(mine.turn, its.turn, further.turn);
     return cosine >= std::cos(std::min(0.5 * turn, kRight));
   }
 

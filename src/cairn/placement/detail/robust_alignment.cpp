@@ -39,7 +39,7 @@ constexpr double kScaleFreed = 2.0;
 constexpr double kMostGrowth = 0.25;  // of the logarithm of the scale, in one step
 // Matches beyond 5 standard deviations, of weight 0.0015, are ignored.
 constexpr double kNegligible = 1.0 / 26.0;
-constexpr double kFarthest = 1.0 / kNegligible;  // its squared distance, and one more for rounding
+constexpr double kFarthestSquared = 1.0 / kNegligible;  // and one more for rounding
 // Motion, as a share of the kernel's scale, by which the stiffness is measured. With a smaller one, hardly
 // any match changes and the covariance is too small; with a larger one, it is too large.
 constexpr double kStiffnessStep = 0.25;
@@ -175,7 +175,7 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
   double variance = scale * scale;
   if (of_source != nullptr) variance += linear.col(0).squaredNorm() * of_source->trace();
   if (of_target != nullptr) variance += of_target->trace();
-  if (residual.squaredNorm() > kFarthest * variance) return std::nullopt;
+  if (residual.squaredNorm() > kFarthestSquared * variance) return std::nullopt;
   Eigen::Matrix3d spread = scale * scale * Eigen::Matrix3d::Identity();
   if (of_source != nullptr) spread += linear * *of_source * linear.transpose();
   if (of_target != nullptr) spread += *of_target;
