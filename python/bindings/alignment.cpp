@@ -108,17 +108,17 @@ Keywords<AlignKeywords> make_align_keywords() {
 }
 
 const Keywords<AlignKeywords>& align_keywords() {
-  static const auto kKeywords = make_align_keywords();
-  return kKeywords;
+  static const auto table = make_align_keywords();
+  return table;
 }
 
 const Keywords<AlignKeywords>& judge_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<AlignKeywords> keywords("judge");
     add_verdict_keywords(keywords);
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 AlignOptions complete(const AlignKeywords& call, const LandmarkMap& source,
@@ -217,7 +217,7 @@ struct IcpKeywords {
 };
 
 const Keywords<IcpKeywords>& icp_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<IcpKeywords> keywords("icp");
     const auto numbers = [](std::vector<double> IcpKeywords::*member, const char* name) {
       return [member, name](IcpKeywords& call, py::handle value) {
@@ -243,7 +243,7 @@ const Keywords<IcpKeywords>& icp_keywords() {
     add_icp_keywords(keywords, [](auto& c) -> auto& { return c.options; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
@@ -345,7 +345,7 @@ std::string html(const AlignmentResult& self) {
   std::string rows;
   const auto add = [&](const char* name, const std::string& value) {
     rows += fmt::format(
-        "<tr><th style=\"text-align:left\">{}</th><td style=\"text-align:left\">{}</td></tr>", name,
+        R"(<tr><th style="text-align:left">{}</th><td style="text-align:left">{}</td></tr>)", name,
         value);
   };
   add("verdict", fmt::format("<b>{}</b>", status_of(alignment)));

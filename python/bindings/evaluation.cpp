@@ -198,7 +198,7 @@ struct Evaluated {
 };
 
 const Keywords<TrajectoryEvaluationOptions>& evaluation_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<TrajectoryEvaluationOptions> keywords("evaluate_trajectory");
     const TrajectoryEvaluationOptions defaults;
     py::list intervals;
@@ -229,7 +229,7 @@ const Keywords<TrajectoryEvaluationOptions>& evaluation_keywords() {
         });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 void bind_trajectory_evaluation(py::module_& module) {
@@ -387,7 +387,7 @@ void bind_map_evaluation(py::module_& module) {
         return fmt::format("<MapConsistency: median {:.4g} px, {:.1f} % inliers>",
                            self.reprojection->px.median, 100.0 * self.reprojection->inlier_share);
       });
-  static const auto kConsistency = [] {
+  static const auto consistency_table = [] {
     Keywords<MapConsistencyOptions> keywords("map_consistency");
     keywords.add("inlier_px", [](auto& o) -> auto& { return o.inlier_px; });
     return keywords;
@@ -395,11 +395,11 @@ void bind_map_evaluation(py::module_& module) {
   module.def(
       "map_consistency",
       [](const SharedMap& map, const py::kwargs& given) {
-        const MapConsistencyOptions options = kConsistency.read(given);
+        const MapConsistencyOptions options = consistency_table.read(given);
         return unlocked([&] { return map_consistency(*map, options); });
       },
       py::arg("map"),
-      kept(kConsistency.signature("map", false) +
+      kept(consistency_table.signature("map", false) +
            "Computes reprojection and depth errors of a map's own observations. Needs no truth."));
 
   py::class_<CovarianceCalibration>(module, "CovarianceCalibration",

@@ -12,7 +12,7 @@ namespace cairn::python {
 namespace {
 
 const Keywords<PaperOptions>& paper_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<PaperOptions> keywords("paper_experiment");
     keywords.add("success_score", [](auto& o) -> auto& { return o.success_score; })
         .add("rotation_tolerance_deg", [](auto& o) -> auto& { return o.tolerance.rotation_deg; })
@@ -21,7 +21,7 @@ const Keywords<PaperOptions>& paper_keywords() {
         .add("max_iterations", [](auto& o) -> auto& { return o.align.max_iterations; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 struct PaperRun {

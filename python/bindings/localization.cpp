@@ -19,14 +19,14 @@ struct Locator {
 };
 
 const Keywords<LocateOptions>& locate_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<LocateOptions> keywords("__init__");
     keywords.add("features", [](auto& o) -> auto& { return o.features.count; })
         .add("min_probability", [](auto& o) -> auto& { return o.min_probability; })
         .add("seed", [](auto& o) -> auto& { return o.seed; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 std::unique_ptr<Locator> make_locator(const LandmarkMap& map, const Camera& camera,

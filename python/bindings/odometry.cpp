@@ -74,7 +74,7 @@ struct OdometryKeywords {
 };
 
 const Keywords<OdometryKeywords>& odometry_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<OdometryKeywords> keywords("__init__");
     keywords.add("start", py::none(), [](auto& options, py::handle value) {
       if (!value.is_none()) options.start = rigid_of(value, "start");
@@ -82,16 +82,16 @@ const Keywords<OdometryKeywords>& odometry_keywords() {
     add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 const Keywords<MapOptions>& map_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<MapOptions> keywords("map");
     add_map_keywords(keywords, [](auto& o) -> auto& { return o; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 std::unique_ptr<SharedOdometry> make_odometry(const Camera& camera, const py::kwargs& given) {
@@ -135,7 +135,7 @@ struct SequenceKeywords {
 };
 
 const Keywords<SequenceKeywords>& sequence_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<SequenceKeywords> keywords("map_sequence");
     keywords
         .add("depth_units_per_metre",
@@ -149,7 +149,7 @@ const Keywords<SequenceKeywords>& sequence_keywords() {
     add_map_keywords(keywords, [](auto& o) -> auto& { return o.options.map; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 struct Mapped {
@@ -203,13 +203,15 @@ void bind_odometry(py::module_& module) {
         return fmt::format("<FrameReport: {}, {} landmarks{}>", to_string(self.status),
                            self.landmarks, self.keyframe ? ", keyframe" : "");
       });
-  static const std::string kInit = odometry_keywords().signature("$self, camera", false);
+  static const std::string signature_of_init =
+      odometry_keywords().signature("$self, camera", false);
   py::class_<SharedOdometry>(
       module, "Odometry",
       "RGB-D odometry: estimates poses and a landmark map from frames in time order.")
       .def(py::init(&make_odometry), py::arg("camera"),
-           kept(kInit + "`start` is the pose of the first frame (4x4, world_from_camera), by "
-                        "default the identity."))
+           kept(signature_of_init +
+                "`start` is the pose of the first frame (4x4, world_from_camera), by "
+                "default the identity."))
       .def(
           "track", &track, py::arg("timestamp_s"), py::arg("image"),
           py::arg("depth_m") = py::none(), py::kw_only(), py::arg("channels") = "rgb",

@@ -26,7 +26,7 @@ struct SimulateKeywords {
 };
 
 const Keywords<SimulateKeywords>& simulate_keywords() {
-  static const auto kKeywords = [] {
+  static const auto table = [] {
     Keywords<SimulateKeywords> keywords("simulate");
     keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
         .add("session", [](auto& o) -> auto& { return o.environment.session; })
@@ -58,7 +58,7 @@ const Keywords<SimulateKeywords>& simulate_keywords() {
         .add("max_depth_m", [](auto& o) -> auto& { return o.simulator.sensor.max_depth_m; });
     return keywords;
   }();
-  return kKeywords;
+  return table;
 }
 
 SharedSimulation simulate(const std::string& environment, const py::kwargs& given) {

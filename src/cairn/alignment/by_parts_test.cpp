@@ -266,10 +266,10 @@ TEST(ByParts, StateTheUncertaintyOfAFreeScale) {
 
 TEST(ByParts, NeedTwoPartsOfEitherMap) {
   const SyntheticPair pair = described_pair(63);
-  const PreparedMap source(pair.source);
+  const PreparedMap large(pair.source);
   const PreparedMap small(pair.target, {.cut = {.parts = 1}});
-  EXPECT_TRUE(place_by_parts(source, small, {}).parts.empty());
-  EXPECT_TRUE(place_by_parts(small, source, {}).parts.empty());
+  EXPECT_TRUE(place_by_parts(large, small, {}).parts.empty());
+  EXPECT_TRUE(place_by_parts(small, large, {}).parts.empty());
 }
 
 }  // namespace

@@ -226,7 +226,8 @@ std::size_t FileReader::read(char* buffer, std::size_t capacity) {
     const ssize_t count = ::read(descriptor_, buffer, capacity);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) fail_reading(name_, errno);
-    if (!size_ && (streamed_ += static_cast<std::uint64_t>(count)) > kLongestStream) {
+    if (!size_) streamed_ += static_cast<std::uint64_t>(count);
+    if (streamed_ > kLongestStream) {
       throw Error(ErrorKind::kInput, name_,
                   fmt::format("more than {} bytes from a pipe or device", kLongestStream),
                   "a regular file for as much");

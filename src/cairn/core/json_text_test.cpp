@@ -54,7 +54,7 @@ TEST(ParseJson, RefusesNestingThatStackCouldNotHold) {
 std::string object_of(std::size_t keys) {
   std::string text = "{";
   for (std::size_t i = 0; i < keys; ++i) {
-    text += (i == 0 ? "\"a:" : ",\"a:") + std::to_string(i) + "\": {\"b\": 1}";
+    text += (i == 0 ? "\"a:" : ",\"a:") + std::to_string(i) + R"(": {"b": 1})";
   }
   return text + "}";
 }

@@ -14,9 +14,9 @@ enum class RemarkKind {
 
 /// A message of the library beside its result.
 struct Remark {
-  // NOLINTNEXTLINE(google-explicit-constructor): a text is a remark
+  // A text is a remark:
   template <std::convertible_to<std::string_view> Text>
-  Remark(const Text& said, RemarkKind of_kind = RemarkKind::kInformation)
+  Remark(const Text& said, RemarkKind of_kind = RemarkKind::kInformation)  // NOLINT(*-explicit-*)
       : text(said), kind(of_kind) {}
 
   std::string_view text;

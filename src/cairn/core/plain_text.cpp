@@ -73,7 +73,7 @@ bool is_utf8(std::string_view text) {
 
 std::string without_password(std::string_view url) {
   const std::size_t scheme = url.find("://");
-  if (scheme == url.npos) return std::string(url);
+  if (scheme == std::string_view::npos) return std::string(url);
   const std::size_t begin = scheme + 3;
   std::vector<bool> hidden(url.size() + 1, false);
   const auto hide = [&](std::size_t from, std::size_t to) {
@@ -82,10 +82,11 @@ std::string without_password(std::string_view url) {
   // Up to the last @: a password that is not escaped as it has to be may hold any character.
   const std::size_t at = url.rfind('@');
   const std::size_t colon = url.find(':', begin);
-  if (at != url.npos && colon < at) hide(colon + 1, at);
+  if (at != std::string_view::npos && colon < at) hide(colon + 1, at);
   // "password" and "sslpassword".
   constexpr std::string_view kKey = "password=";
-  for (std::size_t key = url.find(kKey, begin); key != url.npos; key = url.find(kKey, key + 1)) {
+  for (std::size_t key = url.find(kKey, begin); key != std::string_view::npos;
+       key = url.find(kKey, key + 1)) {
     hide(key + kKey.size(), std::min(url.find('&', key), url.size()));
   }
   std::string shown;

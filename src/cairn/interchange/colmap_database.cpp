@@ -248,9 +248,9 @@ LandmarkMap with_descriptors(LandmarkMap model, std::optional<DescriptorColumn> 
 
 }  // namespace
 
-LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& path,
+LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& database,
                                     const MapReadOptions& options) {
-  auto descriptors = read_descriptors(model, path, options);
+  auto descriptors = read_descriptors(model, database, options);
   return with_descriptors(std::move(model), std::move(descriptors));
 }
 

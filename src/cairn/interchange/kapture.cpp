@@ -176,12 +176,12 @@ struct NumberType {
 };
 
 std::optional<NumberType> number_type(std::string_view name) {
-  static const std::map<std::string_view, NumberType> kTypes = {
+  static const std::map<std::string_view, NumberType> types_by_name = {
       {"float", {'f', 8}}, {"float32", {'f', 4}}, {"float64", {'f', 8}}, {"int", {'i', 8}},
       {"int8", {'i', 1}},  {"int16", {'i', 2}},   {"int32", {'i', 4}},   {"int64", {'i', 8}},
       {"uint8", {'u', 1}}, {"uint16", {'u', 2}},  {"uint32", {'u', 4}},  {"uint64", {'u', 8}}};
-  const auto found = kTypes.find(name);
-  return found == kTypes.end() ? std::nullopt : std::optional(found->second);
+  const auto found = types_by_name.find(name);
+  return found == types_by_name.end() ? std::nullopt : std::optional(found->second);
 }
 
 // Content of keypoints.txt or descriptors.txt, which describes the files beside it.
@@ -586,7 +586,7 @@ class Reader {
     take_observations(most->first, std::move(most->second));
   }
 
-  std::string folder_of(const char* kind, const std::string& type) const {
+  static std::string folder_of(const char* kind, const std::string& type) {
     return fmt::format("reconstruction/{}{}{}", kind, type.empty() ? "" : "/", type);
   }
 
@@ -765,7 +765,7 @@ class Reader {
     return kind;
   }
 
-  std::vector<std::uint8_t> bytes_of(const FeatureType& type, const char* row) const {
+  static std::vector<std::uint8_t> bytes_of(const FeatureType& type, const char* row) {
     std::vector<std::uint8_t> bytes(type.numbers);
     if (type.type.size == 1) {
       std::memcpy(bytes.data(), row, bytes.size());
@@ -782,14 +782,15 @@ class Reader {
   // ---- the rest
 
   void remark_rest() const {
-    static const std::set<std::string_view> kRead = {
+    static const std::set<std::string_view> read_by_name = {
         "sensors.txt",      "rigs.txt",     "trajectories.txt", "records_camera.txt",
         "records_gnss.txt", "records_data", "points3d.txt",     "observations.txt",
         "keypoints",        "descriptors"};
     std::vector<std::string> others;
     for (const char* folder : {"sensors", "reconstruction"}) {
       for (const std::string& name : files_.list(folder)) {
-        if (!kRead.contains(name)) others.push_back(printable(fmt::format("{}/{}", folder, name)));
+        if (!read_by_name.contains(name))
+          others.push_back(printable(fmt::format("{}/{}", folder, name)));
       }
     }
     if (!others.empty()) lost(fmt::format("not read: {}", fmt::join(others, ", ")));

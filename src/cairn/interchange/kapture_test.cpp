@@ -222,7 +222,7 @@ TEST_F(KaptureTest, DescriptorsOfFloatsBecomeBytes) {
 }
 
 TEST_F(KaptureTest, CompanionsMayBeMissing) {
-  const auto without = [](std::vector<const char*> paths) {
+  const auto without = [](const std::vector<const char*>& paths) {
     Files files = small_files();
     for (const char* path : paths) {
       std::erase_if(files, [&](const auto& file) { return file.first.starts_with(path); });

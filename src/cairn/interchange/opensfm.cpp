@@ -35,7 +35,8 @@ namespace fs = std::filesystem;
 using detail::JsonValue;
 
 constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
-constexpr double kUnknownAccuracy_m = 999999.0;  // OpenSfM's value for a shot without GNSS position
+constexpr double kUnknownAccuracy =
+    999999.0;  // metres: OpenSfM's value for a shot without GNSS position
 
 // OpenSfM's image coordinates: the centre of the image is (0, 0), its longer side is 1.
 struct ImageFrame {
@@ -222,7 +223,7 @@ class Reader {
   void read_gnss(const JsonValue& shot) {
     auto& gnss = tables_.frames.gnss;
     const double accuracy = shot.number_or("gps_dop", 0.0);
-    if (!shot.has("gps_position") || accuracy == kUnknownAccuracy_m) {
+    if (!shot.has("gps_position") || accuracy == kUnknownAccuracy) {
       gnss.push_back(std::nullopt);
       return;
     }
@@ -285,10 +286,10 @@ class Reader {
       const double time = shot.number_or("capture_time", 0.0);
       frames.timestamps_s.push_back(time != 0.0 ? std::optional(time) : std::nullopt);
       read_gnss(shot);
-      static const std::set<std::string_view> kKept = {
+      static const std::set<std::string_view> kept = {
           "rotation", "translation", "camera", "capture_time", "gps_dop", "gps_position"};
       for (const auto& [key, value] : json.items()) {
-        if (!kKept.contains(key)) dropped_of_shots_.insert(printable(key));
+        if (!kept.contains(key)) dropped_of_shots_.insert(printable(key));
       }
     }
   }
@@ -537,7 +538,7 @@ class Writer {
     text_ += '}';
     if (is_georeferenced()) {
       const GeodeticPosition& origin = map_.info().georeference->origin;
-      text_ += ", \"reference_lla\": {\"latitude\": ";
+      text_ += R"(, "reference_lla": {"latitude": )";
       append_number(text_, origin.latitude_deg);
       text_ += ", \"longitude\": ";
       append_number(text_, origin.longitude_deg);
@@ -651,7 +652,7 @@ class Writer {
     text_ += ", \"translation\": ";
     vector(camera_from_world.translation());
     const Camera& camera = map_.cameras()[frames.cameras[frame.value]->value];
-    text_ += fmt::format(", \"camera\": \"{}\"", camera_name(camera));
+    text_ += fmt::format(R"(, "camera": "{}")", camera_name(camera));
     if (!frames.timestamps_s.empty() && frames.timestamps_s[frame.value]) {
       text_ += ", \"capture_time\": ";
       append_number(text_, *frames.timestamps_s[frame.value]);

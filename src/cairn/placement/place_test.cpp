@@ -466,7 +466,7 @@ Similarity3 off_by(const Rigid3& pose, const LandmarkCloud& source, Random& rand
   const Eigen::Vector3d direction =
       Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(radians(rotation_deg), axis));
-  return Similarity3(Rigid3(turn, middle + shift * direction - turn * middle) * pose);
+  return {Rigid3(turn, middle + shift * direction - turn * middle) * pose};
 }
 
 bool is_right(const PlacementResult& result, const Rigid3& truth, const LandmarkCloud& source) {

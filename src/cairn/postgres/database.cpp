@@ -50,7 +50,7 @@ std::string first_line(std::string_view text) {
 
 [[noreturn]] void fail(const detail::Connection& connection, const pqxx::sql_error& error) {
   const std::string& name = connection.name;
-  const std::string code = error.sqlstate();
+  const std::string& code = error.sqlstate();
   const auto is = [&](std::string_view one) { return code == one; };
   if (is("22021")) throw Error(ErrorKind::kMisuse, name, "text that is not UTF-8", "UTF-8");
   if (is("53100")) {
@@ -92,15 +92,16 @@ auto guarded(const detail::Connection& connection, const Action& action) {
 std::size_t end_of_user(std::string_view url) {
   const std::size_t begin = std::min(url.find("://") + 3, url.size());
   const std::size_t end = url.find_first_of("@/", begin);
-  return end != url.npos && url[end] == '@' ? end : begin;
+  return end != std::string_view::npos && url[end] == '@' ? end : begin;
 }
 
 // Whether a message about a failed connection cannot quote a part of a password: neither because libpq could not read
 // the URL, nor because it took a part of a password that is not escaped for a host or a port.
 bool can_be_told(std::string_view message, std::string_view url) {
   const std::size_t at = url.rfind('@');
-  if (at == url.npos && url.find("password=") == url.npos) return true;  // it holds none
-  if (at != url.npos && at > end_of_user(url)) return false;
+  // It holds none.
+  if (at == std::string_view::npos && url.find("password=") == std::string_view::npos) return true;
+  if (at != std::string_view::npos && at > end_of_user(url)) return false;
   return message.starts_with("connection to server") ||
          message.starts_with("could not connect to server") ||
          message.starts_with("could not translate host name") || message.starts_with("FATAL");
@@ -161,7 +162,7 @@ Statement& Statement::bind(int parameter, double value) {
 }
 
 Statement& Statement::bind(int parameter, std::string_view text) {
-  if (text.find('\0') != text.npos) {
+  if (text.find('\0') != std::string_view::npos) {
     throw Error(ErrorKind::kMisuse, connection_->name,
                 fmt::format("text with a NUL in it: {}", printable(text)), "text without");
   }

@@ -42,7 +42,7 @@ ImageOf pattern() {
 
 template <class Read>
 std::string refusal(Read&& read, const std::filesystem::path& path) {
-  const std::string message = testing::refusal(ErrorKind::kInput, [&] { read(path); });
+  std::string message = testing::refusal(ErrorKind::kInput, [&] { read(path); });
   if (!message.empty()) {
     EXPECT_THAT(message, HasSubstr(path.string()));
   }

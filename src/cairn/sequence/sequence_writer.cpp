@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cmath>
 #include <limits>
+#include <ranges>
 #include <string_view>
 #include <system_error>
 
@@ -135,8 +136,8 @@ void SequenceWriter::discard() {
   for (const auto& file : files_) fs::remove(file, ignored);
   // Removes only empty folders; keeps other files.
   const auto remove_made = [&](bool outermost) {
-    for (auto made = made_.rbegin(); made != made_.rend(); ++made) {
-      if ((*made == folder_) == outermost) fs::remove(*made, ignored);
+    for (const fs::path& made : std::views::reverse(made_)) {
+      if ((made == folder_) == outermost) fs::remove(made, ignored);
     }
   };
   remove_made(false);

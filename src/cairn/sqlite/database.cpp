@@ -219,7 +219,7 @@ const std::string& Database::name() const noexcept {
 }
 
 Statement Database::prepare(std::string_view sql) {
-  return Statement(*connection_, sql);
+  return {*connection_, sql};
 }
 
 void Database::execute(const std::string& sql) {
@@ -243,10 +243,10 @@ std::string Database::text(std::string_view sql) {
   return std::string(statement.text(0));
 }
 
-bool Database::has_table(std::string_view table) {
+bool Database::has_table(std::string_view name) {
   Statement statement =
       prepare("SELECT 1 FROM sqlite_schema WHERE type = 'table' AND name = ?1 COLLATE NOCASE");
-  return statement.bind_all(table).step();
+  return statement.bind_all(name).step();
 }
 
 std::vector<std::string> Database::columns(std::string_view table) {

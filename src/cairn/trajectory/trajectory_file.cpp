@@ -113,7 +113,8 @@ class Record {
                   printable(word), "whole nanoseconds");
     }
     constexpr std::int64_t kSecond = 1'000'000'000;
-    return static_cast<double>(nanoseconds / kSecond) +
+    const std::int64_t whole_seconds = nanoseconds / kSecond;
+    return static_cast<double>(whole_seconds) +
            static_cast<double>(nanoseconds % kSecond) / kNanoseconds;
   }
   const std::string& place() const { return place_; }

@@ -648,7 +648,6 @@ class SqlStore : public AtlasStore {
     }
   }
 
- private:
   Database database_;
   AtlasStoreOptions options_;
   std::optional<AtlasState> newest_;

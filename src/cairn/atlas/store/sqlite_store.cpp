@@ -295,7 +295,7 @@ void create_sqlite_store(const fs::path& path, const AtlasStoreOptions& options)
     // The temporary file's name means nothing to people.
     std::string text = error.what();
     const std::size_t at = text.find(temporary.string());
-    if (at == text.npos) throw;
+    if (at == std::string::npos) throw;
     throw Error(error.kind(), "", text.replace(at, temporary.string().size(), path.string()), "");
   }
 }
@@ -360,7 +360,7 @@ std::map<std::string, std::string> own_tables() {
   std::map<std::string, std::string> tables;
   constexpr std::string_view kStart = "CREATE TABLE ";
   for (const std::string_view migration : kMigrations) {
-    for (std::size_t at = migration.find(kStart); at != migration.npos;) {
+    for (std::size_t at = migration.find(kStart); at != std::string::npos;) {
       const std::string_view statement = migration.substr(at, migration.find(';', at) - at);
       const std::size_t name = kStart.size();
       tables.emplace(statement.substr(name, statement.find(' ', name) - name), statement);

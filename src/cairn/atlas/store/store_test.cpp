@@ -158,7 +158,8 @@ TEST_P(StoreTest, ReadsEveryRotationThatItWrote) {
 
 TEST_P(StoreTest, KeepsMapsLongerThanAChunk) {
   const auto store = open();
-  std::string bytes(9'000'001, 'x');
+  std::string bytes;
+  bytes.resize(9'000'001);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<char>(i * 31 % 251);
   const std::string hash = store->put_map(bytes);
   EXPECT_EQ(store->put_map(bytes), hash);
@@ -248,7 +249,8 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
     EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->state(); }), HasSubstr("damaged"))
         << sql;
     EXPECT_FALSE(store->verify().problems.empty()) << sql;
-    const bool is_of_log = sql.find("commits") != sql.npos || sql.find("changes") != sql.npos;
+    const bool is_of_log =
+        sql.find("commits") != std::string::npos || sql.find("changes") != std::string::npos;
     if (!is_of_log) continue;
     EXPECT_THAT(message_of(ErrorKind::kInput, [&] { store->log(); }), HasSubstr("damaged")) << sql;
     EXPECT_THAT(message_of(ErrorKind::kInput, [&] { add(*store, "three", 3); }),

@@ -54,8 +54,8 @@ FileLock::~FileLock() {
 
 void FileLock::require() const {
   if (holds()) return;
-  const auto fail = [&](std::string what, std::string expected) {
-    throw Error(ErrorKind::kStorage, path_.string(), std::move(what), std::move(expected));
+  const auto fail = [&](const std::string& what, const std::string& expected) {
+    throw Error(ErrorKind::kStorage, path_.string(), what, expected);
   };
   switch (state_) {
     case State::kLocked:

@@ -219,9 +219,9 @@ TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
   for (auto& t : halved.frames.translations) t *= 0.5;
   for (auto& x : halved.landmarks.positions) x *= 0.5;
   for (auto& c : halved.landmarks.covariances) c *= 0.25;
-  for (std::size_t k = 0; k < halved.observations.depths.size(); ++k) {
-    halved.observations.depths[k] = 0.5 * halved.observations.depths[k].value();
-  }
+  auto& depths = halved.observations.depths;
+  // NOLINTNEXTLINE(modernize-loop-convert): iterators only read
+  for (std::size_t k = 0; k < depths.size(); ++k) depths[k] = 0.5 * depths[k].value();
   const LandmarkMap half(std::move(halved));
   const LandmarkMap adjusted = bent(maps.source, 0.1);
   std::vector<FrameIndex> frames;

@@ -135,7 +135,7 @@ class Update {
   }
 
   bool is_connected() const {
-    const std::size_t placed = static_cast<std::size_t>(std::count_if(
+    const auto placed = static_cast<std::size_t>(std::count_if(
         pose_.begin(), pose_.end(), [](const auto& pose) { return pose.has_value(); }));
     return reached_from({frame_}, placed).size() == placed;
   }
@@ -151,7 +151,7 @@ class Update {
       nodes.push_back(node);
     };
     for (const std::size_t seed : seeds) reach(seed, 0);
-    for (std::size_t next = 0; next < nodes.size(); ++next) {
+    for (std::size_t next = 0; next < nodes.size(); ++next) {  // NOLINT(*-loop-convert): it grows
       const std::size_t node = nodes[next];
       if (distance[node] == steps) break;
       for (const std::size_t i : edges_at_[node]) {
@@ -310,7 +310,7 @@ OptimisedPoses update_poses(const PoseGraph& graph, std::span<const NodeExtent> 
   for (PoseGroup& group : grow_groups(edges, extents, session_numbers(graph), options.agreement,
                                       keep, before.world_from_node)) {
     if (std::none_of(group.nodes.begin(), group.nodes.end(), is_placed)) continue;
-    const std::size_t placed =
+    const auto placed =
         static_cast<std::size_t>(std::count_if(group.nodes.begin(), group.nodes.end(), is_placed));
     if (!is_placed(group.nodes.front()) || 2 * placed < group.nodes.size()) break;
     Update update(edges, extents, before, in_frame_of(before, std::move(group)), options);
