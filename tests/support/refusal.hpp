@@ -24,7 +24,7 @@ std::string refusal(ErrorKind kind, const Act& act) {
 /// The same, where it is a failure that none is thrown.
 template <class Act>
 std::string message_of(ErrorKind kind, const Act& act) {
-  const std::string message = refusal(kind, act);
+  std::string message = refusal(kind, act);
   EXPECT_NE(message, "") << "no Error";
   return message;
 }
