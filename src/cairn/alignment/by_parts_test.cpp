@@ -266,10 +266,10 @@ TEST(ByParts, StateTheUncertaintyOfAFreeScale) {
 
 TEST(ByParts, NeedTwoPartsOfEitherMap) {
   const SyntheticPair pair = described_pair(63);
-  const PreparedMap large(pair.source);
-  const PreparedMap small(pair.target, {.cut = {.parts = 1}});
-  EXPECT_TRUE(place_by_parts(large, small, {}).parts.empty());
-  EXPECT_TRUE(place_by_parts(small, large, {}).parts.empty());
+  const PreparedMap one(pair.source);
+  const PreparedMap uncut(pair.target, {.cut = {.parts = 1}});
+  EXPECT_TRUE(place_by_parts(one, uncut, {}).parts.empty());
+  EXPECT_TRUE(place_by_parts(uncut, one, {}).parts.empty());
 }
 
 }  // namespace
