@@ -205,6 +205,9 @@ auto in_file(const JsonField& field, const Work& work) {
   }
 }
 
+// Largest relative difference between two statements of one pose.
+constexpr double kSamePose = 1e-9;
+
 // A positive number; 1 if there is none.
 double scale_of(const JsonField& field) {
   if (field.is_null()) return 1.0;
@@ -230,9 +233,8 @@ Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version,
   if (quaternion.is_null()) return rough;
   const auto q = quaternion.numbers<4>();
   Similarity3 exact(scale, Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), rough.translation()));
-  constexpr double kSame = 1e-9;
   const double difference = (exact.matrix() - matrix).topLeftCorner<3, 3>().norm();
-  if (!(difference <= kSame * scale)) field.refuse("the pose of its quaternion and scale");
+  if (!(difference <= kSamePose * scale)) field.refuse("the pose of its quaternion and scale");
   return exact;
 }
 
@@ -449,8 +451,12 @@ void read_poses(const JsonField& field, unsigned version, Alignment& alignment) 
   if (estimated) alignment.estimate = pose_of(field, "estimate", version);
   if (moved) {
     const Similarity3 pose = pose_of(field, "target_from_source", version);
+    // The same pose, of which version 1 has both matrices and only the first is kept.
     if (!alignment.estimate) alignment.estimate = pose;
-    if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = pose;
+    if (!alignment.estimate->matrix().isApprox(pose.matrix(), kSamePose)) {
+      field["target_from_source"].refuse("the pose of the estimate");
+    }
+    if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
   }
   if (alignment.verdict == Verdict::kAligned && !alignment.target_from_source) {
     field["target_from_source"].refuse("the pose of an aligned pair");
