@@ -158,6 +158,19 @@ TEST(AlignmentDocument, PoseOfVersion1IsTheEstimateAndTrustedOnlyIfAligned) {
   EXPECT_EQ(trusted.target_from_source->scale(), 2.0);
 }
 
+// Version 1 may state the pose by two matrices, of which each is off a rotation by its own rounding.
+TEST(AlignmentDocument, TwoStatementsOfAPoseAreOne) {
+  const auto entry = [](const std::string& estimate) {
+    return R"({"status": "aligned", "verdict": "aligned", "probability": 0.5, "support_radius": 0.1,)"
+           R"( "stop_reason": "cycle", "target_from_source": [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0],)"
+           R"( [0, 0, 0, 1]], "estimate": [[1, 0, 0, 5], [)" +
+           estimate + ", 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}";
+  };
+  const Alignment one = read_one(entry("1e-11"), 1).alignment;
+  EXPECT_EQ(one.target_from_source->matrix(), one.estimate->matrix());
+  EXPECT_THROW(read_one(entry("1e-7"), 1), Error);
+}
+
 TEST(AlignmentDocument, MatrixWithoutAQuaternionIsAPose) {
   const Alignment alignment =
       read_one(
