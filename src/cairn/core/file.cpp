@@ -140,7 +140,6 @@ class OutputFile {
     const auto status = std::filesystem::status(path, ignored);
     const bool special =
         std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
-    if (std::filesystem::is_directory(status)) fail_writing(path, EISDIR);
     if (special) {
       descriptor_ = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
       if (descriptor_ < 0) fail_writing(path, errno);
@@ -188,7 +187,6 @@ class OutputFile {
     const bool at_once = durability == Durability::kAtOnce;
     if (at_once && ::fsync(temporary_->descriptor()) != 0) fail_writing(path_, errno);
     if (!temporary_->rename_to(destination_)) fail_writing(path_, errno);
-    temporary_.reset();
     if (at_once) sync_folder(destination_.parent_path());
   }
 
@@ -256,15 +254,13 @@ std::size_t block_size_for(const ByteSource& source) {
 }
 
 std::string read_all(ByteSource& source) {
-  std::string bytes;
+  // The size is a hint: a file may grow, and a pipe has none. With one byte more its end shows without growing.
+  const std::size_t hint = static_cast<std::size_t>(source.size().value_or(0)) + 1;
+  std::string bytes(std::max(hint, block_size_for(source)), '\0');
   std::size_t filled = 0;
-  for (;;) {
-    // The size is a hint: a file may grow, and a pipe has none.
-    const std::size_t hint = static_cast<std::size_t>(source.size().value_or(0)) + 1;
-    bytes.resize(std::max({hint, filled + filled / 2, block_size_for(source)}));
-    const std::size_t count = source.read(bytes.data() + filled, bytes.size() - filled);
+  while (const std::size_t count = source.read(bytes.data() + filled, bytes.size() - filled)) {
     filled += count;
-    if (count == 0) break;
+    if (filled == bytes.size()) bytes.resize(filled + filled / 2);
   }
   bytes.resize(filled);
   return bytes;

@@ -2,16 +2,24 @@
 #include "cairn/core/file.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <csignal>
 #include <filesystem>
 #include <limits>
+#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -41,7 +49,7 @@ std::vector<std::string> lines_of(const std::filesystem::path& path, std::size_t
 TEST(LineReader, CutsLinesWhateverTheBlockSize) {
   const TemporaryFolder folder;
   const auto path = folder.write("a", "one\n\ntwo two\nlast");
-  for (const std::size_t block : {1UL, 2UL, 3UL, 5UL, 16UL, 1000UL}) {
+  for (const std::size_t block : {0UL, 1UL, 2UL, 3UL, 5UL, 16UL, 1000UL}) {
     EXPECT_THAT(lines_of(path, block), ElementsAre("one", "", "two two", "last")) << block;
   }
 }
@@ -107,6 +115,36 @@ class Endless final : public ByteSource {
   std::uint64_t given_ = 0;
 };
 
+// Counts the calls that come after its end, where a terminal would wait for its user again.
+class Ending final : public ByteSource {
+ public:
+  explicit Ending(std::string_view bytes) : reader_(bytes, "ending") {}
+  const std::string& name() const override { return reader_.name(); }
+  std::optional<std::uint64_t> size() const override { return std::nullopt; }
+  std::size_t read(char* buffer, std::size_t capacity) override {
+    const std::size_t count = reader_.read(buffer, capacity);
+    ends_ += count == 0 ? 1 : 0;
+    return count;
+  }
+  void rewind() override { reader_.rewind(); }
+  int ends() const { return ends_; }
+
+ private:
+  MemoryReader reader_;
+  int ends_ = 0;
+};
+
+TEST(LineReader, LearnsOfTheEndOnce) {
+  for (const char* const content : {"", "a", "a\n"}) {
+    Ending source(content);
+    LineReader lines(source);
+    while (lines.next()) {
+    }
+    EXPECT_EQ(lines.next(), std::nullopt);
+    EXPECT_EQ(source.ends(), 1) << content;
+  }
+}
+
 TEST(LineReader, RefusesALineWithoutEnd) {
   Endless source;
   LineReader lines(source);
@@ -127,11 +165,14 @@ class Grown final : public ByteSource {
   const std::string& name() const override { return reader_.name(); }
   std::optional<std::uint64_t> size() const override { return said_; }
   std::size_t read(char* buffer, std::size_t capacity) override {
+    most_asked_for_ = std::max(most_asked_for_, capacity);
     return reader_.read(buffer, capacity);
   }
   void rewind() override { reader_.rewind(); }
+  std::size_t most_asked_for() const { return most_asked_for_; }
 
  private:
+  std::size_t most_asked_for_ = 0;
   std::uint64_t said_;
   MemoryReader reader_;
 };
@@ -160,6 +201,21 @@ TEST(BlockSize, OfASourceThatHoldsMoreThanItSaysAllIsRead) {
     EXPECT_EQ(last, 19'999U);
     EXPECT_EQ(lines.bytes_read(), bytes.size());
   }
+}
+
+TEST(ReadAll, TakesOneByteMoreThanASourceThatSaysHowMuchItHolds) {
+  const std::string bytes(std::size_t{3} << 20U, 'x');
+  Grown source(bytes.size(), bytes);
+  EXPECT_EQ(read_all(source), bytes);
+  EXPECT_EQ(source.most_asked_for(), bytes.size() + 1);
+}
+
+TEST(FileReader, EndsWhateverErrorCameBefore) {
+  const TemporaryFolder folder;
+  FileReader file(folder.write("a", ""));
+  char byte = ' ';
+  errno = EINTR;
+  EXPECT_EQ(file.read(&byte, 1), 0U);
 }
 
 TEST(FileReader, RefusesADeviceWithoutEnd) {
@@ -221,6 +277,14 @@ TEST(FileReader, RefusesAFileThatIsToBeWritten) {
   EXPECT_EQ(read_file(input), "what would be lost");
 }
 
+std::ptrdiff_t entries_in(const std::filesystem::path& folder) {
+  return std::distance(std::filesystem::directory_iterator(folder), {});
+}
+
+void write_text(const std::filesystem::path& path, std::string_view text) {
+  write_file(path, [&](const ByteSink& sink) { sink(text); });
+}
+
 TEST(WriteFile, WritesAllOrNothing) {
   const TemporaryFolder folder;
   const auto path = folder.write("a", "before");
@@ -231,18 +295,73 @@ TEST(WriteFile, WritesAllOrNothing) {
                           }),
                Error);
   EXPECT_EQ(read_text(path), "before");
-  write_file(path, [](const ByteSink& sink) { sink("after"); });
+  EXPECT_EQ(entries_in(folder.path()), 1);
+  write_text(path, "after");
   EXPECT_EQ(read_text(path), "after");
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+  EXPECT_EQ(entries_in(folder.path()), 1);
 }
 
-// The bytes of the only file of that folder but "a".
-std::string leftover_of(const TemporaryFolder& folder) {
-  std::string content;
-  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
-    if (entry.path().filename() != "a") content += read_text(entry.path());
+TEST(WriteFile, LeavesNoFileOpen) {
+  const TemporaryFolder folder;
+  const std::ptrdiff_t before = entries_in("/proc/self/fd");
+  write_text(folder / "a", "x");
+  sync_files(folder.path());
+  EXPECT_EQ(entries_in("/proc/self/fd"), before);
+}
+
+// Then the first file that it opens has the number 0.
+TEST(WriteFile, WorksWithoutAStandardInput) {
+  const TemporaryFolder folder;
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    ::close(0);
+    try {
+      write_text(folder / "a", "x");
+      write_text("/dev/null", "x");
+      write_file(folder / "b", [](const ByteSink&) { throw std::runtime_error("broken"); });
+    } catch (const std::runtime_error&) {
+      ::_exit(read_file(folder / "a") == "x" && entries_in(folder.path()) == 1 ? 0 : 1);
+    } catch (...) {
+    }
+    ::_exit(2);
   }
-  return content;
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+}
+
+TEST(WriteFile, FillsAPipe) {
+  const TemporaryFolder folder;
+  const auto pipe = folder / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const int reading = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK);
+  ASSERT_GE(reading, 0);
+  write_text(pipe, "through");
+  std::array<char, 16> bytes = {};
+  EXPECT_EQ(::read(reading, bytes.data(), bytes.size()), 7);
+  EXPECT_STREQ(bytes.data(), "through");
+  EXPECT_EQ(::read(reading, bytes.data(), bytes.size()), 0) << "it is not closed";
+  ::close(reading);
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+}
+
+// Each waits for the next.
+void write_at_once(const std::filesystem::path& path, int writers) {
+  if (writers == 0) return;
+  write_file(path, [&](const ByteSink& sink) {
+    sink("x");
+    write_at_once(path, writers - 1);
+  });
+}
+
+TEST(WriteFile, RefusesMoreWritersOfOneFileAtOnceThanItHasNamesFor) {
+  const TemporaryFolder folder;
+  write_at_once(folder / "a", 64);
+  EXPECT_EQ(read_text(folder / "a"), "x");
+  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { write_at_once(folder / "a", 65); }),
+              HasSubstr("a: cannot be written: Device or resource busy"));
+  EXPECT_EQ(entries_in(folder.path()), 1);
 }
 
 TEST(WriteFile, TakesOverWhatAKilledProcessLeft) {
@@ -261,10 +380,10 @@ TEST(WriteFile, TakesOverWhatAKilledProcessLeft) {
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFSIGNALED(status));
   EXPECT_EQ(read_text(path), "before");
-  ASSERT_EQ(leftover_of(folder), "more than half of what was to be written");
+  ASSERT_EQ(read_text(folder / ".a.cairn-unfinished"), "more than half of what was to be written");
   write_file(path, [](const ByteSink& sink) { sink("after"); });
   EXPECT_EQ(read_text(path), "after");
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+  EXPECT_EQ(entries_in(folder.path()), 1);
 }
 
 TEST(WriteFile, WritersOfOneFileDoNotMeet) {
@@ -288,7 +407,7 @@ TEST(WriteFile, WritersOfOneFileDoNotMeet) {
   other.join();
   const std::string content = read_text(path);
   EXPECT_TRUE(content == std::string(5000, 'a') || content == std::string(3000, 'b'));
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+  EXPECT_EQ(entries_in(folder.path()), 1);
 }
 
 TEST(WriteFile, WritesNamesOfAnyLength) {
@@ -353,15 +472,18 @@ TEST(WriteFile, FollowsLinksAndKeepsRights) {
 
 TEST(WriteFile, NamesWhyItCannotWrite) {
   const TemporaryFolder folder;
-  const auto nothing = [](const ByteSink& sink) { sink("x"); };
-  for (const auto& path : {folder / "no" / "such", folder.path()}) {
-    try {
-      write_file(path, nothing);
-      FAIL();
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kStorage);
-      EXPECT_THAT(error.what(), HasSubstr(path.string()));
-    }
+  sockaddr_un address = {};
+  address.sun_family = AF_UNIX;
+  const std::string name = (folder / "socket").string();
+  name.copy(address.sun_path, sizeof address.sun_path - 1);
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  ASSERT_EQ(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ::close(socket);
+  for (const auto& [path, reason] : {std::pair{folder / "no" / "such", "No such file or directory"},
+                                     std::pair{folder.path(), "Is a directory"},
+                                     std::pair{folder / "socket", "No such device or address"}}) {
+    EXPECT_EQ(refusal(ErrorKind::kStorage, [&] { write_text(path, "x"); }),
+              path.string() + ": cannot be written: " + reason);
   }
 }
 

@@ -31,6 +31,26 @@ TEST(FileLock, IsHeldByOneAtATime) {
   const FileLock third(folder / "a", true);
   EXPECT_EQ(third.state(), State::kLocked);
   EXPECT_FALSE(third.is_new());
+  EXPECT_EQ(third.error_number(), 0);
+}
+
+// Then the first file that it opens has the number 0.
+TEST(FileLock, WorksWithoutAStandardInput) {
+  const TemporaryFolder folder;
+  folder.write("a", "");
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    ::close(0);
+    for (int i = 0; i < 2; ++i) {
+      const FileLock lock(folder / "a", false);
+      if (lock.state() != State::kLocked || lock.descriptor() != 0) ::_exit(1);
+    }
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
 }
 
 TEST(FileLock, EndsWithAKilledProcess) {

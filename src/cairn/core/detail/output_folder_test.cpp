@@ -3,12 +3,15 @@
 
 #include <csignal>
 #include <filesystem>
+#include <list>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -155,6 +158,49 @@ TEST(OutputFolder, LeavesAloneWhatOthersWrote) {
   EXPECT_TRUE(fs::is_directory(folder / "o"));
   EXPECT_EQ(read_text(folder / ".o.cairn-unfinished/thesis.txt"), "years of work");
   EXPECT_EQ(read_text(folder / ".o.cairn-unfinished-1"), "a file");
+}
+
+TEST(OutputFolder, TakesOverWhatAProcessLeftThatWasKilledAtItsStart) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder / ".o.cairn-unfinished");
+  {
+    const OutputFolder output(folder / "o");
+    EXPECT_EQ(output.unfinished(), folder / ".o.cairn-unfinished/o");
+  }
+  EXPECT_THAT(names_in(folder.path()), IsEmpty());
+}
+
+TEST(OutputFolder, HasNothingToDoWithTheNextOnceItIsCommitted) {
+  const TemporaryFolder folder;
+  std::optional<OutputFolder> first(folder / "o");
+  first->commit();
+  fs::rename(folder / "o", folder / "old");
+  OutputFolder second(folder / "o");
+  write(second.unfinished() / "a", "second");
+  first.reset();
+  second.commit();
+  EXPECT_EQ(read_text(folder / "o/a"), "second");
+}
+
+TEST(OutputFolder, LeavesNothingWhereItCannotBe) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(refusal(folder / std::string(256, 'n')), HasSubstr("File name too long"));
+  EXPECT_THAT(names_in(folder.path()), IsEmpty());
+  rlimit files = {};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &files), 0);
+  const rlimit none = {0, files.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  const std::string reason = refusal(folder / "o");
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &files), 0);
+  EXPECT_THAT(reason, HasSubstr("o: cannot be written: Too many open files"));
+  EXPECT_THAT(names_in(folder.path()), IsEmpty());
+}
+
+TEST(OutputFolder, RefusesMoreOfOneNameAtOnceThanThereAreNamesFor) {
+  const TemporaryFolder folder;
+  std::list<OutputFolder> outputs;
+  for (int i = 0; i < 64; ++i) outputs.emplace_back(folder / "o");
+  EXPECT_THAT(refusal(folder / "o"), HasSubstr("there are too many unfinished folders beside it"));
 }
 
 TEST(OutputFolder, RefusesWhatIsInTheWay) {
