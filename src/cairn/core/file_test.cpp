@@ -6,7 +6,9 @@
 #include <cerrno>
 #include <csignal>
 #include <filesystem>
+#include <functional>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -28,6 +30,7 @@
 
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/without_standard_input.hpp"
 
 namespace cairn {
 namespace {
@@ -37,6 +40,7 @@ using ::testing::HasSubstr;
 using testing::read_text;
 using testing::refusal;
 using testing::TemporaryFolder;
+using testing::WithoutStandardInput;
 
 std::vector<std::string> lines_of(const std::filesystem::path& path, std::size_t block_size) {
   FileReader file(path);
@@ -203,11 +207,71 @@ TEST(BlockSize, OfASourceThatHoldsMoreThanItSaysAllIsRead) {
   }
 }
 
+TEST(LineReader, KeepsNoMoreThanABlockOfALongFile) {
+  std::string bytes;
+  for (int i = 0; i < 20'000; ++i) bytes += std::to_string(i) + "\n";
+  Grown source(bytes.size(), bytes);
+  LineReader lines(source, 4096);
+  while (lines.next()) {
+  }
+  EXPECT_EQ(lines.line_number(), 20'000U);
+  EXPECT_LE(source.most_asked_for(), 4096U);
+}
+
 TEST(ReadAll, TakesOneByteMoreThanASourceThatSaysHowMuchItHolds) {
   const std::string bytes(std::size_t{3} << 20U, 'x');
   Grown source(bytes.size(), bytes);
   EXPECT_EQ(read_all(source), bytes);
   EXPECT_EQ(source.most_asked_for(), bytes.size() + 1);
+}
+
+TEST(FileReader, KnowsTheSizeOfAFileAndReadsItAgain) {
+  const TemporaryFolder folder;
+  FileReader file(folder.write("a", "content"));
+  EXPECT_EQ(file.size(), 7U);
+  EXPECT_EQ(read_all(file), "content");
+  file.rewind();
+  EXPECT_EQ(read_all(file), "content");
+}
+
+TEST(FileReader, NamesWhyReadingFails) {
+  // The first page of a process is never there.
+  if (!std::filesystem::exists("/proc/self/mem"))
+    GTEST_SKIP() << "no /proc: a failing read was not tested";
+  FileReader file("/proc/self/mem");
+  char byte = ' ';
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { file.read(&byte, 1); }),
+              HasSubstr("/proc/self/mem: cannot be read: Input/output error"));
+}
+
+// A pipe that keeps what is written to it, to read it back.
+class Pipe {
+ public:
+  explicit Pipe(const std::filesystem::path& path) {
+    if (::mkfifo(path.c_str(), 0600) != 0) throw std::runtime_error("mkfifo failed");
+    descriptor_ = ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  }
+  ~Pipe() { ::close(descriptor_); }
+  Pipe(const Pipe&) = delete;
+  Pipe& operator=(const Pipe&) = delete;
+
+  std::string content() const {
+    std::array<char, 64> bytes = {};
+    const ssize_t count = ::read(descriptor_, bytes.data(), bytes.size());
+    return {bytes.data(), static_cast<std::size_t>(std::max<ssize_t>(count, 0))};
+  }
+
+ private:
+  int descriptor_;
+};
+
+TEST(FileReader, ReadsAPipeOnce) {
+  const TemporaryFolder folder;
+  const Pipe pipe(folder / "pipe");
+  FileReader file(folder / "pipe");
+  EXPECT_EQ(file.size(), std::nullopt);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { file.rewind(); }),
+              HasSubstr("pipe: cannot be read: Illegal seek"));
 }
 
 TEST(FileReader, EndsWhateverErrorCameBefore) {
@@ -303,64 +367,93 @@ TEST(WriteFile, WritesAllOrNothing) {
 
 TEST(WriteFile, LeavesNoFileOpen) {
   const TemporaryFolder folder;
+  const Pipe pipe(folder / "pipe");
+  const auto fail = [](const ByteSink&) { throw std::runtime_error("broken"); };
   const std::ptrdiff_t before = entries_in("/proc/self/fd");
-  write_text(folder / "a", "x");
+  for (const auto& path : {folder / "a", folder / "pipe"}) {
+    write_text(path, "x");
+    EXPECT_THROW(write_file(path, fail), std::runtime_error);
+  }
   sync_files(folder.path());
+  EXPECT_EQ(read_file(folder / "a"), "x");
+  EXPECT_THROW(read_file(folder.path()), Error);
   EXPECT_EQ(entries_in("/proc/self/fd"), before);
 }
 
-// Then the first file that it opens has the number 0.
 TEST(WriteFile, WorksWithoutAStandardInput) {
   const TemporaryFolder folder;
-  const pid_t child = ::fork();
-  ASSERT_GE(child, 0);
-  if (child == 0) {
-    ::close(0);
-    try {
-      write_text(folder / "a", "x");
-      write_text("/dev/null", "x");
-      write_file(folder / "b", [](const ByteSink&) { throw std::runtime_error("broken"); });
-    } catch (const std::runtime_error&) {
-      ::_exit(read_file(folder / "a") == "x" && entries_in(folder.path()) == 1 ? 0 : 1);
-    } catch (...) {
+  const Pipe pipe(folder / "pipe");
+  const auto fail = [](const ByteSink&) { throw std::runtime_error("broken"); };
+  {
+    const WithoutStandardInput closed;
+    write_text(folder / "a", "x");
+    write_text(folder / "pipe", "x");
+    sync_files(folder.path());
+    EXPECT_EQ(read_file(folder / "a"), "x");
+    for (const char* const name : {"b", "pipe"}) {
+      EXPECT_THROW(write_file(folder / name, fail), std::runtime_error);
     }
-    ::_exit(2);
+    EXPECT_EQ(::fcntl(0, F_GETFD), -1) << "left open";
   }
-  int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
-  EXPECT_EQ(status, 0);
+  EXPECT_EQ(pipe.content(), "x");
+  EXPECT_EQ(entries_in(folder.path()), 2);
+}
+
+TEST(WriteFile, WritesToTheFolderThatOneIsIn) {
+  const TemporaryFolder folder;
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  EXPECT_NO_THROW(write_text("a", "x"));
+  std::filesystem::current_path(before);
+  EXPECT_EQ(read_text(folder / "a"), "x");
+}
+
+TEST(WriteFile, LeavesAFileEmptyToWhichNothingIsWritten) {
+  const TemporaryFolder folder;
+  folder.write("a", "before");
+  write_text(folder / "a", "");
+  EXPECT_EQ(std::filesystem::file_size(folder / "a"), 0U);
+}
+
+TEST(WriteFile, GivesANewFileTheRightsThatTheMaskLeaves) {
+  const TemporaryFolder folder;
+  for (const mode_t left_out : {0U, 07U, 0777U}) {
+    const mode_t mask = ::umask(left_out);
+    write_text(folder / std::to_string(left_out), "x");
+    ::umask(mask);
+    EXPECT_EQ(std::filesystem::status(folder / std::to_string(left_out)).permissions(),
+              std::filesystem::perms(0666U & ~left_out));
+  }
 }
 
 TEST(WriteFile, FillsAPipe) {
   const TemporaryFolder folder;
-  const auto pipe = folder / "pipe";
-  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
-  const int reading = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK);
-  ASSERT_GE(reading, 0);
-  write_text(pipe, "through");
-  std::array<char, 16> bytes = {};
-  EXPECT_EQ(::read(reading, bytes.data(), bytes.size()), 7);
-  EXPECT_STREQ(bytes.data(), "through");
-  EXPECT_EQ(::read(reading, bytes.data(), bytes.size()), 0) << "it is not closed";
-  ::close(reading);
-  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+  const Pipe pipe(folder / "pipe");
+  write_text(folder / "pipe", "through");
+  EXPECT_EQ(pipe.content(), "through");
+  EXPECT_TRUE(std::filesystem::is_fifo(folder / "pipe"));
 }
 
-// Each waits for the next.
-void write_at_once(const std::filesystem::path& path, int writers) {
-  if (writers == 0) return;
+// Each writes its number, and waits for the next.
+void write_at_once(const std::filesystem::path& path, int writers,
+                   const std::function<void()>& meanwhile) {
+  if (writers == 0) {
+    meanwhile();
+    return;
+  }
   write_file(path, [&](const ByteSink& sink) {
-    sink("x");
-    write_at_once(path, writers - 1);
+    sink(std::to_string(writers));
+    write_at_once(path, writers - 1, meanwhile);
   });
+  EXPECT_EQ(read_text(path), std::to_string(writers));
 }
 
 TEST(WriteFile, RefusesMoreWritersOfOneFileAtOnceThanItHasNamesFor) {
   const TemporaryFolder folder;
-  write_at_once(folder / "a", 64);
-  EXPECT_EQ(read_text(folder / "a"), "x");
-  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { write_at_once(folder / "a", 65); }),
-              HasSubstr("a: cannot be written: Device or resource busy"));
+  write_at_once(folder / "a", 64, [&] {
+    EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { write_text(folder / "a", "x"); }),
+                HasSubstr("a: cannot be written: Device or resource busy"));
+  });
   EXPECT_EQ(entries_in(folder.path()), 1);
 }
 
@@ -523,13 +616,8 @@ TEST(WriteFile, ThreadsWriteSideBySideAndKeepTheModeMask) {
 }
 
 TEST(SyncFiles, NamesAFolderThatIsNotThere) {
-  try {
-    sync_files("/no/such/folder");
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kStorage);
-    EXPECT_THAT(error.what(), HasSubstr("/no/such/folder"));
-  }
+  EXPECT_EQ(refusal(ErrorKind::kStorage, [] { sync_files("/no/such/folder"); }),
+            "/no/such/folder: cannot be written: No such file or directory");
 }
 
 TEST(HashFile, IsXxh3) {

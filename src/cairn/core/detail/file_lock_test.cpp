@@ -9,13 +9,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "cairn/core/error.hpp"
+
+#include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/without_standard_input.hpp"
 
 namespace cairn::detail {
 namespace {
 
 using testing::read_text;
+using testing::refusal;
 using testing::TemporaryFolder;
+using testing::WithoutStandardInput;
 using State = FileLock::State;
 
 TEST(FileLock, IsHeldByOneAtATime) {
@@ -24,6 +30,8 @@ TEST(FileLock, IsHeldByOneAtATime) {
     const FileLock first(folder / "a", true);
     EXPECT_EQ(first.state(), State::kLocked);
     EXPECT_TRUE(first.is_new());
+    EXPECT_EQ(first.error_number(), 0);
+    EXPECT_EQ(std::filesystem::status(folder / "a").permissions(), std::filesystem::perms(0600));
     const FileLock second(folder / "a", true);
     EXPECT_EQ(second.state(), State::kTaken);
     EXPECT_LT(second.descriptor(), 0);
@@ -34,23 +42,33 @@ TEST(FileLock, IsHeldByOneAtATime) {
   EXPECT_EQ(third.error_number(), 0);
 }
 
-// Then the first file that it opens has the number 0.
 TEST(FileLock, WorksWithoutAStandardInput) {
   const TemporaryFolder folder;
-  folder.write("a", "");
-  const pid_t child = ::fork();
-  ASSERT_GE(child, 0);
-  if (child == 0) {
-    ::close(0);
-    for (int i = 0; i < 2; ++i) {
-      const FileLock lock(folder / "a", false);
-      if (lock.state() != State::kLocked || lock.descriptor() != 0) ::_exit(1);
-    }
-    ::_exit(0);
+  const WithoutStandardInput closed;
+  for (const bool is_new : {true, false}) {
+    const FileLock lock(folder / "a", true);
+    EXPECT_EQ(lock.state(), State::kLocked);
+    EXPECT_EQ(lock.descriptor(), 0);
+    EXPECT_EQ(lock.error_number(), 0);
+    EXPECT_EQ(lock.is_new(), is_new);
   }
-  int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
-  EXPECT_EQ(status, 0);
+}
+
+TEST(FileLock, SaysWhyItIsNotHeld) {
+  const TemporaryFolder folder;
+  const FileLock first(folder / "a", true);
+  EXPECT_NO_THROW(first.require());
+  const auto refusal_of = [&](const char* name) {
+    return refusal(ErrorKind::kStorage, [&] { FileLock(folder / name, true).require(); });
+  };
+  EXPECT_EQ(refusal_of("a"), (folder / "a").string() +
+                                 ": another process is writing it; expected one process a folder");
+  EXPECT_EQ(refusal_of("no/such"),
+            (folder / "no/such").string() + ": cannot be written: No such file or directory");
+  std::filesystem::create_hard_link(folder / "a", folder / "b");
+  EXPECT_EQ(refusal_of("b"),
+            (folder / "b").string() +
+                ": is not a file that this user's processes leave; expected no such file");
 }
 
 TEST(FileLock, EndsWithAKilledProcess) {
@@ -65,7 +83,9 @@ TEST(FileLock, EndsWithAKilledProcess) {
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFSIGNALED(status));
   ASSERT_TRUE(std::filesystem::exists(folder / "a"));
-  EXPECT_EQ(FileLock(folder / "a", false).state(), State::kLocked);
+  const FileLock lock(folder / "a", false);
+  EXPECT_EQ(lock.state(), State::kLocked);
+  EXPECT_FALSE(lock.is_new());
 }
 
 TEST(FileLock, IsFreeAgainUnderItsNameWhenTheFileWasRenamed) {
