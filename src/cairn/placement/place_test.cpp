@@ -606,6 +606,37 @@ TEST(Place, SurvivesLandmarksThatCoincide) {
   EXPECT_NE(place(same, same).verdict, Verdict::kAligned);
 }
 
+TEST(Place, TakesOptionsUpToTheirBoundsAndNoFurther) {
+  const auto is_valid = [](const PlaceOptions& options) {
+    return testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }).empty();
+  };
+  const double below = 1.0 - 1e-12;
+  const double above = 1.0 + 1e-12;
+  const auto expect_bounds = [&](const auto& of, double least, double most) {
+    EXPECT_TRUE(is_valid(of(least)) && is_valid(of(most))) << least << " to " << most;
+    EXPECT_FALSE(is_valid(of(least * below)) || is_valid(of(most * above)))
+        << least << " to " << most;
+  };
+  expect_bounds([](double v) { return PlaceOptions{.effort = v}; }, 1.0 / 16.0, 64.0);
+  expect_bounds([](double v) { return PlaceOptions{.prior_odds = v}; }, 1e-6, 1e6);
+  const auto probability = [](double v) { return PlaceOptions{.min_probability = v}; };
+  EXPECT_TRUE(is_valid(probability(0.5)) && is_valid(probability(below)));
+  EXPECT_FALSE(is_valid(probability(0.5 * below)) || is_valid(probability(1.0)));
+  const auto seconds = [](double v) { return PlaceOptions{.time_limit_s = v}; };
+  EXPECT_TRUE(is_valid(seconds(1e-300)) && is_valid(seconds(1e6)));
+  EXPECT_FALSE(is_valid(seconds(0.0)) || is_valid(seconds(1e6 * above)));
+  const auto tilt = [](double v) {
+    return PlaceOptions{.gravity = GravityPrior{.max_tilt_rad = v}};
+  };
+  EXPECT_TRUE(is_valid(tilt(1e-300)) && is_valid(tilt(std::numbers::pi)));
+  EXPECT_FALSE(is_valid(tilt(0.0)) || is_valid(tilt(std::numbers::pi * above)));
+  const auto scales = [](double least, double most) {
+    return PlaceOptions{.scale = ScaleRange{least, most}};
+  };
+  EXPECT_TRUE(is_valid(scales(2.0, 2.0)));
+  EXPECT_FALSE(is_valid(scales(2.0, 2.0 * below)));
+}
+
 TEST(Place, RefusesInvalidOptionsByName) {
   const auto refused = [](const PlaceOptions& options, const char* field) {
     EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),

@@ -116,9 +116,14 @@ TEST(KernelScales, DoNotBelieveNoiseOfMoreThanATenthOfTheSmallerExtent) {
 
 TEST(KernelScales, AreUsableWhereLandmarksCoincide) {
   const KernelScales scales = kernel_scales({}, {});
-  EXPECT_GT(scales.coarse, 0.0);
-  EXPECT_GT(scales.fine, 0.0);
-  EXPECT_LE(scales.fine, scales.coarse);
+  EXPECT_EQ(scales.coarse, 1.0);
+  EXPECT_EQ(scales.fine, 1e-3);
+}
+
+TEST(KernelScales, AreThreeDecadesApartAtMost) {
+  const CloudScales copies{.extent = 40.0, .spacing = 0.0, .noise = 0.0};
+  EXPECT_DOUBLE_EQ(kernel_scales(copies, copies).coarse, 20.0);
+  EXPECT_DOUBLE_EQ(kernel_scales(copies, copies).fine, 0.02);
 }
 
 }  // namespace
