@@ -140,6 +140,7 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   const AtlasLinkResult first = again().link();
   EXPECT_EQ(first.tried, 1U);
   EXPECT_EQ(first.aligned, 1U);
+  EXPECT_FALSE(atlas().state().links.begin()->second.reason.empty());
   const AtlasLinkResult second = again().link();
   EXPECT_EQ(second.tried, 0U);
   EXPECT_EQ(second.tried_before, 1U);
@@ -325,6 +326,15 @@ TEST_F(AtlasTest, DoesNotUndoPosesThatALaterOptimisationKept) {
   EXPECT_EQ(atlas().state().poses.size(), 4U);
 }
 
+TEST_F(AtlasTest, DoesNotUndoPosesThatWereChangedSince) {
+  const auto [a, b, c] = add_optimised_chain();
+  const CommitId optimised = atlas().store().last_commit();
+  again().link_manually(a, c, step(), covariance());
+  again().optimize();
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(optimised); }),
+              HasSubstr("town.atlas: the pose of map"));
+}
+
 TEST_F(AtlasTest, RemovingTheFrameOfAComponentTakesItsAgreements) {
   const auto [a, b, c] = add_optimised_chain();
   again().remove(a);
@@ -352,6 +362,76 @@ TEST_F(AtlasTest, RemovingAMapTakesItsLinksAndPosesAndUndoBringsThemBack) {
   again().undo();
   EXPECT_TRUE(difference(before, atlas().state()).empty());
   EXPECT_EQ(add("a2", 4), NodeId{4});  // no id is given out twice
+}
+
+TEST_F(AtlasTest, RemovingAMapTakesItsLinksAtEitherEnd) {
+  const auto [a, b, c] = add_optimised_chain();
+  for (const NodeId node : {a, c}) {
+    again().remove(node);
+    for (const auto& [id, link] : atlas().state().links) {
+      EXPECT_TRUE(link.target != node && link.source != node);
+    }
+    again().undo();
+  }
+  EXPECT_EQ(atlas().state().links.size(), 2U);
+}
+
+TEST_F(AtlasTest, UndoesACommandOnce) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  again().link_manually(a, b, step(), covariance());
+  again().undo(CommitId{3});
+  EXPECT_EQ(atlas().store().log().back().text.rfind("commit 3: link ", 0), 0U);
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(CommitId{3}); }),
+              HasSubstr("commit 3 is undone already"));
+}
+
+TEST_F(AtlasTest, LinksByOdometryWithoutAProbability) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  PoseLink stated;
+  stated.target = a;
+  stated.source = b;
+  stated.target_from_source = step();
+  stated.covariance_with_scale = covariance();
+  stated.kind = LinkKind::kManual;
+  stated.probability = 0.5;
+  EXPECT_EQ(again().link_by_odometry(std::array{stated}), 1U);
+  EXPECT_EQ(atlas().store().log().back().text, "1 link of odometry");
+  const AtlasLink link = atlas().state().links.begin()->second;
+  EXPECT_EQ(link.kind, LinkKind::kOdometry);
+  EXPECT_EQ(link.probability, std::nullopt);
+  EXPECT_EQ(again().link_by_odometry(std::array{stated}), 0U);  // these maps are linked
+}
+
+TEST_F(AtlasTest, ComponentsOfOneSizeComeInTheOrderOfTheirMaps) {
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) add(std::to_string(seed), seed);
+  again().link_manually(NodeId{1}, NodeId{2}, step(), covariance());
+  again().link_manually(NodeId{3}, NodeId{4}, step(), covariance());
+  again().optimize();
+  std::vector<NodeId> frames;
+  for (const AtlasComponent& component : components_of(atlas().state())) {
+    frames.push_back(component.frame);
+  }
+  EXPECT_EQ(frames, (std::vector{NodeId{1}, NodeId{3}}));
+}
+
+TEST_F(AtlasTest, GivesThePoseGraphTheNamesAndSessionsOfItsMaps) {
+  const NodeId whole =
+      again().add(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), "long").node;
+  again().split(whole, 15);
+  const PoseGraph graph = pose_graph(atlas().state());
+  ASSERT_EQ(graph.nodes.size(), 2U);
+  EXPECT_EQ(graph.nodes[0].name, "long/1");
+  EXPECT_EQ(graph.nodes[0].session, "long");
+}
+
+TEST_F(AtlasTest, DoesNotSplitAMapThatAnotherProcessRemoved) {
+  const NodeId whole =
+      again().add(synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}), "long").node;
+  Atlas splitting = interrupted_by([&] { again().remove(whole); });
+  EXPECT_THROW(splitting.split(whole, 10), Error);
+  EXPECT_TRUE(again().state().nodes.empty());
 }
 
 TEST_F(AtlasTest, DoesNotBringBackWhatIsCompactedMeanwhile) {
@@ -498,6 +578,7 @@ TEST_F(AtlasTest, SplitsAMapIntoLinkedParts) {
   EXPECT_EQ(state.nodes.size(), 3U);
   EXPECT_EQ(state.nodes.at(parts[1]).name, "long/2");
   EXPECT_EQ(state.nodes.at(parts[1]).frames, 10U);
+  EXPECT_EQ(state.links.begin()->second.covariance->diagonal()[5], 1e-4);  // of 0.01 rad
   EXPECT_EQ(again().optimize().placed, 3U);
   again().undo();
   again().undo();  // both commits of the split

@@ -168,7 +168,7 @@ class Unfinished {
       if (names > 1) ::unlink(path_.c_str());
       ::close(descriptor_);
     }
-    remove_beside();
+    // SQLite takes no log beside an empty file for one of its own.
     if (::ftruncate(descriptor_, 0) == 0) return;
     const int error_number = errno;
     ::unlink(path_.c_str());

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <set>
 #include <string>
 
@@ -275,6 +276,76 @@ TEST_F(SqliteStoreTest, SalvagesWhatIsSound) {
   const AtlasState state = saved->state();
   EXPECT_EQ(state.nodes.at(state.links.begin()->second.source).name, "3");
   EXPECT_FALSE(state.agrees.begin()->second);
+}
+
+TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
+  {
+    const auto store = open();
+    for (std::uint64_t i = 1; i <= 4; ++i) add(*store, std::to_string(i), i);
+    add_link(*store, link(NodeId{3}, NodeId{4}));
+    add_link(*store, link(NodeId{2}, NodeId{4}));
+    store->commit({.verb = "optimize"}, [](const AtlasState&) {
+      AtlasChanges changes;
+      for (const std::uint64_t id : {2, 3, 4}) {
+        AtlasPose pose;
+        pose.node = NodeId{id};
+        pose.frame = NodeId{2};
+        changes.poses.push_back(pose);
+      }
+      changes.agrees = {{AtlasLinkId{1}, true}};  // of the other it is not known
+      return changes;
+    });
+  }
+  tamper("DELETE FROM map_chunks WHERE map = 1");
+  EXPECT_EQ(salvage_sqlite_store(path(), folder_ / "saved").maps, 3U);
+  const AtlasState state = open_sqlite_store(folder_ / "saved")->state();
+  const auto name_of = [&](NodeId id) { return state.nodes.at(id).name; };
+  ASSERT_EQ(state.links.size(), 2U);
+  const auto& [first, link] = *state.links.begin();
+  EXPECT_EQ(name_of(link.target), "3");
+  EXPECT_EQ(name_of(link.source), "4");
+  EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{first, true}}));
+  for (const auto& [id, pose] : state.poses) EXPECT_EQ(name_of(pose.frame), "2");
+  EXPECT_EQ(state.poses.size(), 3U);
+}
+
+TEST_F(SqliteStoreTest, SalvagesNoMapThatCannotBeRead) {
+  {
+    const auto store = open();
+    add(*store, "one", 1);
+    AtlasNode wrong;
+    wrong.name = "two";
+    wrong.map = store->put_map("whole, but no map");
+    store->commit({.verb = "add"}, [&](const AtlasState&) {
+      AtlasChanges changes;
+      changes.nodes = {wrong};
+      return changes;
+    });
+  }
+  const AtlasSalvage salvage = salvage_sqlite_store(path(), folder_ / "saved");
+  EXPECT_EQ(salvage.maps, 1U);
+  EXPECT_THAT(salvage.lost, ElementsAre(HasSubstr("map two")));
+}
+
+TEST_F(SqliteStoreTest, TellsWhatSqliteFindsWrong) {
+  add(*open(), "one", 1);
+  {
+    // The number of unused pages, of which there are none.
+    std::fstream file(path(), std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(39).put(5);
+  }
+  EXPECT_THAT(open()->verify().problems, Contains(HasSubstr("town.atlas: ")));
+}
+
+TEST_F(SqliteStoreTest, IsMadeWithoutWhatAKilledProcessLeftInItsLog) {
+  const auto other = open();
+  add(*other, "of another atlas", 1);
+  const std::string unfinished = (folder_ / ".new.atlas.cairn-unfinished").string();
+  folder_.write(".new.atlas.cairn-unfinished", "");
+  fs::copy(path().string() + "-wal", unfinished + "-wal");
+  ASSERT_GT(fs::file_size(unfinished + "-wal"), 0U);
+  create_sqlite_store(folder_ / "new.atlas");
+  EXPECT_TRUE(open_sqlite_store(folder_ / "new.atlas")->state().nodes.empty());
 }
 
 TEST_F(SqliteStoreTest, CompactingGivesSpaceBack) {
