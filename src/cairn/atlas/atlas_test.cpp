@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -567,6 +568,28 @@ TEST_F(AtlasTest, KeepsComponentsApartEachInTheFrameOfItsFirst) {
   EXPECT_EQ(components[0].frame, c);
   EXPECT_EQ(components[1].nodes, (std::vector{a, b}));
   EXPECT_EQ(atlas().merge({.frame = b}).nodes, (std::vector{a, b}));
+}
+
+TEST_F(AtlasTest, TriesAllPairsOfMapsThatCannotBeRecognised) {
+  for (const std::uint64_t seed : {1U, 2U, 3U}) add(std::to_string(seed), seed);
+  AtlasLinkOptions options;
+  options.candidates = 1;  // of those that recognition finds, which needs descriptors
+  const AtlasLinkResult result = again().link(options);
+  EXPECT_EQ(result.pairs, 3U);
+  EXPECT_EQ(result.tried, 3U);
+  EXPECT_EQ(result.not_likely, 0U);
+}
+
+TEST_F(AtlasTest, RecognitionStopsWhenAsked) {
+  add("a", 1);
+  add("b", 2);
+  AtlasLinkOptions options;
+  options.candidates = 1;
+  std::stop_source stop;
+  stop.request_stop();
+  options.links.execution.stop = stop.get_token();
+  EXPECT_THAT(testing::message_of(ErrorKind::kCancelled, [&] { again().link(options); }),
+              HasSubstr("recognition was cancelled"));
 }
 
 TEST_F(AtlasTest, SplitsAMapIntoLinkedParts) {

@@ -152,6 +152,10 @@ TEST(ApplyChanges, ReplacesAndRemovesEachKind) {
   EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{AtlasLinkId{2}, false}}));
 }
 
+TEST(HasPosesOf, IsFalseForALinkThatIsNotThere) {
+  EXPECT_FALSE(has_poses_of(sound(), AtlasLinkId{99}, false));
+}
+
 // Undoing restores what an earlier commit removed: removal comes first.
 TEST(ApplyChanges, WhatIsBothRemovedAndSetIsThere) {
   AtlasState state = sound();

@@ -80,6 +80,10 @@ TEST_F(SqliteStoreTest, IsNotMadeBesideWhatAnotherLeft) {
     EXPECT_FALSE(fs::exists(folder_ / "new.atlas"));
     fs::remove(folder_ / ("new.atlas" + ending));
   }
+  fs::create_symlink(folder_.write("empty", ""), folder_ / "new.atlas-wal");
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_sqlite_store(folder_ / "new.atlas"); }),
+              HasSubstr("new.atlas-wal"));
+  fs::remove(folder_ / "new.atlas-wal");
   create_sqlite_store(folder_ / "new.atlas");
 }
 
@@ -175,8 +179,12 @@ TEST_F(SqliteStoreTest, RefusesWhatIsNoAtlasOrANewerOne) {
       .execute("CREATE TABLE t (i)");
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_sqlite_store(folder_ / "other"); }),
               HasSubstr("no atlas"));
-  tamper("PRAGMA user_version = 7");
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open(); }), HasSubstr("newer version"));
+  for (const int schema : {7, 0, -1}) {
+    tamper(fmt::format("PRAGMA user_version = {}", schema));
+    EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open(); }),
+                AllOf(HasSubstr(fmt::format("an atlas of schema {};", schema)),
+                      HasSubstr("newer version")));
+  }
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 3);
 }
 
@@ -286,13 +294,13 @@ TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
     add_link(*store, link(NodeId{2}, NodeId{4}));
     store->commit({.verb = "optimize"}, [](const AtlasState&) {
       AtlasChanges changes;
-      for (const std::uint64_t id : {2, 3, 4}) {
+      for (const auto& [id, frame] : {std::pair{2U, 2U}, {3U, 2U}, {4U, 4U}}) {
         AtlasPose pose;
         pose.node = NodeId{id};
-        pose.frame = NodeId{2};
+        pose.frame = NodeId{frame};
         changes.poses.push_back(pose);
       }
-      changes.agrees = {{AtlasLinkId{1}, true}};  // of the other it is not known
+      changes.agrees = {{AtlasLinkId{1}, false}};  // of the other it is not known
       return changes;
     });
   }
@@ -304,9 +312,10 @@ TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
   const auto& [first, link] = *state.links.begin();
   EXPECT_EQ(name_of(link.target), "3");
   EXPECT_EQ(name_of(link.source), "4");
-  EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{first, true}}));
-  for (const auto& [id, pose] : state.poses) EXPECT_EQ(name_of(pose.frame), "2");
-  EXPECT_EQ(state.poses.size(), 3U);
+  EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{first, false}}));
+  std::map<std::string, std::string> frames;
+  for (const auto& [id, pose] : state.poses) frames[name_of(id)] = name_of(pose.frame);
+  EXPECT_EQ(frames, (std::map<std::string, std::string>{{"2", "2"}, {"3", "2"}, {"4", "4"}}));
 }
 
 TEST_F(SqliteStoreTest, SalvagesNoMapThatCannotBeRead) {
