@@ -610,6 +610,17 @@ TEST_F(AtlasTest, SplitsAMapIntoLinkedParts) {
   EXPECT_TRUE(atlas().state().nodes.empty());
 }
 
+TEST_F(AtlasTest, SplitsByTheIdsOfKeyframesWhateverTheirOrder) {
+  MapTables tables = synthetic_map({.seed = 5, .landmarks = 500, .frames = 30}).tables();
+  for (std::uint32_t i = 0; i < 30; ++i) tables.frames.ids[i] = FrameId{i % 2 == 0 ? i : 30 - i};
+  const NodeId whole = again().add(LandmarkMap(std::move(tables)), "long").node;
+  for (const NodeId part : again().split(whole, 10)) {
+    const std::vector<FrameId> ids = atlas().map(atlas().state().nodes.at(part)).frames().ids;
+    const auto [first, last] = std::minmax_element(ids.begin(), ids.end());
+    EXPECT_EQ(last->value - first->value, 9U);
+  }
+}
+
 TEST_F(AtlasTest, RefusesWhatIsNotThere) {
   EXPECT_THROW(atlas().remove(NodeId{1}), Error);
   EXPECT_THROW(atlas().merge(), Error);

@@ -121,9 +121,11 @@ TEST(KernelScales, AreUsableWhereLandmarksCoincide) {
 }
 
 TEST(KernelScales, AreThreeDecadesApartAtMost) {
-  const CloudScales copies{.extent = 40.0, .spacing = 0.0, .noise = 0.0};
-  EXPECT_DOUBLE_EQ(kernel_scales(copies, copies).coarse, 20.0);
-  EXPECT_DOUBLE_EQ(kernel_scales(copies, copies).fine, 0.02);
+  for (const double extent : {0.4, 40.0}) {
+    const CloudScales copies{.extent = extent, .spacing = 0.0, .noise = 0.0};
+    EXPECT_DOUBLE_EQ(kernel_scales(copies, copies).coarse, 0.5 * extent);
+    EXPECT_DOUBLE_EQ(kernel_scales(copies, copies).fine, 0.5e-3 * extent);
+  }
 }
 
 }  // namespace
