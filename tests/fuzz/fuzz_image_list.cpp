@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <limits>
 #include <string>
 
 #include "cairn/sequence/sequence.hpp"
@@ -22,7 +23,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   cairn::testing::expect_read_or_refused(
       [&] {
         const cairn::RgbdSequence sequence(folder, {}, [](std::string_view) {});
-        double last = -1e308;
+        double last = -std::numeric_limits<double>::infinity();
         for (const cairn::SequenceFrame& frame : sequence.frames()) {
           if (!(frame.timestamp_s > last)) cairn::testing::abort_because("times do not ascend");
           last = frame.timestamp_s;

@@ -61,6 +61,8 @@ Eigen::MatrixXd full_covariance(const LinearProblem& problem) {
       jacobian.middleCols<3>(poses + 3 * static_cast<Eigen::Index>(l)) = at.by_point;
       information += at.share * jacobian.transpose() * jacobian;
     }
+    const Eigen::Index row = poses + 3 * static_cast<Eigen::Index>(l);
+    information.block<3, 3>(row, row) += problem.landmarks[l].prior;
   }
   information.diagonal().head(poses).array() += 1e-9;
   return information.inverse();
@@ -71,7 +73,10 @@ double relative_difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
 }
 
 TEST(RecoverCovariances, AreBlocksOfTheInverseOfTheNormalEquations) {
-  const LinearProblem problem = make_problem(6, 60, true);
+  LinearProblem problem = make_problem(6, 60, true);
+  for (std::size_t l = 0; l < problem.landmarks.size(); l += 3) {
+    problem.landmarks[l].prior = Eigen::Vector3d(1e3, 1e4, 1e5).asDiagonal();
+  }
   const Eigen::MatrixXd full = full_covariance(problem);
   for (const std::size_t most_dense : {kMostDenseFrames, std::size_t{0}}) {
     const RecoveredCovariances recovered =

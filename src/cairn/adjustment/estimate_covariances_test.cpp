@@ -205,6 +205,12 @@ TEST(EstimatedNoise, OfFewObservationsIsWhatIsStated) {
   EXPECT_EQ(noise.depth_quadratic, start.depth_quadratic);
 }
 
+TEST(EstimateCovariances, RefuseNoiseThatIsNone) {
+  CovarianceOptions options;
+  options.noise.emplace().pixel_px = -1.0;
+  EXPECT_THROW(estimate_covariances(LandmarkMap(), options), Error);
+}
+
 TEST(MeasurementNoise, NamesTheFieldThatIsWrong) {
   MeasurementNoise noise;
   noise.pixel_px = 0.0;
