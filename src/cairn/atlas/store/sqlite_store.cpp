@@ -168,7 +168,8 @@ class Unfinished {
       if (names > 1) ::unlink(path_.c_str());
       ::close(descriptor_);
     }
-    // SQLite takes no log beside an empty file for one of its own.
+    // SQLite deletes logs and journals beside an empty file, too; but a journal can name any file to be deleted.
+    remove_beside();
     if (::ftruncate(descriptor_, 0) == 0) return;
     const int error_number = errno;
     ::unlink(path_.c_str());

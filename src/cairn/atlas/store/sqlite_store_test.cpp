@@ -291,7 +291,7 @@ TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
     const auto store = open();
     for (std::uint64_t i = 1; i <= 4; ++i) add(*store, std::to_string(i), i);
     add_link(*store, link(NodeId{3}, NodeId{4}));
-    add_link(*store, link(NodeId{2}, NodeId{4}));
+    add_link(*store, link(NodeId{2}, NodeId{3}));
     store->commit({.verb = "optimize"}, [](const AtlasState&) {
       AtlasChanges changes;
       for (const auto& [id, frame] : {std::pair{2U, 2U}, {3U, 2U}, {4U, 4U}}) {
