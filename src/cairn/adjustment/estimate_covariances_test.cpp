@@ -116,6 +116,21 @@ TEST(EstimateCovariances, AreZeroForTheFrameThatCountsAsExact) {
       << "of the poses before";
 }
 
+TEST(EstimateCovariances, AreUnknownWhereTheyOverflowWhateverWasStated) {
+  const LandmarkMap map = synthetic_map(small_scene(1, kPixel, kDepth));
+  LandmarkMap before = estimate_covariances(map).map;
+  ASSERT_TRUE(before.frames().pose_covariances[1].has_value());
+  MapTables tables = std::move(before).tables();
+  // In a unit in which the square of a focal length divided by a distance is infinite.
+  constexpr double kTiny = 1e-160;
+  for (Eigen::Vector3d& position : tables.landmarks.positions) position *= kTiny;
+  for (Eigen::Vector3d& translation : tables.frames.translations) translation *= kTiny;
+  const LandmarkMap estimated = estimate_covariances(LandmarkMap(std::move(tables))).map;
+  for (std::size_t i = 1; i < estimated.frame_count(); ++i) {
+    EXPECT_FALSE(estimated.frames().pose_covariances[i].has_value()) << i;
+  }
+}
+
 TEST(EstimateCovariances, AreInTheUnitOfTheMap) {
   const LandmarkMap map = monocular(synthetic_map(small_scene(1, kPixel, kDepth)));
   const LandmarkMap larger = transformed(map, Similarity3(1000.0, Rigid3()));
