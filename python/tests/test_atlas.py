@@ -326,6 +326,20 @@ class Upkeep(Folder):
         with cairn.Atlas.open(saved) as atlas:
             self.assertEqual((list(atlas.maps), atlas.verify()), (["monday"], []))
 
+    def test_sqlite_backs_it_up_while_it_is_written_to(self):
+        copy = self.path.with_name("copy.atlas")
+        with cairn.Atlas.create(self.path) as atlas:
+            atlas.add(MONDAY, "monday")
+            source, target = sqlite3.connect(self.path), sqlite3.connect(copy)
+            source.backup(target)
+            source.close()
+            target.close()
+            atlas.add(FRIDAY, "friday")
+            with cairn.Atlas.open(copy) as backup:
+                self.assertEqual((list(backup.maps), backup.verify()), (["monday"], []))
+                backup.add(ELSEWHERE, "elsewhere")
+            self.assertEqual(list(atlas.maps), ["monday", "friday"])
+
 
 class Sharing(Folder):
     def test_threads_and_objects_share_one_file(self):

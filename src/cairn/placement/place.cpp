@@ -239,7 +239,6 @@ class Placement {
       }
       pose.support.proximity = proximity_evidence(pose.proximity, others);
       const SightCounts sight = sights(pose.similarity());
-      pose.contradicted.reset();
       if (sight.total() >= kFewestSights) {
         pose.contradicted =
             static_cast<double>(sight.in_front) / static_cast<double>(sight.total());

@@ -17,6 +17,8 @@
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/placement/descriptor_agreement.hpp"
+#include "cairn/placement/scales.hpp"
 
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
@@ -61,6 +63,24 @@ PlaceOptions two_threads(std::uint64_t seed = 0) {
   return options;
 }
 
+// The radius of matches, in the unit of the target: half the fine scale. `unit` brings the source to that unit.
+double expected_radius(const LandmarkCloud& source, const LandmarkCloud& target,
+                       double unit = 1.0) {
+  const auto scales_of = [](const LandmarkCloud& cloud) {
+    return cloud_scales(cloud, BatchTree(cloud.positions), Executor());
+  };
+  return 0.5 * kernel_scales(scales_of(scaled(source, unit)), scales_of(target)).fine;
+}
+
+// What is reported must be what was judged.
+void expect_judged_pose(const PlacementResult& result) {
+  ASSERT_TRUE(result.own);
+  const PlacementCandidate& own = result.candidates.at(*result.own);
+  EXPECT_TRUE(result.alignment.similarity().matrix().isApprox(own.similarity().matrix(), 1e-9))
+      << result.reason;
+  EXPECT_EQ(result.probability, own.probability);
+}
+
 TEST(Place, FindsTheTruthFromAnywhere) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SyntheticPair pair = synthetic_pair({.seed = seed, .overlap = 0.5});
@@ -71,6 +91,8 @@ TEST(Place, FindsTheTruthFromAnywhere) {
         difference(result.alignment.target_from_source, pair.target_from_source, source);
     EXPECT_LT(error.rotation_deg, 0.5);
     EXPECT_LT(error.translation, 0.005);
+    expect_judged_pose(result);
+    EXPECT_NEAR(result.radius, expected_radius(source, landmark_cloud(pair.target)), 1e-9);
     ASSERT_TRUE(result.alignment.covariance);
     ASSERT_TRUE(result.alignment.overlap);
     EXPECT_GT(result.alignment.overlap->source, 0.4);
@@ -108,17 +130,25 @@ TEST(Place, WorksAtAnySize) {
 
 // The source in another unit, which is to be found.
 void expect_found(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth,
-                  double unit) {
+                  double unit, const ScaleRange& range = {}) {
   PlaceOptions options = two_threads();
   options.effort = 0.25;
-  options.scale = ScaleRange();
+  options.scale = range;
+  std::vector<double> progress = {0.0};
+  options.execution.progress = [&](double share) { progress.push_back(share); };
   const PlacementResult result = place(scaled(source, unit), target, options);
+  EXPECT_TRUE(std::is_sorted(progress.begin(), progress.end()));
+  EXPECT_GT(progress.back(), 0.5);
+  EXPECT_LE(progress.back(), 1.0);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   EXPECT_NEAR(result.alignment.scale * unit, 1.0, 0.01);
   const Difference error = difference(result.alignment.target_from_source, truth, source);
   EXPECT_LT(error.rotation_deg, 0.5);
   EXPECT_LT(error.translation, 0.03);
   EXPECT_TRUE(result.alignment.covariance_with_scale);
+  const double radius = expected_radius(source, target);
+  EXPECT_NEAR(result.radius, radius, 0.02 * radius);
+  expect_judged_pose(result);
   EXPECT_NEAR(result.candidates.front().scale, result.alignment.scale,
               0.01 * result.alignment.scale);
 }
@@ -127,7 +157,8 @@ TEST(Place, FindsTheScaleWhereAsked) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 1500, .overlap = 0.4});
   const LandmarkCloud one = landmark_cloud(pair.source);
   const LandmarkCloud other = landmark_cloud(pair.target);
-  expect_found(one, other, pair.target_from_source, 0.06);
+  // Sizes say where to look, not the range.
+  expect_found(one, other, pair.target_from_source, 0.06, {1e-3, 1e3});
   expect_found(other, one, pair.target_from_source.inverse(), 18.0);
 }
 
@@ -143,7 +174,9 @@ TEST(Place, FindsTheScaleOfAPartOfAMap) {
     part.covariances.push_back(all.covariances[i]);
   }
   ASSERT_LT(part.size(), all.size() / 2);
-  expect_found(part, landmark_cloud(pair.target), pair.target_from_source, 3.0);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  expect_found(part, target, pair.target_from_source, 3.0);
+  expect_found(target, part, pair.target_from_source.inverse(), 3.0);
 }
 
 TEST(Place, LooksForScalesInTheRangeOnly) {
@@ -182,6 +215,7 @@ TEST(Place, RejectsMapsOfDifferentScenesAtAnyScale) {
       place(scaled(landmark_cloud(synthetic_map({.seed = 101, .landmarks = 1500})), 0.3),
             landmark_cloud(synthetic_map({.seed = 201, .landmarks = 1500})), options);
   EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
+  expect_judged_pose(result);
 }
 
 // Both clouds of a pair with descriptors: of what is one landmark the same but for some bits.
@@ -279,6 +313,59 @@ TEST(Place, OfPosesThatFitAlikeKeepsTheOneThatLooksRight) {
   }
 }
 
+TEST(Place, FindsNothingWithoutDescriptorsAndSearch) {
+  const SyntheticPair pair = synthetic_pair({.seed = 11, .landmarks = 500});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PlaceOptions options = two_threads();
+  options.search = PoseSearch::kNever;
+  const PlacementResult result = place(source, target, options);
+  EXPECT_EQ(result.verdict, Verdict::kRejected);
+  EXPECT_FALSE(result.reason.empty());
+  EXPECT_EQ(result.alignment.status, RegistrationStatus::kFailed);
+  EXPECT_TRUE(result.candidates.empty());
+  EXPECT_FALSE(result.own);
+  EXPECT_NEAR(result.radius, expected_radius(source, target), 1e-9);
+}
+
+// Descriptors that agree in one spot, and hardly elsewhere, may be of a thing that stands in two places.
+TEST(Place, SearchesWhereDescriptorsAgreeInOneSpotOnly) {
+  constexpr std::size_t kBytes = 32;
+  Random random(7);
+  LandmarkCloud scene;
+  for (int i = 0; i < 600; ++i) {
+    const Eigen::Vector3d point(random.uniform(-1, 1), random.uniform(-1, 1),
+                                random.uniform(-0.3, 0.3));
+    scene.positions.push_back(point);
+    scene.positions.emplace_back(-point.x(), -point.y(), point.z());
+  }
+  const auto any_looks = [&] {
+    DescriptorColumn looks{"ORB", kBytes, std::vector<std::uint8_t>(scene.size(), 1), {}};
+    for (std::size_t i = 0; i < scene.size() * kBytes; ++i) {
+      looks.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+    }
+    return looks;
+  };
+  LandmarkCloud source = scene;
+  source.descriptors = any_looks();
+  scene.descriptors = any_looks();
+  for (std::size_t i = 0; i < scene.size(); ++i) {
+    const bool in_spot = (scene.positions[i] - Eigen::Vector3d(0.5, 0.5, 0.0)).norm() < 0.15;
+    if (!in_spot && i % 100 != 0) continue;
+    std::copy_n(scene.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(i * kBytes), kBytes,
+                source.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(i * kBytes));
+  }
+  PlaceOptions options = two_threads();
+  options.search = PoseSearch::kNever;
+  const PlacementResult alone = place(source, scene, options);
+  ASSERT_EQ(alone.candidates.size(), 1U);
+  EXPECT_GT(alone.candidates[0].probability, 0.99);
+  EXPECT_LT(alone.candidates[0].support.agreement->spread, kDecisiveAgreement);
+  options.search = PoseSearch::kWhereNeeded;
+  const PlacementResult searched = place(source, scene, options);
+  EXPECT_GE(searched.candidates.size(), 2U);
+}
+
 TEST(Place, LooksAtDescriptorsEitherWay) {
   const SyntheticPair pair = synthetic_pair({.seed = 11});
   const auto [source, target] = clouds_with_descriptors(pair);
@@ -357,6 +444,11 @@ TEST(Place, SaysWhyAPoseIsNotAllowed) {
     EXPECT_THAT(forbidden(scaled(other), options).value_or(""),
                 ::testing::HasSubstr("from 0.5 to 2 is allowed"));
   }
+  constexpr double kMargin = 1.0 + 0.03;
+  options.scale = ScaleRange{kMargin, 2.0};
+  EXPECT_FALSE(forbidden(scaled(1.0), options));
+  options.scale = ScaleRange{0.5, 1.0};
+  EXPECT_FALSE(forbidden(scaled(kMargin), options));
 }
 
 TEST(Place, RejectsMapsOfDifferentScenes) {
@@ -365,6 +457,7 @@ TEST(Place, RejectsMapsOfDifferentScenes) {
         place(landmark_cloud(synthetic_map({.seed = 100 + seed})),
               landmark_cloud(synthetic_map({.seed = 200 + seed})), two_threads(seed));
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
+    expect_judged_pose(result);
   }
 }
 
@@ -431,8 +524,8 @@ TEST(Place, UsesNoCovariancesThatArePlaceholders) {
   EXPECT_EQ(with.verdict, Verdict::kAligned) << with.reason;
   EXPECT_EQ(with.alignment.target_from_source.matrix(),
             without.alignment.target_from_source.matrix());
-  EXPECT_THAT(with.reason, HasSubstr("the covariances of the source are not used"));
-  EXPECT_THAT(with.reason, HasSubstr("the covariances of the target are not used"));
+  EXPECT_THAT(with.reason, ::testing::ContainsRegex("the covariances of the source are not used.*"
+                                                    "the covariances of the target are not used"));
 }
 
 TEST(Place, IsNotFooledByAPlaneUpsideDown) {
@@ -504,6 +597,27 @@ TEST(PreparedPair, JudgesWhatWasPlacedAsItWasJudged) {
   EXPECT_TRUE(judged.alignment.similarity().matrix().isApprox(
       placed.alignment.similarity().matrix(), 1e-12));
   EXPECT_TRUE(judged.alignment.covariance);
+  expect_judged_pose(judged);
+  EXPECT_EQ(judged.radius, placed.radius);
+}
+
+TEST(PreparedPair, SaysHowFarAwayABetterPoseIs) {
+  const SyntheticPair pair = synthetic_pair({.seed = 32, .overlap = 0.5});
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  PreparedPair prepared(source, target, two_threads());
+  const PlacementResult placed = prepared.place();
+  const auto judged_at = [&](double radii) {
+    const Rigid3 shift(Eigen::Quaterniond::Identity(), {radii * placed.radius, 0.0, 0.0});
+    return prepared.judge(shift * placed.alignment.target_from_source);
+  };
+  const PlacementResult off = judged_at(2.0);
+  EXPECT_EQ(off.verdict, Verdict::kRejected);
+  EXPECT_THAT(off.reason, HasSubstr("another pose, 2 matching radii away"));
+  EXPECT_FALSE(off.own);
+  // So near that a user would call it the same.
+  const PlacementResult same = judged_at(0.6);
+  EXPECT_TRUE(same.own) << same.reason;
 }
 
 TEST(PreparedPair, AcceptsNoWrongPoseAndSettlesGuessesInTheTruth) {
@@ -688,6 +802,7 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
   EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the work short"));
   EXPECT_EQ(hasty.alignment.stop_reason, StopReason::kTimeLimit);
   EXPECT_EQ(hasty.alignment.status, RegistrationStatus::kStopped);
+  EXPECT_THAT(hasty.alignment.reason, HasSubstr("stopped at the time limit"));
   EXPECT_FALSE(hasty.candidates.empty());
 }
 
