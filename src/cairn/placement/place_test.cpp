@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -328,42 +330,87 @@ TEST(Place, FindsNothingWithoutDescriptorsAndSearch) {
   EXPECT_NEAR(result.radius, expected_radius(source, target), 1e-9);
 }
 
-// Descriptors that agree in one spot, and hardly elsewhere, may be of a thing that stands in two places.
-TEST(Place, SearchesWhereDescriptorsAgreeInOneSpotOnly) {
-  constexpr std::size_t kBytes = 32;
-  Random random(7);
-  LandmarkCloud scene;
+// A random cloud and the same turned by half about z, one after the other: two poses fit exactly alike.
+std::vector<Eigen::Vector3d> symmetric_scene(Random& random) {
+  std::vector<Eigen::Vector3d> scene;
   for (int i = 0; i < 600; ++i) {
     const Eigen::Vector3d point(random.uniform(-1, 1), random.uniform(-1, 1),
                                 random.uniform(-0.3, 0.3));
-    scene.positions.push_back(point);
-    scene.positions.emplace_back(-point.x(), -point.y(), point.z());
+    scene.push_back(point);
+    scene.emplace_back(-point.x(), -point.y(), point.z());
   }
-  const auto any_looks = [&] {
-    DescriptorColumn looks{"ORB", kBytes, std::vector<std::uint8_t>(scene.size(), 1), {}};
-    for (std::size_t i = 0; i < scene.size() * kBytes; ++i) {
-      looks.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  return scene;
+}
+
+// The scene twice, in which landmarks look like others at random, but for those for which `like` names one.
+class SymmetricScenes {
+ public:
+  using Like = std::function<std::optional<std::size_t>(std::size_t, const Eigen::Vector3d&)>;
+
+  explicit SymmetricScenes(const Like& like) {
+    constexpr std::size_t kBytes = 32;
+    Random random(7);
+    source.positions = target.positions = symmetric_scene(random);
+    for (LandmarkCloud* cloud : {&source, &target}) {
+      DescriptorColumn looks{"ORB", kBytes, std::vector<std::uint8_t>(cloud->size(), 1), {}};
+      for (std::size_t i = 0; i < cloud->size() * kBytes; ++i) {
+        looks.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+      }
+      cloud->descriptors = std::move(looks);
     }
-    return looks;
-  };
-  LandmarkCloud source = scene;
-  source.descriptors = any_looks();
-  scene.descriptors = any_looks();
-  for (std::size_t i = 0; i < scene.size(); ++i) {
-    const bool in_spot = (scene.positions[i] - Eigen::Vector3d(0.5, 0.5, 0.0)).norm() < 0.15;
-    if (!in_spot && i % 100 != 0) continue;
-    std::copy_n(scene.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(i * kBytes), kBytes,
-                source.descriptors->bytes.begin() + static_cast<std::ptrdiff_t>(i * kBytes));
+    for (std::size_t i = 0; i < source.size(); ++i) {
+      const auto other = like(i, source.positions[i]);
+      if (!other) continue;
+      std::copy_n(&target.descriptors->bytes[*other * kBytes], kBytes,
+                  &source.descriptors->bytes[i * kBytes]);
+    }
   }
-  PlaceOptions options = two_threads();
-  options.search = PoseSearch::kNever;
-  const PlacementResult alone = place(source, scene, options);
+
+  // Places them, and tells whether it searched.
+  std::pair<PlacementResult, bool> placed(PoseSearch search) const {
+    PlaceOptions options = two_threads();
+    options.search = search;
+    bool searched = false;
+    options.execution.progress = [&](double) { searched = true; };
+    return {place(source, target, options), searched};
+  }
+
+  LandmarkCloud source;
+  LandmarkCloud target;
+};
+
+bool is_in_spot(const Eigen::Vector3d& position, double radius) {
+  return (position - Eigen::Vector3d(0.5, 0.5, 0.0)).norm() < radius;
+}
+
+// Descriptors that agree in one spot, and hardly elsewhere, may be of a thing that stands in two places.
+TEST(Place, SearchesWhereDescriptorsAgreeInOneSpotOnly) {
+  const SymmetricScenes scenes([](std::size_t i, const Eigen::Vector3d& position) {
+    return is_in_spot(position, 0.15) || i % 100 == 0 ? std::optional(i) : std::nullopt;
+  });
+  const auto [alone, never] = scenes.placed(PoseSearch::kNever);
+  EXPECT_FALSE(never);
   ASSERT_EQ(alone.candidates.size(), 1U);
   EXPECT_GT(alone.candidates[0].probability, 0.99);
   EXPECT_LT(alone.candidates[0].support.agreement->spread, kDecisiveAgreement);
-  options.search = PoseSearch::kWhereNeeded;
-  const PlacementResult searched = place(source, scene, options);
-  EXPECT_GE(searched.candidates.size(), 2U);
+  const auto [result, searched] = scenes.placed(PoseSearch::kWhereNeeded);
+  EXPECT_TRUE(searched);
+  EXPECT_GE(result.candidates.size(), 2U);
+}
+
+// A second pose for which descriptors of one spot speak does not make the search necessary.
+TEST(Place, DoesNotSearchWhereDescriptorsDecide) {
+  const SymmetricScenes scenes([](std::size_t i, const Eigen::Vector3d& position) {
+    if (is_in_spot(position, 0.25)) return std::optional(i ^ 1U);
+    return i % 16 == 0 ? std::optional(i) : std::nullopt;
+  });
+  const auto [result, searched] = scenes.placed(PoseSearch::kWhereNeeded);
+  EXPECT_FALSE(searched);
+  ASSERT_EQ(result.candidates.size(), 2U);
+  EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
+  EXPECT_LT(result.alignment.target_from_source.angle(), 1e-3);
+  EXPECT_GE(result.candidates[0].support.agreement->spread, kDecisiveAgreement);
+  EXPECT_LT(result.candidates[1].support.agreement->spread, kDecisiveAgreement);
 }
 
 TEST(Place, LooksAtDescriptorsEitherWay) {
@@ -451,6 +498,27 @@ TEST(Place, SaysWhyAPoseIsNotAllowed) {
   EXPECT_FALSE(forbidden(scaled(kMargin), options));
 }
 
+// Refinement with all landmarks moves a pose a little, here to either side of the range's end.
+TEST(Place, KeepsToTheRangeOfScalesInTheLastRefinement) {
+  const SyntheticPair pair = synthetic_pair({.seed = 11, .landmarks = 2000});
+  const auto [source, target] = clouds_with_descriptors(pair);
+  PlaceOptions options = two_threads();
+  options.search = PoseSearch::kNever;
+  options.scale = ScaleRange();
+  const PlacementResult free = place(source, target, options);
+  ASSERT_EQ(free.verdict, Verdict::kAligned) << free.reason;
+  int found = 0;
+  for (int step = -20; step <= 20; ++step) {
+    options.scale = ScaleRange{(1.0 + 1e-5 * step) * 1.03 * free.alignment.scale, 4.0};
+    const PlacementResult result = place(source, target, options);
+    if (result.candidates.empty()) continue;
+    ++found;
+    EXPECT_FALSE(forbidden(result.alignment.similarity(), options)) << step;
+  }
+  EXPECT_GT(found, 0);
+  EXPECT_LT(found, 41);
+}
+
 TEST(Place, RejectsMapsOfDifferentScenes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const PlacementResult result =
@@ -462,15 +530,9 @@ TEST(Place, RejectsMapsOfDifferentScenes) {
 }
 
 TEST(Place, CallsASymmetricSceneAmbiguous) {
-  // A random cloud and the same turned by half about z: two poses fit exactly alike.
   Random random(7);
   LandmarkCloud scene;
-  for (int i = 0; i < 600; ++i) {
-    const Eigen::Vector3d point(random.uniform(-1, 1), random.uniform(-1, 1),
-                                random.uniform(-0.3, 0.3));
-    scene.positions.push_back(point);
-    scene.positions.emplace_back(-point.x(), -point.y(), point.z());
-  }
+  scene.positions = symmetric_scene(random);
   const Rigid3 pose = any_pose(random, 5.0);
   const PlacementResult result = place(moved(scene, pose), scene, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAmbiguous) << result.reason;
