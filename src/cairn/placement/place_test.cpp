@@ -420,6 +420,37 @@ TEST(Place, DoesNotSearchWhereDescriptorsDecide) {
   EXPECT_LT(result.candidates[1].support.agreement->spread, kDecisiveAgreement);
 }
 
+// A part of a map that is too small for the search without its scale.
+TEST(Place, SearchesBesideWhatDescriptorsPropose) {
+  constexpr double kUnit = 0.1;
+  const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 4000, .overlap = 0.9});
+  const auto [all, target] = clouds_with_descriptors(pair);
+  const Eigen::Vector3d middle = centroid(all.positions);
+  LandmarkCloud part;
+  part.descriptors = DescriptorColumn{"ORB", all.descriptors->bytes_each, {}, {}};
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if ((all.positions[i] - middle).norm() > 0.12) continue;
+    part.positions.push_back(all.positions[i]);
+    part.descriptors->known.push_back(1);
+    const auto bytes = all.descriptors->bytes.begin() +
+                       static_cast<std::ptrdiff_t>(i * all.descriptors->bytes_each);
+    part.descriptors->bytes.insert(
+        part.descriptors->bytes.end(), bytes,
+        bytes + static_cast<std::ptrdiff_t>(all.descriptors->bytes_each));
+  }
+  LandmarkCloud source = scaled(part, kUnit);
+  PlaceOptions options = two_threads();
+  options.search = PoseSearch::kAlways;
+  options.effort = 1.0 / 16.0;
+  options.scale = ScaleRange();
+  const PlacementResult result = place(source, target, options);
+  EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
+  EXPECT_NEAR(result.alignment.scale * kUnit, 1.0, 0.02);
+  source.descriptors.reset();
+  const PlacementResult searched = place(source, target, options);
+  EXPECT_NE(searched.verdict, Verdict::kAligned) << searched.alignment.scale;
+}
+
 TEST(Place, LooksAtDescriptorsEitherWay) {
   const SyntheticPair pair = synthetic_pair({.seed = 11});
   const auto [source, target] = clouds_with_descriptors(pair);
@@ -459,20 +490,26 @@ TEST(Place, FindsASmallMapInALargeOneAndTheOtherWayRound) {
 
 TEST(Place, KeepsToGravity) {
   const SyntheticPair pair = synthetic_pair({.seed = 13, .overlap = 0.5});
-  const LandmarkCloud source = landmark_cloud(pair.source);
-  const LandmarkCloud target = landmark_cloud(pair.target);
-  PlaceOptions options = two_threads();
   // The target is z up; the source is turned any way, but knows where down is.
+  Random random(3);
+  const Rigid3 turned = any_pose(random, 1.0);
+  const LandmarkCloud source = moved(landmark_cloud(pair.source), turned);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  const Rigid3 truth = pair.target_from_source * turned.inverse();
+  PlaceOptions options = two_threads();
   GravityPrior gravity;
-  gravity.source = pair.target_from_source.quaternion().inverse() * gravity.target;
+  gravity.source = truth.quaternion().inverse() * gravity.target;
   options.gravity = gravity;
   const PlacementResult result = place(source, target, options);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_LT(
-      difference(result.alignment.target_from_source, pair.target_from_source, source).translation,
-      0.005);
+  EXPECT_LT(difference(result.alignment.target_from_source, truth, source).translation, 0.005);
+  options.gravity = GravityPrior{.source = gravity.target, .target = gravity.source};
+  const PlacementResult back = place(target, source, options);
+  EXPECT_EQ(back.verdict, Verdict::kAligned) << back.reason;
+  EXPECT_LT(difference(back.alignment.target_from_source, truth.inverse(), target).translation,
+            0.005);
   // A gravity that is wrong admits no pose near the truth.
-  options.gravity->source = -gravity.source;
+  options.gravity = GravityPrior{.source = -gravity.source, .target = gravity.target};
   const PlacementResult wrong = place(source, target, options);
   EXPECT_NE(wrong.verdict, Verdict::kAligned) << wrong.reason;
 }
@@ -684,6 +721,8 @@ TEST(PreparedPair, SaysHowFarAwayABetterPoseIs) {
   EXPECT_EQ(off.verdict, Verdict::kRejected);
   EXPECT_THAT(off.reason, HasSubstr("another pose, 2 matching radii away"));
   EXPECT_FALSE(off.own);
+  // So far that a user would call it another.
+  EXPECT_THAT(judged_at(30.0).reason, HasSubstr("another pose is likelier"));
   // So near that a user would call it the same.
   const PlacementResult same = judged_at(0.6);
   EXPECT_TRUE(same.own) << same.reason;
@@ -696,6 +735,7 @@ TEST(PreparedPair, AcceptsNoWrongPoseAndSettlesGuessesInTheTruth) {
   PreparedPair prepared(source, target, two_threads());
   EXPECT_EQ(prepared.judge(pair.target_from_source).verdict, Verdict::kAligned);
   Random random(7);
+  int elsewhere = 0;
   for (int trial = 0; trial < 20; ++trial) {
     const Similarity3 wrong = off_by(pair.target_from_source, source, random,
                                      random.uniform(6, 180), random.uniform(0, 2));
@@ -706,12 +746,17 @@ TEST(PreparedPair, AcceptsNoWrongPoseAndSettlesGuessesInTheTruth) {
     const PlacementResult settled = prepared.settle(wrong);
     if (settled.verdict == Verdict::kAligned) {
       EXPECT_TRUE(is_right(settled, pair.target_from_source, source)) << settled.reason;
+    } else {
+      EXPECT_THAT(settled.reason, HasSubstr("another pose is likelier"));
+      ++elsewhere;
     }
     const PlacementResult near =
         prepared.settle(off_by(pair.target_from_source, source, random, 0.5, 0.02));
     EXPECT_EQ(near.verdict, Verdict::kAligned) << near.reason;
     EXPECT_TRUE(is_right(near, pair.target_from_source, source));
+    expect_judged_pose(near);
   }
+  EXPECT_GT(elsewhere, 5) << "a guess may be in no reach of the truth";
 }
 
 TEST(PreparedPair, RejectsEveryPoseBetweenDifferentScenes) {
@@ -781,6 +826,8 @@ TEST(Place, RejectsTooFewLandmarks) {
   EXPECT_THAT(result.reason, HasSubstr("10 source and 10 target landmarks"));
   EXPECT_EQ(result.alignment.status, RegistrationStatus::kFailed);
   EXPECT_EQ(place({}, {}).verdict, Verdict::kRejected);
+  for (int i = 10; i < 20; ++i) few.positions.emplace_back(i, i * i, -i);
+  EXPECT_THAT(place(few, few).reason, ::testing::Not(HasSubstr("at least 20")));
 }
 
 TEST(Place, SurvivesLandmarksThatCoincide) {
@@ -834,7 +881,9 @@ TEST(Place, RefusesInvalidOptionsByName) {
   refused({.time_limit_s = 0.0}, "PlaceOptions.time_limit_s");
   refused({.time_limit_s = 1e10}, "PlaceOptions.time_limit_s");
   refused({.time_limit_s = std::nan("")}, "PlaceOptions.time_limit_s");
-  refused({.overlap_radius = -1.0}, "PlaceOptions.overlap_radius");
+  for (const double radius : {-1.0, 0.0, HUGE_VAL}) {
+    refused({.overlap_radius = radius}, "PlaceOptions.overlap_radius");
+  }
   refused({.gravity = GravityPrior{.source = Eigen::Vector3d::Zero()}}, "PlaceOptions.gravity");
   refused({.gravity = GravityPrior{.max_tilt_rad = 0.0}}, "PlaceOptions.gravity.max_tilt_rad");
 }
@@ -849,6 +898,12 @@ TEST(Place, ReturnsWhenAskedToStop) {
       place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
   EXPECT_EQ(result.alignment.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
+  // That is not the time limit's doing.
+  options.time_limit_s = 3600.0;
+  const PlacementResult limited =
+      place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
+  EXPECT_EQ(limited.alignment.status, RegistrationStatus::kCancelled);
+  EXPECT_FALSE(limited.cut_short);
 }
 
 TEST(Place, MakesDoWithTheTimeThereIs) {
@@ -873,6 +928,7 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
   EXPECT_EQ(hasty.alignment.status, RegistrationStatus::kStopped);
   EXPECT_THAT(hasty.alignment.reason, HasSubstr("stopped at the time limit"));
   EXPECT_FALSE(hasty.candidates.empty());
+  EXPECT_TRUE(PreparedPair(source, target, options).judge(pair.target_from_source).cut_short);
 }
 
 // The two halves of the authors' map: real drift, and most landmarks of one not in the other. Too few
