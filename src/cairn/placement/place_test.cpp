@@ -220,20 +220,26 @@ TEST(Place, RejectsMapsOfDifferentScenesAtAnyScale) {
   expect_judged_pose(result);
 }
 
+constexpr std::size_t kBytes = 32;  // of a descriptor
+
+LandmarkCloud with_any_looks(LandmarkCloud cloud, Random& random) {
+  cloud.descriptors =
+      DescriptorColumn{"ORB", kBytes, std::vector<std::uint8_t>(cloud.size(), 1), {}};
+  for (std::size_t i = 0; i < cloud.size() * kBytes; ++i) {
+    cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
+  }
+  return cloud;
+}
+
+std::uint8_t* look(LandmarkCloud& cloud, std::size_t landmark) {
+  return &cloud.descriptors->bytes[landmark * kBytes];
+}
+
 // Both clouds of a pair with descriptors: of what is one landmark the same but for some bits.
 std::pair<LandmarkCloud, LandmarkCloud> clouds_with_descriptors(const SyntheticPair& pair) {
-  constexpr std::size_t kBytes = 32;
   Random random(3);
-  const auto with_any = [&](LandmarkCloud cloud) {
-    cloud.descriptors =
-        DescriptorColumn{"ORB", kBytes, std::vector<std::uint8_t>(cloud.size(), 1), {}};
-    for (std::size_t i = 0; i < cloud.size() * kBytes; ++i) {
-      cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
-    }
-    return cloud;
-  };
-  LandmarkCloud source = with_any(landmark_cloud(pair.source));
-  LandmarkCloud target = with_any(landmark_cloud(pair.target));
+  LandmarkCloud source = with_any_looks(landmark_cloud(pair.source), random);
+  LandmarkCloud target = with_any_looks(landmark_cloud(pair.target), random);
   const auto source_rows = landmarks_to_align(pair.source);
   const auto target_rows = landmarks_to_align(pair.target);
   const auto row = [](const std::vector<LandmarkIndex>& rows, LandmarkIndex landmark) {
@@ -244,8 +250,8 @@ std::pair<LandmarkCloud, LandmarkCloud> clouds_with_descriptors(const SyntheticP
     const std::size_t j = row(target_rows, to);
     if (i == source_rows.size() || j == target_rows.size()) continue;
     for (std::size_t byte = 0; byte < kBytes; ++byte) {
-      target.descriptors->bytes[j * kBytes + byte] = static_cast<std::uint8_t>(
-          source.descriptors->bytes[i * kBytes + byte] ^ (1U << random.index(8)));
+      look(target, j)[byte] =
+          static_cast<std::uint8_t>(look(source, i)[byte] ^ (1U << random.index(8)));
     }
   }
   return {std::move(source), std::move(target)};
@@ -278,22 +284,17 @@ TEST(Place, IsTheSameForAnyNumberOfThreads) {
 // A star of rays that are alike: as many poses fit equally well, and more than go on.
 TEST(Place, OfPosesThatFitAlikeKeepsTheOneThatLooksRight) {
   constexpr std::size_t kRays = 16;
-  constexpr std::size_t kBytes = 32;
   Random random(7);
   LandmarkCloud scene;
   for (int i = 0; i < 120; ++i) {
-    const Eigen::Vector3d point(random.uniform(0.3, 1), random.uniform(-0.05, 0.05),
-                                random.uniform(-0.05, 0.05));
+    const Eigen::Vector3d point{random.uniform(0.3, 1), random.uniform(-0.05, 0.05),
+                                random.uniform(-0.05, 0.05)};
     for (std::size_t ray = 0; ray < kRays; ++ray) {
       const double turn = 2.0 * std::numbers::pi * static_cast<double>(ray) / kRays;
       scene.positions.push_back(Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()) * point);
     }
   }
-  scene.descriptors =
-      DescriptorColumn{"ORB", kBytes, std::vector<std::uint8_t>(scene.size(), 1), {}};
-  for (std::size_t i = 0; i < scene.size() * kBytes; ++i) {
-    scene.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
-  }
+  scene = with_any_looks(std::move(scene), random);
   // Descriptors with so many bits changed hardly match, but are still more alike than by chance.
   for (const double changed : {0.0, 0.38}) {
     for (const std::size_t turned : {3U, 9U}) {
@@ -337,85 +338,78 @@ TEST(Place, FindsNothingWithoutDescriptorsAndSearch) {
   EXPECT_NEAR(result.radius, expected_radius(source, target), 1e-9);
 }
 
+Eigen::Vector3d any_point(Random& random) {
+  return {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-0.3, 0.3)};
+}
+
 // A random cloud and the same turned by half about z, one after the other: two poses fit exactly alike.
 std::vector<Eigen::Vector3d> symmetric_scene(Random& random) {
   std::vector<Eigen::Vector3d> scene;
   for (int i = 0; i < 600; ++i) {
-    const Eigen::Vector3d point(random.uniform(-1, 1), random.uniform(-1, 1),
-                                random.uniform(-0.3, 0.3));
+    const Eigen::Vector3d point = any_point(random);
     scene.push_back(point);
     scene.emplace_back(-point.x(), -point.y(), point.z());
   }
   return scene;
 }
 
-// The scene twice, in which landmarks look like others at random, but for those for which `like` names one.
-class SymmetricScenes {
- public:
-  using Like = std::function<std::optional<std::size_t>(std::size_t, const Eigen::Vector3d&)>;
-
-  explicit SymmetricScenes(const Like& like) {
-    constexpr std::size_t kBytes = 32;
-    Random random(7);
-    source.positions = target.positions = symmetric_scene(random);
-    for (LandmarkCloud* cloud : {&source, &target}) {
-      DescriptorColumn looks{"ORB", kBytes, std::vector<std::uint8_t>(cloud->size(), 1), {}};
-      for (std::size_t i = 0; i < cloud->size() * kBytes; ++i) {
-        looks.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
-      }
-      cloud->descriptors = std::move(looks);
-    }
-    for (std::size_t i = 0; i < source.size(); ++i) {
-      const auto other = like(i, source.positions[i]);
-      if (!other) continue;
-      std::copy_n(&target.descriptors->bytes[*other * kBytes], kBytes,
-                  &source.descriptors->bytes[i * kBytes]);
-    }
-  }
-
-  // Places them, and tells whether it searched.
-  std::pair<PlacementResult, bool> placed(PoseSearch search) const {
-    PlaceOptions options = two_threads();
-    options.search = search;
-    bool searched = false;
-    options.execution.progress = [&](double) { searched = true; };
-    return {place(source, target, options), searched};
-  }
-
-  LandmarkCloud source;
-  LandmarkCloud target;
-};
-
-bool is_in_spot(const Eigen::Vector3d& position, double radius) {
-  return (position - Eigen::Vector3d(0.5, 0.5, 0.0)).norm() < radius;
+// Places them, and tells whether it searched.
+std::pair<PlacementResult, bool> placed(const LandmarkCloud& source, const LandmarkCloud& target,
+                                        PoseSearch search) {
+  PlaceOptions options = two_threads();
+  options.search = search;
+  bool searched = false;
+  options.execution.progress = [&](double) { searched = true; };
+  return {place(source, target, options), searched};
 }
 
 // Descriptors that agree in one spot, and hardly elsewhere, may be of a thing that stands in two places.
 TEST(Place, SearchesWhereDescriptorsAgreeInOneSpotOnly) {
-  const SymmetricScenes scenes([](std::size_t i, const Eigen::Vector3d& position) {
-    return is_in_spot(position, 0.15) || i % 100 == 0 ? std::optional(i) : std::nullopt;
-  });
-  const auto [alone, never] = scenes.placed(PoseSearch::kNever);
+  Random random(7);
+  LandmarkCloud scene;
+  scene.positions = symmetric_scene(random);
+  LandmarkCloud source = with_any_looks(scene, random);
+  LandmarkCloud target = with_any_looks(scene, random);
+  for (std::size_t i = 0; i < scene.size(); ++i) {
+    const bool in_spot = (scene.positions[i] - Eigen::Vector3d(0.5, 0.5, 0.0)).norm() < 0.15;
+    if (in_spot || i % 100 == 0) std::copy_n(look(target, i), kBytes, look(source, i));
+  }
+  const auto [alone, never] = placed(source, target, PoseSearch::kNever);
   EXPECT_FALSE(never);
   ASSERT_EQ(alone.candidates.size(), 1U);
   EXPECT_GT(alone.candidates[0].probability, 0.99);
   EXPECT_LT(alone.candidates[0].support.agreement->spread, kDecisiveAgreement);
-  const auto [result, searched] = scenes.placed(PoseSearch::kWhereNeeded);
+  const auto [result, searched] = placed(source, target, PoseSearch::kWhereNeeded);
   EXPECT_TRUE(searched);
   EXPECT_GE(result.candidates.size(), 2U);
 }
 
-// A second pose for which descriptors of one spot speak does not make the search necessary.
+// A thing that was moved, and little else, speaks for another pose.
 TEST(Place, DoesNotSearchWhereDescriptorsDecide) {
-  const SymmetricScenes scenes([](std::size_t i, const Eigen::Vector3d& position) {
-    if (is_in_spot(position, 0.25)) return std::optional(i ^ 1U);
-    return i % 16 == 0 ? std::optional(i) : std::nullopt;
-  });
-  const auto [result, searched] = scenes.placed(PoseSearch::kWhereNeeded);
+  constexpr std::size_t kStill = 600;
+  constexpr std::size_t kThing = 60;
+  constexpr std::size_t kElse = 8;
+  const Rigid3 movement(rotation_exp({0.0, 0.0, 2.0}), Eigen::Vector3d(0.3, -0.2, 0.1));
+  Random random(7);
+  LandmarkCloud source;
+  LandmarkCloud target;
+  for (std::size_t i = 0; i < kStill + kThing + kElse; ++i) {
+    const bool is_of_thing = i >= kStill && i < kStill + kThing;
+    const Eigen::Vector3d any = any_point(random);
+    const Eigen::Vector3d point = is_of_thing ? Eigen::Vector3d(0.5, 0.5, 0.0) + 0.1 * any : any;
+    source.positions.push_back(point);
+    target.positions.push_back(i < kStill ? point : movement * point);
+  }
+  source = with_any_looks(std::move(source), random);
+  target = with_any_looks(std::move(target), random);
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    if (i >= kStill || i % 6 == 0) std::copy_n(look(target, i), kBytes, look(source, i));
+  }
+  const auto [result, searched] = placed(source, target, PoseSearch::kWhereNeeded);
   EXPECT_FALSE(searched);
-  ASSERT_EQ(result.candidates.size(), 2U);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   EXPECT_LT(result.alignment.target_from_source.angle(), 1e-3);
+  ASSERT_EQ(result.candidates.size(), 2U);
   EXPECT_GE(result.candidates[0].support.agreement->spread, kDecisiveAgreement);
   EXPECT_LT(result.candidates[1].support.agreement->spread, kDecisiveAgreement);
 }
