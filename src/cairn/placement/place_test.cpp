@@ -176,9 +176,9 @@ TEST(Place, FindsTheScaleOfAPartOfAMap) {
     part.covariances.push_back(all.covariances[i]);
   }
   ASSERT_LT(part.size(), all.size() / 2);
-  const LandmarkCloud target = landmark_cloud(pair.target);
-  expect_found(part, target, pair.target_from_source, 3.0);
-  expect_found(target, part, pair.target_from_source.inverse(), 3.0);
+  const LandmarkCloud whole = landmark_cloud(pair.target);
+  expect_found(part, whole, pair.target_from_source, 3.0);
+  expect_found(whole, part, pair.target_from_source.inverse(), 3.0);
 }
 
 TEST(Place, LooksForScalesInTheRangeOnly) {
@@ -484,27 +484,27 @@ TEST(Place, FindsASmallMapInALargeOneAndTheOtherWayRound) {
 
 TEST(Place, KeepsToGravity) {
   const SyntheticPair pair = synthetic_pair({.seed = 13, .overlap = 0.5});
-  // The target is z up; the source is turned any way, but knows where down is.
+  // One is z up; the other is turned any way, but knows where down is.
   Random random(3);
   const Rigid3 turned = any_pose(random, 1.0);
-  const LandmarkCloud source = moved(landmark_cloud(pair.source), turned);
-  const LandmarkCloud target = landmark_cloud(pair.target);
+  const LandmarkCloud tilted = moved(landmark_cloud(pair.source), turned);
+  const LandmarkCloud upright = landmark_cloud(pair.target);
   const Rigid3 truth = pair.target_from_source * turned.inverse();
   PlaceOptions options = two_threads();
   GravityPrior gravity;
   gravity.source = truth.quaternion().inverse() * gravity.target;
   options.gravity = gravity;
-  const PlacementResult result = place(source, target, options);
+  const PlacementResult result = place(tilted, upright, options);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_LT(difference(result.alignment.target_from_source, truth, source).translation, 0.005);
+  EXPECT_LT(difference(result.alignment.target_from_source, truth, tilted).translation, 0.005);
   options.gravity = GravityPrior{.source = gravity.target, .target = gravity.source};
-  const PlacementResult back = place(target, source, options);
+  const PlacementResult back = place(upright, tilted, options);
   EXPECT_EQ(back.verdict, Verdict::kAligned) << back.reason;
-  EXPECT_LT(difference(back.alignment.target_from_source, truth.inverse(), target).translation,
+  EXPECT_LT(difference(back.alignment.target_from_source, truth.inverse(), upright).translation,
             0.005);
   // A gravity that is wrong admits no pose near the truth.
   options.gravity = GravityPrior{.source = -gravity.source, .target = gravity.target};
-  const PlacementResult wrong = place(source, target, options);
+  const PlacementResult wrong = place(tilted, upright, options);
   EXPECT_NE(wrong.verdict, Verdict::kAligned) << wrong.reason;
 }
 
