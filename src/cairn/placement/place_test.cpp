@@ -181,6 +181,32 @@ TEST(Place, FindsTheScaleOfAPartOfAMap) {
   expect_found(whole, part, pair.target_from_source.inverse(), 3.0);
 }
 
+// Sizes suggest a scale of five: the part is small and dense, and the map is large and sparse around it.
+TEST(Place, SearchesTheRangeOfScalesWhateverSizesSuggest) {
+  const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 16000, .overlap = 0.9});
+  const LandmarkCloud all = landmark_cloud(pair.source);
+  const LandmarkCloud other = landmark_cloud(pair.target);
+  const Eigen::Vector3d middle = centroid(all.positions);
+  LandmarkCloud part;
+  for (const Eigen::Vector3d& position : all.positions) {
+    if ((position - middle).norm() < 0.1) part.positions.push_back(position);
+  }
+  LandmarkCloud whole;
+  for (std::size_t i = 0; i < other.size(); ++i) {
+    const bool is_near = (other.positions[i] - pair.target_from_source * middle).norm() < 0.1;
+    if (is_near || i % 12 == 0) whole.positions.push_back(other.positions[i]);
+  }
+  PlaceOptions options = two_threads();
+  options.effort = 0.25;
+  options.scale = ScaleRange{0.9, 1.1};
+  const PlacementResult result = place(part, whole, options);
+  EXPECT_NEAR(result.alignment.scale, 1.0, 0.02) << result.reason;
+  const Difference error =
+      difference(result.alignment.target_from_source, pair.target_from_source, part);
+  EXPECT_LT(error.rotation_deg, 1.0);
+  EXPECT_LT(error.translation, 0.03);
+}
+
 TEST(Place, LooksForScalesInTheRangeOnly) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 800});
   const LandmarkCloud target = landmark_cloud(pair.target);
