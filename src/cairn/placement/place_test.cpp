@@ -3,9 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numbers>
-#include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -130,6 +129,32 @@ TEST(Place, WorksAtAnySize) {
   EXPECT_LT(difference(result.alignment.target_from_source, truth, source).translation, 5.0);
 }
 
+// The landmarks whose index and position are `kept`, with their covariances and descriptors.
+template <class Kept>
+LandmarkCloud part_of(const LandmarkCloud& all, const Kept& kept) {
+  LandmarkCloud part;
+  if (all.descriptors) {
+    part.descriptors = DescriptorColumn{all.descriptors->kind, all.descriptors->bytes_each, {}, {}};
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!kept(i, all.positions[i])) continue;
+    part.positions.push_back(all.positions[i]);
+    if (!all.covariances.empty()) part.covariances.push_back(all.covariances[i]);
+    if (!all.descriptors) continue;
+    part.descriptors->known.push_back(all.descriptors->known[i]);
+    const auto bytes = std::span(all.descriptors->bytes)
+                           .subspan(i * all.descriptors->bytes_each, all.descriptors->bytes_each);
+    part.descriptors->bytes.insert(part.descriptors->bytes.end(), bytes.begin(), bytes.end());
+  }
+  return part;
+}
+
+LandmarkCloud part_near(const LandmarkCloud& all, const Eigen::Vector3d& centre, double radius) {
+  return part_of(all, [&](std::size_t, const Eigen::Vector3d& position) {
+    return (position - centre).norm() <= radius;
+  });
+}
+
 // The source in another unit, which is to be found.
 void expect_found(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth,
                   double unit, const ScaleRange& range = {}) {
@@ -168,13 +193,7 @@ TEST(Place, FindsTheScaleWhereAsked) {
 TEST(Place, FindsTheScaleOfAPartOfAMap) {
   const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 2500, .overlap = 0.8});
   const LandmarkCloud all = landmark_cloud(pair.source);
-  const Eigen::Vector3d middle = centroid(all.positions);
-  LandmarkCloud part;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if ((all.positions[i] - middle).norm() > 0.3) continue;
-    part.positions.push_back(all.positions[i]);
-    part.covariances.push_back(all.covariances[i]);
-  }
+  const LandmarkCloud part = part_near(all, centroid(all.positions), 0.3);
   ASSERT_LT(part.size(), all.size() / 2);
   const LandmarkCloud whole = landmark_cloud(pair.target);
   expect_found(part, whole, pair.target_from_source, 3.0);
@@ -187,15 +206,11 @@ TEST(Place, SearchesTheRangeOfScalesWhateverSizesSuggest) {
   const LandmarkCloud all = landmark_cloud(pair.source);
   const LandmarkCloud other = landmark_cloud(pair.target);
   const Eigen::Vector3d middle = centroid(all.positions);
-  LandmarkCloud part;
-  for (const Eigen::Vector3d& position : all.positions) {
-    if ((position - middle).norm() < 0.1) part.positions.push_back(position);
-  }
-  LandmarkCloud whole;
-  for (std::size_t i = 0; i < other.size(); ++i) {
-    const bool is_near = (other.positions[i] - pair.target_from_source * middle).norm() < 0.1;
-    if (is_near || i % 12 == 0) whole.positions.push_back(other.positions[i]);
-  }
+  const LandmarkCloud part = part_near(all, middle, 0.1);
+  const Eigen::Vector3d there = pair.target_from_source * middle;
+  const LandmarkCloud whole = part_of(other, [&](std::size_t i, const Eigen::Vector3d& position) {
+    return (position - there).norm() < 0.1 || i % 12 == 0;
+  });
   PlaceOptions options = two_threads();
   options.effort = 0.25;
   options.scale = ScaleRange{0.9, 1.1};
@@ -445,20 +460,7 @@ TEST(Place, SearchesBesideWhatDescriptorsPropose) {
   constexpr double kUnit = 0.1;
   const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 4000, .overlap = 0.9});
   const auto [all, target] = clouds_with_descriptors(pair);
-  const Eigen::Vector3d middle = centroid(all.positions);
-  LandmarkCloud part;
-  part.descriptors = DescriptorColumn{"ORB", all.descriptors->bytes_each, {}, {}};
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if ((all.positions[i] - middle).norm() > 0.12) continue;
-    part.positions.push_back(all.positions[i]);
-    part.descriptors->known.push_back(1);
-    const auto bytes = all.descriptors->bytes.begin() +
-                       static_cast<std::ptrdiff_t>(i * all.descriptors->bytes_each);
-    part.descriptors->bytes.insert(
-        part.descriptors->bytes.end(), bytes,
-        bytes + static_cast<std::ptrdiff_t>(all.descriptors->bytes_each));
-  }
-  LandmarkCloud source = scaled(part, kUnit);
+  LandmarkCloud source = scaled(part_near(all, centroid(all.positions), 0.12), kUnit);
   PlaceOptions options = two_threads();
   options.search = PoseSearch::kAlways;
   options.effort = 1.0 / 16.0;
@@ -709,12 +711,15 @@ TEST(PreparedPair, PlacesAsPlaceDoesHoweverOftenAsked) {
   }
 }
 
-TEST(PreparedPair, JudgesWhatWasPlacedAsItWasJudged) {
+std::pair<PreparedPair, PlacementResult> placed_pair() {
   const SyntheticPair pair = synthetic_pair({.seed = 32, .overlap = 0.5});
-  const LandmarkCloud source = landmark_cloud(pair.source);
-  const LandmarkCloud target = landmark_cloud(pair.target);
-  PreparedPair prepared(source, target, two_threads());
-  const PlacementResult placed = prepared.place();
+  PreparedPair prepared(landmark_cloud(pair.source), landmark_cloud(pair.target), two_threads());
+  PlacementResult placed = prepared.place();
+  return {std::move(prepared), std::move(placed)};
+}
+
+TEST(PreparedPair, JudgesWhatWasPlacedAsItWasJudged) {
+  auto [prepared, placed] = placed_pair();
   ASSERT_EQ(placed.verdict, Verdict::kAligned) << placed.reason;
   const PlacementResult judged = prepared.judge(placed.alignment.similarity());
   EXPECT_EQ(judged.verdict, Verdict::kAligned) << judged.reason;
@@ -728,14 +733,10 @@ TEST(PreparedPair, JudgesWhatWasPlacedAsItWasJudged) {
 }
 
 TEST(PreparedPair, SaysHowFarAwayABetterPoseIs) {
-  const SyntheticPair pair = synthetic_pair({.seed = 32, .overlap = 0.5});
-  const LandmarkCloud source = landmark_cloud(pair.source);
-  const LandmarkCloud target = landmark_cloud(pair.target);
-  PreparedPair prepared(source, target, two_threads());
-  const PlacementResult placed = prepared.place();
-  const auto judged_at = [&](double radii) {
-    const Rigid3 shift(Eigen::Quaterniond::Identity(), {radii * placed.radius, 0.0, 0.0});
-    return prepared.judge(shift * placed.alignment.target_from_source);
+  auto [prepared, placed] = placed_pair();
+  const auto judged_at = [&pair = prepared, &best = placed](double radii) {
+    const Rigid3 shift(Eigen::Quaterniond::Identity(), {radii * best.radius, 0.0, 0.0});
+    return pair.judge(shift * best.alignment.target_from_source);
   };
   const PlacementResult off = judged_at(2.0);
   EXPECT_EQ(off.verdict, Verdict::kRejected);
