@@ -22,12 +22,12 @@
 #include "cairn/atlas/state_difference.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/random.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/refusal.hpp"
+#include "support/seen_places.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn {
@@ -581,24 +581,6 @@ TEST_F(AtlasTest, TriesAllPairsOfMapsThatCannotBeRecognised) {
   EXPECT_EQ(result.not_likely, 0U);
 }
 
-// A map of landmarks with these numbers, whose descriptors are the same in each map.
-LandmarkMap map_of_landmarks(std::uint64_t begin, std::uint64_t end) {
-  constexpr std::size_t kBytes = 32;
-  MapTables tables;
-  DescriptorColumn column{"ORB", kBytes, {}, {}};
-  for (std::uint64_t i = begin; i < end; ++i) {
-    Random random(i);
-    tables.landmarks.ids.push_back(LandmarkId{i});
-    tables.landmarks.positions.emplace_back(random.normal(), random.normal(), random.normal());
-    column.known.push_back(1);
-    for (std::size_t k = 0; k < kBytes; ++k) {
-      column.bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
-    }
-  }
-  tables.landmarks.descriptors = std::move(column);
-  return LandmarkMap(std::move(tables));
-}
-
 TEST_F(AtlasTest, TriesThePairsThatEitherMapRecognises) {
   // The map in the middle looks most like the larger of the other two; each of these like it.
   for (const bool small_first : {true, false}) {
@@ -606,10 +588,11 @@ TEST_F(AtlasTest, TriesThePairsThatEitherMapRecognises) {
     const std::string location = (folder / "street.atlas").string();
     Atlas::create(location);
     Atlas street = Atlas::open(location);
-    const LandmarkMap small = map_of_landmarks(0, 60);
-    const LandmarkMap large = map_of_landmarks(100, 300);
+    const std::vector<std::uint8_t> landmarks = testing::place(1, 300);
+    const LandmarkMap small = testing::seen(landmarks, 0, 60, 0.0, 1);
+    const LandmarkMap large = testing::seen(landmarks, 100, 300, 0.0, 2);
     street.add(small_first ? small : large, "first");
-    street.add(map_of_landmarks(20, 200), "middle");
+    street.add(testing::seen(landmarks, 20, 200, 0.0, 3), "middle");
     street.add(small_first ? large : small, "last");
     AtlasLinkOptions options;
     options.candidates = 1;

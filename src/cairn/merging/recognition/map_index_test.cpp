@@ -8,41 +8,14 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/random.hpp"
+
+#include "support/seen_places.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::size_t kBytes = 32;
-
-// A place's descriptors, of which a map sees some, each with some bits flipped.
-std::vector<std::uint8_t> place(std::uint64_t seed, std::size_t landmarks) {
-  Random random(seed);
-  std::vector<std::uint8_t> bytes(landmarks * kBytes);
-  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.index(256));
-  return bytes;
-}
-
-LandmarkMap seen(const std::vector<std::uint8_t>& place, std::size_t begin, std::size_t end,
-                 double flipped, std::uint64_t seed, const std::string& kind = "ORB") {
-  Random random(seed);
-  MapTables tables;
-  DescriptorColumn column{kind, kBytes, {}, {}};
-  for (std::size_t i = begin; i < end; ++i) {
-    tables.landmarks.ids.push_back(LandmarkId{i});
-    tables.landmarks.positions.emplace_back(random.normal(), random.normal(), random.normal());
-    column.known.push_back(1);
-    for (std::size_t k = 0; k < kBytes; ++k) {
-      std::uint8_t byte = place[i * kBytes + k];
-      for (int bit = 0; bit < 8; ++bit) {
-        if (random.chance(flipped)) byte = static_cast<std::uint8_t>(byte ^ (1 << bit));
-      }
-      column.bytes.push_back(byte);
-    }
-  }
-  tables.landmarks.descriptors = std::move(column);
-  return LandmarkMap(std::move(tables));
-}
+using testing::place;
+using testing::seen;
 
 TEST(MapIndex, FindsTheMapOfTheSamePlaceAmongOthers) {
   MapIndex index;
@@ -91,7 +64,7 @@ TEST(MapIndex, MapsWithOnlyUnknownDescriptorsFindNothingAndDoNotSetTheKind) {
   const std::vector<std::uint8_t> landmarks = place(1, 50);
   MapTables tables = seen(landmarks, 0, 50, 0.0, 1, "BRISK").tables();
   tables.landmarks.descriptors->known.assign(50, 0);
-  tables.landmarks.descriptors->bytes.assign(50 * kBytes, 0);
+  tables.landmarks.descriptors->bytes.assign(50 * testing::kDescriptorBytes, 0);
   const LandmarkMap unknown(std::move(tables));
   MapIndex index;
   index.add(unknown);
