@@ -52,6 +52,8 @@ struct AlignArguments {
   std::string method;
   bool gravity = false;
   bool estimate_scale = false;
+  bool no_scale = false;
+  bool with_scale = false;  // whether it is estimated for these maps
   bool anywhere = false;
   bool no_verdict = false;
   bool by_parts = false;
@@ -70,6 +72,7 @@ struct AlignArguments {
   bool is_robust() const;
   bool has_initial() const;
   void check_options() const;
+  void refuse_scale_in_tum() const;
   void check_outputs(std::size_t strategies);
   void write_pose_file(const Similarity3& target_from_source) const;
   Json options_json(const std::vector<Strategy>& strategies) const;
@@ -164,8 +167,12 @@ void AlignArguments::add_to(CLI::App& command) {
   command.add_flag("--gravity", gravity,
                    "Allow only rotations about the vertical and tilts of up to 10 degrees; z is up "
                    "in a map without a stored vertical");
-  command.add_flag("--scale", estimate_scale,
-                   "Also estimate the scale of the source, from 1/20 to 20 times the target's");
+  auto* const scale =
+      command.add_flag("--scale", estimate_scale,
+                       "Also estimate the scale of the source, from 1/20 to 20 times the target's; "
+                       "the default if the unit of a map is free");
+  command.add_flag("--no-scale", no_scale, "Estimate no scale, although the unit of a map is free")
+      ->excludes(scale);
   add_number(command, "--prior-odds", alignment.prior_odds,
              "Odds that the maps show the same place, before any evidence; 0.01 if one pair in a "
              "hundred does");
@@ -286,7 +293,8 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
           {"deformation", !no_deformation},
           {"min_probability", no_verdict ? Json(nullptr) : Json(alignment.min_probability)},
           {"gravity", gravity},
-          {"estimate_scale", estimate_scale},
+          {"estimate_scale", with_scale},
+          {"scale_where_free", !no_scale},
           {"effort", alignment.effort},
           {"prior_odds", alignment.prior_odds},
           {"time_limit_s", to_json(alignment.time_limit_s)},
@@ -363,8 +371,6 @@ Eigen::Quaterniond shown_quaternion(const Rigid3& pose) {
 // The trusted pose, or one that was not judged, in full.
 std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_scale) {
   const Similarity3& pose = *alignment.estimate;
-  const RegistrationResult& result = alignment.registration;
-  const std::string symbol = unit_symbol(unit);
   std::string text = fmt::format("  target_from_source: {}\n", pose_text(pose.rigid(), unit, 6, 4));
   const Matrix4d matrix = pose.matrix();
   for (int row = 0; row < 4; ++row) {
@@ -375,14 +381,13 @@ std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_s
   text += fmt::format("  quaternion (qw qx qy qz): {}\n",
                       numbers_text(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()), 9));
   if (with_scale) text += fmt::format("  scale of the source: {:.6g}\n", pose.scale());
-  if (result.covariance) {
-    const Eigen::Matrix<double, 6, 1> deviations = result.covariance->diagonal().cwiseSqrt();
-    text += fmt::format("  standard deviation: x y z {} {}, rotation about x y z {} deg",
-                        numbers_text(Eigen::Vector3d(deviations.head<3>()), 5), symbol,
-                        numbers_text(Eigen::Vector3d(deviations.tail<3>() * degrees(1.0)), 4));
-    if (result.covariance_with_scale) {
-      text += fmt::format(", scale {} %",
-                          fixed(100.0 * std::sqrt((*result.covariance_with_scale)(6, 6)), 3));
+  if (const auto deviations = deviations_of(alignment)) {
+    text += fmt::format(
+        "  standard deviation at the source's centre: x y z {} {}, rotation about x y z {} deg",
+        numbers_text(deviations->translation, 5), unit_symbol(unit),
+        numbers_text(Eigen::Vector3d(deviations->rotation_rad * degrees(1.0)), 4));
+    if (deviations->log_scale) {
+      text += fmt::format(", scale {} %", fixed(100.0 * *deviations->log_scale, 3));
     }
     text += "\n";
   }
@@ -464,9 +469,9 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
                                                                    : "failed";
     console.print(fmt::format("\n{}: {}: {}\n", each.confidence, verdict, one.reason));
     const bool trusted = has_answer(one);
-    if (trusted) console.print(answer_text(one, unit, estimate_scale));
+    if (trusted) console.print(answer_text(one, unit, with_scale));
     if (one.verdict != Verdict::kRejected) {
-      console.print(open_directions_text(one, estimate_scale));
+      console.print(open_directions_text(one, with_scale));
     }
     if (by_parts && one.parts) console.print(parts_text(*one.parts, unit));
     console.print(candidates_text(one, unit, trusted));
@@ -476,7 +481,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
                            .min_probability = alignment.min_probability,
                            .by_icp = !is_robust(),
                            .has_initial = has_initial(),
-                           .with_scale = estimate_scale,
+                           .with_scale = with_scale,
                            .by_parts = by_parts}));
     }
   }
@@ -497,18 +502,20 @@ LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
     throw Error(ErrorKind::kInput, source.path,
                 fmt::format("is {}, but {} {}", unit_text(unit), target.path,
                             unit_text(target.map.info().length_unit)),
-                "maps of one scale, or --scale");
+                "maps of one unit");
   }
   return unit;
+}
+
+void AlignArguments::refuse_scale_in_tum() const {
+  if (pose_format != "tum" || !(estimate_scale || with_scale)) return;
+  throw Error(ErrorKind::kMisuse, "--pose-format", "tum holds no scale, but one is estimated",
+              "matrix, or --no-scale");
 }
 
 void AlignArguments::check_outputs(std::size_t strategies) {
   if (pose_format != "matrix" && pose_format != "tum") {
     throw Error(ErrorKind::kMisuse, "--pose-format", printable(pose_format), "matrix or tum");
-  }
-  if (pose_format == "tum" && estimate_scale) {
-    throw Error(ErrorKind::kMisuse, "--pose-format", "tum holds no scale, but --scale is given",
-                "matrix");
   }
   if (!output.empty()) require_map_output(output, format, "--output");
   if (!pose.empty() && pose != "-") require_folder_of(pose);
@@ -521,6 +528,7 @@ void AlignArguments::check_outputs(std::size_t strategies) {
                   "one --confidence");
     }
   }
+  refuse_scale_in_tum();
   require_one_stdout({{"--json", &common.json_path}, {"--output", &output}, {"--pose", &pose}});
   if (source == "-" && target == "-") {
     throw Error(ErrorKind::kMisuse, "target", "stdin is the source already", "a file");
@@ -549,6 +557,8 @@ int AlignArguments::run_pairs() {
   alignment.overlap_radius = options.overlap_radius;
   alignment.seed = common.seed;
   if (estimate_scale) alignment.scale = ScaleRange();
+  with_scale = estimate_scale;
+  alignment.scale_where_free = !no_scale;
   return align_pairs(pairs, alignment, gravity, options_json(parse_strategies("none")), common);
 }
 
@@ -568,13 +578,20 @@ int AlignArguments::run() {
   options.stop_at_repetition = !stop_as_pcl;
   std::optional<Similarity3> true_pose;
   if (!truth.empty()) {
-    true_pose = estimate_scale ? read_similarity_file(truth) : read_pose_file(truth);
+    true_pose = no_scale || !is_robust() ? read_pose_file(truth) : read_similarity_file(truth);
   }
 
   LoadedMap source_map = load_map(source, common);
   LoadedMap target_map = load_map(target, common);
+  alignment.method = is_robust() ? AlignMethod::kRobust : AlignMethod::kIcp;
+  if (estimate_scale) alignment.scale = ScaleRange();
+  alignment.scale_where_free = !no_scale;
+  with_scale =
+      scale_range(alignment, source_map.map.info().length_unit, target_map.map.info().length_unit)
+          .has_value();
+  refuse_scale_in_tum();
   const LengthUnit unit =
-      estimate_scale ? target_map.map.info().length_unit : common_unit(source_map, target_map);
+      with_scale ? target_map.map.info().length_unit : common_unit(source_map, target_map);
   if (!options.overlap_radius && unit == LengthUnit::kMetres) {
     options.overlap_radius = kDefaultOverlapRadius;
   }
@@ -583,7 +600,6 @@ int AlignArguments::run() {
     loaded->description["kept_landmarks"] =
         landmarks_observed(loaded->map, point_options.min_observations).size();
   }
-  alignment.method = is_robust() ? AlignMethod::kRobust : AlignMethod::kIcp;
   if (has_initial()) alignment.prior = PosePrior{.target_from_source = guess};
   alignment.judge = !no_verdict;
   if (by_parts) alignment.parts = PartsUse::kAlways;
@@ -594,7 +610,6 @@ int AlignArguments::run() {
   alignment.trace = options.trace || !common.report_path.empty();
   alignment.icp = options;
   alignment.seed = common.seed;
-  if (estimate_scale) alignment.scale = ScaleRange();
   if (gravity) alignment.gravity = gravity_prior(source_map.map, target_map.map);
   ReportedPair shown = reported_pair(source_map, target_map, unit, true_pose);
   shown.results =

@@ -107,9 +107,9 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
   try {
     const Maps::One source = maps.get(pair.source);
     const Maps::One target = maps.get(pair.target);
-    if (!options.scale && source.unit != target.unit) {
+    if (!scale_range(options, source.unit, target.unit) && source.unit != target.unit) {
       throw Error(ErrorKind::kInput, pair.source, "one map is in metres, one of free scale",
-                  "maps of one scale, or --scale");
+                  "maps of one unit with --no-scale");
     }
     if (gravity) options.gravity = gravity_prior(source.map, target.map);
     StrategyResult one;

@@ -293,6 +293,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
   const LoadedMap source_map = load(source, "--source", saved.source, saved);
   const LoadedMap target_map = load(target, "--target", saved.target, saved);
   AlignOptions options = saved.judging;
+  options.scale_where_free = false;  // what the result was aligned with counts
   if (min_probability) options.min_probability = *min_probability;
   if (saved.with_gravity) options.gravity = gravity_prior(source_map.map, target_map.map);
   options.seed = common.seed;

@@ -27,6 +27,7 @@ struct AlignKeywords {
 void set_scale(AlignKeywords& call, py::handle value) {
   if (value.is_none() || value.is(py::bool_(false))) {
     call.options.scale.reset();
+    call.options.scale_where_free = value.is_none();
   } else if (value.is(py::bool_(true))) {
     call.options.scale = ScaleRange();
   } else {

@@ -403,10 +403,14 @@ TEST_F(AlignTest, AnywhereFindsTheScaleOfAMapInAnotherUnit) {
   std::string numbers;
   for (int i = 0; i < 16; ++i) numbers += std::to_string(truth(i / 4, i % 4)) + " ";
   write("truth.txt", numbers);
-  expect_refusal({"align", "free.map", "target.map", "--anywhere"}, kBadInput, {"--scale"});
+  expect_refusal({"align", "free.map", "target.map", "--no-scale"}, kBadInput, {"one unit"});
+  expect_refusal({"align", "free.map", "target.map", "--no-scale", "--scale"}, kWrongUsage,
+                 {"--scale"});
+  expect_refusal({"align", "free.map", "target.map", "--pose", "p.txt", "--pose-format", "tum"},
+                 kWrongUsage, {"--pose-format", "no scale"});
 
-  const Words words = {"align", "free.map", "target.map", "--anywhere", "--scale",    "--effort",
-                       "0.25",  "--truth",  "truth.txt",  "-o",         "aligned.map"};
+  const Words words = {"align",   "free.map",  "target.map", "--effort",   "0.25",
+                       "--truth", "truth.txt", "-o",         "aligned.map"};
   Words with_report = words;
   with_report.insert(with_report.end(), {"--report", "report.html"});
   const Json json = document(with_report);
@@ -635,8 +639,9 @@ TEST_F(AlignTest, OutputsThatDoNotGoTogetherAreRefused) {
 TEST_F(AlignTest, ScreenShowsThePoseWholeAndWhatWouldHelp) {
   write_pair();
   const std::string text = answer({"align", "source.map", "target.map"});
-  for (const char* const part : {"quaternion (qw qx qy qz)", "standard deviation: x y z",
-                                 "other candidate", "probability"}) {
+  for (const char* const part :
+       {"quaternion (qw qx qy qz)", "standard deviation at the source's centre: x y z",
+        "other candidate", "probability"}) {
     EXPECT_THAT(text, HasSubstr(part));
   }
   // Millimetres against metres.

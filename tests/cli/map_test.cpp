@@ -300,12 +300,14 @@ TEST_F(MapCliTest, WhatAKilledRunLeftOfMiniMapsIsCleared) {
 }
 
 TEST_F(MapCliTest, DepthInTheWrongUnitIsRemarkedOn) {
-  EXPECT_THAT(cairn({"map", "s", "-o", "right.map"}).errors, Not(HasSubstr("units a metre")));
-  for (const char* const units : {"500", "100000"}) {
+  EXPECT_THAT(cairn({"map", "s", "-o", "right.map"}).errors, Not(HasSubstr("units per metre")));
+  // 25000 as if millimetres were taken for fifths of them.
+  for (const auto& [units, said] :
+       {std::pair{"500", "the depth images reach"}, {"25000", "half of all depths are below"}}) {
     const CommandResult mini =
         cairn({"map", "s", "-o", "minis", "--mini-map-length", "1m", "--depth-units", units});
-    EXPECT_THAT(mini.errors, HasSubstr("the depth images reach"));
-    EXPECT_THAT(mini.errors, HasSubstr("units a metre may be wrong"));
+    EXPECT_THAT(mini.errors, HasSubstr(said));
+    EXPECT_THAT(mini.errors, HasSubstr("check the depth images' units per metre"));
     fs::remove_all(path("minis"));
   }
 }

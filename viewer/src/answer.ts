@@ -293,7 +293,7 @@ class AnswerFigure {
         );
       };
       part.append(
-        h("p", { class: "muted small" }, "By axis of the target’s frame, from zero"),
+        h("p", { class: "muted small" }, "Of the source’s centre, by axis of the target’s frame, from zero"),
         group("Along the axis", deviations.translation, (value) => formatLength(value, lengthUnit), "translation"),
         group("About the axis", deviations.rotationDeg, (value) => `${formatNumber(value, 3)}°`, "rotation"),
       );

@@ -70,6 +70,13 @@ class Hints {
   }
 
   void about_units() {
+    if (alignment_.other_scale) {
+      add(fmt::format(
+          "Check the units, e.g. --depth-units of cairn map: the descriptors agree on a "
+          "pose that scales the source by {:.3g}. Add --scale if the scales differ.",
+          *alignment_.other_scale));
+      return;
+    }
     const double ratio = extent_of(source_) / extent_of(target_);
     const double factor = std::max(ratio, 1.0 / ratio);
     if (std::isfinite(factor) && factor > kOtherUnit) {
@@ -84,7 +91,10 @@ class Hints {
     const bool free = source_.info().length_unit == LengthUnit::kFree ||
                       target_.info().length_unit == LengthUnit::kFree;
     if (free && !options_.with_scale) {
-      add("Add --scale to find the scale, which is unknown for a map of free scale.");
+      add(
+          fmt::format("Align without {} to find the scale, which is unknown for a map of free "
+                      "scale.",
+                      options_.by_icp ? "the options of icp" : "--no-scale"));
     }
   }
 
@@ -142,6 +152,12 @@ class Hints {
           "direction.");
     }
     if (said) return;
+    if (!is_improbable() && options_.by_icp && !alignment_.registration.covariance) {
+      add("Align without the options of icp, or refine this pose with --initial: ICP stopped "
+          "beside "
+          "the best pose.");
+      return;
+    }
     if (!is_improbable()) {
       add(alignment_.registration.covariance
               ? "Map more around what both maps show: one object may stand in two places."

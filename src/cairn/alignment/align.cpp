@@ -15,7 +15,9 @@
 #include "cairn/alignment/straightened.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
+#include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/placement/refine.hpp"
 
@@ -179,16 +181,21 @@ Alignment judged(const PreparedCloud& source, const PreparedCloud& target, const
   if (!options.execution.stop.stop_requested()) take_verdict(std::move(placed), alignment);
   take_pose(alignment);
   alignment.estimate = pose;
+  alignment.centre = source.centred()->centre;
   if (alignment.target_from_source) alignment.target_from_source = pose;
   return alignment;
 }
 
 Alignment aligned(const PreparedCloud& source, const PreparedCloud& target,
                   const AlignOptions& options) {
-  if (!options.prior) return concluded(source, target, options, std::nullopt);
+  const auto with_centre = [&](Alignment alignment) {
+    alignment.centre = source.centred()->centre;
+    return alignment;
+  };
+  if (!options.prior) return with_centre(concluded(source, target, options, std::nullopt));
   RegistrationResult found = refined(source, target, options);
-  if (is_final(found, options)) return unjudged(std::move(found));
-  return concluded(source, target, options, std::move(found));
+  if (is_final(found, options)) return with_centre(unjudged(std::move(found)));
+  return with_centre(concluded(source, target, options, std::move(found)));
 }
 
 // @param prepared returns both prepared clouds, which ICP itself does not need
@@ -196,15 +203,22 @@ template <class Prepared>
 Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const Prepared& prepared,
                          const AlignOptions& options) {
   RegistrationResult found = icp(source, target, icp_of(options));
-  if (is_final(found, options)) return unjudged(std::move(found));
-  const auto [from, to] = prepared();
-  return concluded(from, to, options, std::move(found));
+  Alignment alignment;
+  if (is_final(found, options)) {
+    alignment = unjudged(std::move(found));
+  } else {
+    const auto [from, to] = prepared();
+    alignment = concluded(from, to, options, std::move(found));
+  }
+  if (!source.positions.empty()) alignment.centre = central_part(source.positions).centre;
+  return alignment;
 }
 
 // The estimate without a verdict: a stopped stage may have missed what decides.
 Alignment cancelled(Alignment stopped) {
   Alignment alignment;
   alignment.estimate = stopped.estimate;
+  alignment.centre = stopped.centre;
   alignment.radius = stopped.radius;
   alignment.registration = std::move(stopped.registration);
   alignment.registration.status = RegistrationStatus::kCancelled;
@@ -416,18 +430,50 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
   }
 }
 
+AlignOptions with_scale_of(const PreparedMap& source, const PreparedMap& target,
+                           AlignOptions options) {
+  options.scale = scale_range(options, source.length_unit(), target.length_unit());
+  return options;
+}
+
+// Of maps that are refused at one scale: the scale of the source at which their descriptors decide.
+void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
+                      const AlignOptions& options, Alignment& alignment) {
+  constexpr double kOther = 0.05;  // least relative difference of scales that are not one
+  const auto described = [](const PreparedMap& map) {
+    return map.cloud().landmarks().descriptors.has_value();
+  };
+  const bool refused = alignment.verdict && alignment.verdict != Verdict::kAligned;
+  if (!refused || options.scale || options.time_limit_s || !described(source) ||
+      !described(target)) {
+    return;
+  }
+  PlaceOptions placement = placement_of(options);
+  placement.search = PoseSearch::kNever;
+  placement.scale = ScaleRange();
+  placement.execution = options.execution.without_progress();
+  const PlacementResult placed = PreparedPair(source.cloud(), target.cloud(), placement).place();
+  const double scale = placed.alignment.scale;
+  if (placed.verdict != Verdict::kAligned || std::abs(std::log(scale)) < kOther) return;
+  alignment.other_scale = scale;
+  alignment.reason +=
+      fmt::format("; the descriptors agree on a pose that scales the source by {:.3g}", scale);
+}
+
 // Maps can also be aligned up to a deformation, and by their parts.
-Alignment aligned(const PreparedMap& source, const PreparedMap& target,
-                  const AlignOptions& options) {
+Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given) {
+  const AlignOptions options = with_scale_of(source, target, given);
   Alignment alignment = aligned(source.cloud(), target.cloud(), options);
   const bool may_align = judge_deformed(source, target, options, alignment);
   judge_by_parts(source, target, options, may_align, alignment);
+  seek_other_scale(source, target, options, alignment);
   return alignment;
 }
 
 // The maps' deformation and parts can refuse a given pose, but not replace it.
 Alignment judged(const PreparedMap& source, const PreparedMap& target, const Similarity3& pose,
-                 const AlignOptions& options) {
+                 const AlignOptions& given) {
+  const AlignOptions options = with_scale_of(source, target, given);
   Alignment alignment = judged(source.cloud(), target.cloud(), pose, options);
   if (alignment.verdict != Verdict::kAligned) return alignment;
   const bool may_align = judge_deformed(source, target, options, alignment);
@@ -470,6 +516,28 @@ void AlignOptions::validate() const {
   }
   placement_of(*this).validate();
   icp_of(*this).validate();
+}
+
+std::optional<PoseDeviations> deviations_of(const Alignment& alignment) {
+  const RegistrationResult& result = alignment.registration;
+  if (!result.covariance || !alignment.estimate) return std::nullopt;
+  const Eigen::Vector3d arm =
+      alignment.estimate->linear() * alignment.centre.value_or(Eigen::Vector3d::Zero());
+  Matrix7d covariance = Matrix7d::Zero();
+  covariance.topLeftCorner<6, 6>() = *result.covariance;
+  if (result.covariance_with_scale) covariance = *result.covariance_with_scale;
+  const Vector7d deviations = covariance_at_point(covariance, arm).diagonal().cwiseSqrt();
+  PoseDeviations named{.translation = deviations.head<3>(),
+                       .rotation_rad = deviations.segment<3>(3)};
+  if (result.covariance_with_scale) named.log_scale = deviations[6];
+  return named;
+}
+
+std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit source,
+                                      LengthUnit target) {
+  const bool free = source == LengthUnit::kFree || target == LengthUnit::kFree;
+  const bool estimated = free && options.scale_where_free && options.method == AlignMethod::kRobust;
+  return !options.scale && estimated ? ScaleRange() : options.scale;
 }
 
 std::string_view status_of(const Alignment& alignment) {

@@ -45,6 +45,8 @@ struct AlignOptions {
   std::optional<Metric> confidence = {};
   /// Also estimates the scale, within this range; see PlaceOptions. Not with kIcp.
   std::optional<ScaleRange> scale = {};
+  /// kRobust, for maps: does so within the default range if the unit of one of them is free.
+  bool scale_where_free = true;
   std::optional<GravityPrior> gravity = {};  ///< see gravity_prior()
   /// Least probability of an aligned pose; in [0.5, 1).
   double min_probability = 0.99;
@@ -76,6 +78,14 @@ struct AlignOptions {
   void validate() const;
 };
 
+/// Standard deviations of a pose along and about the target's axes.
+struct PoseDeviations {
+  Eigen::Vector3d translation =
+      Eigen::Vector3d::Zero();  ///< of a point of the source; the target's unit
+  Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();
+  std::optional<double> log_scale = {};  ///< if a scale was estimated
+};
+
 /// Result of an alignment.
 struct Alignment {
   /// std::nullopt if not judged: `judge` is false, the method failed, or the caller stopped the work.
@@ -90,16 +100,29 @@ struct Alignment {
   std::vector<PlacementCandidate> candidates;
   /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
   RegistrationResult registration;
+  /// Centre of the source's landmarks, in its frame; std::nullopt if read from a document that does not state it.
+  std::optional<Eigen::Vector3d> centre;
   double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if unknown
   /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
   std::optional<PartsAlignment> parts;
   /// How the maps are deformed against each other, if they clearly are; covariances then include the deviations of
   /// the landmarks' local poses from the single one. std::nullopt if not tested.
   std::optional<MapDeformation> deformation;
+  /// For maps that are not aligned at one scale, but whose descriptors agree on a pose with this scale of the source: one
+  /// of their units is probably wrong.
+  std::optional<double> other_scale;
   bool cut_short = false;     ///< the time limit ended the work; see PlacementResult
   bool deterministic = true;  ///< false with a time limit
   double duration_s = 0.0;    ///< wall time of the whole call
 };
+
+/// Standard deviations of the estimate at `centre`, or else at the source's origin, where they are larger the farther
+/// that is from the landmarks. std::nullopt without a covariance.
+std::optional<PoseDeviations> deviations_of(const Alignment& alignment);
+
+/// Range of the scales that align() searches for maps of these units; std::nullopt if both have one scale.
+std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit source,
+                                      LengthUnit target);
 
 /// Name of the verdict; if there is none, "converged", "stopped", "failed" or "cancelled".
 std::string_view status_of(const Alignment& alignment);
@@ -129,7 +152,7 @@ Alignment align(const PreparedMap& source, const PreparedMap& target,
 /// Judges a given pose without changing it, as align() judges its own. `method`, `prior` and `judge` have
 /// no effect. For maps, their deformation can refuse a pose that fits, and with PartsUse::kAlways so can their
 /// parts. Neither makes a pose aligned that is not aligned as a whole, as align() may do with a pose of its own.
-/// @throws Error (misuse) for invalid options, or a scale other than 1 without AlignOptions::scale
+/// @throws Error (misuse) for invalid options, or a scale other than 1 where scale_range() has none
 Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,

@@ -12,6 +12,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/bent_maps.hpp"
 #include "support/refusal.hpp"
 
 namespace cairn {
@@ -135,6 +136,69 @@ TEST(Align, AcceptsNoPoseThatTheGravityForbids) {
   options.gravity->source = true_down;
   options.prior = PosePrior{.target_from_source = pair.target_from_source};
   EXPECT_EQ(align(pair.source, pair.target, options).verdict, Verdict::kAligned);
+}
+
+// Two maps of a free unit may have any scales, those of one program often the same.
+TEST(Align, FindsTheScaleWhereAUnitIsFree) {
+  const SyntheticPair pair = synthetic_pair({.seed = 56, .overlap = 0.6});
+  const LandmarkMap target = with_length_unit(pair.target, LengthUnit::kFree);
+  for (const double scale : {1.0, 1.02, 3.0}) {
+    const LandmarkMap source = with_length_unit(
+        transformed(pair.source, Similarity3(1.0 / scale, Rigid3())), LengthUnit::kFree);
+    const Alignment found = align(source, target);
+    ASSERT_EQ(found.verdict, Verdict::kAligned) << scale << ": " << found.reason;
+    EXPECT_NEAR(found.target_from_source->scale(), scale, 0.01 * scale);
+    EXPECT_LT(degrees_off(*found.target_from_source, pair.target_from_source), 0.5);
+    EXPECT_TRUE(found.registration.covariance_with_scale);
+    EXPECT_EQ(judge_pose(source, target, *found.estimate).verdict, Verdict::kAligned);
+    AlignOptions rigid;
+    rigid.scale_where_free = false;
+    EXPECT_EQ(align(source, target, rigid).registration.scale, 1.0);
+  }
+  EXPECT_EQ(align(pair.source, pair.target).registration.scale, 1.0);
+}
+
+TEST(Align, EstimatesTheScaleOfMapsOfFreeUnitUnlessToldNotTo) {
+  const auto estimates = [](const AlignOptions& options, LengthUnit source, LengthUnit target) {
+    return scale_range(options, source, target).has_value();
+  };
+  constexpr LengthUnit kMetres = LengthUnit::kMetres;
+  constexpr LengthUnit kFree = LengthUnit::kFree;
+  EXPECT_FALSE(estimates({}, kMetres, kMetres));
+  EXPECT_TRUE(estimates({}, kFree, kMetres));
+  EXPECT_TRUE(estimates({}, kMetres, kFree));
+  EXPECT_FALSE(estimates({.scale_where_free = false}, kFree, kFree));
+  EXPECT_FALSE(estimates({.method = AlignMethod::kIcp}, kFree, kFree));
+  const AlignOptions forced{.scale = ScaleRange{2.0, 3.0}, .scale_where_free = false};
+  EXPECT_EQ(scale_range(forced, kMetres, kMetres)->most, 3.0);
+}
+
+TEST(Align, NamesTheScaleAtWhichDescriptorsAgree) {
+  const SyntheticPair pair = testing::described_pair(57);
+  const LandmarkMap small = transformed(pair.source, Similarity3(0.2, Rigid3()));
+  const Alignment refused = align(small, pair.target);
+  EXPECT_NE(refused.verdict, Verdict::kAligned);
+  ASSERT_TRUE(refused.other_scale) << refused.reason;
+  EXPECT_NEAR(*refused.other_scale, 5.0, 0.1);
+  EXPECT_THAT(refused.reason, HasSubstr("scales the source by 5"));
+  EXPECT_FALSE(align(pair.source, pair.target).other_scale);
+  const SyntheticPair other = testing::described_pair(58);
+  EXPECT_FALSE(align(small, other.target).other_scale);
+}
+
+// Standard deviations of the origin grow with its distance from the landmarks, which says nothing about the pose.
+TEST(Align, StatesDeviationsAtTheCentreOfTheLandmarks) {
+  const SyntheticPair pair = synthetic_pair({.seed = 50, .landmarks = 1500});
+  const Rigid3 far(Eigen::Quaterniond::Identity(), {3e3, -2e3, 1e3});
+  const Alignment near = align(pair.source, pair.target);
+  const Alignment moved = align(transformed(pair.source, far), transformed(pair.target, far));
+  const auto here = deviations_of(near);
+  const auto there = deviations_of(moved);
+  ASSERT_TRUE(here && there) << near.reason << moved.reason;
+  EXPECT_LT((here->translation - there->translation).norm(), 0.1 * here->translation.norm());
+  EXPECT_LT(here->translation.norm(), 0.02);
+  EXPECT_GT(moved.registration.covariance->diagonal().head<3>().norm(), 1e-2);
+  EXPECT_LT((*moved.centre - far * *near.centre).norm(), 1e-6);
 }
 
 // A refinement must not leave the range that the search keeps to.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -89,17 +88,14 @@ Eigen::Matrix3d Deformation::derivative(const Eigen::Vector3d& x) const {
   return Eigen::Matrix3d::Identity() + coefficients_ * derivative_of_terms(place);
 }
 
-double Deformation::shear(const Eigen::Vector3d& x) const {
-  const Eigen::Matrix3d linear = derivative(x);
-  if (!(linear.determinant() > 0.0)) return std::numeric_limits<double>::infinity();
-  const Eigen::Vector3d values = singular_values(linear).values;
-  return values[0] / values[2];
+bool Deformation::folds(const Eigen::Vector3d& x) const {
+  return !(derivative(x).determinant() > 0.0);
 }
 
 Similarity3 Deformation::near(const Eigen::Vector3d& x) const {
   const Eigen::Vector3d there = (*this)(x);
   const Eigen::Matrix3d linear = derivative(x);
-  if (!(linear.determinant() > 0.0)) {
+  if (folds(x)) {
     return Rigid3(Eigen::Quaterniond::Identity(), there - x);
   }
   const SingularValues3 svd = singular_values(linear);

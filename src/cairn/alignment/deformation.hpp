@@ -32,8 +32,8 @@ class Deformation {
   /// The similarity that maps x to its deformed position and is nearest to the derivative there; a translation where
   /// the deformation folds.
   Similarity3 near(const Eigen::Vector3d& x) const;
-  /// Ratio of the largest stretch at x to the smallest; infinite where the deformation folds. At least 1.
-  double shear(const Eigen::Vector3d& x) const;
+  /// Whether the deformation turns space inside out at x.
+  bool folds(const Eigen::Vector3d& x) const;
 
  private:
   Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();

@@ -118,15 +118,15 @@ TEST(Deformation, IsNearASimilarityEverywhere) {
   }
 }
 
-TEST(Deformation, ShearsWhereStretchesDiffer) {
+TEST(Deformation, FoldsWhereItTurnsSpaceInsideOut) {
   Deformation::Coefficients coefficients = Deformation::Coefficients::Zero();
   coefficients(0, 1) = 0.5;  // of x, by x
   const Eigen::Vector3d x(0.1, 0.2, 0.3);
-  EXPECT_NEAR(Deformation(Eigen::Vector3d::Zero(), 1.0, coefficients).shear(x), 1.5, 1e-12);
-  EXPECT_NEAR(Deformation().shear(x), 1.0, 1e-12);
-  coefficients(0, 1) = -1.5;  // turned inside out
+  EXPECT_FALSE(Deformation(Eigen::Vector3d::Zero(), 1.0, coefficients).folds(x));
+  EXPECT_FALSE(Deformation().folds(x));
+  coefficients(0, 1) = -1.5;
   const Deformation folded(Eigen::Vector3d::Zero(), 1.0, coefficients);
-  EXPECT_EQ(folded.shear(x), std::numeric_limits<double>::infinity());
+  EXPECT_TRUE(folded.folds(x));
   EXPECT_LT((folded.near(x) * x - folded(x)).norm(), 1e-12);
   EXPECT_EQ(folded.near(x).rigid().angle(), 0.0);
 }

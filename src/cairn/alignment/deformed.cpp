@@ -8,8 +8,10 @@
 
 #include "cairn/alignment/detail/moved_in_map.hpp"
 #include "cairn/alignment/detail/pose_difference.hpp"
+#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/placement/descriptor_matches.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
+#include "cairn/registration/neighbors/kd_tree.hpp"
 
 namespace cairn {
 namespace {
@@ -21,7 +23,7 @@ constexpr std::size_t kLocalPoses = 200;
 constexpr double kOutermost = 0.05;
 constexpr double kMostRotation = 20.0 * std::numbers::pi / 180.0;
 constexpr double kMostScaleRatio = 1.3;
-constexpr double kMostShear = 1.6;
+constexpr double kMostStrain = 0.23;  // e.g. of stretches by 1.6 along one axis
 constexpr int kPoseSteps = 20;
 
 // Fold of a source landmark. The clouds are in random order.
@@ -67,6 +69,49 @@ Similarity3 closest_similarity(std::span<const Eigen::Vector3d> from,
   }
   return pose;
 }
+
+// The deformation around a match, as the matches around it show it. Its derivative would also state what no match
+// shows: across a surface, the polynomial is determined by the prior alone.
+struct LocalDeformation {
+  Similarity3 target_from_source;
+  double strain =
+      0.0;  // distance from the similarity, over distance from the centre; root mean squares
+};
+
+class LocalDeformations {
+ public:
+  // @param pose, from  must outlive this
+  LocalDeformations(const DeformedPose& pose, const std::vector<Eigen::Vector3d>& from)
+      : pose_(pose), from_(from), tree_(from), near_(std::min(kNear, from.size())) {}
+
+  LocalDeformation at(const Eigen::Vector3d& x_in_source) {
+    tree_.nearest(x_in_source, near_);
+    std::vector<Eigen::Vector3d> here;
+    std::vector<Eigen::Vector3d> there;
+    for (const Neighbor& neighbor : near_) {
+      here.push_back(from_[neighbor.index]);
+      there.push_back(pose_(here.back()));
+    }
+    LocalDeformation local{closest_similarity(here, there)};
+    const Eigen::Vector3d centre = centroid(there);
+    double off = 0.0;
+    double extent = 0.0;
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      off += (local.target_from_source * here[i] - there[i]).squaredNorm();
+      extent += (there[i] - centre).squaredNorm();
+    }
+    if (extent > 0.0) local.strain = std::sqrt(off / extent);
+    return local;
+  }
+
+ private:
+  static constexpr std::size_t kNear = 24;
+
+  const DeformedPose& pose_;
+  const std::vector<Eigen::Vector3d>& from_;
+  KdTree tree_;
+  std::vector<Neighbor> near_;
+};
 
 double quantile(std::vector<double> values, double share) {
   const auto at =
@@ -191,26 +236,32 @@ std::optional<DeformedPose> DeformablePair::described(const Similarity3& start,
   const Similarity3& whole = result.target_from_source = closest_similarity(from, to);
   std::vector<double> single;
   std::vector<Similarity3> local;
-  std::vector<double> shears;
+  std::vector<double> strains;
+  LocalDeformations deformations(result, from);
   const std::size_t step = std::max<std::size_t>(1, from.size() / kLocalPoses);
+  std::size_t folds = 0;
   double squares = 0.0;
   for (std::size_t i = 0; i < from.size(); ++i) {
     single.push_back((whole * from[i] - to[i]).norm());
     squares += single.back() * single.back();
     if (i % step != 0) continue;
-    local.push_back(result.near(from[i]));
-    shears.push_back(result.deformation.shear(start * from[i]));
+    if (result.deformation.folds(start * from[i])) ++folds;
+    const LocalDeformation here = deformations.at(from[i]);
+    local.push_back(here.target_from_source);
+    strains.push_back(here.strain);
     const Vector7d off = pose_difference(whole, local.back());
     result.spread += off * off.transpose();
   }
   result.spread /= static_cast<double>(local.size());
-  const double shear = quantile(std::move(shears), 1.0 - kOutermost);
-  if (!std::isfinite(shear)) return std::nullopt;
+  if (static_cast<double>(folds) > kOutermost * static_cast<double>(local.size())) {
+    return std::nullopt;
+  }
   result.figures.matches = from.size();
   result.figures.displacement = std::sqrt(squares / static_cast<double>(from.size()));
   measure(local, result.figures);
   result.is_small = result.figures.rotation_rad <= kMostRotation &&
-                    result.figures.scale_ratio <= kMostScaleRatio && shear <= kMostShear;
+                    result.figures.scale_ratio <= kMostScaleRatio &&
+                    quantile(std::move(strains), 1.0 - kOutermost) <= kMostStrain;
   const double median = quantile(std::move(single), 0.5);
   if (median > 0.0) result.residual = quantile(std::move(deformed), 0.5) / median;
   return result;

@@ -28,7 +28,7 @@ struct DeformedPose {
   /// Mean square of the local poses' deviations from the single pose: (δt, δφ, δ log s), a left perturbation.
   Matrix7d spread = Matrix7d::Zero();
   /// Whether the deformation is small: within the map, rotations differ by at most 20 degrees, scales by a factor of at
-  /// most 1.3, and stretches at one place by a factor of at most 1.6. Two focal lengths that are 5 % off either way
+  /// most 1.3, and matches around one place are off their similarity by at most 23 % of their extent. Two focal lengths that are 5 % off either way
   /// change depths by a factor of 1.22. Beyond these limits no single pose means much.
   bool is_small = false;
   /// Median distance of the matches under the deformation that the other folds show, over that under the single

@@ -209,6 +209,14 @@ auto in_file(const JsonField& field, const Work& work) {
 constexpr double kSamePose = 1e-9;
 
 // A positive number; 1 if there is none.
+Json deviations_json(const Alignment& alignment) {
+  const auto deviations = deviations_of(alignment);
+  if (!deviations) return nullptr;
+  return {{"translation", list_of(deviations->translation)},
+          {"rotation_deg", list_of(deviations->rotation_rad * degrees(1.0))},
+          {"log_scale", or_null(deviations->log_scale)}};
+}
+
 double scale_of(const JsonField& field) {
   if (field.is_null()) return 1.0;
   const double scale = field.number();
@@ -514,6 +522,8 @@ AlignmentRecord record_of(const JsonField& field, unsigned version) {
       alignment.candidates.push_back(candidate_of(candidate, version));
     }
   }
+  if (!field["centre"].is_null()) alignment.centre = vector_of(field["centre"]);
+  alignment.other_scale = field["other_scale"].optional_number();
   alignment.parts = parts_of(field["parts"]);
   alignment.deformation = deformation_of(field["deformation"]);
   if (const JsonField history = field["history"]; !history.is_null()) {
@@ -551,6 +561,9 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
   }
   json["covariance"] = covariance_json(result);
   json["unobservable"] = open_directions_json(result.unobservable);
+  json["centre"] = alignment.centre ? list_of(*alignment.centre) : Json(nullptr);
+  json["deviations"] = deviations_json(alignment);
+  json["other_scale"] = or_null(alignment.other_scale);
   json["method"] = to_string(record.method);
   json["confidence"] = record.confidence;
   json["k"] = record.k;

@@ -61,6 +61,17 @@ Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c
 /// The same with a change of the unit of length.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Similarity3& c_from_a);
 
+/// Transforms the covariance of a pose, (δt, δφ) or (δt, δφ, δ log s), to one whose δt is the displacement of a point
+/// of the source instead of its origin.
+/// @param arm s·R·x of the point x
+template <class Matrix>
+Matrix covariance_at_point(const Matrix& covariance, const Eigen::Vector3d& arm) {
+  Matrix jacobian = Matrix::Identity();
+  jacobian.template block<3, 3>(0, 3) = -skew(arm);
+  if constexpr (Matrix::RowsAtCompileTime == 7) jacobian.template block<3, 1>(0, 6) = arm;
+  return propagated_covariance(jacobian, covariance);
+}
+
 /// Covariance of pose.inverse() from that of the pose; both left perturbations, (δt, δφ).
 Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance);
 /// The same with the scale, (δt, δφ, δ log s).

@@ -121,6 +121,28 @@ TEST(LeftTransformedCovariance, AgreesWithPerturbedPoses) {
   }
 }
 
+TEST(CovarianceAtPoint, IsThatOfTheDisplacementsOfThePoint) {
+  Random random(4);
+  const Similarity3 pose(
+      1.7, Rigid3(Eigen::Quaterniond(random.normal(), random.normal(), random.normal(), 1.0),
+                  {random.normal(), random.normal(), random.normal()}));
+  const Eigen::Vector3d x{random.normal(), 10.0, random.normal()};
+  for (int axis = 0; axis < 7; ++axis) {
+    Vector7d delta = Vector7d::Zero();
+    delta[axis] = 1e-6;
+    const Similarity3 moved(pose.scale() * std::exp(delta[6]),
+                            pose.rigid().perturbed(delta.head<6>()));
+    const Eigen::Vector3d off = moved * x - pose * x;
+    const Matrix7d at_point =
+        covariance_at_point(Matrix7d(delta * delta.transpose()), pose.linear() * x);
+    const Eigen::Matrix3d expected = off * off.transpose();
+    EXPECT_LT((at_point.topLeftCorner<3, 3>() - expected).norm(), 1e-15);
+    const Eigen::Vector4d rest = delta.tail<4>();
+    const Eigen::Matrix4d kept = rest * rest.transpose();
+    EXPECT_LT((at_point.bottomRightCorner<4, 4>() - kept).norm(), 1e-18);
+  }
+}
+
 TEST(NormalisedSquaredError, CountsStandardDeviations) {
   const auto truth = Rigid3::from_roll_pitch_yaw({40, -30, 20}, 0.5, -0.7, 2.0);
   Matrix6d covariance = Matrix6d::Zero();

@@ -18,13 +18,19 @@ namespace {
 // Enough items that no thread waits for another; each holds two images.
 constexpr std::size_t kFramesAhead = 6;
 
+// Depths of an image, metres.
+struct DepthRange {
+  float middle = 0.0F;  // the median
+  float reach = 0.0F;   // which one depth in 20 exceeds
+};
+
 struct PreparedFrame {
   double timestamp_s = 0.0;
   std::string name;
   std::string defect;
   bool has_depth = false;
-  std::optional<float> depth_reach_m;  // which one depth in 20 exceeds
-  std::optional<Features> features;    // std::nullopt: unreadable
+  std::optional<DepthRange> depth_range;
+  std::optional<Features> features;  // std::nullopt: unreadable
 };
 
 // A copy of an image as an OpenCV matrix.
@@ -35,8 +41,14 @@ cv::Mat matrix_of(int type, const Image<T>& image) {
   return matrix;
 }
 
+float quantile(std::vector<float>& values, std::size_t twentieths) {
+  const auto place = values.begin() + static_cast<std::ptrdiff_t>(values.size() * twentieths / 20);
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
+}
+
 // Of one pixel in 64; std::nullopt where no depth is known.
-std::optional<float> depth_reach(const cv::Mat& depth_m) {
+std::optional<DepthRange> depth_range(const cv::Mat& depth_m) {
   constexpr int kStep = 8;
   std::vector<float> depths;
   for (int row = 0; row < depth_m.rows; row += kStep) {
@@ -46,15 +58,13 @@ std::optional<float> depth_reach(const cv::Mat& depth_m) {
     }
   }
   if (depths.empty()) return std::nullopt;
-  const auto place = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() * 19 / 20);
-  std::nth_element(depths.begin(), place, depths.end());
-  return *place;
+  return DepthRange{quantile(depths, 10), quantile(depths, 19)};
 }
 
 PreparedFrame prepare(const FrameImages& images, const Odometry& odometry) {
   PreparedFrame prepared{
       images.timestamp_s,          images.name, images.defect, !images.depth_m.empty(),
-      depth_reach(images.depth_m), std::nullopt};
+      depth_range(images.depth_m), std::nullopt};
   if (!images.gray.empty()) prepared.features = odometry.extract(images.gray, images.depth_m);
   return prepared;
 }
@@ -82,6 +92,7 @@ class Mapping {
   std::vector<TimedPose> poses_;
   Rigid3 first_from_map_;  // the map being built, in the frame of the first
   std::vector<float> errors_;
+  std::vector<float> depth_middles_m_;
   std::vector<float> depth_reaches_m_;
   double landmark_sum_ = 0.0;
   bool was_lost_ = false;
@@ -94,7 +105,10 @@ class Mapping {
 void Mapping::add(PreparedFrame frame, std::size_t frames) {
   ++result_.frames;
   if (!frame.has_depth) ++result_.frames_without_depth;
-  if (frame.depth_reach_m) depth_reaches_m_.push_back(*frame.depth_reach_m);
+  if (frame.depth_range) {
+    depth_middles_m_.push_back(frame.depth_range->middle);
+    depth_reaches_m_.push_back(frame.depth_range->reach);
+  }
   FrameReport report;
   if (frame.features) {
     report = odometry_.track(frame.timestamp_s, std::move(*frame.features), frame.name);
@@ -167,17 +181,17 @@ void Mapping::add_poses(const Trajectory& trajectory) {
 // reveal.
 void Mapping::remark_on_depth() {
   if (!options_->log || depth_reaches_m_.empty()) return;
-  const auto middle =
-      depth_reaches_m_.begin() + static_cast<std::ptrdiff_t>(depth_reaches_m_.size() / 2);
-  std::nth_element(depth_reaches_m_.begin(), middle, depth_reaches_m_.end());
-  const double reach = *middle;
-  constexpr double kLeast = 0.4;  // least range of a depth camera
+  const double middle = quantile(depth_middles_m_, 10);
+  const double reach = quantile(depth_reaches_m_, 10);
+  constexpr double kLeast = 0.4;  // least range of most depth cameras
   const double most = options_->odometry.features.max_depth_m;
-  if (reach >= kLeast && reach <= most) return;
+  if (middle >= kLeast && reach <= most) return;
+  const bool near = middle < kLeast;
   options_->log(fmt::format(
-      "the depth images reach {:.3g} m, where {} to {} m are usual: their units a metre may be "
-      "wrong, and with them all lengths",
-      reach, kLeast, most));
+      "{} {:.3g} m, where depth cameras measure {} to {} m: check the depth images' units per "
+      "metre (1000 for millimetres), on which all lengths depend",
+      near ? "half of all depths are below" : "the depth images reach", near ? middle : reach,
+      kLeast, most));
 }
 
 MappedSequence Mapping::finish() {

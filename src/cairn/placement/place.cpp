@@ -194,10 +194,12 @@ struct Candidates {
 class Placement {
  public:
   /// @param scales of the source at which poses are searched for
+  /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
-            const PlaceOptions& options)
+            std::optional<double> equal, const PlaceOptions& options)
       : options_(options),
         scales_(std::move(scales)),
+        equal_(equal),
         source_(source),
         target_(target),
         pair_(source.centred(), target.centred()),
@@ -285,6 +287,9 @@ class Placement {
     return better;
   }
 
+  /// How far two poses are apart: root mean square over the source's landmarks.
+  double apart(const Similarity3& a, const Similarity3& b) const { return distance_(a, b); }
+
   /// Free-space check of the surroundings of the matches.
   SightCounts around(const Similarity3& pose) const {
     return surrounding_sights(source_, target_, pose, kClose * kMatched * fine(pose.scale()));
@@ -329,12 +334,12 @@ class Placement {
       result.cut_short = result.cut_short || cut;
     }
     poses.insert(poses.end(), proposed.begin(), proposed.end());
-    if (!options_.scale) {
+    if (equal_) {
       const bool cut = time.cuts(kConstellationTime, [&](const std::stop_token& stop) {
         for (const ConstellationPose& found : constellations(stop)) {
           if (!accept(found.target_from_source)) continue;
           poses.emplace_back();
-          set_similarity(poses.back(), Similarity3(1.0, found.target_from_source));
+          set_similarity(poses.back(), Similarity3(*equal_, found.target_from_source));
         }
       });
       result.cut_short = result.cut_short || cut;
@@ -374,14 +379,17 @@ class Placement {
     return descriptor_poses(matches_, Random(options_.seed).fork(4), options);
   }
 
-  // Poses that align a constellation and its surroundings.
+  // Poses that align a constellation and its surroundings. They need distances, hence one unit.
   std::vector<ConstellationPose> constellations(const std::stop_token& stop) const {
     const ConstellationOptions options{
-        .fine = sample_.at(1.0).fine,
+        .fine = sample_.at(*equal_).fine,
         .draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort)),
         .execution = {.executor = options_.execution.executor, .stop = stop}};
-    return constellation_poses(sample_of(pair_.source()), sample_of(pair_.target()),
-                               Random(options_.seed).fork(6), options);
+    const auto sample = sample_of(pair_.source());
+    std::vector<Eigen::Vector3d> source(sample.begin(), sample.end());
+    for (Eigen::Vector3d& position : source) position *= *equal_;
+    return constellation_poses(source, sample_of(pair_.target()), Random(options_.seed).fork(6),
+                               options);
   }
 
   // The first pose and those that may be right instead; empty if too few matches agree with the first.
@@ -479,6 +487,7 @@ class Placement {
 
   const PlaceOptions& options_;
   std::vector<double> scales_;
+  std::optional<double> equal_;
   PreparedCloud source_;
   PreparedCloud target_;
   CentredPair pair_;
@@ -532,17 +541,22 @@ class PreparedPair::Parts {
       std::swap(options_.gravity->source, options_.gravity->target);
     }
     std::vector<double> scales = {1.0};
+    std::optional<double> equal = 1.0;
     if (options_.scale) {
       const double least = options_.scale->least / unit_;
       const double most = options_.scale->most / unit_;
       options_.scale = inverted_ ? ScaleRange{1.0 / most, 1.0 / least} : ScaleRange{least, most};
       scales = scales_about_one(*options_.scale);
+      // Free units are often equal, as of two maps that one program made.
+      equal = inverted_ ? unit_ : 1.0 / unit_;
+      if (*equal < options_.scale->least || *equal > options_.scale->most) equal.reset();
+      if (equal && *equal != 1.0) scales.push_back(*equal);
     }
     const PreparedCloud moving = source.scaled(unit_, options.execution.executor);
     if (inverted_) {
-      placement_.emplace(target, moving, std::move(scales), options_);
+      placement_.emplace(target, moving, std::move(scales), equal, options_);
     } else {
-      placement_.emplace(moving, target, std::move(scales), options_);
+      placement_.emplace(moving, target, std::move(scales), equal, options_);
     }
   }
 
@@ -746,12 +760,15 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
     result.reason = *std::move(why);
     return;
   }
+  // A distance of poses, in matching radii.
+  const auto radii = [&](double apart) {
+    return (inverted_ ? apart / held.scale : apart) / result.radius;
+  };
   if (better) {
-    const double unit = inverted_ ? 1.0 / held.scale : 1.0;
     result.reason = fmt::format(
         "another pose, {:.2g} matching radii away (root mean square over the landmarks), fits "
         "better: its probability is {}",
-        *better * unit / result.radius, probability_text(found.poses[own].probability));
+        radii(*better), probability_text(found.poses[own].probability));
     return;
   }
   result.own = own;
@@ -762,7 +779,25 @@ void PreparedPair::Parts::conclude_held(const Placed& placed, const Finalist& he
         probability_text(found.poses.front().probability), probability_text(result.probability));
     return;
   }
+  // Beside an optimum, directions can look open that are determined.
+  std::optional<double> off;
+  if (!result.alignment.unobservable.empty()) {
+    const RegistrationResult optimum = refined(held, false, time, result);
+    if (optimum.covariance) {
+      off = placement_->apart(held.similarity(), centred(optimum.similarity()));
+      result.alignment.unobservable.clear();
+      result.alignment.covariance = optimum.covariance;
+    }
+  }
   judge_best(found.poses.front(), result);
+  if (off) result.alignment.covariance.reset();
+  if (off && result.verdict != Verdict::kRejected) {
+    result.verdict = Verdict::kAmbiguous;
+    result.reason = fmt::format(
+        "the pose has no covariance, because it is {:.2g} matching radii (root mean square over "
+        "the landmarks) beside an optimum; {}",
+        radii(*off), result.reason);
+  }
 }
 
 void PreparedPair::Parts::require_scale(const Similarity3& pose) const {

@@ -13,14 +13,6 @@
 namespace cairn::report {
 namespace {
 
-PoseDeviations deviations_of(const RegistrationResult& result) {
-  const Eigen::Matrix<double, 6, 1> deviations = result.covariance->diagonal().cwiseSqrt();
-  PoseDeviations named{.translation = deviations.head<3>(),
-                       .rotation_deg = deviations.tail<3>() * degrees(1.0)};
-  if (const auto& all = result.covariance_with_scale) named.log_scale = std::sqrt((*all)(6, 6));
-  return named;
-}
-
 // The terms of the probability. As there, without the evidence of a single object, which may occur twice.
 std::vector<std::pair<std::string, double>> evidence_of(const Support& support) {
   std::vector<std::pair<std::string, double>> evidence = {
@@ -44,7 +36,7 @@ AlignmentAnswer answer_of(const Alignment& alignment, const std::string& name) {
                          .reason = alignment.reason,
                          .target_from_source = alignment.estimate};
   if (alignment.radius > 0.0) answer.radius = alignment.radius;
-  if (alignment.registration.covariance) answer.deviations = deviations_of(alignment.registration);
+  answer.deviations = deviations_of(alignment);
   for (const OpenDirection& open : alignment.registration.unobservable) {
     answer.open.push_back({open.translation, open.rotation, open.log_scale});
   }

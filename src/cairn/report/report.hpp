@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -350,13 +351,6 @@ struct AnswerCandidate {
   std::optional<double> contradicted = {};  ///< share of the compared lines of sight
   /// Log-likelihood ratios versus a wrong pose, by source.
   std::vector<std::pair<std::string, double>> evidence = {};
-};
-
-/// Square roots of the covariance's diagonal: a left perturbation in the target's frame.
-struct PoseDeviations {
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< along x, y, z; the maps' unit
-  Eigen::Vector3d rotation_deg = Eigen::Vector3d::Zero();  ///< about x, y, z; degrees
-  std::optional<double> log_scale = {};                    ///< if a scale was estimated
 };
 
 /// A small motion that the matches do not determine; see OpenDirection.

@@ -20,6 +20,7 @@
 #include "cairn/core/json_text.hpp"
 #include "cairn/core/plain_text.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/report/detail/gzip_base64.hpp"
 #include "cairn/report/detail/markup.hpp"
 #include "cairn/report/viewer_page.hpp"
@@ -742,7 +743,7 @@ Json alignment_json(const AlignmentAnswer& alignment) {
   if (alignment.target_from_source) json["estimate"] = pose_json(*alignment.target_from_source);
   if (const auto& deviations = alignment.deviations) {
     json["deviations"] = {{"translation", to_json(deviations->translation)},
-                          {"rotation_deg", to_json(deviations->rotation_deg)},
+                          {"rotation_deg", to_json(deviations->rotation_rad * degrees(1.0))},
                           {"log_scale", to_json(deviations->log_scale)}};
   }
   json["open"] = Json::array();

@@ -10,6 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/report/detail/gzip_base64.hpp"
 #include "cairn/report/machine.hpp"
@@ -50,16 +51,18 @@ std::string refusal_of_page(std::string_view page) {
 }
 
 Answer ambiguous_answer() {
-  AlignmentAnswer one{.name = "base",
-                      .status = "ambiguous",
-                      .judged = true,
-                      .probability = 0.75,
-                      .reason = "one of two",
-                      .target_from_source = Similarity3(
-                          1.5, Rigid3(Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0), {1.0, 2.0, 3.0})),
-                      .deviations = PoseDeviations{{0.25, 0.5, 1.0}, {1.0, 2.0, 3.0}, 0.125},
-                      .open = {{{0.0, 1.0, 0.0}, {0.0, 0.0, 0.5}, 0.0}},
-                      .radius = 0.5};
+  AlignmentAnswer one{
+      .name = "base",
+      .status = "ambiguous",
+      .judged = true,
+      .probability = 0.75,
+      .reason = "one of two",
+      .target_from_source =
+          Similarity3(1.5, Rigid3(Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0), {1.0, 2.0, 3.0})),
+      .deviations =
+          PoseDeviations{{0.25, 0.5, 1.0}, radians(1.0) * Eigen::Vector3d(1.0, 2.0, 3.0), 0.125},
+      .open = {{{0.0, 1.0, 0.0}, {0.0, 0.0, 0.5}, 0.0}},
+      .radius = 0.5};
   one.candidates = {{.probability = 0.75,
                      .matches = 12,
                      .share = 0.5,

@@ -23,12 +23,7 @@ AlignOptions align_options(const LinkOptions& options) {
   return align;
 }
 
-bool has_free_scale(const PreparedMap& target, const PreparedMap& source) {
-  return target.length_unit() == LengthUnit::kFree || source.length_unit() == LengthUnit::kFree;
-}
-
-MapLink linked(const PreparedMap& target, const PreparedMap& source, AlignOptions options) {
-  if (has_free_scale(target, source)) options.scale = ScaleRange();
+MapLink linked(const PreparedMap& target, const PreparedMap& source, const AlignOptions& options) {
   Alignment alignment = align(source, target, options);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "merge", "linking was cancelled", "");
@@ -65,7 +60,7 @@ std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const Pre
   placement.min_probability = options.min_probability;
   placement.prior_odds = options.prior_odds;
   placement.effort = options.effort;
-  if (has_free_scale(target, source)) placement.scale = ScaleRange();
+  placement.scale = scale_range(align_options(options), source.length_unit(), target.length_unit());
   placement.seed = options.seed;
   placement.execution = options.execution.without_progress();
   PartsAlignment parts = place_by_parts(source, target, placement);
