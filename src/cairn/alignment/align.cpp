@@ -336,8 +336,13 @@ void take_deformed(const PreparedMap& source, const PreparedMap& target,
                    const AlignOptions& options, const DeformedPose& pose, PlacementResult placed,
                    Alignment& alignment) {
   RegistrationResult result = held(source, target, options, pose.target_from_source, alignment);
-  result.covariance = placed.alignment.covariance;
-  result.covariance_with_scale = placed.alignment.covariance_with_scale;
+  // Judged was another pose, that of the deformed source.
+  const Eigen::Vector3d arm =
+      pose.target_from_source.translation() - placed.alignment.similarity().translation();
+  result.covariance = covariance_at_point(*placed.alignment.covariance, arm);
+  if (const auto& with_scale = placed.alignment.covariance_with_scale) {
+    result.covariance_with_scale = covariance_at_point(*with_scale, arm);
+  }
   widen(result, pose.spread);
   alignment.registration = std::move(result);
   alignment.reason = fmt::format("{}; as deformed: {}; undeformed: {}",

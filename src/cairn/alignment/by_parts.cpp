@@ -10,6 +10,7 @@
 #include <Eigen/Cholesky>
 
 #include "cairn/alignment/detail/pose_difference.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
@@ -351,7 +352,9 @@ std::optional<Matrix7d> spread_of(const Side& side, const Similarity3& whole) {
     sum += off * off.transpose();
     ++count;
     if (!trial.covariance || !trial.decisive) continue;
-    within += *trial.covariance;
+    // That of the part's own pose, carried to the whole's.
+    within += covariance_at_point(*trial.covariance,
+                                  whole.translation() - trial.pose.found->translation());
     ++known;
   }
   if (known == 0.0) return std::nullopt;

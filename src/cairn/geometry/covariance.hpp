@@ -61,9 +61,9 @@ Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c
 /// The same with a change of the unit of length.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Similarity3& c_from_a);
 
-/// Transforms the covariance of a pose, (δt, δφ) or (δt, δφ, δ log s), to one whose δt is the displacement of a point
-/// of the source instead of its origin.
-/// @param arm s·R·x of the point x
+/// Transforms the covariance of a pose, (δt, δφ) or (δt, δφ, δ log s), to one whose δt is the displacement of another
+/// point that moves with the source: that of a landmark, or of the origin of another pose in the same target.
+/// @param arm from the source's origin to the point, in the target: s·R·x of a point x of the source
 template <class Matrix>
 Matrix covariance_at_point(const Matrix& covariance, const Eigen::Vector3d& arm) {
   Matrix jacobian = Matrix::Identity();

@@ -12,6 +12,7 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/io/content_uuid.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/mapping/corrected_trajectory.hpp"
@@ -71,20 +72,52 @@ PoseGraph session_graph(const MappedSequence& session, const std::vector<MapLink
   return graph;
 }
 
-// Gives nodes without a pose one by odometry from their neighbour, and moves the first to the identity.
+// Covariance of a pose after that of its neighbour and of the link between both, neighbour_from_pose.
+Matrix7d chained_covariance(const Matrix7d& of_neighbour, const Similarity3& world_from_neighbour,
+                            const Matrix6d& of_link, const Similarity3& world_from_pose) {
+  Matrix7d sum = covariance_at_point(
+      of_neighbour, world_from_pose.translation() - world_from_neighbour.translation());
+  sum.topLeftCorner<6, 6>() += left_transformed_covariance(of_link, world_from_neighbour);
+  return sum;
+}
+
+// Moves the first node to the identity. Its error becomes that of all others.
+void move_first_to_identity(OptimisedPoses& poses) {
+  auto& nodes = poses.world_from_node;
+  const Similarity3 world_from_first = *nodes.front();
+  const Similarity3 first_from_world = world_from_first.inverse();
+  Matrix7d turn = Matrix7d::Identity();
+  turn.topLeftCorner<3, 3>() = turn.block<3, 3>(3, 3) = first_from_world.rigid().rotation();
+  const Matrix7d of_first = poses.covariances.front();
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const Eigen::Vector3d arm = nodes[i]->translation() - world_from_first.translation();
+    poses.covariances[i] = propagated_covariance(
+        turn, Matrix7d(poses.covariances[i] + covariance_at_point(of_first, arm)));
+    nodes[i] = first_from_world * *nodes[i];
+  }
+  nodes.front() = Similarity3();
+  poses.covariances.front().setZero();
+}
+
+// Gives nodes without a pose one by odometry from their neighbour, with its covariance.
 void place_all(const MappedSequence& session, OptimisedPoses& poses) {
   auto& nodes = poses.world_from_node;
-  const auto link = [&](std::size_t i) { return Similarity3(session.links[i].previous_from_next); };
   for (std::size_t i = 1; i < nodes.size(); ++i) {
-    if (!nodes[i] && nodes[i - 1]) nodes[i] = *nodes[i - 1] * link(i - 1);
+    if (nodes[i] || !nodes[i - 1]) continue;
+    const MiniMapLink& link = session.links[i - 1];
+    nodes[i] = *nodes[i - 1] * Similarity3(link.previous_from_next);
+    poses.covariances[i] =
+        chained_covariance(poses.covariances[i - 1], *nodes[i - 1], link.covariance, *nodes[i]);
   }
   for (std::size_t i = nodes.size() - 1; i > 0; --i) {
-    if (!nodes[i - 1] && nodes[i]) nodes[i - 1] = *nodes[i] * link(i - 1).inverse();
+    if (nodes[i - 1] || !nodes[i]) continue;
+    const MiniMapLink& link = session.links[i - 1];
+    nodes[i - 1] = *nodes[i] * Similarity3(link.previous_from_next.inverse());
+    poses.covariances[i - 1] = chained_covariance(
+        poses.covariances[i], *nodes[i],
+        inverse_covariance(link.previous_from_next, link.covariance), *nodes[i - 1]);
   }
-  const Similarity3 first_from_world = nodes.front()->inverse();
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    nodes[i] = i == 0 ? Similarity3() : first_from_world * *nodes[i];
-  }
+  if (nodes.front()->matrix() != Matrix4d::Identity()) move_first_to_identity(poses);
 }
 
 std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,

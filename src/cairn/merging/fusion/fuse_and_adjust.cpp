@@ -34,8 +34,8 @@ LandmarkMap with_uncertain_references(LandmarkMap map,
       const FrameIndex frame = frames[m][i];
       if (references[frame.value] != frame || of_reference.contains(frame)) continue;
       Matrix7d covariance =
-          carried_covariance(maps[m].covariance, maps[m].world_from_map.translation(),
-                             map.world_from_camera(frame).translation());
+          covariance_at_point(maps[m].covariance, map.world_from_camera(frame).translation() -
+                                                      maps[m].world_from_map.translation());
       if (!in_map.empty() && in_map[i]) {
         covariance.topLeftCorner<6, 6>() +=
             left_transformed_covariance(*in_map[i], maps[m].world_from_map);
@@ -45,8 +45,8 @@ LandmarkMap with_uncertain_references(LandmarkMap map,
   }
   // Of a point that moves with a reference.
   const auto carried_to = [&](const Eigen::Vector3d& point, FrameIndex reference) {
-    return carried_covariance(of_reference.at(reference),
-                              map.world_from_camera(reference).translation(), point);
+    return covariance_at_point(of_reference.at(reference),
+                               point - map.world_from_camera(reference).translation());
   };
   const OptionalColumn<Matrix6d>& relative = map.frames().pose_covariances;
   OptionalColumn<Matrix6d> poses = relative;

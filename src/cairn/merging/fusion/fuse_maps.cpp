@@ -76,6 +76,65 @@ std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex fram
   return 0.5 * (sum + sum.transpose());
 }
 
+// Which landmark of which map is one of those that a fused landmark combines.
+struct Member {
+  std::uint32_t map = 0;
+  std::uint32_t landmark = 0;
+  double probability = 1.0;  // that it is the same as the earlier ones
+  std::uint32_t previous = kNoMember;
+
+  static constexpr std::uint32_t kNoMember = std::numeric_limits<std::uint32_t>::max();
+};
+
+// An estimate of a position, and the measurements of it.
+struct Estimate {
+  Vector3d position;
+  Matrix3d covariance;
+};
+
+// The information-weighted mean of all of `measured`. Its covariance is that of a mixture: with probability 1 - wrong all
+// are one landmark, otherwise any of them is another. Zero if one of them is exact.
+Estimate combined(std::span<const Estimate> measured, double wrong) {
+  const std::size_t count = measured.size();
+  // Sums of information and of its products with the positions, before and from each measurement.
+  struct Sum {
+    Matrix3d information = Matrix3d::Zero();
+    Vector3d moment = Vector3d::Zero();
+
+    Estimate estimate(const Vector3d& origin) const {
+      const Matrix3d covariance = information.inverse();
+      return {origin + covariance * moment, covariance};
+    }
+  };
+  // About one of them, since the mean lies among them, far from the world's origin.
+  const Vector3d& origin = measured.front().position;
+  std::vector<Sum> before(count + 1);
+  std::vector<Sum> from(count + 1);
+  std::vector<Sum> each(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Matrix3d information = measured[k].covariance.inverse();
+    if (!information.allFinite()) return {measured[k].position, Matrix3d::Zero()};
+    each[k] = {information, information * (measured[k].position - origin)};
+    before[k + 1] = {before[k].information + each[k].information,
+                     before[k].moment + each[k].moment};
+  }
+  for (std::size_t k = count; k-- > 0;) {
+    from[k] = {from[k + 1].information + each[k].information, from[k + 1].moment + each[k].moment};
+  }
+  Estimate all = before[count].estimate(origin);
+  Matrix3d more = Matrix3d::Zero();
+  for (std::size_t k = 0; k < count && wrong > 0.0; ++k) {
+    const Sum others{before[k].information + from[k + 1].information,
+                     before[k].moment + from[k + 1].moment};
+    const Estimate without = others.estimate(origin);
+    const Vector3d apart = without.position - all.position;
+    more += without.covariance - all.covariance + apart * apart.transpose();
+  }
+  const Matrix3d mixture = all.covariance + wrong / static_cast<double>(count) * more;
+  all.covariance = 0.5 * (mixture + mixture.transpose());
+  return all;
+}
+
 // The fused map under construction.
 class Fusion {
  public:
@@ -88,9 +147,10 @@ class Fusion {
   void add_frames(std::size_t m);
   std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
                                         std::optional<CameraIndex> camera) const;
-  void fuse(std::uint32_t landmark, const Vector3d& position, const Matrix3d& covariance,
-            bool known, double probability, double variance);
-  void append(std::size_t m, std::uint32_t i, const WorldLandmarks& world);
+  void estimate_variances(std::size_t m, const AssociationResult& association);
+  Estimate estimate(std::uint32_t landmark) const;
+  void append(std::size_t m, std::uint32_t i);
+  void set_positions();
   void take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark);
   void take_further(const DescriptorColumn& theirs, std::uint32_t i, std::uint32_t landmark);
   void set_further();
@@ -109,7 +169,13 @@ class Fusion {
   const FusionOptions& options_;
   FusionResult result_;
   MapTables tables_;
-  std::vector<std::uint8_t> known_;  // whether all parts have a covariance
+  std::vector<WorldLandmarks> world_;  // by map
+  // By map: variance of its landmarks that their covariances do not explain. Unknown before another map has the same ones.
+  std::vector<std::optional<double>> variances_;
+  std::vector<Member> members_;
+  std::vector<std::uint32_t> last_member_;  // of each fused landmark
+  std::vector<Vector3d> positions_;         // of the fused landmarks, so far
+  std::vector<Matrix3d> covariances_;       // with the variances
   bool has_colors_ = false;
   std::vector<std::uint32_t> best_observed_;  // observations of the part that gave the descriptor
   bool has_further_ = false;                  // a map with several of a landmark
@@ -122,7 +188,7 @@ class Fusion {
 };
 
 Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
-    : maps_(maps), options_(options), landmark_of_(maps.size()) {
+    : maps_(maps), options_(options), variances_(maps.size()), landmark_of_(maps.size()) {
   std::size_t landmarks = 0;
   std::size_t frames = 0;
   for (const PlacedMap& placed : maps) {
@@ -162,25 +228,22 @@ FusionResult Fusion::run() {
       options_.execution.progress(static_cast<double>(m + 1) / static_cast<double>(maps_.size()));
     }
   }
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    if (known_[i] == 0) tables_.landmarks.covariances[i].setConstant(kNan);
-  }
-  if (std::find(known_.begin(), known_.end(), std::uint8_t{1}) == known_.end()) {
-    tables_.landmarks.covariances.clear();
-  }
+  set_positions();
   set_columns();
   set_observations();
   set_info();
-  tables_.landmarks.ids.resize(known_.size());
-  for (std::size_t i = 0; i < known_.size(); ++i) tables_.landmarks.ids[i] = LandmarkId{i};
+  tables_.landmarks.ids.resize(last_member_.size());
+  for (std::size_t i = 0; i < last_member_.size(); ++i) {
+    tables_.landmarks.ids[i] = LandmarkId{i};
+  }
   result_.map = LandmarkMap(std::move(tables_));
   return std::move(result_);
 }
 
 void Fusion::add(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
-  const WorldLandmarks world = in_world(maps_[m], options_.execution.executor);
-  LandmarkTable& landmarks = tables_.landmarks;
+  const WorldLandmarks& world =
+      world_.emplace_back(in_world(maps_[m], options_.execution.executor));
   AssociationResult association;
   if (m > 0) {
     AssociationOptions how;
@@ -191,61 +254,120 @@ void Fusion::add(std::size_t m) {
       return column ? &*column : nullptr;
     };
     association =
-        associate({landmarks.positions, landmarks.covariances, looks(landmarks.descriptors)},
+        associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
                   {world.positions, world.covariances, looks(map.landmarks().descriptors)}, how);
   }
   MapFusion& fusion = result_.maps.emplace_back();
   fusion.landmarks = map.landmark_count();
   fusion.fused = association.pairs.size();
   fusion.deviation = association.deviation;
-  const double variance = association.deviation * association.deviation;
+  estimate_variances(m, association);
   landmark_of_[m].resize(map.landmark_count());
   auto next = association.pairs.begin();
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
     if (next != association.pairs.end() && next->second == i) {
-      landmark_of_[m][i] = next->first;
-      fuse(next->first, world.positions[i], world.covariances[i], has_covariance(m, i),
-           next->probability, variance);
-      take_looks(m, i, next->first);
-      ++parts_[next->first];
+      const std::uint32_t landmark = landmark_of_[m][i] = next->first;
+      members_.push_back(
+          {static_cast<std::uint32_t>(m), i, next->probability,
+           std::exchange(last_member_[landmark], static_cast<std::uint32_t>(members_.size()))});
+      take_looks(m, i, landmark);
+      ++parts_[landmark];
       ++next;
     } else {
-      landmark_of_[m][i] = static_cast<std::uint32_t>(known_.size());
-      append(m, i, world);
+      landmark_of_[m][i] = static_cast<std::uint32_t>(last_member_.size());
+      append(m, i);
     }
+  }
+  for (const Association& pair : association.pairs) {
+    const Estimate now = estimate(pair.first);
+    positions_[pair.first] = now.position;
+    covariances_[pair.first] = now.covariance;
   }
   if (has_further_) set_further();
 }
 
-// Information-weighted mean, with the covariance of a mixture: with the association's probability the pair is
-// one landmark, otherwise two, either of which the fused one represents.
-void Fusion::fuse(std::uint32_t landmark, const Vector3d& position, const Matrix3d& covariance,
-                  bool known, double probability, double variance) {
-  Vector3d& mean = tables_.landmarks.positions[landmark];
-  Matrix3d& spread = tables_.landmarks.covariances[landmark];
-  // A part without covariance has only the common deviation of the maps.
-  const Matrix3d half = 0.5 * variance * Matrix3d::Identity();
-  const Matrix3d a = spread + (known_[landmark] != 0 ? 1.0 : 2.0) * half;
-  const Matrix3d b = covariance + (known ? 1.0 : 2.0) * half;
-  const Matrix3d gain = a * (a + b).inverse();
-  if (!gain.allFinite()) return;  // both are exact
-  const Vector3d apart = position - mean;
-  const Vector3d moved = gain * apart;
-  const Vector3d back = moved - apart;
-  const Matrix3d one = a - gain * a;
-  const Matrix3d two = 0.5 * (a + moved * moved.transpose() + b + back * back.transpose());
-  const Matrix3d mixture = probability * one + (1.0 - probability) * two;
-  mean += moved;
-  spread = 0.5 * (mixture + mixture.transpose());
-  if (!known) known_[landmark] = 0;
+// The association finds by how much the landmarks of a map and those of the earlier ones are farther apart than their
+// covariances say. Earlier maps whose variance is known already have their part of it in the covariances; the others are
+// taken for as good as this one.
+void Fusion::estimate_variances(std::size_t m, const AssociationResult& association) {
+  if (association.pairs.empty()) return;
+  std::vector<bool> unknown(maps_.size());
+  std::size_t of_unknown = 0;
+  for (const Association& pair : association.pairs) {
+    const Member& member = members_[last_member_[pair.first]];
+    if (variances_[member.map]) continue;
+    unknown[member.map] = true;
+    ++of_unknown;
+  }
+  const double share =
+      static_cast<double>(of_unknown) / static_cast<double>(association.pairs.size());
+  const double variance = association.deviation * association.deviation / (1.0 + share);
+  variances_[m] = variance;
+  for (std::size_t k = 0; k < m; ++k) {
+    if (!unknown[k]) continue;
+    variances_[k] = variance;
+    for (const std::uint32_t landmark : landmark_of_[k]) {
+      covariances_[landmark].diagonal().array() += variance;
+    }
+  }
 }
 
-void Fusion::append(std::size_t m, std::uint32_t i, const WorldLandmarks& world) {
-  const auto landmark = static_cast<std::uint32_t>(known_.size());
+Estimate Fusion::estimate(std::uint32_t landmark) const {
+  std::vector<Estimate> measured;
+  double wrong = 0.0;
+  for (std::uint32_t at = last_member_[landmark]; at != Member::kNoMember;
+       at = members_[at].previous) {
+    const Member& member = members_[at];
+    const WorldLandmarks& world = world_[member.map];
+    Matrix3d covariance = world.covariances[member.landmark];
+    covariance.diagonal().array() += variances_[member.map].value_or(0.0);
+    measured.push_back({world.positions[member.landmark], covariance});
+    wrong += 1.0 - member.probability;
+  }
+  if (measured.size() == 1) return measured.front();
+  // The first of the maps first.
+  std::reverse(measured.begin(), measured.end());
+  return combined(measured, wrong);
+}
+
+// What only one map has stays as it is there.
+void Fusion::set_positions() {
   LandmarkTable& landmarks = tables_.landmarks;
-  landmarks.positions.push_back(world.positions[i]);
-  landmarks.covariances.push_back(world.covariances[i]);
-  known_.push_back(has_covariance(m, i) ? 1 : 0);
+  const std::size_t count = last_member_.size();
+  landmarks.positions = std::move(positions_);
+  landmarks.covariances.resize(count);
+  std::vector<std::uint8_t> known(count, 1);  // whether all of its landmarks have a covariance
+  options_.execution.executor.for_blocks(count, kBlock, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto landmark = static_cast<std::uint32_t>(i);
+      for (std::uint32_t at = last_member_[i]; at != Member::kNoMember;
+           at = members_[at].previous) {
+        if (!has_covariance(members_[at].map, members_[at].landmark)) known[i] = 0;
+      }
+      const Member& last = members_[last_member_[i]];
+      if (parts_[i] > 1) {
+        const Estimate fused = estimate(landmark);
+        landmarks.positions[i] = fused.position;
+        landmarks.covariances[i] = fused.covariance;
+      } else {
+        landmarks.covariances[i] = world_[last.map].covariances[last.landmark];
+      }
+      if (known[i] == 0) landmarks.covariances[i].setConstant(kNan);
+    }
+  });
+  if (std::find(known.begin(), known.end(), std::uint8_t{1}) == known.end()) {
+    landmarks.covariances.clear();
+  }
+}
+
+void Fusion::append(std::size_t m, std::uint32_t i) {
+  const auto landmark = static_cast<std::uint32_t>(last_member_.size());
+  LandmarkTable& landmarks = tables_.landmarks;
+  last_member_.push_back(static_cast<std::uint32_t>(members_.size()));
+  members_.push_back({.map = static_cast<std::uint32_t>(m), .landmark = i});
+  const Estimate now = estimate(landmark);
+  positions_.push_back(now.position);
+  covariances_.push_back(now.covariance);
   from_map_.push_back(static_cast<std::uint32_t>(m));
   from_landmark_.push_back(i);
   parts_.push_back(1);
@@ -392,7 +514,7 @@ std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
 }
 
 void Fusion::set_columns() {
-  const std::size_t count = known_.size();
+  const std::size_t count = last_member_.size();
   std::vector<NamedColumn>& columns = tables_.landmarks.columns;
   std::vector<double> from_map(count);
   std::vector<double> from_landmark(count);
@@ -471,7 +593,7 @@ void Fusion::set_observations() {
   }
   if (!any) return;
   const std::vector<std::vector<bool>> repeated = repeated_observations();
-  observations.offsets.assign(known_.size() + 1, 0);
+  observations.offsets.assign(last_member_.size() + 1, 0);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const ObservationTable& theirs = maps_[m].map->observations();
     if (theirs.offsets.empty()) continue;

@@ -59,11 +59,14 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 
 /// Fuses maps in one frame into one map.
 ///
-/// Takes the maps in order and fuses each landmark with the same landmark of the earlier maps (associate()).
-/// The position is the information-weighted mean. A landmark's information includes its map's pose
-/// covariance and half the square of MapFusion::deviation. The covariance is that of the mixture of "same
-/// landmark" and "two landmarks" with the pair's probability. Landmarks of one map are never fused. If a
-/// landmark has no covariance, the whole square stands for it, and the result has no covariance.
+/// Takes the maps in order and finds the same landmarks of the earlier maps (associate()). A landmark's position is the
+/// information-weighted mean of all maps' together: of their covariances, with the map's pose covariance, and of the
+/// variance per map that these do not explain. n maps of one quality weigh 1/n each, in any order. The covariance is
+/// that of the mixture of "same landmark" and "one of them is another" with the pairs' probabilities. Landmarks of one
+/// map are never fused. A landmark that lacks a covariance in one map has none.
+///
+/// Poses of the maps count as independent, although maps that share links err alike: covariances of landmarks far from
+/// the world's frame are then too small by what is common.
 ///
 /// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the
 /// earlier map, if one is the last frame of its map and the other the first of its, and timestamp, image name

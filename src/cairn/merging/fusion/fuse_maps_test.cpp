@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <numeric>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -469,6 +472,115 @@ TEST(FuseMaps, GetsAlongWithoutCovariances) {
   const auto shared = static_cast<double>(two.maps.shared.size());
   EXPECT_GT(static_cast<double>(result.maps[1].fused), 0.45 * shared);
   EXPECT_LT(static_cast<double>(result.maps[1].fused), 1.1 * shared);
+}
+
+// n maps of the same 400 separate points, each with errors of its own.
+struct Repeated {
+  static constexpr double kSigma = 0.01;
+
+  Repeated(std::size_t n, std::optional<double> stated_sigma, std::uint64_t seed) {
+    Random random(seed);
+    while (truth.size() < 400) {
+      const Eigen::Vector3d x(random.uniform(0.0, 20.0), random.uniform(0.0, 20.0),
+                              random.uniform(0.0, 20.0));
+      const bool apart = std::all_of(truth.begin(), truth.end(), [&](const Eigen::Vector3d& other) {
+        return (x - other).norm() > 0.8;
+      });
+      if (apart) truth.push_back(x);
+    }
+    for (std::size_t m = 0; m < n; ++m) {
+      MapTables tables;
+      for (std::size_t i = 0; i < truth.size(); ++i) {
+        const Eigen::Vector3d error(random.normal(), random.normal(), random.normal());
+        tables.landmarks.ids.push_back(LandmarkId{i});
+        tables.landmarks.positions.push_back(truth[i] + kSigma * error);
+      }
+      if (stated_sigma) {
+        tables.landmarks.covariances.assign(
+            truth.size(), *stated_sigma * *stated_sigma * Eigen::Matrix3d::Identity());
+      }
+      maps.emplace_back(std::move(tables));
+    }
+  }
+
+  FusionResult fused(const std::vector<std::size_t>& order) const {
+    std::vector<PlacedMap> placed;
+    for (const std::size_t m : order) placed.push_back({&maps[m], std::to_string(m), {}});
+    return fuse_maps(placed);
+  }
+
+  std::vector<Eigen::Vector3d> truth;
+  std::vector<LandmarkMap> maps;
+};
+
+// By point: the landmark that combines those of all n maps.
+std::map<std::size_t, std::uint32_t> landmarks_of_all(const LandmarkMap& fused, std::size_t n) {
+  std::map<std::size_t, std::uint32_t> landmarks;
+  for (std::uint32_t i = 0; i < fused.landmark_count(); ++i) {
+    if (values(fused, kFusedColumn)[i] < static_cast<double>(n)) continue;
+    landmarks[static_cast<std::size_t>(values(fused, kFromLandmarkColumn)[i])] = i;
+  }
+  return landmarks;
+}
+
+// Of each map in the positions of the landmarks that all maps have, by regression of their errors.
+Eigen::VectorXd weights_of(const Repeated& repeated, const std::vector<std::size_t>& order,
+                           const LandmarkMap& fused) {
+  const auto n = static_cast<Eigen::Index>(order.size());
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
+  const auto of_all = landmarks_of_all(fused, order.size());
+  for (const auto& [point, i] : of_all) {
+    Eigen::MatrixXd errors(3, n);
+    for (Eigen::Index m = 0; m < n; ++m) {
+      const LandmarkMap& map = repeated.maps[order[static_cast<std::size_t>(m)]];
+      errors.col(m) = map.landmarks().positions[point] - repeated.truth[point];
+    }
+    normal += errors.transpose() * errors;
+    right += errors.transpose() * (fused.landmarks().positions[i] - repeated.truth[point]);
+  }
+  EXPECT_GT(of_all.size(), 300U);
+  return normal.fullPivLu().solve(right);
+}
+
+TEST(FuseMaps, WeighsEqualMapsEquallyHoweverMany) {
+  for (const std::size_t n : {2U, 3U, 6U, 10U}) {
+    for (const std::optional<double> stated : {std::optional<double>(), {1e-3}, {1e-2}}) {
+      const Repeated repeated(n, stated, 20 + n);
+      std::vector<std::size_t> order(n);
+      std::iota(order.begin(), order.end(), std::size_t{0});
+      const FusionResult first = repeated.fused(order);
+      const Eigen::VectorXd weights = weights_of(repeated, order, first.map);
+      const double equal = 1.0 / static_cast<double>(n);
+      EXPECT_LT((weights.array() - equal).abs().maxCoeff(), 0.03)
+          << n << " maps, stated " << stated.value_or(0.0) << ": " << weights.transpose();
+      std::reverse(order.begin(), order.end());
+      const auto of_all = landmarks_of_all(first.map, n);
+      const FusionResult other = repeated.fused(order);
+      double nees = 0.0;
+      double variance = 0.0;
+      std::size_t compared = 0;
+      for (const auto& [point, i] : landmarks_of_all(other.map, n)) {
+        if (!of_all.contains(point)) continue;
+        ++compared;
+        const Eigen::Vector3d& position = other.map.landmarks().positions[i];
+        const Eigen::Vector3d& before = first.map.landmarks().positions[of_all.at(point)];
+        EXPECT_LT((position - before).norm(), 0.2 * Repeated::kSigma) << point;
+        if (!stated) continue;
+        const Eigen::Matrix3d& covariance = other.map.landmarks().covariances[i];
+        const Eigen::Vector3d error = position - repeated.truth[point];
+        nees += error.dot(covariance.inverse() * error);
+        variance += covariance.trace() / 3.0;
+      }
+      EXPECT_GT(compared, 300U);
+      if (!stated) continue;
+      const auto count = static_cast<double>(compared);
+      const double right = Repeated::kSigma * Repeated::kSigma * equal;
+      EXPECT_NEAR(variance / count, right, 0.2 * right) << n << ", " << *stated;
+      EXPECT_GT(nees / count, 2.4) << n << ", " << *stated;
+      EXPECT_LT(nees / count, 3.6) << n << ", " << *stated;
+    }
+  }
 }
 
 TEST(FuseMaps, StatesThePosesUncertaintyOfLandmarksThatComeFromElsewhere) {

@@ -2,7 +2,6 @@
 #include "cairn/merging/optimisation/update_poses.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -10,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/merging/detail/grown_poses.hpp"
 #include "cairn/merging/detail/pose_edges.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
@@ -32,15 +30,14 @@ class Update {
         frame_(group.nodes.front()),
         pose_(extents.size()),
         covariance_(before.covariances),
-        is_new_(extents.size(), false),
         use_(edges.size(), Use::kOutside),
         edges_at_(extents.size()) {
     for (std::size_t i = 0; i < group.nodes.size(); ++i)
       pose_[group.nodes[i]] = group.group_from_node[i];
-    for (const std::size_t node : group.nodes) is_new_[node] = !before.world_from_node[node];
+    has_new_nodes_ = std::any_of(group.nodes.begin(), group.nodes.end(),
+                                 [&](std::size_t node) { return !before.world_from_node[node]; });
     for (std::size_t i = 0; i < edges_.size(); ++i) {
       const PoseEdge& edge = edges_[i];
-      deviation_.push_back(std::sqrt(mean_square_disagreement(edge, extents_)));
       if (!pose_[edge.target] || !pose_[edge.source]) continue;
       use_[i] = before.agrees[edge.link] ? Use::kUsed : Use::kUnused;
       edges_at_[edge.target].push_back(i);
@@ -51,13 +48,13 @@ class Update {
   // Until no further edge is used, and none that is used disagrees.
   // @return whether the used edges still connect the group
   bool run() {
-    std::vector<std::size_t> seeds = new_nodes();
+    bool changed = has_new_nodes_;
     for (;;) {
-      for (const std::size_t node : admit()) seeds.push_back(node);
+      changed = admit() || changed;
       if (!is_connected()) return false;
-      if (seeds.empty()) return true;
-      solve(seeds);
-      seeds = expel();
+      if (!changed) return true;
+      solve();
+      changed = expel();
     }
   }
 
@@ -78,14 +75,6 @@ class Update {
  private:
   enum class Use { kOutside, kUnused, kUsed, kExpelled };
 
-  std::vector<std::size_t> new_nodes() const {
-    std::vector<std::size_t> nodes;
-    for (std::size_t i = 0; i < is_new_.size(); ++i) {
-      if (is_new_[i]) nodes.push_back(i);
-    }
-    return nodes;
-  }
-
   std::vector<PoseEdge> used_edges() const {
     std::vector<PoseEdge> used;
     for (std::size_t i = 0; i < edges_.size(); ++i) {
@@ -99,9 +88,9 @@ class Update {
   }
 
   // Uses the unused edges that can agree.
-  // @return their nodes
-  std::vector<std::size_t> admit() {
-    std::vector<std::size_t> nodes;
+  // @return whether there are any
+  bool admit() {
+    bool any = false;
     for (std::size_t i = 0; i < edges_.size(); ++i) {
       const PoseEdge& edge = edges_[i];
       if (use_[i] != Use::kUnused || !can_agree(edge, *pose_[edge.target], *pose_[edge.source],
@@ -110,16 +99,15 @@ class Update {
         continue;
       }
       use_[i] = Use::kUsed;
-      nodes.push_back(edge.target);
-      nodes.push_back(edge.source);
+      any = true;
     }
-    return nodes;
+    return any;
   }
 
   // No longer uses edges that disagree.
-  // @return their nodes
-  std::vector<std::size_t> expel() {
-    std::vector<std::size_t> nodes;
+  // @return whether there are any
+  bool expel() {
+    bool any = false;
     for (std::size_t i = 0; i < edges_.size(); ++i) {
       const PoseEdge& edge = edges_[i];
       if (use_[i] != Use::kUsed ||
@@ -128,139 +116,55 @@ class Update {
         continue;
       }
       use_[i] = Use::kExpelled;
-      nodes.push_back(edge.target);
-      nodes.push_back(edge.source);
+      any = true;
     }
-    return nodes;
+    return any;
   }
 
   bool is_connected() const {
-    const auto placed = static_cast<std::size_t>(std::count_if(
-        pose_.begin(), pose_.end(), [](const auto& pose) { return pose.has_value(); }));
-    return reached_from({frame_}, placed).size() == placed;
-  }
-
-  // Nodes within some number of used edges, nearest first.
-  std::vector<std::size_t> reached_from(const std::vector<std::size_t>& seeds,
-                                        std::size_t steps) const {
-    std::vector<std::size_t> distance(pose_.size(), kNoIndex);
-    std::vector<std::size_t> nodes;
-    const auto reach = [&](std::size_t node, std::size_t far) {
-      if (distance[node] != kNoIndex) return;
-      distance[node] = far;
-      nodes.push_back(node);
-    };
-    for (const std::size_t seed : seeds) reach(seed, 0);
+    std::vector<bool> reached(pose_.size(), false);
+    std::vector<std::size_t> nodes = {frame_};
+    reached[frame_] = true;
     for (std::size_t next = 0; next < nodes.size(); ++next) {  // NOLINT(*-loop-convert): it grows
       const std::size_t node = nodes[next];
-      if (distance[node] == steps) break;
       for (const std::size_t i : edges_at_[node]) {
-        if (use_[i] == Use::kUsed)
-          reach(edges_[i].target + edges_[i].source - node, distance[node] + 1);
+        const std::size_t other = edges_[i].target + edges_[i].source - node;
+        if (use_[i] != Use::kUsed || reached[other]) continue;
+        reached[other] = true;
+        nodes.push_back(other);
       }
+    }
+    return nodes.size() == placed_nodes().size();
+  }
+
+  std::vector<std::size_t> placed_nodes() const {
+    std::vector<std::size_t> nodes = {frame_};
+    for (std::size_t i = 0; i < pose_.size(); ++i) {
+      if (pose_[i] && i != frame_) nodes.push_back(i);
     }
     return nodes;
   }
 
-  // Optimises the poses about the seeds, as far out as they move.
-  void solve(const std::vector<std::size_t>& seeds) {
-    constexpr std::size_t kFirst = 3;  // steps
-    for (std::size_t steps = kFirst; !solve_within(reached_from(seeds, steps)); steps *= 2) {
-    }
-  }
-
-  // @return false, without a change, if that is not settled without more nodes
-  bool solve_within(std::vector<std::size_t> moving) {
-    std::erase(moving, frame_);
+  // Least squares of all used edges from the present poses, with the covariances that these edges give.
+  void solve() {
+    const std::vector<std::size_t> nodes = placed_nodes();
     std::vector<std::size_t> index(pose_.size(), kNoIndex);
-    for (const std::size_t node : moving) index[node] = 0;
-    // Fixed poses come first, and among these the frame's: it can be alone.
-    std::vector<std::size_t> nodes = {frame_};
-    std::vector<std::pair<std::size_t, double>>
-        rim;  // nodes, with the deviation of a link that ends there
-    std::vector<PoseEdge> edges;
-    std::vector<bool> is_fixed(pose_.size(), false);
-    is_fixed[frame_] = true;
-    for (const std::size_t node : moving) {
-      for (const std::size_t i : edges_at_[node]) {
-        if (use_[i] != Use::kUsed) continue;
-        const std::size_t other = edges_[i].target + edges_[i].source - node;
-        if (index[other] == kNoIndex && other != frame_) rim.emplace_back(node, deviation_[i]);
-        if (index[other] == kNoIndex && !is_fixed[other]) nodes.push_back(other);
-        if (index[other] == kNoIndex) is_fixed[other] = true;
-        if (index[other] == kNoIndex || node == edges_[i].target) edges.push_back(edges_[i]);
-      }
-    }
-    const std::size_t fixed = nodes.size();
-    nodes.insert(nodes.end(), moving.begin(), moving.end());
     std::vector<Similarity3> poses;
     for (std::size_t i = 0; i < nodes.size(); ++i) {
       index[nodes[i]] = i;
       poses.push_back(*pose_[nodes[i]]);
     }
+    std::vector<PoseEdge> edges = used_edges();
     for (PoseEdge& edge : edges) {
       edge.target = index[edge.target];
       edge.source = index[edge.source];
     }
-    PoseLeastSquares problem(edges, std::move(poses), fixed);
+    PoseLeastSquares problem(std::move(edges), std::move(poses));
     problem.solve(options_.max_iterations, kTolerance);
-    if (!rim.empty() && !is_settled(problem.poses(), nodes, rim, index, edges)) return false;
-    for (std::size_t i = fixed; i < nodes.size(); ++i) pose_[nodes[i]] = problem.poses()[i];
-    update_covariances(problem.covariances(), nodes, fixed, edges);
-    return true;
-  }
-
-  // Whether poses at the rim hardly move, compared with their edges' deviations, and all edges agree. An edge that closes a long loop disagrees with the
-  // poses until the whole loop takes part.
-  bool is_settled(const std::vector<Similarity3>& poses, const std::vector<std::size_t>& nodes,
-                  const std::vector<std::pair<std::size_t, double>>& rim,
-                  const std::vector<std::size_t>& index, std::span<const PoseEdge> edges) const {
-    constexpr double kStill = 0.05;
-    return std::none_of(rim.begin(), rim.end(),
-                        [&](const std::pair<std::size_t, double>& end) {
-                          const auto [node, deviation] = end;
-                          return disagreement(*pose_[node], poses[index[node]], extents_[node]) >
-                                 kStill * deviation;
-                        }) &&
-           std::all_of(edges.begin(), edges.end(), [&](const PoseEdge& edge) {
-             return disagreement(poses[edge.target] * edge.target_from_source, poses[edge.source],
-                                 extents_[nodes[edge.source]]) <= options_.agreement;
-           });
-  }
-
-  // From those relative to the fixed nodes, which are uncertain themselves.
-  void update_covariances(const std::vector<Matrix7d>& relative,
-                          const std::vector<std::size_t>& nodes, std::size_t fixed,
-                          std::span<const PoseEdge> edges) {
-    if (fixed == 1) {
-      for (std::size_t i = fixed; i < nodes.size(); ++i) covariance_[nodes[i]] = relative[i];
-      return;
-    }
-    // By node: the nearest fixed one.
-    std::vector<std::vector<std::size_t>> beside(nodes.size());
-    for (const PoseEdge& edge : edges) {
-      beside[edge.target].push_back(edge.source);
-      beside[edge.source].push_back(edge.target);
-    }
-    std::vector<std::size_t> nearest(nodes.size(), kNoIndex);
-    std::vector<std::size_t> queue;
-    for (std::size_t i = 0; i < fixed; ++i) {
-      nearest[i] = i;
-      queue.push_back(i);
-    }
-    for (std::size_t next = 0; next < queue.size(); ++next) {
-      for (const std::size_t other : beside[queue[next]]) {
-        if (nearest[other] != kNoIndex) continue;
-        nearest[other] = nearest[queue[next]];
-        queue.push_back(other);
-      }
-    }
-    for (std::size_t i = fixed; i < nodes.size(); ++i) {
-      if (!is_new_[nodes[i]]) continue;
-      const std::size_t anchor = nodes[nearest[i]];
-      covariance_[nodes[i]] =
-          relative[i] + carried_covariance(covariance_[anchor], pose_[anchor]->translation(),
-                                           pose_[nodes[i]]->translation());
+    const std::vector<Matrix7d> covariances = problem.covariances();
+    for (std::size_t i = 1; i < nodes.size(); ++i) {
+      pose_[nodes[i]] = problem.poses()[i];
+      covariance_[nodes[i]] = covariances[i];
     }
   }
 
@@ -268,10 +172,9 @@ class Update {
   std::span<const NodeExtent> extents_;
   PoseOptimisationOptions options_;
   std::size_t frame_;
-  std::vector<std::optional<Similarity3>> pose_;    // by node; std::nullopt outside the group
-  std::vector<Matrix7d> covariance_;                // by node
-  std::vector<bool> is_new_;                        // by node
-  std::vector<double> deviation_;                   // by edge: of the disagreement
+  std::vector<std::optional<Similarity3>> pose_;  // by node; std::nullopt outside the group
+  std::vector<Matrix7d> covariance_;              // by node
+  bool has_new_nodes_ = false;
   std::vector<Use> use_;                            // by edge
   std::vector<std::vector<std::size_t>> edges_at_;  // by node
 };

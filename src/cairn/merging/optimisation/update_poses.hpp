@@ -7,15 +7,13 @@
 
 namespace cairn {
 
-/// Updates the poses of a graph to which nodes and links were added, at the cost of their neighbourhood.
+/// Updates the poses of a graph to which nodes and links were added, without voting anew on the links used before.
 ///
-/// New nodes join the placed ones by the votes of their links, as in optimise_poses(). Only poses near the new
-/// nodes and links are then optimised; the others are fixed. The neighbourhood grows until the poses at its
-/// edge move by less than a twentieth of the standard deviation of their links, and all its links agree.
+/// New nodes join the placed ones by the votes of their links, as in optimise_poses(). All used links are then
+/// optimised from the poses before, which takes few iterations, and all covariances are those of the used links.
 ///
-/// Differs from optimise_poses() in two ways. Links that were used before stay unless the new ones contradict
-/// them nearby; a wrong majority is therefore not reconsidered. Covariances of placed nodes do not shrink, and
-/// those of new ones are upper bounds, unless the neighbourhood is the whole graph.
+/// Differs from optimise_poses() in that links that were used before stay unless the new ones contradict them; a
+/// wrong majority is therefore not reconsidered. If the same links are used, so are poses and covariances.
 ///
 /// If the frame would change, or the new links break the group apart, the result is that of optimise_poses().
 ///

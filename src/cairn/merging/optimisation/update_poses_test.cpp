@@ -111,29 +111,29 @@ double deviations(const OptimisedPoses& a, const OptimisedPoses& b) {
   return most;
 }
 
+// The law: with the same links, an update states what the full solution states.
+void expect_same(const OptimisedPoses& updated, const OptimisedPoses& anew) {
+  EXPECT_EQ(updated.agrees, anew.agrees);
+  EXPECT_LT(deviations(updated, anew), 0.1);
+  for (std::size_t i = 0; i < anew.covariances.size(); ++i) {
+    for (int k = 0; k < 6; ++k) {
+      EXPECT_NEAR(updated.covariances[i](k, k), anew.covariances[i](k, k),
+                  0.2 * anew.covariances[i](k, k))
+          << i << ", " << k;
+    }
+  }
+}
+
 TEST(UpdatePoses, PlacesANewMapAsIfAllWereOptimised) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const Drive drive(60, seed);
     const OptimisedPoses before = drive.before(drive.without(1));
     const OptimisedPoses updated = drive.updated(before);
     const OptimisedPoses anew = drive.anew();
-    EXPECT_LT(deviations(updated, anew), 0.3) << seed;
-    EXPECT_EQ(updated.agrees, anew.agrees);
+    expect_same(updated, anew);
+    expect_same(drive.updated(drive.before(drive.without(3))), anew);
     EXPECT_EQ(updated.tree, anew.tree);
   }
-}
-
-TEST(UpdatePoses, LeavesPosesFarFromTheNewMapAsTheyWere) {
-  const Drive drive(64, 6);
-  const OptimisedPoses before = drive.before(drive.without(1));
-  const OptimisedPoses updated = drive.updated(before);
-  std::size_t same = 0;
-  for (std::size_t i = 0; i < 63; ++i) {
-    same += updated.world_from_node[i]->matrix() == before.world_from_node[i]->matrix() ? 1 : 0;
-    EXPECT_EQ(updated.covariances[i], before.covariances[i]);
-  }
-  EXPECT_GT(same, 40U);
-  EXPECT_LT(same, 63U);
 }
 
 // 12 maps in a line drift by some standard deviations of a link; links from its end to its start correct all.
@@ -145,27 +145,28 @@ TEST(UpdatePoses, CorrectsTheWholeLoopThatNewLinksClose) {
   const OptimisedPoses before = drive.before(drive.without(0, 3));
   const OptimisedPoses updated = drive.updated(before);
   const OptimisedPoses anew = drive.anew();
-  EXPECT_LT(deviations(updated, anew), 0.01);
-  EXPECT_EQ(updated.agrees, anew.agrees);
+  expect_same(updated, anew);
   EXPECT_TRUE(updated.agrees.back());
-  for (std::size_t i = 1; i < 12; ++i) {
-    EXPECT_LT((updated.covariances[i] - anew.covariances[i]).norm(),
-              0.15 * anew.covariances[i].norm());
-  }
 }
 
-TEST(UpdatePoses, StatesNoSmallerCovarianceForANewMapThanAllLinksGive) {
-  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    const Drive drive(60, seed);
-    const OptimisedPoses updated = drive.updated(drive.before(drive.without(3)));
-    const OptimisedPoses anew = drive.anew();
-    for (std::size_t i = 57; i < 60; ++i) {
-      for (int k = 0; k < 6; ++k) {
-        EXPECT_GE(updated.covariances[i](k, k), 0.95 * anew.covariances[i](k, k)) << i << ", " << k;
-        EXPECT_LE(updated.covariances[i](k, k), 4.0 * anew.covariances[i](k, k)) << i << ", " << k;
-      }
-    }
-  }
+// A weak link is the only one with which the new map joins first; a strong one, at the end of a long chain, determines
+// the chain, too.
+TEST(UpdatePoses, StatesWhatAWeakLinkAndALongChainGive) {
+  Drive drive(10, 13, 10);
+  drive.graph.nodes.push_back(drive.graph.nodes.back());
+  drive.graph.nodes.back().id = NodeId{11};
+  drive.extents.push_back(drive.extents.back());
+  const auto link = [&](std::size_t target, double sigma) {
+    PoseLink one = drive.graph.links.front();
+    one.target = NodeId{target + 1};
+    one.source = NodeId{11};
+    one.target_from_source = Similarity3(drive.truth[target].inverse() * drive.truth[9]);
+    one.covariance = Matrix6d(sigma * sigma * Matrix6d::Identity());
+    drive.graph.links.push_back(one);
+  };
+  link(0, 0.05);
+  link(9, 0.001);
+  expect_same(drive.updated(drive.before(drive.without(1))), drive.anew());
 }
 
 TEST(UpdatePoses, KeepsNoWrongLinkThatOthersContradict) {

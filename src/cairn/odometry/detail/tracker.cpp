@@ -135,11 +135,16 @@ bool Odometry::Tracker::bridges(const TrackedFrame& frame) const {
 RowMotionPrior Odometry::Tracker::row_motion(const TrackedFrame& frame) const {
   if (!bridges(frame)) return no_prior(frame.features.row_motion());
   const double duration_s = frame.timestamp_s - previous_->timestamp_s;
-  const RowMotion motion =
-      motion_between(previous_->world_from_camera.inverse() * frame.world_from_camera, duration_s);
+  const Rigid3 previous_from_frame =
+      previous_->world_from_camera.inverse() * frame.world_from_camera;
+  const RowMotion motion = motion_between(previous_from_frame, duration_s);
   if (!between_) return vague_prior(motion);
-  return prior_from(motion, *between_, motion, duration_s / (duration_s + between_s_),
-                    kExtrapolated);
+  // Both in the axes of this frame's camera.
+  RowMotion before = *between_;
+  const Eigen::Quaterniond frame_from_previous = previous_from_frame.quaternion().conjugate();
+  before.velocity_m_s = frame_from_previous * before.velocity_m_s;
+  before.turn_rad_s = frame_from_previous * before.turn_rad_s;
+  return prior_from(motion, before, motion, duration_s / (duration_s + between_s_), kExtrapolated);
 }
 
 PoseEstimate Odometry::Tracker::solve_with_motion(TrackedFrame& frame,
