@@ -139,6 +139,9 @@ void ConvertArguments::add_to(CLI::App& command) {
                    "Fail with exit code 3 if Cairn's maps or the output's format cannot hold "
                    "something of the input");
   common.add_to(command);
+#ifdef CAIRN_HAS_ADJUSTMENT
+  common.add_threads_to(command);
+#endif
   command.footer(
       "Example: cut a long map into two mini-maps, and write one for a PLY viewer\n"
       "  cairn convert desk.map first.map --frames 0:120\n"

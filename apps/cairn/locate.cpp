@@ -78,6 +78,8 @@ void LocateArguments::add_to(CLI::App& command) {
            "are the images' names if all are numbers, else 0, 1, ...",
            "FILE");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   command.footer(
       "Example: find the pose of an image in a map\n"
       "  cairn locate desk.map image.png --camera fr1\n"
