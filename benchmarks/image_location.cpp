@@ -21,7 +21,7 @@
 #include "cairn/map/io/camera_file.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/sequence/sequence.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 namespace {
 
@@ -53,7 +53,7 @@ void run(int argc, char** argv) {
   FileReader camera_file(folder / "camera.yaml");
   const CameraFile camera = read_camera_file(camera_file);
   FileReader truth_file(folder / "groundtruth.txt");
-  const Trajectory truth = read_tum_trajectory(truth_file);
+  const Trajectory truth = read_trajectory(truth_file);
   SequenceOptions options;
   if (camera.depth_units_per_metre) options.depth_units_per_metre = *camera.depth_units_per_metre;
   const RgbdSequence sequence(folder, options);

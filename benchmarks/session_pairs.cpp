@@ -18,7 +18,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "random_pose.hpp"
 
@@ -105,7 +105,7 @@ std::vector<Session> read_sessions(const std::filesystem::path& folder,
     if (!exists(std::filesystem::path(file).replace_extension(".gt"))) continue;
     Session session{place, read_map(file), {}};
     FileReader truth(file.replace_extension(".gt"));
-    for (const TimedPose& pose : read_tum_trajectory(truth).poses()) {
+    for (const TimedPose& pose : read_trajectory(truth).poses()) {
       session.truth[pose.timestamp_s] = pose.world_from_camera;
     }
     sessions.push_back(std::move(session));

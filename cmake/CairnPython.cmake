@@ -23,7 +23,11 @@ if(PROJECT_IS_TOP_LEVEL AND Python_EXECUTABLE AND NOT CAIRN_SANITIZE AND NOT CAI
     set(default ON)
   endif()
 endif()
-option(CAIRN_PYTHON "Build the Python module (pybind11, NumPy)" ${default})
+# CAIRN_PYTHON builds the Python module (pybind11, NumPy). The default is not cached: what is missing when a folder is
+# configured first, as by scripts/demo, may be installed later.
+if(NOT DEFINED CACHE{CAIRN_PYTHON})
+  set(CAIRN_PYTHON ${default})
+endif()
 if(CAIRN_PYTHON)
   find_package(Python 3.9 REQUIRED COMPONENTS Interpreter Development.Module)
   find_package(pybind11 2.10 REQUIRED CONFIG)

@@ -152,6 +152,8 @@ void AlignArguments::add_to(CLI::App& command) {
   add_sequence_to(command, "--source-sequence", source_sequence, "the source map");
   add_sequence_to(command, "--target-sequence", target_sequence, "the target map");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   auto* const everywhere = command.add_flag(
       "--anywhere", anywhere,
       "Search without an initial pose; the default unless --initial or --method icp is given");

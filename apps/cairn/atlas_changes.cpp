@@ -222,6 +222,7 @@ struct DiffArguments : AtlasArguments {
     add_number(command, "--min-confidence", changes.min_confidence,
                "With --world: least confidence of a reported thing, above 0 and below 1");
     AtlasArguments::add_to(command);
+    common.add_seed_to(command);
     add_at_to(command);
     command.footer(
         "Both sessions or maps must be placed in one frame.\n"

@@ -187,6 +187,8 @@ struct LinkArguments : AtlasArguments {
                "With --manual: standard deviation of the rotation, degrees");
     add_text(command, "--reason", reason, "With --manual: reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
     command.footer(
         "Each pair is tried once, whatever the result. After an interruption, the verb continues "
         "with the\n"
@@ -340,6 +342,8 @@ struct MergeAtlasArguments : AtlasArguments {
              "Merge the maps in the frame of this one (default: the largest group)", "NAME");
     add_adjustment_to(command, options.placed);
     AtlasArguments::add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
     add_at_to(command);
     command.footer(
         "Fuses landmarks as cairn merge does. Names and leaves out maps without a pose or in "

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -62,10 +63,10 @@ struct ConvertArguments {
  private:
   const MapFormat& output_format() const;
   LandmarkMap with_estimated_covariances(const LandmarkMap& map, Json& json) const;
-  std::string beginning() const;
   bool move_points(std::string_view first) const;
   bool convert_trajectory(std::string_view first) const;
   void refuse_atlas(std::string_view first) const;
+  std::optional<PoseGraph> read_graph(std::string_view first) const;
   bool write_graph(std::string_view first) const;
 };
 
@@ -89,7 +90,8 @@ FrameRange parse_frames(const std::string& text) {
 void ConvertArguments::add_to(CLI::App& command) {
   add_text(command, "input", input,
            "Map to read: " + all_formats().titles_text() +
-               "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format")
+               "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format; or a pose graph in "
+               "g2o or JSON")
       ->required();
   add_text(command, "output", output,
            "Map to write; its ending selects the format: " + all_formats().endings_text() +
@@ -97,7 +99,8 @@ void ConvertArguments::add_to(CLI::App& command) {
       ->required();
   add_text(command, "--format", format,
            "Output format, whatever the output's ending: " + all_formats().written_names_text() +
-               "; for a trajectory: tum (default), euroc (.csv) or kitti",
+               "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph, whose "
+               "poses have no times: kitti (default: .g2o or .json, by the ending)",
            "FORMAT");
   add_text(command, "--frames", frames,
            "Cut out a mini-map: keep frames with ids from A to below B, and landmarks observed "
@@ -139,6 +142,9 @@ void ConvertArguments::add_to(CLI::App& command) {
                    "Fail with exit code 3 if Cairn's maps or the output's format cannot hold "
                    "something of the input");
   common.add_to(command);
+#ifdef CAIRN_HAS_ADJUSTMENT
+  common.add_threads_to(command);
+#endif
   command.footer(
       "Example: cut a long map into two mini-maps, and write one for a PLY viewer\n"
       "  cairn convert desk.map first.map --frames 0:120\n"
@@ -210,18 +216,6 @@ LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map,
   return estimated.map;
 }
 #endif
-// The first bytes of the input; empty if the input is no file, or the output is stdout.
-std::string ConvertArguments::beginning() const {
-  std::error_code ignored;
-  if (input == "-" || output == "-" || !std::filesystem::is_regular_file(input, ignored)) {
-    return {};
-  }
-  FileReader file(input);
-  std::string first(4096, '\0');
-  first.resize(file.read(first.data(), first.size()));
-  return first;
-}
-
 // Moves a PLY file as what it is. @return false for what is read as a map
 bool ConvertArguments::move_points(std::string_view first) const {
   if (!(first.starts_with("ply\n") || first.starts_with("ply\r")) ||
@@ -273,22 +267,77 @@ void ConvertArguments::refuse_atlas(std::string_view first) const {
                   input, output));
 }
 
-// Writes the graph of an RTAB-Map database, if that is what the names say. @return false for a map
-bool ConvertArguments::write_graph(std::string_view first) const {
-  const std::filesystem::path path(output);
-  const bool is_g2o = path.extension() == ".g2o";
-  const bool is_json =
-      path.extension() == ".json" && all_formats().format_of_ending(path) == nullptr;
-  if (!format.empty() || (!is_g2o && !is_json) || !first.starts_with("SQLite format 3")) {
-    return false;
+// The graph that the input is, or that is asked for of an RTAB-Map database.
+std::optional<PoseGraph> ConvertArguments::read_graph(std::string_view first) const {
+  const LogSink log = strict_log(common.console().log(), loading.strict);
+  if (is_g2o(first)) {
+    FileReader file(input);
+    const G2oGraph graph = read_g2o(file, log);
+    if (!graph.fixed.empty() && log) {
+      log({fmt::format("{}: the FIX of {} vertices is left out", input, graph.fixed.size()),
+           RemarkKind::kLoss});
+    }
+    return pose_graph(graph);
   }
-  const PoseGraph graph =
-      read_rtabmap_graph(input, {.log = strict_log(common.console().log(), loading.strict)});
+  if (is_pose_graph_text(first)) {
+    FileReader file(input);
+    return read_pose_graph(file);
+  }
+  const std::filesystem::path path(output);
+  const bool is_asked_for =
+      format.empty() && (path.extension() == ".g2o" ||
+                         (path.extension() == ".json" && !all_formats().format_of_ending(path)));
+  if (!is_asked_for || !first.starts_with("SQLite format 3")) return std::nullopt;
+  return read_rtabmap_graph(input, {.log = log});
+}
+
+// The poses of the nodes in the order of their ids; a graph has no times.
+// @param log receives a loss for scales, which a trajectory does not hold
+Trajectory poses_of(PoseGraph graph, const LogSink& log) {
+  const auto scaled = std::count_if(graph.nodes.begin(), graph.nodes.end(), [](const auto& node) {
+    return node.world_from_node.scale() != 1.0;
+  });
+  if (scaled > 0 && log) {
+    log({fmt::format("the scales of {} nodes are left out", scaled), RemarkKind::kLoss});
+  }
+  std::sort(graph.nodes.begin(), graph.nodes.end(),
+            [](const PoseNode& a, const PoseNode& b) { return a.id < b.id; });
+  std::vector<TimedPose> poses;
+  for (const PoseNode& node : graph.nodes) {
+    poses.push_back({static_cast<double>(poses.size()), node.world_from_node.rigid()});
+  }
+  return Trajectory(std::move(poses));
+}
+
+// Writes the graph that the input is or has. @return false for what is read as a map
+bool ConvertArguments::write_graph(std::string_view first) const {
+  const auto graph = read_graph(first);
+  if (!graph) return false;
+  if (!apply.empty() || transform.given()) {
+    throw Error(ErrorKind::kMisuse, apply.empty() ? "--transform" : "--apply", "of a pose graph",
+                "a map, a trajectory or a cloud");
+  }
+  const std::filesystem::path path(output);
+  const bool is_kitti = format == "kitti";
+  const bool is_g2o_file = format.empty() && path.extension() == ".g2o";
+  if (!is_kitti && !is_g2o_file && !(format.empty() && path.extension() == ".json")) {
+    throw Error(ErrorKind::kMisuse, format.empty() ? "output" : "--format",
+                printable(format.empty() ? output : format) + " of a pose graph",
+                "an output that ends in .g2o or .json, or --format kitti: the poses by id, because "
+                "a graph has no times");
+  }
   write_file(output, [&](const ByteSink& sink) {
-    is_g2o ? write_g2o(g2o_graph(graph), sink) : sink(pose_graph_text(graph));
+    if (is_kitti) {
+      const LogSink log = strict_log(common.console().log(), loading.strict);
+      write_trajectory(poses_of(*graph, log), TrajectoryFormat::kKitti, sink);
+    } else if (is_g2o_file) {
+      write_g2o(g2o_graph(*graph), sink);
+    } else {
+      sink(pose_graph_text(*graph));
+    }
   });
   common.console().print(
-      fmt::format("{}: {} nodes, {} links\n", output, graph.nodes.size(), graph.links.size()));
+      fmt::format("{}: {} nodes, {} links\n", output, graph->nodes.size(), graph->links.size()));
   return true;
 }
 
@@ -301,7 +350,7 @@ int ConvertArguments::run() {
     throw Error(ErrorKind::kMisuse, "--enu", "given with another transform of the map",
                 "one of them");
   }
-  const std::string first = beginning();
+  const std::string first = output == "-" ? std::string() : beginning_of(input);
   refuse_atlas(first);
   if (!apply.empty() && move_points(first)) return kDone;
   if (convert_trajectory(first)) return kDone;

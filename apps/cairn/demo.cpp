@@ -10,7 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "demo_pair.hpp"
@@ -74,6 +74,8 @@ void DemoArguments::add_to(CLI::App& command) {
            "FOLDER");
   common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   command.footer(
       "Example: save the maps and align them\n"
       "  cairn demo --save desk\n"
@@ -154,8 +156,9 @@ std::string DemoArguments::save_to_folder(const DemoPair& pair, const Rigid3& in
   write_pose(folder / "truth.txt", pair.target_from_source);
   write_pose(folder / "initial.txt", initial);
   for (const NamedTrajectory& named : pair.trajectories) {
-    write_file(folder / named.file,
-               [&](const ByteSink& sink) { write_tum_trajectory(named.trajectory, sink); });
+    write_file(folder / named.file, [&](const ByteSink& sink) {
+      write_trajectory(named.trajectory, TrajectoryFormat::kTum, sink);
+    });
     names += " " + named.file;
   }
   return names;

@@ -101,6 +101,8 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
              "Largest error of the scale in a success, percent");
   common.add_csv_to(command, "result");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   for (const char* const name :
        {"--source-trajectory", "--source-truth", "--target-trajectory", "--target-truth"}) {
     command.get_option(name)->excludes(truth_file);

@@ -20,6 +20,7 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/map_loading.hpp"
 #include "support/statistics.hpp"
 #include "support/table.hpp"
 
@@ -68,6 +69,7 @@ struct EvaluateTrajectoryArguments {
   std::string truth;
   std::string alignment = "se3";
   TrajectoryEvaluationOptions options;
+  bool strict = false;
   bool hand_eye = false;
   HandEyeOptions hand_eye_options;
 
@@ -84,10 +86,12 @@ struct EvaluateTrajectoryArguments {
 };
 
 void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
-  add_text(command, "estimate", estimate,
-           "Trajectory to evaluate, in TUM format: timestamp tx ty tz qx qy qz qw per line")
+  add_text(
+      command, "estimate", estimate,
+      "Trajectory to evaluate: in TUM format (timestamp tx ty tz qx qy qz qw per line), EuRoC's "
+      "or KITTI's, or with a line that names such columns")
       ->required();
-  add_text(command, "truth", truth, "True trajectory, in the same format")->required();
+  add_text(command, "truth", truth, "True trajectory, in any of these formats")->required();
   add_text(command, "--alignment", alignment,
            "Alignment of the estimate with the truth: none, origin (first poses coincide), se3 "
            "(least squares over all positions), sim3 (the same with scale) or poses (rotation from "
@@ -103,6 +107,8 @@ void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
   add_number(command, "--max-clock-offset", hand_eye_options.max_clock_offset_s,
              "With --hand-eye: largest clock offset, seconds; 0: one clock")
       ->needs(with_hand_eye);
+  command.add_flag("--strict", strict,
+                   "Fail with exit code 3 if poses are left out: unknown numbers, or equal times");
   common.add_csv_to(command, "compared pose");
   common.add_to(command);
   command.footer(
@@ -274,8 +280,9 @@ int EvaluateTrajectoryArguments::run() {
                       hand_eye_options.validate();
                     });
   require_outputs(common);
-  const LoadedTrajectory estimated = load_trajectory(estimate, common.console().log());
-  const LoadedTrajectory true_one = load_trajectory(truth, common.console().log());
+  const LogSink log = strict_log(common.console().log(), strict);
+  const LoadedTrajectory estimated = load_trajectory(estimate, log);
+  const LoadedTrajectory true_one = load_trajectory(truth, log);
   const TrajectoryEvaluation evaluation =
       evaluate_trajectory(estimated.trajectory, true_one.trajectory, options);
   if (!evaluation.absolute) {
@@ -285,6 +292,7 @@ int EvaluateTrajectoryArguments::run() {
   Json json = document("evaluate_trajectory", common,
                        {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
                        {{"alignment", alignment},
+                        {"strict", strict},
                         {"max_time_difference_s", options.max_time_difference_s},
                         {"hand_eye", hand_eye},
                         {"max_clock_offset_s",

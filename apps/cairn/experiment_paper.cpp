@@ -80,6 +80,7 @@ void PaperArguments::add_to(CLI::App& command) {
       ->type_name("FOLDER FOLDER");
   common.add_report_to(command, "one configuration in 3D at each iteration, figures and tables");
   common.add_to(command);
+  common.add_threads_to(command);
   command.footer(
       "Writes runs.csv, timings.csv, experiment.json, summary.md, tables/ and figures/.\n"
       "\n"

@@ -60,10 +60,11 @@ void SweepArguments::add_to(CLI::App& command) {
                    "sound, else 4");
   common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
+  common.add_threads_to(command);
   command.footer(
       "Paths in the study are relative to its file. The subfolder maps keeps simulated maps.\n"
       "\n"
-      "A study (docs/experiments.md lists all settings; the study's seed replaces --seed):\n"
+      "A study (docs/experiments.md lists all settings):\n"
       "  name: desks\n"
       "  seed: 1\n"
       "  pairs:\n"
@@ -219,6 +220,7 @@ void MergeArguments::add_to(CLI::App& command) {
       ->required();
   common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
+  common.add_threads_to(command);
   command.footer(
       "Example: run a study in two parts, for example on two machines\n"
       "  cairn experiment sweep study.yaml --shard 1/2 -o part1\n"

@@ -20,6 +20,8 @@
 #include "cairn/interchange/conventions.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/pose_graph/g2o.hpp"
+#include "cairn/pose_graph/graph_json.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -38,10 +40,15 @@ struct InfoArguments {
 
   void add_to(CLI::App& command);
   int run() const;
+
+ private:
+  bool describe_graph() const;
 };
 
 void InfoArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to read: " + all_formats().titles_text())->required();
+  add_text(command, "map", input,
+           "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
+      ->required();
   add_text(command, "--camera", camera,
            fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
   loading.add_to(command);
@@ -447,9 +454,57 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["warnings"] = findings.warnings;
 }
 
+// Prints what a pose graph holds, if the input is one. @return false for what is read as a map
+bool InfoArguments::describe_graph() const {
+  const std::string first = beginning_of(input);
+  const bool has_g2o = is_g2o(first);
+  if (!has_g2o && !is_pose_graph_text(first)) return false;
+  FileReader file(input);
+  const Console console = common.console();
+  G2oGraph g2o;
+  if (has_g2o) g2o = read_g2o(file, console.log());
+  const PoseGraph graph = has_g2o ? pose_graph(g2o) : read_pose_graph(file);
+  const auto neighbours =
+      std::count_if(graph.links.begin(), graph.links.end(),
+                    [](const PoseLink& link) { return link.kind == LinkKind::kOdometry; });
+  Eigen::AlignedBox3d extent;
+  for (const PoseNode& node : graph.nodes) extent.extend(node.world_from_node.translation());
+  Json json = document("info_pose_graph", common, {{"graph", describe_file(input, common)}},
+                       Json::object());
+  json["format"] = has_g2o ? "g2o" : "cairn.pose_graph";
+  json["vertices"] = graph.nodes.size();
+  json["edges"] = graph.links.size();
+  json["odometry_edges"] = neighbours;
+  json["fixed"] = has_g2o ? Json(g2o.fixed.size()) : Json(nullptr);
+  json["extent"] = graph.nodes.empty()
+                       ? Json(nullptr)
+                       : Json{{"low", cli::to_json(Eigen::Vector3d(extent.min()))},
+                              {"high", cli::to_json(Eigen::Vector3d(extent.max()))}};
+  json["length_unit"] = nullptr;
+  write_document(json, common);
+  const auto line = [&](std::string_view name, std::string_view value) {
+    console.print(fmt::format("  {:<22}  {}\n", name, value));
+  };
+  console.print(input + "\n");
+  line("pose graph", has_g2o ? "g2o" : "JSON of Cairn");
+  line("vertices", std::to_string(graph.nodes.size()));
+  line("edges", fmt::format("{}, {} of them {}", graph.links.size(), neighbours,
+                            has_g2o ? "between consecutive ids" : "odometry"));
+  if (has_g2o) line("fixed vertices", std::to_string(g2o.fixed.size()));
+  if (!graph.nodes.empty()) {
+    const Eigen::Vector3d& low = extent.min();
+    const Eigen::Vector3d& high = extent.max();
+    line("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f}",
+                               low.x(), high.x(), low.y(), high.y(), low.z(), high.z()));
+  }
+  line("length unit", "not stated: that of its maps, metres unless their scale is free");
+  return true;
+}
+
 int InfoArguments::run() const {
   loading.validate();
   require_folder_of(common.json_path);
+  if (describe_graph()) return kDone;
   const auto given_camera =
       camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
   LoadedMap loaded = load_map(input, common, MapLoading{.convention = "format"});

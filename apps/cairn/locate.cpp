@@ -9,6 +9,7 @@
 
 #ifdef CAIRN_HAS_ATLAS
 #include "cairn/atlas/atlas.hpp"
+#include "cairn/atlas/merged_world.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/atlas/store/sqlite_store.hpp"
 #endif
@@ -78,6 +79,8 @@ void LocateArguments::add_to(CLI::App& command) {
            "are the images' names if all are numbers, else 0, 1, ...",
            "FILE");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   command.footer(
       "Example: find the pose of an image in a map\n"
       "  cairn locate desk.map image.png --camera fr1\n"
@@ -92,17 +95,9 @@ LoadedMap LocateArguments::load_world() const {
     const AtlasState state = atlas.state();
     const std::string shown = without_password(map);
     LoadedMap loaded{shown, {}, describe_file(shown, common)};
-    if (state.nodes.size() == 1) {
-      loaded.map = atlas.map(state.nodes.begin()->second);
-      return loaded;
-    }
-    AtlasMergeOptions merging;
-    FusionOptions& fusion = merging.placed.fusion;
-    fusion.seed = common.seed;
-    fusion.execution.executor = common.executor();
-    fusion.execution.stop = interrupt_requests();
-    fusion.execution.progress = common.console().progress("merging");
-    loaded.map = atlas.merge(merging, state.commit).merged.map;
+    loaded.map = merged_world(
+        atlas, state, common.seed,
+        {common.executor(), interrupt_requests(), common.console().progress("merging")});
     return loaded;
   }
 #endif

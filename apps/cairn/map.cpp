@@ -25,7 +25,6 @@
 #include "cairn/pose_graph/graph_json.hpp"
 #include "cairn/sequence/sequence.hpp"
 #include "cairn/trajectory/trajectory_file.hpp"
-#include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"
@@ -175,6 +174,8 @@ void MapArguments::add_to(CLI::App& command) {
   command.add_flag("--skip-unreadable", skip_unreadable,
                    "Skip missing and damaged images instead of refusing the sequence");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   command.footer(
       "Example: map a TUM sequence in the frame of its ground truth, and evaluate the trajectory\n"
       "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum \\\n"
@@ -345,7 +346,9 @@ void MapArguments::write(const MappedSequence& mapped) const {
 
 void MapArguments::write_trajectory(const Trajectory& camera_path) const {
   if (trajectory.empty()) return;
-  write_file(trajectory, [&](const ByteSink& sink) { write_tum_trajectory(camera_path, sink); });
+  write_file(trajectory, [&](const ByteSink& sink) {
+    cairn::write_trajectory(camera_path, TrajectoryFormat::kTum, sink);
+  });
 }
 
 LandmarkCounts count_landmarks(std::span<const LandmarkMap> maps) {

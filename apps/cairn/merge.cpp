@@ -72,6 +72,8 @@ void MergeArguments::add_to(CLI::App& command) {
              "Align with landmarks of at least this many observations; all landmarks are merged");
   common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   command.footer(
       "Aligns every pair of maps without an initial pose and uses the pairs that are judged "
       "aligned. The\n"

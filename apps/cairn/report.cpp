@@ -66,6 +66,7 @@ void ReportArguments::add_to(CLI::App& command) {
   add_sequence_to(command, "--source-sequence", source_sequence, "the source map of one result");
   add_sequence_to(command, "--target-sequence", target_sequence, "the target map of one result");
   common.add_to(command);
+  common.add_threads_to(command);
   command.footer(
       "Reads the maps that a result names; leaves out maps that are missing or were changed.\n"
       "Shows iterations and matches if the result was written with --trace.\n"

@@ -21,7 +21,6 @@
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
 #include "cairn/trajectory/trajectory_file.hpp"
-#include "cairn/trajectory/tum.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -103,6 +102,8 @@ void SimulateArguments::add_to(CLI::App& command) {
   add_text(command, "--color-format", color_format, "png or jpeg (quality 95)", "FORMAT")
       ->capture_default_str();
   common.add_to(command);
+  common.add_threads_to(command);
+  common.add_seed_to(command);
   command.footer(
       "Example: simulate two sessions at one desk, with a tenth of the objects moved in the "
       "second\n"
@@ -271,7 +272,7 @@ int SimulateArguments::run() {
   const auto ready = std::chrono::steady_clock::now();
   write(simulator, writer);
   writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
-    write_tum_trajectory(simulator.trajectory(), sink);
+    write_trajectory(simulator.trajectory(), TrajectoryFormat::kTum, sink);
   });
   writer.add_file("camera.yaml", [&](const ByteSink& sink) {
     const auto readout = options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;

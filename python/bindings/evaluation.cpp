@@ -15,7 +15,6 @@
 #include "cairn/trajectory/trajectory.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
 #include "cairn/trajectory/trajectory_file.hpp"
-#include "cairn/trajectory/tum.hpp"
 
 #include "bindings/support.hpp"
 #include "bindings/text.hpp"
@@ -96,7 +95,9 @@ void bind_trajectory(py::module_& module) {
       .def(
           "write",
           [](const Trajectory& self, const std::filesystem::path& path) {
-            write_file(path, [&](const ByteSink& sink) { write_tum_trajectory(self, sink); });
+            write_file(path, [&](const ByteSink& sink) {
+              write_trajectory(self, TrajectoryFormat::kTum, sink);
+            });
           },
           py::arg("path"),
           "write($self, path)\n--\n\nWrites the format of the TUM RGB-D benchmark.")

@@ -84,6 +84,11 @@ std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t coun
 }
 
 DescriptorColumn descriptors_of(py::handle given, const std::string& kind, std::size_t count) {
+  if (kind.empty()) {
+    throw Error(
+        ErrorKind::kMisuse, "descriptor_kind", "not given beside descriptors",
+        "their kind, such as 'ORB' or 'SIFT'; maps are compared by descriptors of one kind");
+  }
   DescriptorColumn column;
   column.kind = kind;
   const auto array =
@@ -281,6 +286,7 @@ covariances          (n, 3, 3), of the positions; NaN where unknown
 ids                  (n,), distinct; 0, 1, ... if left out
 colors               (n, 3) uint8, red, green and blue; masked where unknown
 descriptors          (n, b) uint8; masked where unknown
+descriptor_kind      their kind, such as 'ORB' or 'SIFT'; required beside descriptors
 further_descriptors  (m, b) uint8, of other views: those of landmark i are rows
                      further_descriptor_offsets[i] to below [i + 1] of (n + 1,)
 columns              {name: (n,)}, further numbers per landmark under any name

@@ -121,6 +121,11 @@ class Columns(unittest.TestCase):
         with self.assertRaises(cairn.InputError):
             cairn.LandmarkMap.from_arrays(**given, further_descriptors=further, further_descriptor_offsets=[0, 1, 2])
 
+    def test_need_the_kind_of_their_descriptors(self):
+        expected = "descriptor_kind: not given beside descriptors; expected their kind, such as 'ORB' or 'SIFT'"
+        with self.assertRaisesRegex(cairn.MisuseError, expected):
+            cairn.LandmarkMap.from_arrays(np.zeros((2, 3)), descriptors=np.zeros((2, 32), np.uint8))
+
     def test_come_back_as_they_were_given(self):
         m = full_map()
         self.assertEqual(len(m), 3)

@@ -16,6 +16,7 @@
 namespace cairn::testing {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
@@ -160,6 +161,37 @@ TEST_F(ConvertTest, TrajectoriesGoFromFormatToFormat) {
                  {"--format", "ply", "tum, euroc or kitti"});
   write("broken.txt", "10.5 1 2 3 0 0 0 1\n10.75 1 2 4 0 0 1\n");
   expect_refusal({"convert", "broken.txt", "out.csv"}, kBadInput, {"broken.txt:2"});
+}
+
+TEST_F(ConvertTest, PoseGraphsAreTakenInG2oAndJson) {
+  write_mini_maps("minis");
+  const std::string json = "minis/pose_graph.json";
+  EXPECT_EQ(answer({"convert", json, "graph.g2o"}), "graph.g2o: 2 nodes, 1 links\n");
+  answer({"convert", "graph.g2o", "back.json"});
+  EXPECT_THAT(content("back.json"), HasSubstr("\"covariance\": ["));
+  for (const std::string& graph : {json, std::string("graph.g2o")}) {
+    answer({"convert", graph, "poses.txt", "--format", "kitti"});
+    EXPECT_EQ(content("poses.txt"), "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0\n");
+    const std::string text = answer({"info", graph});
+    EXPECT_THAT(text, ContainsRegex("vertices +2\n"));
+    EXPECT_THAT(text, ContainsRegex("edges +1, 1 of them"));
+    EXPECT_THAT(text, ContainsRegex("length unit +not stated"));
+    const Json info = document({"info", graph});
+    EXPECT_EQ(info.at("vertices"), 2);
+    EXPECT_EQ(info.at("edges"), 1);
+    expect_refusal({"convert", graph, "out.map"}, kWrongUsage,
+                   {"output", "'out.map' of a pose graph", ".g2o or .json, or --format kitti"});
+    expect_refusal({"convert", graph, "out.txt", "--format", "tum"}, kWrongUsage, {"no times"});
+    expect_refusal({"convert", graph, "out.g2o", "--transform", "1 0 0 0 0 0"}, kWrongUsage,
+                   {"--transform", "of a pose graph"});
+  }
+  write("fixed.g2o", content("graph.g2o") + "FIX 1\n");
+  EXPECT_THAT(answer({"info", "fixed.g2o"}), ContainsRegex("fixed vertices +1\n"));
+  EXPECT_THAT(cairn({"convert", "fixed.g2o", "out.json"}).errors, HasSubstr("FIX of 1 vertices"));
+  expect_refusal({"convert", "fixed.g2o", "no.json", "--strict"}, kBadInput, {"FIX of 1 vertices"});
+  write("planar.g2o", "VERTEX_SE2 1 0 0 0\n");
+  expect_refusal({"info", "planar.g2o"}, kBadInput,
+                 {"planar.g2o:1: field 1 (tag): 'VERTEX_SE2' is not read"});
 }
 
 TEST_F(ConvertTest, DamagedBinaryMapIsRefused) {

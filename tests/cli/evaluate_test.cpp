@@ -16,7 +16,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
@@ -33,7 +33,8 @@ class EvaluateTest : public CliTest {
  protected:
   void write_trajectory(std::string_view name, const Trajectory& trajectory) const {
     std::string text;
-    write_tum_trajectory(trajectory, [&](std::string_view bytes) { text += bytes; });
+    cairn::write_trajectory(trajectory, TrajectoryFormat::kTum,
+                            [&](std::string_view bytes) { text += bytes; });
     write(name, text);
   }
 
@@ -73,7 +74,7 @@ TEST_P(EvaluateVerbTest, HelpHasAnExampleAndTheCommonOptionsAndFitsATerminal) {
   EXPECT_THAT(help, HasSubstr("Usage: cairn evaluate " + verb));
   EXPECT_THAT(help, HasSubstr("Example: "));
   EXPECT_THAT(help, HasSubstr("\n  cairn evaluate " + verb + " "));
-  for (const char* const option : {"--json", "--csv", "--quiet", "--threads", "--seed"}) {
+  for (const char* const option : {"--json", "--csv", "--quiet"}) {
     EXPECT_THAT(help, HasSubstr(option));
   }
   std::istringstream lines(help);
@@ -90,7 +91,6 @@ TEST_P(EvaluateVerbTest, MistakesAreNamed) {
   const std::string help = std::string("'cairn evaluate ") + GetParam().first + " --help'";
   expect_refusal(words({"--colour"}), kWrongUsage, {"--colour", help});
   expect_refusal({"evaluate", GetParam().first}, kWrongUsage, {"not given; expected: ", help});
-  expect_refusal(words({"--seed", "x"}), kWrongUsage, {"--seed", "'x'"});
   expect_refusal(words({}), kBadInput, {"No such file"});
   expect_refusal(words({"--csv", "no/out.csv"}), kSystemError, {"no/out.csv", "no folder no"});
   expect_refusal(words({"--csv", "-", "--json", "-"}), kWrongUsage, {"--csv", "taken by --json"});
@@ -303,6 +303,21 @@ TEST_F(EvaluateTrajectoryTest, HandEyeOffsetIsEstimatedAndTakenOffTheErrors) {
       answer({"evaluate", "trajectory", "camera.txt", "body.txt", "--hand-eye"});
   EXPECT_THAT(text, ContainsRegex("rotation 2.[0-9]+ \\+- [0-9.]+ deg"));
   EXPECT_THAT(text, HasSubstr("after this correction:"));
+}
+
+TEST_F(EvaluateTrajectoryTest, PosesThatAreLeftOutAreCountedAndRefusedIfStrict) {
+  write("gaps.txt",
+        "0 nan nan nan nan nan nan nan\n1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n"
+        "3 1 1 0 0 0 0 1\n4 0 1 0 0 0 0 1\n");
+  const CommandResult read = cairn({"evaluate", "trajectory", "gaps.txt", "gaps.txt"});
+  EXPECT_EQ(read.exit_code, kDone);
+  EXPECT_THAT(read.output, HasSubstr("gaps.txt: 4 poses"));
+  EXPECT_THAT(read.errors, HasSubstr("1 of 6 poses left out, the first in line 1"));
+  EXPECT_THAT(read.errors, HasSubstr("1 of 5 poses left out, the first in line 4"));
+  expect_refusal({"evaluate", "trajectory", "gaps.txt", "gaps.txt", "--strict"}, kBadInput,
+                 {"--strict", "1 of 6 poses left out"});
+  expect_refusal({"convert", "gaps.txt", "out.txt", "--strict"}, kBadInput,
+                 {"--strict", "1 of 6 poses left out"});
 }
 
 TEST_F(EvaluateTrajectoryTest, HandEyeOffsetThatTheMotionDoesNotTellIsRefused) {
@@ -842,7 +857,7 @@ TEST_F(EvaluateRealDataTest, GroundTruthIsItsOwnTruthWhereverItIsMoved) {
   EXPECT_LT(highest({"evaluate", "trajectory", truth, truth, "--alignment", "none"}), 1e-12);
   FileReader file(truth);
   const Rigid3 motion = Rigid3::from_roll_pitch_yaw({10, -20, 5}, 0.5, -1.0, 2.5);
-  write_trajectory("moved.txt", transformed(read_tum_trajectory(file), Similarity3(1.0, motion)));
+  write_trajectory("moved.txt", transformed(read_trajectory(file), Similarity3(1.0, motion)));
   for (const char* const alignment : {"origin", "se3", "sim3"}) {
     EXPECT_LT(highest({"evaluate", "trajectory", "moved.txt", truth, "--alignment", alignment}),
               1e-9);

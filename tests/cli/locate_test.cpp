@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cairn/map/io/map_file.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
@@ -63,9 +63,9 @@ TEST_F(LocateCliTest, SaysWhereAnImageWasTaken) {
   EXPECT_EQ(result.at("covariance").size(), 6U);
   EXPECT_GT(result.at("matches").size(), 50U);
   FileReader found(path("found.tum"));
-  const auto poses = read_tum_trajectory(found);
+  const auto poses = read_trajectory(found);
   FileReader truth(path("s/groundtruth.txt"));
-  const auto true_poses = read_tum_trajectory(truth);
+  const auto true_poses = read_trajectory(truth);
   ASSERT_EQ(poses.poses().size(), 1U);
   EXPECT_NEAR(poses.poses()[0].timestamp_s, 2.0, 1e-9);
   for (const TimedPose& pose : true_poses.poses()) {
@@ -89,7 +89,7 @@ TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
   EXPECT_THAT(result.output, HasSubstr("2.000000.jpg: located: "));
   EXPECT_THAT(result.output, HasSubstr("0.000000.jpg: rejected: "));
   FileReader found(path("found.tum"));
-  EXPECT_EQ(read_tum_trajectory(found).poses().size(), 1U) << "only what is located";
+  EXPECT_EQ(read_trajectory(found).poses().size(), 1U) << "only what is located";
 }
 
 #ifdef CAIRN_HAS_ATLAS
@@ -154,9 +154,9 @@ TEST_F(RealLocateTest, FindsImagesOfAnotherRealSession) {
   words.push_back(path("other/rgb/0.000000.jpg"));
   EXPECT_EQ(cairn(words).exit_code, kNoAlignment) << "the last image is of another place";
   FileReader found_file(path("found.tum"));
-  const Trajectory found = read_tum_trajectory(found_file);
+  const Trajectory found = read_trajectory(found_file);
   FileReader truth_file(desk / "groundtruth.txt");
-  const Trajectory truth = read_tum_trajectory(truth_file);
+  const Trajectory truth = read_trajectory(truth_file);
   EXPECT_GE(found.poses().size(), 5U);
   EXPECT_LE(found.poses().size(), 10U);
   for (const TimedPose& pose : found.poses()) {

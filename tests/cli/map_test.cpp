@@ -18,7 +18,7 @@
 #include "cairn/pose_graph/g2o.hpp"
 #include "cairn/pose_graph/graph_json.hpp"
 #include "cairn/trajectory/trajectory_error.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
@@ -53,7 +53,7 @@ class MapCliTest : public CliTest {
 
   Trajectory trajectory(const std::string& name) const {
     FileReader file(path(name));
-    return read_tum_trajectory(file);
+    return read_trajectory(file);
   }
 
   // The line of a list that names a file, without its end.
@@ -179,8 +179,9 @@ TEST_F(MapCliTest, AtGivenPosesOnlyLandmarksAreEstimated) {
 TEST_F(MapCliTest, FramesWithoutAGivenPoseAreCounted) {
   const Trajectory truth = trajectory("s/groundtruth.txt");
   const std::vector<TimedPose> some(truth.poses().begin(), truth.poses().begin() + 10);
-  write_file(path("some.tum"),
-             [&](const ByteSink& sink) { write_tum_trajectory(Trajectory(some), sink); });
+  write_file(path("some.tum"), [&](const ByteSink& sink) {
+    write_trajectory(Trajectory(some), TrajectoryFormat::kTum, sink);
+  });
   const std::string text = answer({"map", "s", "-o", "out.map", "--poses", "some.tum"});
   EXPECT_THAT(text, HasSubstr("10 of 16 frames have a pose"));
   EXPECT_THAT(text, HasSubstr("6 frames have no pose near in time"));
@@ -538,14 +539,14 @@ class RealMapTest : public CliTest {
   AbsoluteError error(TrajectoryAlignment alignment) const {
     FileReader estimate_file(path("out.tum"));
     FileReader truth_file(sequence_ + "/groundtruth.txt");
-    const Trajectory estimate = read_tum_trajectory(estimate_file);
-    const Trajectory truth = read_tum_trajectory(truth_file);
+    const Trajectory estimate = read_trajectory(estimate_file);
+    const Trajectory truth = read_trajectory(truth_file);
     return absolute_error(estimate, truth, associate(estimate, truth), alignment).value();
   }
 
   std::size_t trajectory_size() const {
     FileReader file(path("out.tum"));
-    return read_tum_trajectory(file).size();
+    return read_trajectory(file).size();
   }
 
   std::string data_;

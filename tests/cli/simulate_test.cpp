@@ -8,7 +8,7 @@
 
 #include "cairn/map/io/camera_file.hpp"
 #include "cairn/sequence/sequence.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "cli.hpp"
 
@@ -37,7 +37,7 @@ class SimulateTest : public CliTest {
 
   Trajectory truth(const std::string& folder) const {
     FileReader file(path(folder + "/groundtruth.txt"));
-    return read_tum_trajectory(file);
+    return read_trajectory(file);
   }
 };
 

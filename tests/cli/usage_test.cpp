@@ -61,9 +61,7 @@ TEST_P(VerbTest, HelpHasAnExampleAndTheCommonOptions) {
   EXPECT_THAT(help, HasSubstr(std::string("Usage: cairn ") + GetParam()));
   EXPECT_THAT(help, HasSubstr("Example: "));
   EXPECT_THAT(help, HasSubstr(std::string("\n  cairn ") + GetParam() + " "));
-  for (const char* const option : {"--json", "--quiet", "--threads", "--seed"}) {
-    EXPECT_THAT(help, HasSubstr(option));
-  }
+  for (const char* const option : {"--json", "--quiet"}) EXPECT_THAT(help, HasSubstr(option));
 }
 
 TEST_P(VerbTest, HelpFitsATerminal) {
@@ -80,11 +78,37 @@ TEST_P(VerbTest, UnknownOptionIsRefusedByName) {
                  {"--colour", std::string("cairn ") + GetParam() + " --help"});
 }
 
-TEST_P(VerbTest, NumbersThatAreNoneAreRefused) {
+TEST_F(UsageTest, NumbersThatAreNoneAreRefused) {
   for (const char* const option : {"--threads", "--seed"}) {
     for (const char* const value : {"-1", "abc", "1.5", "0x10", "99999999999999999999"}) {
-      expect_refusal({GetParam(), "a.map", "b.map", option, value}, kWrongUsage,
+      expect_refusal({"align", "a.map", "b.map", option, value}, kWrongUsage,
                      {option, value, "expected"});
+    }
+  }
+}
+
+TEST_F(UsageTest, OnlyVerbsTakeThreadsAndASeedThatUseThem) {
+  struct Use {
+    Words verb;
+    bool threads;
+    bool seed;
+  };
+  for (const Use& use : {Use{{"align"}, true, true},
+                         {{"demo"}, true, true},
+                         {{"evaluate", "alignment"}, true, true},
+                         {{"report"}, true, false},
+                         {{"info"}, false, false},
+                         {{"evaluate", "trajectory"}, false, false},
+                         {{"evaluate", "map"}, false, false}}) {
+    Words words = use.verb;
+    words.push_back("--help");
+    const std::string help = answer(words);
+    for (const auto& [option, used] : {std::pair{"--threads", use.threads}, {"--seed", use.seed}}) {
+      EXPECT_EQ(help.find(option) != std::string::npos, used) << use.verb.back() << " " << option;
+      words.back() = option;
+      words.push_back("1");
+      if (!used) expect_refusal(words, kWrongUsage, {option, "--help"});
+      words.pop_back();
     }
   }
 }

@@ -30,6 +30,7 @@ std::vector<std::string_view> words_of(std::string_view text, std::string_view s
   return words;
 }
 
+constexpr const char* kCommonOptions = "Common options";
 constexpr std::string_view kBlanks = " \t\r\n";
 constexpr std::string_view kSeparators = " \t\r\n,";
 
@@ -134,15 +135,21 @@ std::uint64_t parse_whole(const std::string& word, const std::string& option,
 }
 
 void CommonArguments::add_to(CLI::App& command) {
-  const std::string group = "Common options";
   add_text(command, "--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
            "FILE|-")
-      ->group(group);
-  command.add_flag("--quiet", quiet, "Print no remarks and no progress on stderr")->group(group);
+      ->group(kCommonOptions);
+  command.add_flag("--quiet", quiet, "Print no remarks and no progress on stderr")
+      ->group(kCommonOptions);
+}
+
+void CommonArguments::add_threads_to(CLI::App& command) {
   add_number(command, "--threads", threads,
              "Largest number of threads; 0: one per core. The results do not depend on it")
-      ->group(group);
-  add_number(command, "--seed", seed, "Seed of the random numbers")->group(group);
+      ->group(kCommonOptions);
+}
+
+void CommonArguments::add_seed_to(CLI::App& command) {
+  add_number(command, "--seed", seed, "Seed of the random numbers")->group(kCommonOptions);
 }
 
 void CommonArguments::add_csv_to(CLI::App& command, const std::string& row) {

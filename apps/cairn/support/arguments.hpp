@@ -103,6 +103,10 @@ struct CommonArguments {
   std::uint64_t seed = 0;
 
   void add_to(CLI::App& command);
+  /// Adds --threads; of verbs whose work several threads share.
+  void add_threads_to(CLI::App& command);
+  /// Adds --seed; of verbs whose work draws random numbers.
+  void add_seed_to(CLI::App& command);
   /// Adds --csv; `row` says what each row is, e.g. "landmark".
   void add_csv_to(CLI::App& command, const std::string& row);
   /// Adds --report; `what` says what the page shows.

@@ -62,6 +62,15 @@ LogSink strict_log(LogSink log, bool strict) {
   };
 }
 
+std::string beginning_of(const std::string& path) {
+  std::error_code ignored;
+  if (path == "-" || !std::filesystem::is_regular_file(path, ignored)) return {};
+  FileReader file(path);
+  std::string first(4096, '\0');
+  first.resize(file.read(first.data(), first.size()));
+  return first;
+}
+
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash) {
   return load_map(path, common, MapLoading{}, with_hash);
 }

@@ -34,6 +34,9 @@ struct LoadedMap {
 /// @param with_hash even where no document or report was asked for
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash = false);
 
+/// The first bytes of a file, by which it is told what it is; empty if there is none, or for "-".
+std::string beginning_of(const std::string& path);
+
 /// @throws Error (input) for a map of free scale, whose displacements in metres mean nothing
 void require_metres(const LandmarkMap& map, const std::string& path);
 

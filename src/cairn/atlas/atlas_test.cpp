@@ -18,12 +18,15 @@
 #include <gtest/gtest.h>
 
 #include "cairn/atlas/export.hpp"
+#include "cairn/atlas/merged_world.hpp"
 #include "cairn/atlas/route.hpp"
 #include "cairn/atlas/state_difference.hpp"
 #include "cairn/atlas/store/open_store.hpp"
+#include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/io/map_file.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/refusal.hpp"
@@ -166,6 +169,65 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   EXPECT_EQ(cloud.landmark_count(), 1800U);
   EXPECT_EQ(cloud.column(kNodeColumn)->values.back(), static_cast<double>(source.value));
   EXPECT_THAT(atlas().store().verify().problems, IsEmpty());
+}
+
+TEST_F(AtlasTest, KeepsTheMergedWorldUntilAnythingChanges) {
+  add_optimised_chain();
+  const auto world = [&](std::uint64_t seed = 0) {
+    return merged_world(again(), atlas().state(), seed);
+  };
+  const std::filesystem::path file = merged_world_file(location_);
+  const LandmarkMap made = world();
+  EXPECT_EQ(made.landmark_count(), 120U);
+  ASSERT_TRUE(std::filesystem::exists(file));
+  // A landmark less in the file tells where a map came from.
+  const auto take_one = [&] {
+    const LandmarkMap map = read_map(file);
+    std::vector<LandmarkIndex> some;
+    for (std::uint32_t i = 1; i < map.landmark_count(); ++i) some.push_back(LandmarkIndex{i});
+    write_map(with_landmarks(map, some), file);
+  };
+  take_one();
+  const LandmarkMap kept = world();
+  EXPECT_EQ(kept.landmark_count(), 119U);
+  EXPECT_EQ(kept.info().provenance, made.info().provenance);
+  EXPECT_EQ(world(1).landmark_count(), 120U) << "another seed";
+  EXPECT_EQ(world().landmark_count(), 120U) << "the file is of the other seed";
+
+  take_one();
+  again().unlink(NodeId{2}, NodeId{3});
+  EXPECT_EQ(world().landmark_count(), 80U) << "another commit";
+  again().undo();
+  EXPECT_EQ(world().landmark_count(), 120U);
+
+  take_one();
+  atlas_.reset();
+  std::filesystem::remove(location_);
+  Atlas::create(location_);
+  for (const std::uint64_t seed : {4, 5}) add(std::string(1, static_cast<char>('a' + seed)), seed);
+  again().link_manually(NodeId{1}, NodeId{2}, step(), covariance());
+  again().optimize();
+  EXPECT_EQ(world().landmark_count(), 80U) << "another atlas of this name";
+
+  folder_.write("town.atlas.merged.cairn", "damaged");
+  EXPECT_EQ(world().landmark_count(), 80U);
+  again().store().compact(1, true);
+  EXPECT_TRUE(std::filesystem::exists(file));
+  again().store().compact(1, false);
+  EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+TEST_F(AtlasTest, MergesTheWorldEachTimeWhereItCannotBeKept) {
+  add_optimised_chain();
+  const std::filesystem::path file = merged_world_file(location_);
+  const std::filesystem::path other = folder_.write("other", "of somebody");
+  std::filesystem::create_symlink(other, file);
+  EXPECT_EQ(merged_world(again(), atlas().state(), 0).landmark_count(), 120U);
+  EXPECT_EQ(std::filesystem::file_size(other), 11U) << "no link is followed";
+  std::filesystem::remove(file);
+  std::filesystem::create_directory(file);
+  EXPECT_EQ(merged_world(again(), atlas().state(), 0).landmark_count(), 120U);
+  EXPECT_TRUE(std::filesystem::is_empty(file));
 }
 
 TEST_F(AtlasTest, UpdatesPosesAsMapsAreAdded) {

@@ -17,7 +17,7 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/g2o.hpp"
 #include "cairn/pose_graph/graph_json.hpp"
-#include "cairn/trajectory/tum.hpp"
+#include "cairn/trajectory/trajectory_file.hpp"
 
 namespace cairn {
 namespace {
@@ -87,7 +87,9 @@ void write_component(Atlas& atlas, const AtlasState& state, const AtlasComponent
       throw Error(ErrorKind::kInput, atlas.store().name(), "no keyframe has a time",
                   "maps with timestamps");
     }
-    write_file(path, [&](const ByteSink& sink) { write_tum_trajectory(trajectory, sink); });
+    write_file(path, [&](const ByteSink& sink) {
+      write_trajectory(trajectory, TrajectoryFormat::kTum, sink);
+    });
   }
 }
 

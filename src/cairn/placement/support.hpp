@@ -18,8 +18,8 @@ struct Support {
   std::array<std::size_t, kRadii> within = {};
   /// Of `within`: the widest radius, a quarter of r, at which most matches are no chance.
   static constexpr std::size_t kFine = 2;
-  /// One-to-one matches of all landmarks, as a share of the smaller cloud. Mapping many landmarks onto one
-  /// does not increase it.
+  /// One-to-one matches of all landmarks, as a share of the smaller cloud, estimated from the sample; at most 1.
+  /// Mapping many landmarks onto one does not increase it.
   double share = 0.0;
   /// Log-likelihood ratio of the match distances, of all mutual nearest neighbours at any distance: some
   /// are the same landmarks, versus independent points on a surface. At least 0.

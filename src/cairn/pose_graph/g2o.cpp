@@ -166,6 +166,17 @@ std::optional<Matrix6> inverse(const Matrix6& matrix) {
 
 }  // namespace
 
+bool is_g2o(std::string_view beginning) {
+  for (beginning = without_byte_order_mark(beginning); !beginning.empty();) {
+    const std::size_t end = std::min(beginning.find('\n'), beginning.size());
+    const std::string_view line = trimmed(beginning.substr(0, end));
+    beginning.remove_prefix(std::min(end + 1, beginning.size()));
+    if (line.empty() || line.front() == '#') continue;
+    return line.starts_with("VERTEX_") || line.starts_with("EDGE_") || line.starts_with("FIX ");
+  }
+  return false;
+}
+
 G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
   G2oGraph graph;
   std::vector<std::uint64_t> vertex_lines;

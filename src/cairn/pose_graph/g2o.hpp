@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/file.hpp"
@@ -39,6 +40,9 @@ struct G2oGraph {
 
   friend bool operator==(const G2oGraph&, const G2oGraph&) = default;
 };
+
+/// Whether a text is g2o, by its first line that is no comment. Not all of g2o is read.
+bool is_g2o(std::string_view beginning);
 
 /// Reads VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, one per line; lines that start with '#' are comments.
 /// @param log receives a loss if the last line does not end

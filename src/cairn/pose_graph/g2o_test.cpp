@@ -25,6 +25,14 @@ const std::string kTwo =
     "EDGE_SE3:QUAT 1 5 1 2 3 0 0 0.6 0.8 " +
     kIdentity21 + "\n";
 
+TEST(G2o, IsKnownByItsFirstLine) {
+  EXPECT_TRUE(is_g2o(kTwo));
+  EXPECT_TRUE(is_g2o("\n  EDGE_SE3:QUAT 1"));
+  EXPECT_TRUE(is_g2o("VERTEX_SE2 0 0 0 0\n")) << "reading it says what is not read";
+  EXPECT_FALSE(is_g2o("# VERTEX_SE3:QUAT\n1 2 3\nFIX 1\n"));
+  EXPECT_FALSE(is_g2o(""));
+}
+
 G2oGraph read(const std::string& text) {
   MemoryReader source(text, "a.g2o");
   return read_g2o(source);

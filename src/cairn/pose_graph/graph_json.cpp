@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn {
 namespace {
@@ -173,6 +174,13 @@ std::string pose_graph_text(const PoseGraph& graph) {
          {"probability", link.probability ? Json(*link.probability) : Json(nullptr)}});
   }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+bool is_pose_graph_text(std::string_view beginning) {
+  const std::string_view text = without_byte_order_mark(beginning).substr(0, 1024);
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  return first != std::string_view::npos && text[first] == '{' &&
+         text.find(fmt::format("\"{}\"", kSchema)) != std::string_view::npos;
 }
 
 PoseGraph read_pose_graph(ByteSource& source) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "cairn/core/file.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
@@ -10,6 +11,9 @@ namespace cairn {
 
 /// A graph as JSON: schema cairn.pose_graph, version 1 (docs/formats.md).
 std::string pose_graph_text(const PoseGraph& graph);
+
+/// Whether a text is such a document, by its first kilobyte.
+bool is_pose_graph_text(std::string_view beginning);
 
 /// Reads such a document. Normalises quaternions, which may change their last digit; all else is as
 /// written.

@@ -15,6 +15,13 @@ namespace {
 
 using ::testing::HasSubstr;
 
+TEST(PoseGraphJson, IsKnownByItsBeginning) {
+  EXPECT_TRUE(is_pose_graph_text(pose_graph_text({})));
+  EXPECT_FALSE(is_pose_graph_text("{\"schema\": {\"name\": \"cairn.align\"}}"));
+  EXPECT_FALSE(is_pose_graph_text("\"cairn.pose_graph\""));
+  EXPECT_FALSE(is_pose_graph_text(""));
+}
+
 PoseGraph example() {
   Random random(4);
   const auto pose = [&](double scale) {

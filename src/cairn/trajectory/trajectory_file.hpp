@@ -26,10 +26,14 @@ std::optional<TrajectoryFormat> trajectory_format(std::string_view name);
 std::optional<TrajectoryFormat> recognised_trajectory(std::string_view beginning);
 
 /// Reads a trajectory in any of the formats, recognised by its first record. Lines that start with '#' are
-/// comments; ignores further columns of EuRoC's (velocity, biases).
+/// comments. A line that names the columns, commented or not, decides their meaning. Ignores other columns.
+/// Times of 1e17 and more are nanoseconds. Poses are ordered by time.
 /// @param times of the poses of a KITTI trajectory, which has none; empty: 0, 1, 2, ... seconds
-/// @param log receives a loss if the last line does not end
-/// @throws Error (input) naming source, line, field, value and constraint
+/// @param log receives a loss that counts poses with unknown numbers (NaN, empty) and those with the time of an
+///        earlier one, which are left out, and one if the last line does not end; and how unnamed columns,
+///        unsorted and large times were read
+/// @throws Error (input) naming source, line, field, value and constraint; also if most poses share their time
+///         with another pose
 Trajectory read_trajectory(ByteSource& source, std::span<const double> times = {},
                            const LogSink& log = {});
 

@@ -78,6 +78,8 @@ struct Sqlite {
   static void after_compact(Database& database) {
     database.execute("PRAGMA incremental_vacuum");
     database.execute("PRAGMA wal_checkpoint(TRUNCATE)");
+    std::error_code ignored;
+    fs::remove(merged_world_file(database.name()), ignored);
   }
 };
 
@@ -406,6 +408,10 @@ sqlite::Database open_atlas(const fs::path& path, const AtlasStoreOptions& optio
 }
 
 }  // namespace
+
+fs::path merged_world_file(const fs::path& atlas) {
+  return atlas.string() + ".merged.cairn";
+}
 
 bool is_sqlite_store(const std::filesystem::path& path) {
   // The header of a SQLite file: its name, and the application's number at byte 68, highest byte first.

@@ -22,6 +22,9 @@ bool is_sqlite_store(const std::filesystem::path& path);
 std::unique_ptr<AtlasStore> open_sqlite_store(const std::filesystem::path& path,
                                               const AtlasStoreOptions& options = {});
 
+/// The file "ATLAS.merged.cairn", in which merged_world() keeps a map; compact() removes it.
+std::filesystem::path merged_world_file(const std::filesystem::path& atlas);
+
 struct AtlasSalvage {
   std::uint64_t maps = 0;
   std::uint64_t links = 0;

@@ -82,10 +82,11 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
       proximity->add(std::sqrt(squared / spacing), source_.groups()[i]);
     }
   }
-  // Scales the sample's numbers to the whole source; shares refer to the smaller cloud.
+  // Scales the sample's numbers to the whole source; shares refer to the smaller cloud. That is an estimate, which
+  // may exceed all there are, most where landmarks of large weight match, because more of them are in the sample.
   const double each = static_cast<double>(source_.size()) /
                       static_cast<double>(sample_ * std::min(source_.size(), target_.size()));
-  support.share = each * static_cast<double>(support.matches());
+  support.share = std::min(each * static_cast<double>(support.matches()), 1.0);
   add_evidence(pairs, support);
   if (looks_.possible()) add_likeness(likeness_by_group(matched, pose, radius), support);
   return support;

@@ -57,6 +57,16 @@ TEST(SupportCounter, OfACloudAndItselfIsWhole) {
   EXPECT_LT(all.evidence, 1000.0 * std::log(0.5 / std::sqrt(1e-6)));
 }
 
+TEST(SupportCounter, IsAtMostWholeIfTheSampleMatchesMoreThanTheRest) {
+  const LandmarkCloud target = wall(1000, 1);
+  LandmarkCloud source = wall(4000, 2);
+  for (Eigen::Vector3d& position : source.positions) position.z() += 50.0;
+  source.positions.insert(source.positions.end(), target.positions.begin(), target.positions.end());
+  source.weights.assign(5000, 1e-3);
+  std::fill(source.weights.begin() + 4000, source.weights.end(), 4.996);
+  EXPECT_EQ(support(source, target, {}, 500).share, 1.0);
+}
+
 TEST(SupportCounter, IsTheSameWhateverTheSourcesUnit) {
   const LandmarkCloud target = wall(1000, 1);
   const LandmarkCloud source = with_shared(wall(1000, 2), target, 0, 300);
