@@ -14,6 +14,7 @@
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/turning_columns.hpp"
 #include "cairn/placement/probability_text.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -573,6 +574,7 @@ int AlignArguments::run() {
 
   LoadedMap source_map = load_map(source, common);
   LoadedMap target_map = load_map(target, common);
+  if (!output.empty()) require_no_splats(source_map.map, source);  // before the long work
   const LengthUnit unit =
       estimate_scale ? target_map.map.info().length_unit : common_unit(source_map, target_map);
   if (!options.overlap_radius && unit == LengthUnit::kMetres) {

@@ -9,6 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/turning_columns.hpp"
 
 namespace cairn {
 namespace {
@@ -212,6 +213,7 @@ LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old)
     const Eigen::Matrix3d moved = rotated_covariance(covariance, rotation);
     covariance = scale * scale * 0.5 * (moved + moved.transpose());
   }
+  tables.landmarks.columns = transformed_columns(tables.landmarks.columns, new_from_old);
   OptionalColumn<double>& depths = tables.observations.depths;
   for (std::size_t i = 0; i < depths.size(); ++i) {
     if (const std::optional<double> depth = depths[i]) depths.set(i, scale * *depth);
