@@ -173,6 +173,12 @@ TEST_F(BundleFilesTest, NvmIsReadInCairnsAxes) {
   EXPECT_EQ(map.frames().image_names[1], "a photo 1.jpg");
 }
 
+TEST_F(BundleFilesTest, ObservationsAreUnknownIfThereIsNone) {
+  const LandmarkMap map = read("# Bundle file v0.3\n0 1\n1 2 3\n0 0 0\n0\n");
+  EXPECT_EQ(map.landmark_count(), 1U);
+  EXPECT_FALSE(map.has_observations());
+}
+
 TEST_F(BundleFilesTest, ALastLineThatMayHaveBeenCutOffIsMentioned) {
   const Scene scene{.k1 = 0.0, .k2 = 0.0};
   // Of NVM without the parts that are not read.
@@ -202,6 +208,51 @@ TEST_F(BundleFilesTest, NvmMeasurementsAreUndistorted) {
   const double factor = 1.0 + 0.1 * plain.squaredNorm() / (500.0 * 500.0);
   EXPECT_LT((offset(map) - plain * factor).norm(), 1e-9);
   EXPECT_THAT(remarks_, Contains(HasSubstr("observations are undistorted")));
+}
+
+// COLMAP's exporter: pixels from the corner, the centre of the first being (0.5, 0.5), and k of the opposite sign.
+std::string nvm_of_colmap(double k, double width, double height) {
+  const Scene scene{.k1 = k, .k2 = 0.0};
+  std::string text = "NVM_V3 \n \n2  \n";
+  for (std::size_t c = 0; c < 2; ++c) {
+    const Eigen::Quaterniond q(scene.turns[c]);
+    const Eigen::Vector3d centre = -(q.conjugate() * scene.shifts[c]);
+    text += fmt::format("{}.jpg 500 {} {} {} {} {} {} {} {} 0\n", c, q.w(), q.x(), q.y(), q.z(),
+                        centre[0], centre[1], centre[2], -k);
+  }
+  text += fmt::format("\n{}\n", 25);
+  for (int p = 0; p < 25; ++p) {
+    const Eigen::Vector3d x(0.5 * (p % 5) - 1.0, 0.4 * (p / 5) - 0.8, 5.0 + 0.1 * (p % 3));
+    text += fmt::format("{} {} {} 10 20 30 2", x[0], x[1], x[2]);
+    for (std::size_t c = 0; c < 2; ++c) {
+      const Eigen::Vector3d y = scene.turns[c] * x + scene.shifts[c];
+      const Eigen::Vector2d n = y.head<2>() / y.z();
+      const Eigen::Vector2d pixel = 500.0 * (1.0 + k * n.squaredNorm()) * n;
+      text += fmt::format(" {} {} {} {}", c, p, pixel[0] + 0.5 * width, pixel[1] + 0.5 * height);
+    }
+    text += "\n";
+  }
+  return text + "0\n";
+}
+
+TEST_F(BundleFilesTest, NvmOfColmapIsReadFromTheCornerOfItsImages) {
+  for (const double k : {0.0, -0.15}) {
+    const LandmarkMap map = read(nvm_of_colmap(k, 601, 440));
+    EXPECT_THAT(remarks_, Contains(HasSubstr("from the corner of the images, as COLMAP writes")));
+    EXPECT_LT(reprojection(map).worst, 1e-9) << "also if the images are distorted";
+    EXPECT_EQ(map.cameras()[1].width, 601U);
+    EXPECT_EQ(map.cameras()[1].height, 440U);
+    EXPECT_EQ(map.cameras()[1].parameters, (std::vector<double>{500, 300, 219.5, k, 0}));
+  }
+}
+
+TEST_F(BundleFilesTest, NvmIsNotTakenForColmapsWhereTheCentreExplainsItToo) {
+  // All points are in the lower right quarter: no measurement from the centre is negative.
+  const Scene scene{
+      .k1 = 0.0, .k2 = 0.0, .points = std::vector<Eigen::Vector3d>(12, {2.0, 2.5, 5.0})};
+  const LandmarkMap map = read(scene.nvm());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("states no image sizes")));
+  EXPECT_LT(reprojection(map).worst, 1e-6);
 }
 
 TEST_F(BundleFilesTest, CutFilesAreRefused) {
