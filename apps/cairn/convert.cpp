@@ -108,8 +108,10 @@ void ConvertArguments::add_to(CLI::App& command) {
   transform.add_to(command, "transform", "Transform the map by new_from_old");
   add_text(
       command, "--apply", apply,
-      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major. The "
-      "input is a map, a trajectory, or a PLY cloud or mesh, whose other properties are kept",
+      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
+      "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
+      "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
+      "properties are kept",
       "FILE");
   command.add_flag(
       "--enu", enu,
@@ -150,7 +152,10 @@ void ConvertArguments::add_to(CLI::App& command) {
       "  cairn convert desk.map desk.mcap\n"
       "Example: transform a dense cloud by the alignment of its map\n"
       "  cairn align sparse/0 other/sparse/0 --scale --json result.json\n"
-      "  cairn convert dense/fused.ply moved.ply --apply result.json");
+      "  cairn convert dense/fused.ply moved.ply --apply result.json\n"
+      "Example: transform the dense cloud of one of several merged maps\n"
+      "  cairn merge one/sparse/0 two/sparse/0 -o merged/ --json merge.json\n"
+      "  cairn convert two/dense/fused.ply moved.ply --apply merge.json#two");
 }
 
 const MapFormat& ConvertArguments::output_format() const {

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -18,6 +20,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
@@ -175,6 +178,9 @@ class Builder {
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
     if (!may_count_from_corner || !count_from_corner()) count_from_principal_point();
     make_cameras();
+    if (!tables_.cameras.empty()) {
+      tables_.info.provenance.emplace_back(detail::kSizesNotStated);
+    }
     tables_.info.length_unit = LengthUnit::kFree;
     const auto place = [&](MapColumn, std::size_t) { return source_.name(); };
     return LandmarkMap(std::move(tables_), place);
@@ -538,15 +544,19 @@ class BundleWriter {
   std::size_t folded_ = 0;
 };
 
-}  // namespace
-
-LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_named_bundler(ByteSource& source, std::span<const std::string> names,
+                               const MapReadOptions& options) {
   ReadingProgress progress(options, source.size().value_or(0));
   TextRecords in(source, progress);
   Words words(in);
   Builder out(source, options);
   const std::uint64_t cameras = words.count("number of cameras");
   const std::uint64_t points = words.count("number of points");
+  if (!names.empty() && names.size() != cameras) {
+    out.lost(fmt::format(
+        "the list of images beside it names {}, but there are {} cameras: names are left out",
+        names.size(), cameras));
+  }
   for (std::uint64_t i = 0; i < cameras; ++i) {
     View view;
     view.focal = words.number("focal length");
@@ -555,6 +565,7 @@ LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
     Eigen::Matrix3d rotation;
     for (int j = 0; j < 9; ++j) rotation(j / 3, j % 3) = words.number("rotation");
     const Eigen::Vector3d translation = words.vector3("translation");
+    if (names.size() == cameras) view.name = names[i];
     if (view.focal == 0.0 || rotation.isZero()) {
       out.add_unregistered();
       continue;
@@ -567,6 +578,53 @@ LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
   for (std::uint64_t i = 0; i < points; ++i) read_point(in, words, -1.0, out);
   expect_end(in);
   return std::move(out).finish();
+}
+
+// The names in a list of images, one a line; Bundler's may be followed by "0 FOCAL".
+std::vector<std::string> read_image_list(ByteSource& source) {
+  LineReader lines(source);
+  std::vector<std::string> names;
+  while (const auto next = lines.next()) {
+    std::string_view line = trimmed(*next);
+    if (line.empty()) continue;
+    const std::vector<std::string_view> words = words_of(line);
+    const std::size_t count = words.size();
+    if (count > 2 && words[count - 2] == "0" && parse_number(words[count - 1])) {
+      line =
+          trimmed(line.substr(0, static_cast<std::size_t>(words[count - 2].data() - line.data())));
+    }
+    if (line.starts_with("./")) line.remove_prefix(2);
+    names.emplace_back(line);
+  }
+  return names;
+}
+
+// The list of images to a Bundler file: list.txt beside it or, as Bundler has it, above the folder bundle; COLMAP has
+// the names x.bundle.out and x.list.txt.
+std::optional<std::filesystem::path> image_list_of(const std::filesystem::path& bundle) {
+  std::error_code ignored;
+  const std::filesystem::path folder = std::filesystem::absolute(bundle, ignored).parent_path();
+  std::string stem = bundle.stem().string();
+  if (stem.ends_with(".bundle")) stem.resize(stem.size() - std::string_view(".bundle").size());
+  std::vector<std::filesystem::path> places = {folder / (stem + ".list.txt"), folder / "list.txt"};
+  if (folder.filename() == "bundle") places.push_back(folder.parent_path() / "list.txt");
+  const auto found = std::find_if(places.begin(), places.end(), &detail::is_file);
+  return found == places.end() ? std::nullopt : std::optional(*found);
+}
+
+LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options) {
+  std::vector<std::string> names;
+  if (const auto list = image_list_of(input.path)) {
+    FileReader file(*list);
+    names = read_image_list(file);
+  }
+  return read_named_bundler(*input.source, names, options);
+}
+
+}  // namespace
+
+LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
+  return read_named_bundler(source, {}, options);
 }
 
 LandmarkMap read_bal(ByteSource& source, const MapReadOptions& options) {
@@ -700,7 +758,7 @@ void write_bundler(const LandmarkMap& map, const ByteSink& sink, const MapWriteO
   }
   out.points(true);
   out.flush();
-  out.remark(options, {.image_names = false, .keypoints = true}, "Bundler");
+  out.remark(options, {.image_sizes = false, .image_names = false, .keypoints = true}, "Bundler");
 }
 
 void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
@@ -733,16 +791,17 @@ void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptio
   out.line();
   out.line("0");
   out.flush();
-  out.remark(options, {.keypoints = true}, "NVM");
+  out.remark(options, {.image_sizes = false, .keypoints = true}, "NVM");
 }
 
 std::vector<MapFormat> bundle_file_formats() {
   const auto starts_with = [](std::string_view text) {
     return [text](std::string_view bytes) { return bytes.starts_with(text); };
   };
-  return {text_format("bundler", "Bundler", {".out"}, starts_with("# Bundle file v0.3"),
-                      &read_bundler, &write_bundler),
-          text_format("bal", "BAL", {}, &looks_like_bal, &read_bal),
+  MapFormat bundler = text_format("bundler", "Bundler", {".out"}, starts_with("# Bundle file v0.3"),
+                                  nullptr, &write_bundler);
+  bundler.read = &read_bundler_and_list;
+  return {std::move(bundler), text_format("bal", "BAL", {}, &looks_like_bal, &read_bal),
           text_format("nvm", "NVM", {".nvm"}, starts_with("NVM_V3"), &read_nvm, &write_nvm)};
 }
 

@@ -13,6 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/map/operations.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
@@ -156,6 +157,41 @@ TEST_F(BundleFilesTest, BundlerIsReadInCairnsAxes) {
       << "an unregistered camera has no frame but its number";
   EXPECT_EQ(map.landmarks().colors[0], (Color{10, 20, 30}));
   EXPECT_EQ(map.observations().keypoints[0], 7U);
+}
+
+TEST_F(BundleFilesTest, AListBesideABundleNamesItsImages) {
+  const Scene scene;
+  std::filesystem::create_directory(folder_ / "bundle");
+  for (const auto& [list, bundle] : {std::pair{"list.txt", "a.out"},
+                                     {"list.txt", "bundle/bundle.out"},
+                                     {"b.list.txt", "b.bundle.out"}}) {
+    folder_.write(list, "./first.jpg\nunused.jpg 0 512.5\n\nthe last.jpg 0 500\n");
+    const auto file = folder_.write(bundle, scene.bundler());
+    EXPECT_THAT(all_formats().read(file).frames().image_names,
+                ::testing::ElementsAre("first.jpg", "the last.jpg"))
+        << "camera 1 has no pose";
+  }
+  folder_.write("list.txt", "first.jpg\n");
+  EXPECT_THAT(read(scene.bundler()).frames().image_names, ::testing::IsEmpty());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("names 1, but there are 3 cameras")));
+}
+
+TEST_F(BundleFilesTest, SizesThatNoFileStatedAreMentionedAgainWhenTheyAreWritten) {
+  const LandmarkMap map = read(Scene().bundler());
+  const auto remarks_of = [&](const LandmarkMap& written, const char* name) {
+    remarks_.clear();
+    all_formats().write(written, folder_ / name,
+                        {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
+    return remarks_;
+  };
+  const auto invented = Contains(HasSubstr("The sizes of images are invented"));
+  EXPECT_THAT(remarks_of(map, "model/"), invented);
+  all_formats().write(map, folder_ / "kept.map", {});
+  EXPECT_THAT(remarks_of(all_formats().read(folder_ / "kept.map"), "reconstruction.json"),
+              invented);
+  EXPECT_THAT(remarks_of(map, "out.nvm"), Not(invented)) << "it states none";
+  const Camera camera{CameraId{0}, "PINHOLE", 640, 480, {500, 500, 320, 240}};
+  EXPECT_THAT(remarks_of(with_camera(map, camera), "other/"), Not(invented));
 }
 
 TEST_F(BundleFilesTest, BalIsReadInCairnsAxes) {

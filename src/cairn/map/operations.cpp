@@ -9,6 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/turning_columns.hpp"
 
 namespace cairn {
@@ -263,6 +264,8 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera) {
   MapTables tables = copied_tables(map);
   tables.cameras = {camera};
+  std::erase_if(tables.info.provenance,
+                [](const std::string& step) { return step.ends_with(detail::kSizesNotStated); });
   tables.frames.cameras.assign(map.frame_count(), CameraIndex{0});
   return LandmarkMap(std::move(tables));
 }
