@@ -14,6 +14,7 @@
 #include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/turning_columns.hpp"
 #include "cairn/placement/probability_text.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -585,6 +586,7 @@ int AlignArguments::run() {
 
   LoadedMap source_map = load_map(source, common);
   LoadedMap target_map = load_map(target, common);
+  if (!output.empty()) require_no_splats(source_map.map, source);  // before the long work
   alignment.method = is_robust() ? AlignMethod::kRobust : AlignMethod::kIcp;
   if (estimate_scale) alignment.scale = ScaleRange();
   alignment.scale_where_free = !no_scale;

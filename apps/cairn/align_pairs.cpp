@@ -2,9 +2,11 @@
 #include "align_pairs.hpp"
 
 #include <algorithm>
+#include <exception>
 #include <list>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -133,8 +135,8 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
 
 }  // namespace
 
-int align_pairs(const std::string& list, const AlignOptions& options, bool gravity, Json recorded,
-                const CommonArguments& common) {
+int align_pairs(const std::string& list, const AlignOptions& options, bool gravity,
+                const Json& recorded, const CommonArguments& common) {
   const std::vector<PairOfPaths> pairs = read_list(list);
   const Console console = common.console();
   const auto progress = console.progress("aligning");
@@ -144,40 +146,65 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
   // Many pairs are the better work to share out.
   each.execution.executor = pairs.size() >= executor.threads() ? Executor(1) : executor;
   Maps maps(options, common);
+  std::mutex mutex;  // of the results
   Json results = Json::array();
+  const auto write = [&](bool interrupted) {
+    Json json = document("align_pairs", common, {{"pairs", {{"path", list}}}}, recorded);
+    json["interrupted"] = interrupted;
+    json["results"] = results;
+    write_document(json, common);
+  };
   std::size_t trusted = 0;
-  executor.in_order(
-      pairs.size(), 2 * std::size_t{executor.threads()},
-      [&](std::size_t i) { return aligned(pairs[i], each, gravity, maps); },
-      [&](std::size_t i, const PairResult& found) {
-        const auto& [source, target] = pairs[i];
-        Json json = found.result ? to_json(*found.result, HistoryDetail::kNone)
-                                 : Json{{"status", "failed"}, {"reason", found.error}};
-        json["source"] = source;
-        json["target"] = target;
-        results.push_back(std::move(json));
-        std::string line = fmt::format("{} -> {}: ", source, target);
-        if (found.result) {
-          const Alignment& alignment = found.result->alignment;
-          trusted += has_answer(alignment) ? 1 : 0;
-          line += status_of(alignment);
-          if (alignment.probability) line += " " + probability_text(*alignment.probability);
-          if (!has_answer(alignment)) line += ": " + alignment.reason;
-        } else {
-          line += "failed: " + found.error;
-        }
-        console.print(line + "\n");
-        if (progress) {
-          progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
-        }
-      });
+  try {
+    // At once, and not when the pairs at work have stopped, which may come too late. A pipe may block for ever.
+    const std::stop_callback on_interrupt(interrupt_requests(), [&]() noexcept {
+      const std::lock_guard lock(mutex);
+      if (common.json_path == "-") return;
+      try {
+        write(true);
+      } catch (const std::exception&) {  // the program ends anyway
+      }
+    });
+    executor.in_order(
+        pairs.size(), 2 * std::size_t{executor.threads()},
+        [&](std::size_t i) { return aligned(pairs[i], each, gravity, maps); },
+        [&](std::size_t i, const PairResult& found) {
+          const auto& [source, target] = pairs[i];
+          Json json = found.result ? to_json(*found.result, HistoryDetail::kNone)
+                                   : Json{{"status", "failed"}, {"reason", found.error}};
+          json["source"] = source;
+          json["target"] = target;
+          {
+            const std::lock_guard lock(mutex);
+            results.push_back(std::move(json));
+          }
+          std::string line = fmt::format("{} -> {}: ", source, target);
+          if (found.result) {
+            const Alignment& alignment = found.result->alignment;
+            trusted += has_answer(alignment) ? 1 : 0;
+            line += status_of(alignment);
+            if (alignment.probability) line += " " + probability_text(*alignment.probability);
+            if (!has_answer(alignment)) line += ": " + alignment.reason;
+          } else {
+            line += "failed: " + found.error;
+          }
+          console.print(line + "\n");
+          if (progress) {
+            progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
+          }
+        });
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kCancelled) throw;
+    console.print(fmt::format("interrupted: {} of {} pairs were tried, {} aligned\n",
+                              results.size(), pairs.size(), trusted));
+    write(true);
+    throw;
+  }
   console.print(fmt::format("{} of {} pairs aligned\n", trusted, pairs.size()));
   if (trusted < pairs.size()) {
     console.print("  hint: Align one of the others alone, which shows its candidates and hints.\n");
   }
-  Json json = document("align_pairs", common, {{"pairs", {{"path", list}}}}, std::move(recorded));
-  json["results"] = std::move(results);
-  write_document(json, common);
+  write(false);
   return trusted == pairs.size() ? kDone : kNoTrustworthyAlignment;
 }
 

@@ -16,7 +16,7 @@ namespace cairn::cli {
 /// @param gravity whether the maps know where down is
 /// @param recorded what the document says of the options
 /// @return exit code: kDone if all pairs are aligned
-int align_pairs(const std::string& list, const AlignOptions& options, bool gravity, Json recorded,
-                const CommonArguments& common);
+int align_pairs(const std::string& list, const AlignOptions& options, bool gravity,
+                const Json& recorded, const CommonArguments& common);
 
 }  // namespace cairn::cli

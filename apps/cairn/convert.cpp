@@ -111,8 +111,10 @@ void ConvertArguments::add_to(CLI::App& command) {
   transform.add_to(command, "transform", "Transform the map by new_from_old");
   add_text(
       command, "--apply", apply,
-      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major. The "
-      "input is a map, a trajectory, or a PLY cloud or mesh, whose other properties are kept",
+      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
+      "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
+      "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
+      "properties are kept",
       "FILE");
   command.add_flag(
       "--enu", enu,
@@ -156,7 +158,10 @@ void ConvertArguments::add_to(CLI::App& command) {
       "  cairn convert desk.map desk.mcap\n"
       "Example: transform a dense cloud by the alignment of its map\n"
       "  cairn align sparse/0 other/sparse/0 --scale --json result.json\n"
-      "  cairn convert dense/fused.ply moved.ply --apply result.json");
+      "  cairn convert dense/fused.ply moved.ply --apply result.json\n"
+      "Example: transform the dense cloud of one of several merged maps\n"
+      "  cairn merge one/sparse/0 two/sparse/0 -o merged/ --json merge.json\n"
+      "  cairn convert two/dense/fused.ply moved.ply --apply merge.json#two");
 }
 
 const MapFormat& ConvertArguments::output_format() const {
@@ -229,6 +234,13 @@ bool ConvertArguments::move_points(std::string_view first) const {
   return true;
 }
 
+// Whether a path is named as maps or pose graphs are; .txt is the ending of trajectories too.
+bool names_other_content(const std::filesystem::path& path) {
+  const std::string ending = path.extension().string();
+  return ending == ".json" || ending == ".g2o" ||
+         (ending != ".txt" && all_formats().format_of_ending(path) != nullptr);
+}
+
 // Converts a trajectory, moved if that is asked for. @return false for what is read as a map
 bool ConvertArguments::convert_trajectory(std::string_view first) const {
   if (!recognised_trajectory(first)) return false;
@@ -242,6 +254,10 @@ bool ConvertArguments::convert_trajectory(std::string_view first) const {
     written = *named;
   } else if (std::filesystem::path(output).extension() == ".csv") {
     written = TrajectoryFormat::kEuroc;
+  } else if (names_other_content(output)) {
+    throw Error(ErrorKind::kMisuse, "output",
+                fmt::format("{} does not name a trajectory, but {} is one", output, input),
+                "a name that ends in .txt, .tum or .csv, or --format tum, euroc or kitti");
   }
   Trajectory trajectory =
       read_trajectory(input, strict_log(common.console().log(), loading.strict));
@@ -378,18 +394,18 @@ int ConvertArguments::run() {
                       [&] { map = cut_frames(map, range->begin, range->end); });
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
-  if (new_from_old) map = transformed(map, *new_from_old);
+  const auto move = [&](const Similarity3& by) {
+    with_option_names({{"map", input}}, [&] { map = transformed(map, by); });
+  };
+  if (new_from_old) move(*new_from_old);
   if (enu) {
-    if (!map.info().georeference) {
-      throw Error(ErrorKind::kInput, input, "has no georeference", "a map that has, for --enu");
-    }
-    map = in_enu_frame(map);
+    with_option_names({{"map", input}}, [&] { map = in_enu_frame(map); });
   }
   Json covariances = nullptr;
 #ifdef CAIRN_HAS_ADJUSTMENT
   if (estimate_covariances) map = with_estimated_covariances(map, covariances);
 #endif
-  if (!apply.empty()) map = transformed(map, read_similarity_file(apply));
+  if (!apply.empty()) move(read_similarity_file(apply));
   Json metrics = Json::array();
   for (const Strategy& strategy : strategies) {
     if (!strategy.metric) continue;

@@ -201,7 +201,7 @@ struct Findings {
   std::vector<LandmarkIndex> kept;
   std::optional<std::size_t> unobserved;
   std::optional<Quantiles> observations_each;  // of kept
-  Eigen::AlignedBox3d extent;                  // of kept
+  Eigen::AlignedBox3d extent;                  // of kept, or of all if none is
   std::optional<Quantiles> reprojection_px;
   ConventionCheck conventions;
   std::vector<std::pair<std::string, std::optional<Quantiles>>> confidences;  // of kept
@@ -224,8 +224,11 @@ Findings examine(const LandmarkMap& map) {
   Findings findings;
   findings.kept = landmarks_observed(map, 2);
   std::vector<double> counts;
-  for (const LandmarkIndex landmark : findings.kept) {
+  for (const LandmarkIndex landmark :
+       findings.kept.empty() ? landmarks_observed(map, 0) : findings.kept) {
     findings.extent.extend(map.landmarks().positions[landmark.value]);
+  }
+  for (const LandmarkIndex landmark : findings.kept) {
     counts.push_back(static_cast<double>(map.observation_count(landmark)));
   }
   if (map.has_observations()) {

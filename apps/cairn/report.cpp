@@ -18,6 +18,7 @@
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/experiment_sections.hpp"
 
@@ -32,8 +33,7 @@ namespace cairn::cli {
 namespace {
 
 constexpr std::string_view kExpected =
-    "the JSON of 'cairn align' or 'cairn demo', the folder of an experiment, or a map (.map, .txt, "
-    ".cairn, .ply or .pcd)";
+    "the JSON of 'cairn align' or 'cairn demo', the folder of an experiment, or a map";
 
 struct ReportArguments {
   CommonArguments common;
@@ -133,7 +133,8 @@ class Assembly {
   void add_experiment(const std::string& folder);
   void add_paper_experiment(const Json& document, const std::string& folder,
                             std::vector<TrialResult> runs);
-  void add_single_map(const std::string& path);
+  // @return what a document says of the map
+  Json add_single_map(const std::string& path);
   std::optional<LoadedMap> reload(const SavedMap& saved, std::string_view role,
                                   const SavedResult& result);
   void remark(std::string text);
@@ -171,6 +172,18 @@ bool looks_like_json(const std::string& path) {
   return first != std::string::npos && start[first] == '{';
 }
 
+// Whether JSON is a map of another system. Cairn's own documents begin with their schema.
+bool is_map_in_json(const std::string& path, const std::string& text) {
+  MemoryReader source(text, path);
+  const MapInput input{
+      .path = path, .first_bytes = std::string_view(text).substr(0, 4096), .source = &source};
+  const auto formats = all_formats().formats();
+  return input.first_bytes.find("\"schema\"") == std::string_view::npos &&
+         std::any_of(formats.begin(), formats.end(), [&](const MapFormat& format) {
+           return format.name != "text" && format.recognises && format.recognises(input);
+         });
+}
+
 void Assembly::add_file(const std::string& path) {
   ++count_;
   if (several_) {
@@ -179,8 +192,13 @@ void Assembly::add_file(const std::string& path) {
   }
   std::error_code ignored;  // the reader explains it
   if (std::filesystem::is_directory(path, ignored)) {
-    refuse_sequence(path);
     refuse_pair_sequences(path);
+    if (!all_formats().maps_of_folder(path).empty()) {
+      const Json map = add_single_map(path);
+      inputs_.push_back({{"path", map.at("path")}, {"hash", map.at("hash")}});
+      return;
+    }
+    refuse_sequence(path);
     add_experiment(path);
     return;
   }
@@ -194,8 +212,13 @@ void Assembly::add_file(const std::string& path) {
     add_single_map(path);
     return;
   }
-  refuse_sequence(path);
   const std::string text = read_file(path);
+  if (is_map_in_json(path, text)) {
+    refuse_pair_sequences(path);
+    add_single_map(path);
+    return;
+  }
+  refuse_sequence(path);
   const std::optional<Json> parsed = parse_json<Json>(text, path);
   if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
   const Json& document = *parsed;
@@ -223,15 +246,17 @@ void Assembly::refuse_pair_sequences(const std::string& path) const {
               "given with " + printable(path), "the JSON of one 'cairn align' alone");
 }
 
-void Assembly::add_single_map(const std::string& path) {
+Json Assembly::add_single_map(const std::string& path) {
   const LoadedMap loaded = load_map(path, common_);
   add_input(role("map"), loaded.description);
   report::add_map(report_, loaded.map, file_name(path), prefix(),
                   images_of(loaded.map, sequences_.map, common_));
-  if (several_) return;
-  if (report_.title.empty()) report_.title = file_name(path);
-  report_.subtitle = fmt::format("{} landmarks seen from {} keyframes", loaded.map.landmark_count(),
-                                 loaded.map.frame_count());
+  if (!several_) {
+    if (report_.title.empty()) report_.title = file_name(path);
+    report_.subtitle = fmt::format("{} landmarks seen from {} keyframes",
+                                   loaded.map.landmark_count(), loaded.map.frame_count());
+  }
+  return loaded.description;
 }
 
 void Assembly::remark(std::string text) {
@@ -252,19 +277,25 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
   bool changed = false;
   for (const auto& path : {here, beside}) {
     std::error_code ignored;
-    if (!std::filesystem::is_regular_file(path, ignored)) continue;
-    if (saved.hash && hash_file(path) != *saved.hash) {
+    const bool is_folder = std::filesystem::is_directory(path, ignored);
+    if (!is_folder && !std::filesystem::is_regular_file(path, ignored)) continue;
+    const auto differs = [&](const std::string& hash) { return saved.hash && hash != *saved.hash; };
+    if (!is_folder && differs(hash_file(path))) {
       changed = true;
       continue;
     }
-    LoadedMap loaded = load_map(path.string(), common_);
+    LoadedMap loaded = load_map(path.string(), common_, true);
+    if (is_folder && differs(loaded.description.at("hash").get<std::string>())) {
+      changed = true;
+      continue;
+    }
     if (!result.camera.empty())
       loaded.map = with_camera(loaded.map, load_camera(result.camera).camera);
     return loaded;
   }
   remark(
       fmt::format("{} {}: there is no scene of it", here.string(),
-                  changed ? "is not the file that was aligned, its content differs" : "is gone"));
+                  changed ? "is not what was aligned, its content differs" : "is gone"));
   return std::nullopt;
 }
 

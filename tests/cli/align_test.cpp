@@ -718,6 +718,7 @@ TEST_F(AlignTest, AlignsManyPairsAsItDoesEach) {
             ContainsRegex("stranger.map -> target.map: (rejected|ambiguous).*: .* one to one"),
             HasSubstr("none.map -> target.map: failed: none.map"),
             HasSubstr("2 of 4 pairs aligned")));
+  EXPECT_EQ(Json::parse(content("all.json")).at("interrupted"), false);
   const Json all = Json::parse(content("all.json")).at("results");
   ASSERT_EQ(all.size(), 4U);
   EXPECT_EQ(all.at(3).at("status"), "failed");
@@ -743,6 +744,25 @@ TEST_F(AlignTest, AlignsManyPairsAsItDoesEach) {
   EXPECT_EQ(again, before);
   write("right.csv", "source,target\nsource.map,target.map\n");
   EXPECT_THAT(answer({"align", "--pairs", "right.csv"}), HasSubstr("1 of 1 pairs aligned"));
+}
+
+TEST_F(AlignTest, InterruptedListsKeepThePairsThatWereDone) {
+  write_pair();
+  std::string list = "source,target\n";
+  for (int i = 0; i < 2000; ++i) list += "source.map,target.map\n";
+  write("pairs.csv", list);
+  Command running(command({"align", "--pairs", "pairs.csv", "--json", "all.json"}),
+                  {.folder = path("."), .output_to = path("output.txt")});
+  while (!std::filesystem::exists(path("output.txt")) || content("output.txt").empty()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  running.send(SIGINT);
+  EXPECT_EQ(running.wait().exit_code, 128 + SIGINT);
+  const Json json = Json::parse(content("all.json"));
+  EXPECT_EQ(json.at("interrupted"), true);
+  EXPECT_GT(json.at("results").size(), 0U);
+  EXPECT_LT(json.at("results").size(), 2000U);
+  EXPECT_EQ(json.at("results").at(0).at("status"), "aligned");
 }
 
 TEST_F(AlignTest, RefusesListsThatAreNone) {

@@ -146,6 +146,28 @@ TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
                  {"none.json"});
 }
 
+TEST_F(ConvertTest, SplatsAreNotTurnedHoweverItIsAsked) {
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float "
+      "z\nproperty float f_dc_0\nproperty float rot_0\nend_header\n";
+  write("splat.ply", header + "1 2 3 4 5\n");
+  write("by.txt", "0 -1 0 0\n1 0 0 0\n0 0 1 0\n0 0 0 1\n");
+  const Words pose = {"--transform", "0 0 0 0 0 90"};
+  for (const Words& how :
+       {pose, Words{"--transform-matrix", "by.txt"}, Words{"--apply", "by.txt"}}) {
+    for (const char* name : {"out.ply", "out.pcd"}) {
+      expect_refusal({"convert", "splat.ply", name, how[0], how[1]}, kBadInput,
+                     {"splat.ply", "has Gaussian splats"});
+      EXPECT_FALSE(std::filesystem::exists(path(name)));
+    }
+  }
+  expect_refusal({"align", "splat.ply", "splat.ply", "-o", "out.ply"}, kBadInput,
+                 {"splat.ply", "has Gaussian splats"});
+  write("other.ply", header + "1 2 3 4 5\n");
+  expect_refusal({"merge", "splat.ply", "other.ply", "-o", "out.ply"}, kBadInput,
+                 {"splat", "has Gaussian splats"});
+}
+
 TEST_F(ConvertTest, TrajectoriesGoFromFormatToFormat) {
   write("poses.txt", "# a comment\n10.5 1 2 3 0 0 0 1\n10.75 1 2 4 0 0 1 0\n");
   EXPECT_EQ(answer({"convert", "poses.txt", "poses.csv"}), "poses.csv: 2 poses\n");
@@ -159,6 +181,12 @@ TEST_F(ConvertTest, TrajectoriesGoFromFormatToFormat) {
   EXPECT_THAT(content("back.txt"), HasSubstr("\n1 11 2 4 "));
   expect_refusal({"convert", "poses.txt", "poses.ply", "--format", "ply"}, kWrongUsage,
                  {"--format", "ply", "tum, euroc or kitti"});
+  for (const char* name : {"poses.map", "poses.ply", "poses.cairn", "poses.nvm", "poses.json",
+                           "poses.g2o", "model/"}) {
+    expect_refusal({"convert", "poses.txt", name}, kWrongUsage,
+                   {name, "does not name a trajectory", "poses.txt is one"});
+    EXPECT_FALSE(std::filesystem::exists(path(name)));
+  }
   write("broken.txt", "10.5 1 2 3 0 0 0 1\n10.75 1 2 4 0 0 1\n");
   expect_refusal({"convert", "broken.txt", "out.csv"}, kBadInput, {"broken.txt:2"});
 }

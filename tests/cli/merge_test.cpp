@@ -149,6 +149,50 @@ TEST_F(MergeTest, TakesAFolderOfMapsAndCallsThemByTheirPlaceWhereNamesAreAlike) 
   EXPECT_THAT(result.output, ContainsRegex("placed 2 of 2: target <- robot/target >?99\\."));
 }
 
+TEST_F(MergeTest, TakesProjectsByTheirFoldersAndTellsTheirImagesApart) {
+  const SyntheticPair pair = write_pair(900);
+  fs::create_directories(path("one/sparse"));
+  fs::create_directories(path("two/colmap_sparse"));
+  answer({"convert", "target.map", "one/sparse/0/"});
+  answer({"convert", "source.map", "two/colmap_sparse/0/"});
+  const CommandResult result =
+      cairn({"merge", "one", "two/colmap_sparse/0", "-o", "merged/", "--json", "merge.json"});
+  EXPECT_EQ(result.exit_code, kDone) << result.errors;
+  EXPECT_THAT(result.output, HasSubstr("placed 2 of 2: one <- two "));
+  EXPECT_THAT(result.errors, HasSubstr("one: the map in one/sparse/0 is read"));
+  EXPECT_THAT(result.errors, HasSubstr("'frame_0' of one and two"));
+  EXPECT_THAT(result.errors, HasSubstr("copied into a folder of that name: one/, two/"));
+  answer({"convert", "merged", "merged.map"});
+  const LandmarkMap merged = read_map(path("merged.map"));
+  EXPECT_EQ(merged.frames().image_names[0], "one/frame_0");
+  EXPECT_EQ(merged.frames().image_names[20], "two/frame_0");
+  const Json json = Json::parse(content("merge.json"));
+  EXPECT_THAT(json.at("inputs").at("maps").at(0).at("hash").get<std::string>(),
+              ::testing::StartsWith("xxh3:"));
+
+  for (const char* by : {"merge.json#two", "merge.json#two/colmap_sparse/0/"}) {
+    answer({"convert", "two", "moved.map", "--apply", by});
+    const LandmarkMap moved = read_map(path("moved.map"));
+    EXPECT_LT((moved.frames().translations[0] - merged.frames().translations[20]).norm(), 1e-9);
+  }
+  expect_refusal({"convert", "two", "moved.map", "--apply", "merge.json"}, kBadInput,
+                 {"merge.json: places 2 maps", "merge.json#MAP with one of one, two"});
+  expect_refusal({"convert", "two", "moved.map", "--apply", "merge.json#three"}, kBadInput,
+                 {"merge.json: places no map 'three'"});
+  write("by.txt", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n");
+  expect_refusal({"convert", "two", "moved.map", "--apply", "by.txt#two"}, kBadInput,
+                 {"by.txt#two: names a map, but the file places none"});
+
+  fs::rename(path("two/colmap_sparse/0"), path("one/sparse/1"));
+  expect_refusal({"merge", "one", "target.map", "-o", "again/"}, kBadInput,
+                 {"one: holds 2 maps in folders", "one/sparse/0 or one/sparse/1"});
+  EXPECT_EQ(document({"merge", "one/sparse/0", "one/sparse/1", "-o", "again/"})
+                .at("maps")
+                .at(1)
+                .at("name"),
+            "one/sparse/1");
+}
+
 TEST_F(MergeTest, WritesTheSameBytesForAnyNumberOfThreads) {
   write_pair(900);
   answer({"merge", "target.map", "source.map", "-o", "one.cairn", "--threads", "1", "--json",

@@ -199,7 +199,7 @@ TEST_F(WrittenReportTest, MapsThatAreGoneOrChangedAreNamedAndLeftOut) {
   const CommandResult result = cairn({"report", "result.json", "-o", "r.html"});
   EXPECT_EQ(result.exit_code, kDone);
   EXPECT_THAT(result.errors, AllOf(HasSubstr("source.map is gone"),
-                                   HasSubstr("target.map is not the file that was aligned")));
+                                   HasSubstr("target.map is not what was aligned")));
   const ReportPage report = page("r.html");
   EXPECT_THAT(report.document.at("maps"), IsEmpty());
   EXPECT_THAT(section_ids(report), ElementsAre("answer", "strategies", "convergence", "remarks"));
@@ -221,6 +221,33 @@ TEST_F(WrittenReportTest, MapsAreFoundBesideTheResult) {
   }
   answer({"report", "moved/result.json", "-o", "r.html"});
   EXPECT_EQ(page("r.html").document.at("maps").size(), 2U);
+}
+
+TEST_F(WrittenReportTest, FoldersAndMapsInJsonAreMapsLikeOthers) {
+  write_pair();
+  std::filesystem::create_directories(path("one/sparse"));
+  std::filesystem::create_directories(path("two/sparse"));
+  answer({"convert", "source.map", "one/sparse/0/"});
+  answer({"convert", "target.map", "two/sparse/0/"});
+  const Json shown = document({"report", "one", "-o", "r.html"});
+  EXPECT_EQ(shown.at("title"), "one");
+  EXPECT_THAT(shown.at("inputs").at(0).at("hash").get<std::string>(), StartsWith("xxh3:"));
+  EXPECT_EQ(page("r.html").document.at("maps").size(), 1U);
+  write("transforms.json",
+        R"({"fl_x": 500, "w": 640, "h": 480, "frames": [{"file_path": "a.png",
+            "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})");
+  EXPECT_EQ(document({"report", "transforms.json", "-o", "r.html"}).at("title"), "transforms.json");
+
+  answer({"align", "one", "two", "--scale", "--json", "result.json"});
+  const CommandResult same = cairn({"report", "result.json", "-o", "r.html"});
+  EXPECT_EQ(same.exit_code, kDone);
+  EXPECT_THAT(same.errors, Not(HasSubstr("there is no scene of it")));
+  EXPECT_EQ(page("r.html").document.at("maps").size(), 2U);
+  EXPECT_EQ(page("r.html").document.at("title"), "one to two");
+  answer({"convert", "target.map", "two/other/", "--min-observations", "3"});
+  std::filesystem::remove_all(path("two/sparse"));
+  EXPECT_THAT(cairn({"report", "result.json", "-o", "r.html"}).errors,
+              HasSubstr("two is not what was aligned, its content differs"));
 }
 
 TEST_F(WrittenReportTest, SingleMapIsASceneWithoutSource) {

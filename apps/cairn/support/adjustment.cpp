@@ -48,7 +48,12 @@ std::string adjustment_text(const std::optional<MergeAdjustment>& adjustment) {
   if (!adjustment) return {};
   return fmt::format("adjusted by {} observations: residuals {:.2f} px, {:.2f} before{}\n",
                      with_commas(adjustment->observations), adjustment->final_rms_px,
-                     adjustment->initial_rms_px, adjustment->converged ? "" : "; not converged");
+                     adjustment->initial_rms_px,
+                     adjustment->converged
+                         ? ""
+                         : "; not converged: the solver stopped at its limit of iterations, or "
+                           "without a better step. The map is as good as these residuals; another "
+                           "bundle adjustment, as COLMAP's bundle_adjuster, may improve it");
 }
 
 }  // namespace cairn::cli

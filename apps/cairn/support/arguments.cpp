@@ -9,10 +9,13 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
 
 #include "cairn/alignment/document.hpp"
+#include "cairn/core/detail/json_field.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/json_text.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
@@ -35,7 +38,7 @@ constexpr std::string_view kBlanks = " \t\r\n";
 constexpr std::string_view kSeparators = " \t\r\n,";
 
 constexpr std::string_view kPoseFile =
-    "16 numbers of a rigid transform, row-major, or the JSON of an alignment";
+    "16 numbers of a rigid transform, row-major, the JSON of an alignment, or FILE#MAP of a merge";
 
 [[noreturn]] void fail_pose_file(const std::string& path, std::string_view what) {
   throw Error(ErrorKind::kInput, path, what, kPoseFile);
@@ -56,6 +59,44 @@ Similarity3 pose_of_json(const std::string& path, const std::string& text, PoseU
   return *first.target_from_source;
 }
 
+// The path of a map without what people write in one way or another: a "./" before it, a "/" behind it.
+std::string plain_path(const std::string& path) {
+  std::string plain = std::filesystem::path(path).lexically_normal().string();
+  if (plain.ends_with('/')) plain.pop_back();
+  return plain;
+}
+
+// Where a merge or an atlas placed one of its maps, which is named as there, or by its path.
+Matrix4d pose_of_placed(const std::string& path, const nlohmann::ordered_json& document,
+                        const std::string& map) {
+  const detail::JsonField root(document, path, "");
+  const std::vector<detail::JsonField> maps = root["maps"].items();
+  const detail::JsonField inputs = root["inputs"]["maps"];
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    names.push_back(maps[i]["name"].text());
+    const bool has_path = inputs.json().is_array() && i < inputs.json().size();
+    const auto given = has_path ? inputs.items()[i]["path"].optional_text() : std::nullopt;
+    const bool is_meant = names.back() == map || (given && plain_path(*given) == plain_path(map));
+    if (!is_meant) continue;
+    const detail::JsonField pose =
+        maps[i]["world_from_map"].is_null() ? maps[i]["frame_from_map"] : maps[i]["world_from_map"];
+    if (pose.is_null()) {
+      fail_pose_file(path, fmt::format("the map {} is not placed", printable(map)));
+    }
+    const auto numbers = pose.rows<4, 4>();
+    return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data());
+  }
+  constexpr std::size_t kShown = 8;
+  const bool cut = names.size() > kShown;
+  names.resize(std::min(names.size(), kShown));
+  throw Error(
+      ErrorKind::kInput, path,
+      map.empty() ? fmt::format("places {} maps", maps.size())
+                  : fmt::format("places no map {}", printable(map)),
+      fmt::format("{}#MAP with one of {}{}", path, fmt::join(names, ", "), cut ? ", ..." : ""));
+}
+
 Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
   const auto words = words_of(text, kSeparators);
   Matrix4d matrix;
@@ -72,12 +113,28 @@ Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
 
 template <class Transform>
 Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer) {
-  const std::string content = read_file(path);
+  // Of "merge.json#one/sparse/0" the part behind the file.
+  std::error_code ignored;
+  std::string file = path;
+  std::string map;
+  for (std::size_t hash = path.find('#');
+       hash != std::string::npos && !std::filesystem::exists(file, ignored);
+       hash = path.find('#', hash + 1)) {
+    if (!std::filesystem::exists(path.substr(0, hash), ignored)) continue;
+    file = path.substr(0, hash);
+    map = path.substr(hash + 1);
+  }
+  const std::string content = read_file(file);
   const std::string text(without_byte_order_mark(content));
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
-  const Matrix4d matrix =
-      is_json ? pose_of_json(path, text, use).matrix() : matrix_of_text(path, text);
+  const auto document = is_json ? parse_json<nlohmann::ordered_json>(text, file)
+                                : std::optional<nlohmann::ordered_json>();
+  const bool places_maps = document && document->contains("maps");
+  if (!map.empty() && !places_maps) fail_pose_file(path, "names a map, but the file places none");
+  const Matrix4d matrix = places_maps ? pose_of_placed(file, *document, map)
+                          : is_json   ? pose_of_json(file, text, use).matrix()
+                                      : matrix_of_text(file, text);
   try {
     return Transform::from_matrix(matrix);
   } catch (const Error& error) {

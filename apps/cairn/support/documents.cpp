@@ -12,6 +12,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/files_read.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/interchange/conventions.hpp"
@@ -25,6 +26,10 @@ namespace cairn::cli {
 namespace {
 
 constexpr const char* kStdin = "/dev/stdin";
+
+bool wants_hash(const CommonArguments& common, bool with_hash) {
+  return with_hash || !common.json_path.empty() || !common.report_path.empty();
+}
 
 Json rows_of(const Eigen::MatrixXd& matrix) {
   Json rows = Json::array();
@@ -82,7 +87,13 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
   options.progress = console.progress("reading " + path);
   options.stop = interrupt_requests();
   options.log = strict_log(console.log(), loading.strict);
-  LoadedMap loaded{path, all_formats().read(path == "-" ? kStdin : path, options), {}};
+  LoadedMap loaded{path, {}, {}};
+  std::vector<std::filesystem::path> files;
+  {
+    const FilesRead read;
+    loaded.map = all_formats().read(path == "-" ? kStdin : path, options);
+    files = read.paths();
+  }
   std::string reread_as;
   if (loading.convention == "data") {
     const ConventionCheck check = check_conventions(loaded.map);
@@ -101,6 +112,10 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
     }
   }
   loaded.description = describe_file(path, common, with_hash);
+  std::error_code ignored;
+  if (wants_hash(common, with_hash) && std::filesystem::is_directory(path, ignored)) {
+    loaded.description["hash"] = hash_files(files);
+  }
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();
   loaded.description["observations"] =
@@ -238,9 +253,9 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 
 Json describe_file(const std::string& path, const CommonArguments& common, bool with_hash) {
   // A pipe cannot be read a second time.
-  const bool is_wanted = with_hash || !common.json_path.empty() || !common.report_path.empty();
   std::error_code ignored;  // the reader explains it
-  const bool can_hash = is_wanted && std::filesystem::is_regular_file(path, ignored);
+  const bool can_hash =
+      wants_hash(common, with_hash) && std::filesystem::is_regular_file(path, ignored);
   return {{"path", path}, {"hash", can_hash ? Json(hash_file(path)) : Json(nullptr)}};
 }
 

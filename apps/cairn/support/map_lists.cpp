@@ -4,12 +4,16 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
+#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/core/number_text.hpp"
 #include "cairn/interchange/formats.hpp"
 #include "cairn/pose_graph/graph_json.hpp"
 
@@ -18,33 +22,71 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Whether a folder of that name holds a model of the project whose folder is above.
+bool is_part_of_project(const std::string& name) {
+  static const std::set<std::string> kParts = {"sparse", "dense",          "colmap",
+                                               "model",  "colmap_sparse",  "colmap_text",
+                                               "text",   "reconstruction", "distorted"};
+  return kParts.contains(name) || parse_unsigned(name).has_value();
+}
+
+// What a map may be called, the shortest first: the file's name without its extension, or the name of the project of
+// which a folder is a part; then with folders above, then the whole path.
+std::vector<std::string> possible_names(const std::string& file) {
+  std::error_code ignored;
+  fs::path path(file);
+  std::string part;  // N of "path#N"
+  if (const std::size_t hash = file.rfind('#');
+      hash != std::string::npos && hash > 0 && !fs::exists(path, ignored)) {
+    part = file.substr(hash);
+    path = file.substr(0, hash);
+  }
+  const bool is_folder = fs::is_directory(path, ignored);
+  std::vector<std::string> words;
+  for (const fs::path& word : is_folder ? path : path.replace_extension()) {
+    const std::string text = word.string();
+    if (!text.empty() && text != "/" && text != "." && text != "..") words.push_back(text);
+  }
+  if (words.empty()) words.push_back(fs::weakly_canonical(fs::path(file), ignored).filename());
+  std::size_t last = words.size() - 1;
+  while (is_folder && last > 0 && is_part_of_project(words[last])) --last;
+  if (is_part_of_project(words[last])) last = words.size() - 1;
+  std::vector<std::string> names;
+  for (const std::size_t end : {last + 1, words.size()}) {
+    for (std::size_t begin = last + 1; begin-- > 0;) {
+      const auto at = words.begin();
+      names.push_back(fmt::format("{}{}",
+                                  fmt::join(at + static_cast<std::ptrdiff_t>(begin),
+                                            at + static_cast<std::ptrdiff_t>(end), "/"),
+                                  part));
+    }
+  }
+  return names;
+}
+
 }  // namespace
 
 bool is_folder_of_maps(const std::string& path) {
   std::error_code ignored;
-  if (!fs::is_directory(path, ignored)) return false;
-  const MapInput input{.path = path};
-  const auto formats = all_formats().formats();
-  return std::none_of(formats.begin(), formats.end(), [&](const MapFormat& format) {
-    return format.recognises && format.recognises(input);
-  });
+  if (!fs::is_directory(path, ignored) || maps_in(path).empty()) return false;
+  const std::vector<fs::path> maps = all_formats().maps_of_folder(path);
+  return maps.empty() || maps.front() != path;
 }
 
 std::vector<std::string> maps_in(const std::string& folder) {
   std::vector<std::string> files;
-  try {
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      // Text files and clouds may lie there for other reasons.
-      const std::string extension = entry.path().extension().string();
-      if (entry.is_regular_file() && (extension == ".map" || extension == ".cairn")) {
-        files.push_back(entry.path().string());
-      }
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    // Text files and clouds may lie there for other reasons.
+    const std::string extension = entry->path().extension().string();
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored) && (extension == ".map" || extension == ".cairn")) {
+      files.push_back(entry->path().string());
     }
-  } catch (const fs::filesystem_error& error) {
-    throw Error(ErrorKind::kInput, folder, error.code().message(), "a folder that can be read");
   }
-  if (files.empty()) {
-    throw Error(ErrorKind::kInput, folder, "holds no map", "a folder of .map or .cairn files");
+  if (error) {
+    throw Error(ErrorKind::kInput, folder, error.message(), "a folder that can be read");
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -79,13 +121,19 @@ std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std:
 }
 
 std::vector<std::string> map_names(const std::vector<std::string>& files) {
-  const auto stem = [](const std::string& file) { return fs::path(file).stem().string(); };
-  std::vector<std::string> names;
-  for (const std::string& file : files) {
-    const auto alike = std::count_if(files.begin(), files.end(), [&](const std::string& other) {
-      return stem(other) == stem(file);
-    });
-    names.push_back(alike > 1 ? fs::path(file).replace_extension().string() : stem(file));
+  std::vector<std::vector<std::string>> possible;
+  for (const std::string& file : files) possible.push_back(possible_names(file));
+  std::vector<std::size_t> chosen(files.size(), 0);
+  std::vector<std::string> names(files.size());
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (std::size_t i = 0; i < files.size(); ++i) names[i] = possible[i][chosen[i]];
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      if (std::count(names.begin(), names.end(), names[i]) == 1) continue;
+      if (chosen[i] + 1 == possible[i].size()) continue;
+      ++chosen[i];
+      changed = true;
+    }
   }
   return names;
 }

@@ -9,11 +9,11 @@
 
 namespace cairn::cli {
 
-/// Whether a path is a folder of maps, and no map itself as a COLMAP model is.
+/// Whether a path is a folder of .map and .cairn files, and no map itself as a COLMAP model is.
 bool is_folder_of_maps(const std::string& path);
 
-/// The maps in a folder, by name.
-/// @throws Error (input) if it cannot be read or holds none
+/// The .map and .cairn files in a folder, by name.
+/// @throws Error (input) if it cannot be read
 std::vector<std::string> maps_in(const std::string& folder);
 
 /// The links of a folder's pose_graph.json, which 'cairn map --mini-map-length' writes; none if there is no
@@ -22,7 +22,8 @@ std::vector<std::string> maps_in(const std::string& folder);
 /// @throws Error (input) if the file cannot be read
 std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std::string>& files);
 
-/// What maps are called: file names without extension, with their folder where several are alike.
+/// What maps are called: file names without extension, or for one/sparse/0 the name of the project's folder, one; with
+/// further folders where several are alike.
 std::vector<std::string> map_names(const std::vector<std::string>& files);
 
 /// 61204 as "61,204".

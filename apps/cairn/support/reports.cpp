@@ -15,6 +15,7 @@
 #include "cairn/report/writer.hpp"
 
 #include "support/command_line.hpp"
+#include "support/map_lists.hpp"
 #include "support/table.hpp"
 
 namespace cairn::cli {
@@ -133,7 +134,10 @@ void set_provenance(report::Report& report, const Json& document) {
 }
 
 std::string file_name(const std::string& path) {
-  return std::filesystem::path(path).filename().string();
+  std::error_code ignored;
+  const std::filesystem::path file(path);
+  const bool is_folder = !file.has_filename() || std::filesystem::is_directory(file, ignored);
+  return is_folder ? map_names({path}).front() : file.filename().string();
 }
 
 #ifdef CAIRN_HAS_SEQUENCE

@@ -36,7 +36,7 @@ void set_provenance(report::Report& report, const Json& document);
 /// An input as the report's provenance has it, from what a document says of it: path, hash, counts.
 report::Input reported_input(const std::string& role, Json description);
 
-/// The last part of a path.
+/// What a page calls a path: its last part, or for a folder map_names().
 std::string file_name(const std::string& path);
 
 /// Adds an option that names the folder of the sequence that a map was built from, if this build reads

@@ -15,6 +15,7 @@
 
 #include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/files_read.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/outputs.hpp"
 #include "cairn/core/text.hpp"
@@ -209,6 +210,7 @@ FileReader::FileReader(const std::filesystem::path& path) : name_(path.string())
     if (!S_ISREG(status.st_mode)) return;
     require_no_output(path, status);
     size_ = static_cast<std::uint64_t>(status.st_size);
+    note_file_read(path);
   } catch (...) {
     ::close(descriptor_);  // no destructor runs after a failed constructor
     throw;

@@ -26,6 +26,7 @@
 #include <unistd.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/files_read.hpp"
 #include "cairn/core/outputs.hpp"
 
 #include "support/refusal.hpp"
@@ -625,6 +626,30 @@ TEST(HashFile, IsXxh3) {
   // The published test vector of the empty input.
   EXPECT_EQ(hash_file(folder.write("a", "")), "xxh3:99aa06d3014798d86001c324468d497f");
   EXPECT_NE(hash_file(folder.write("a", "x")), hash_file(folder.write("b", "y")));
+}
+
+TEST(FilesRead, ListsTheFilesThatAreOpenedWhileItLives) {
+  const TemporaryFolder folder;
+  const auto first = folder.write("first", "1");
+  const auto second = folder.write("second", "2");
+  read_file(second);
+  std::vector<std::filesystem::path> paths;
+  {
+    const FilesRead outer;
+    read_file(second);
+    {
+      const FilesRead inner;
+      read_file(first);
+      EXPECT_EQ(inner.paths(), std::vector{first});
+    }
+    read_file(second);
+    paths = outer.paths();
+  }
+  EXPECT_EQ(paths, (std::vector{second, first}));
+  const std::string hash = hash_files(paths);
+  EXPECT_EQ(hash_files(paths), hash);
+  folder.write("first", "3");
+  EXPECT_NE(hash_files(paths), hash);
 }
 
 }  // namespace

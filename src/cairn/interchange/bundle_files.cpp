@@ -4,10 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <map>
 #include <optional>
+#include <span>
 #include <string>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -15,7 +20,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/observation_list.hpp"
+#include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
 #include "cairn/interchange/detail/written_frames.hpp"
 #include "cairn/map/io/losses.hpp"
@@ -23,9 +30,11 @@
 namespace cairn {
 namespace {
 
+using detail::kPixelCentre;
 using detail::ReadingProgress;
 using detail::TextRecords;
 
+constexpr double kFarthest = 1e9;  // pixels; larger than any image
 constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max() - 1;
 
 // One camera of such a file, in Cairn's axes: x right, y down, z forward.
@@ -38,7 +47,39 @@ struct View {
   /// VisualSFM's distortion of the measurement: m becomes m (1 + k |m|² / focal²).
   double measured_k = 0.0;
   std::string name;
+
+  /// A measurement without VisualSFM's distortion.
+  Pixel undistorted(Pixel measured) const {
+    if (measured_k == 0.0 || focal == 0.0) return measured;
+    const double r2 = (measured.u * measured.u + measured.v * measured.v) / (focal * focal);
+    return {measured.u * (1.0 + measured_k * r2), measured.v * (1.0 + measured_k * r2)};
+  }
+  /// Where a point appears, in pixels right and down of the principal point; std::nullopt if it is behind the camera.
+  std::optional<Eigen::Vector2d> offset_of(const Eigen::Vector3d& point, double k) const {
+    const Eigen::Vector3d x = world_from_camera.conjugate() * (point - centre);
+    if (!(x.z() > 0.0)) return std::nullopt;
+    const Eigen::Vector2d p = x.head<2>() / x.z();
+    return focal * (1.0 + k * p.squaredNorm()) * p;
+  }
 };
+
+double median_of(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The middle of values to which an image's size, a whole number, gives half pixels: the nearest of these, unless the
+// values contradict it.
+double middle_of(const std::vector<double>& values) {
+  const double median = median_of(values);
+  std::vector<double> deviations;
+  for (const double value : values) deviations.push_back(std::abs(value - median));
+  const double error = 1.25 * 1.4826 * median_of(std::move(deviations)) /
+                       std::sqrt(static_cast<double>(values.size()));
+  const double half = std::round(2.0 * median) / 2.0;
+  return std::abs(half - median) <= std::max(3.0 * error, 1e-6) ? half : median;
+}
 
 // Reads words, across lines or within one line.
 class Words {
@@ -118,17 +159,9 @@ class Builder {
       in.refuse("camera of an observation", fmt::format("camera {} has no pose", view),
                 "a registered camera");
     }
-    const View& seen_by = views_[view];
-    if (seen_by.measured_k != 0.0 && seen_by.focal != 0.0) {
-      const double r2 = (right * right + down * down) / (seen_by.focal * seen_by.focal);
-      right *= 1.0 + seen_by.measured_k * r2;
-      down *= 1.0 + seen_by.measured_k * r2;
-      ++undistorted_;
-    }
-    // Larger than any image.
-    constexpr double kFarthest = 1e9;
-    if (!(std::abs(right) <= kFarthest) || !(std::abs(down) <= kFarthest)) {
-      in.refuse("observation", fmt::format("({}, {}) is in no image", right, down), "pixels");
+    for (const Pixel& pixel : {Pixel{right, down}, views_[view].undistorted({right, down})}) {
+      if (std::abs(pixel.u) <= kFarthest && std::abs(pixel.v) <= kFarthest) continue;
+      in.refuse("observation", fmt::format("({}, {}) is in no image", pixel.u, pixel.v), "pixels");
     }
     observations_.add(landmark, FrameIndex{frame_of_view_[view]}, {right, down}, keypoint);
   }
@@ -140,9 +173,14 @@ class Builder {
     detail::log_remark(options_.log, source_.name(), text, RemarkKind::kLoss);
   }
 
-  LandmarkMap finish() && {
+  /// @param may_count_from_corner whether programs write measurements in this format from the image's corner
+  LandmarkMap finish(bool may_count_from_corner = false) && {
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
-    place_centres();
+    if (!may_count_from_corner || !count_from_corner()) count_from_principal_point();
+    make_cameras();
+    if (!tables_.cameras.empty()) {
+      tables_.info.provenance.emplace_back(detail::kSizesNotStated);
+    }
     tables_.info.length_unit = LengthUnit::kFree;
     const auto place = [&](MapColumn, std::size_t) { return source_.name(); };
     return LandmarkMap(std::move(tables_), place);
@@ -151,30 +189,128 @@ class Builder {
  private:
   static constexpr std::uint32_t kNoFrame = std::numeric_limits<std::uint32_t>::max();
 
-  // Converts offsets from the centre to pixels, and makes the cameras.
-  void place_centres() {
+  // Of a frame: what is added to the measurements to get pixels, and its principal point and size.
+  struct Place {
+    double shift_u = 0.0;
+    double shift_v = 0.0;
+    double cx = 0.0;
+    double cy = 0.0;
+    double width = 0.0;
+    double height = 0.0;
+  };
+
+  const View& view_of(FrameIndex frame) const {
+    return views_[tables_.frames.ids[frame.value].value];
+  }
+
+  // Measurements are relative to the principal point: gives each image the smallest size that holds them.
+  void count_from_principal_point() {
+    ObservationTable& observations = tables_.observations;
+    std::size_t undistorted = 0;
+    places_.resize(tables_.frames.ids.size());
+    for (std::size_t i = 0; i < observations.frames.size(); ++i) {
+      Pixel& pixel = observations.pixels[i];
+      const View& view = view_of(observations.frames[i]);
+      undistorted += view.measured_k != 0.0 ? 1 : 0;
+      pixel = view.undistorted(pixel);
+      Place& place = places_[observations.frames[i].value];
+      // Sizes 2n + 1 have their centre on the pixel (n, n).
+      place.cx = std::max(place.cx, std::ceil(std::abs(pixel.u)));
+      place.cy = std::max(place.cy, std::ceil(std::abs(pixel.v)));
+    }
+    for (Place& place : places_) {
+      place = {place.cx, place.cy, place.cx, place.cy, 2.0 * place.cx + 1.0, 2.0 * place.cy + 1.0};
+    }
+    if (!places_.empty()) {
+      remark("states no image sizes: each camera has the smallest that holds its observations");
+    }
+    if (undistorted > 0) {
+      remark(fmt::format(
+          "{} observations are undistorted: VisualSFM's distortion, of the measurement, "
+          "is no camera model of Cairn's",
+          undistorted));
+    }
+  }
+
+  // COLMAP writes NVM with measurements from the image's corner, and a distortion of opposite sign. Few are negative then
+  // (of undistorted images), and they show the principal point, which is half the size of the image.
+  // @return false if they are relative to the principal point, as the format says
+  bool count_from_corner() {
+    ObservationTable& observations = tables_.observations;
+    constexpr std::size_t kFewest = 8;
+    std::vector<Pixel> most(tables_.frames.ids.size());  // of each frame
+    std::size_t negative = 0;
+    for (std::size_t i = 0; i < observations.frames.size(); ++i) {
+      const Pixel& pixel = observations.pixels[i];
+      Pixel& farthest = most[observations.frames[i].value];
+      negative += pixel.u < 0.0 || pixel.v < 0.0 ? 1 : 0;
+      farthest = {std::max(farthest.u, pixel.u), std::max(farthest.v, pixel.v)};
+    }
+    if (10 * negative > observations.frames.size()) return false;
+    // NVM does not say which images have one camera: those of equal numbers, and both upright or not.
+    using Key = std::tuple<double, double, bool>;
+    const auto key_of = [&](FrameIndex frame) {
+      const View& view = view_of(frame);
+      return Key(view.focal, view.measured_k, most[frame.value].v > most[frame.value].u);
+    };
+    std::map<Key, std::array<std::vector<double>, 2>> principal_points;  // that observations show
+    std::vector<double> from_principal_point;
+    std::vector<double> from_corner;
+    std::uint32_t landmark = 0;
+    for (std::size_t i = 0; i < observations.frames.size(); ++i) {
+      while (observations.offsets[landmark + 1] <= i) ++landmark;
+      const FrameIndex frame = observations.frames[i];
+      const View& view = view_of(frame);
+      const Eigen::Vector3d& point = tables_.landmarks.positions[landmark];
+      const auto plain = view.offset_of(point, 0.0);
+      const auto distorted = view.offset_of(point, -view.measured_k);
+      if (!plain || !distorted) continue;
+      const Pixel pixel = observations.pixels[i];
+      const Pixel undistorted = view.undistorted(pixel);
+      const double error = std::hypot(undistorted.u - plain->x(), undistorted.v - plain->y());
+      const Pixel shown{pixel.u - distorted->x(), pixel.v - distorted->y()};
+      if (!(error <= kFarthest) || !(std::hypot(shown.u, shown.v) <= kFarthest)) continue;
+      from_principal_point.push_back(error);
+      from_corner.push_back(
+          std::hypot(shown.u - 0.5 * most[frame.value].u, shown.v - 0.5 * most[frame.value].v));
+      auto& of_key = principal_points[key_of(frame)];
+      of_key[0].push_back(shown.u);
+      of_key[1].push_back(shown.v);
+    }
+    // The middle of what was observed is a rough principal point, but the corner is none at all.
+    if (from_corner.size() < kFewest ||
+        3.0 * median_of(from_corner) >= median_of(from_principal_point)) {
+      return false;
+    }
+    for (std::uint32_t i = 0; i < most.size(); ++i) {
+      const auto& [us, vs] = principal_points[key_of(FrameIndex{i})];
+      const Pixel centre = us.size() >= kFewest ? Pixel{middle_of(us), middle_of(vs)}
+                                                : Pixel{0.5 * most[i].u, 0.5 * most[i].v};
+      // The centre of the first pixel is (0.5, 0.5) for COLMAP.
+      places_.push_back({-kPixelCentre, -kPixelCentre, centre.u - kPixelCentre,
+                         centre.v - kPixelCentre,
+                         std::max(std::round(2.0 * centre.u), std::floor(most[i].u) + 1.0),
+                         std::max(std::round(2.0 * centre.v), std::floor(most[i].v) + 1.0)});
+    }
+    for (View& view : views_) view.k1 = 0.0 - std::exchange(view.measured_k, 0.0);
+    remark(
+        "measurements are from the corner of the images, as COLMAP writes them; the file states no "
+        "image sizes: principal points and sizes are those that the points show");
+    return true;
+  }
+
+  void make_cameras() {
     ObservationTable& observations = tables_.observations;
     FrameTable& frames = tables_.frames;
-    std::vector<std::array<double, 2>> reach(frames.ids.size(), {0.0, 0.0});
-    for (std::size_t i = 0; i < observations.frames.size(); ++i) {
-      auto& farthest = reach[observations.frames[i].value];
-      farthest[0] = std::max(farthest[0], std::abs(observations.pixels[i].u));
-      farthest[1] = std::max(farthest[1], std::abs(observations.pixels[i].v));
-    }
     std::size_t unknown = 0;
-    for (std::size_t view = 0; view < views_.size(); ++view) {
-      const std::uint32_t frame = frame_of_view_[view];
-      if (frame == kNoFrame) continue;
-      // Sizes 2n + 1 have their centre on the pixel (n, n).
-      const double cx = std::ceil(reach[frame][0]);
-      const double cy = std::ceil(reach[frame][1]);
-      const View& v = views_[view];
-      const Camera camera{CameraId{view},
+    for (std::uint32_t i = 0; i < frames.ids.size(); ++i) {
+      const View& v = view_of(FrameIndex{i});
+      const Place& place = places_[i];
+      const Camera camera{CameraId{frames.ids[i].value},
                           "RADIAL",
-                          static_cast<std::uint32_t>(2.0 * cx + 1.0),
-                          static_cast<std::uint32_t>(2.0 * cy + 1.0),
-                          {v.focal, cx, cy, v.k1, v.k2}};
-      reach[frame] = {cx, cy};
+                          static_cast<std::uint32_t>(place.width),
+                          static_cast<std::uint32_t>(place.height),
+                          {v.focal, place.cx, place.cy, v.k1, v.k2}};
       if (!camera_defect(camera).empty()) {
         ++unknown;
         frames.cameras.emplace_back();
@@ -184,17 +320,8 @@ class Builder {
       tables_.cameras.push_back(camera);
     }
     for (std::size_t i = 0; i < observations.frames.size(); ++i) {
-      observations.pixels[i].u += reach[observations.frames[i].value][0];
-      observations.pixels[i].v += reach[observations.frames[i].value][1];
-    }
-    if (!frames.ids.empty()) {
-      remark("states no image sizes: each camera has the smallest that holds its observations");
-    }
-    if (undistorted_ > 0) {
-      remark(fmt::format(
-          "{} observations are undistorted: VisualSFM's distortion, of the measurement, "
-          "is no camera model of Cairn's",
-          undistorted_));
+      observations.pixels[i].u += places_[observations.frames[i].value].shift_u;
+      observations.pixels[i].v += places_[observations.frames[i].value].shift_v;
     }
     if (unknown > 0)
       lost(fmt::format("{} cameras are unknown to the map: their model is none of Cairn's",
@@ -207,7 +334,7 @@ class Builder {
   std::vector<View> views_;
   std::vector<std::uint32_t> frame_of_view_;
   detail::ObservationList observations_;
-  std::size_t undistorted_ = 0;
+  std::vector<Place> places_;  // of each frame
 };
 
 // The pose of a camera that looks along -z with y up: rotation and translation camera_from_world.
@@ -417,15 +544,19 @@ class BundleWriter {
   std::size_t folded_ = 0;
 };
 
-}  // namespace
-
-LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_named_bundler(ByteSource& source, std::span<const std::string> names,
+                               const MapReadOptions& options) {
   ReadingProgress progress(options, source.size().value_or(0));
   TextRecords in(source, progress);
   Words words(in);
   Builder out(source, options);
   const std::uint64_t cameras = words.count("number of cameras");
   const std::uint64_t points = words.count("number of points");
+  if (!names.empty() && names.size() != cameras) {
+    out.lost(fmt::format(
+        "the list of images beside it names {}, but there are {} cameras: names are left out",
+        names.size(), cameras));
+  }
   for (std::uint64_t i = 0; i < cameras; ++i) {
     View view;
     view.focal = words.number("focal length");
@@ -434,6 +565,7 @@ LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
     Eigen::Matrix3d rotation;
     for (int j = 0; j < 9; ++j) rotation(j / 3, j % 3) = words.number("rotation");
     const Eigen::Vector3d translation = words.vector3("translation");
+    if (names.size() == cameras) view.name = names[i];
     if (view.focal == 0.0 || rotation.isZero()) {
       out.add_unregistered();
       continue;
@@ -446,6 +578,53 @@ LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
   for (std::uint64_t i = 0; i < points; ++i) read_point(in, words, -1.0, out);
   expect_end(in);
   return std::move(out).finish();
+}
+
+// The names in a list of images, one a line; Bundler's may be followed by "0 FOCAL".
+std::vector<std::string> read_image_list(ByteSource& source) {
+  LineReader lines(source);
+  std::vector<std::string> names;
+  while (const auto next = lines.next()) {
+    std::string_view line = trimmed(*next);
+    if (line.empty()) continue;
+    const std::vector<std::string_view> words = words_of(line);
+    const std::size_t count = words.size();
+    if (count > 2 && words[count - 2] == "0" && parse_number(words[count - 1])) {
+      line =
+          trimmed(line.substr(0, static_cast<std::size_t>(words[count - 2].data() - line.data())));
+    }
+    if (line.starts_with("./")) line.remove_prefix(2);
+    names.emplace_back(line);
+  }
+  return names;
+}
+
+// The list of images to a Bundler file: list.txt beside it or, as Bundler has it, above the folder bundle; COLMAP has
+// the names x.bundle.out and x.list.txt.
+std::optional<std::filesystem::path> image_list_of(const std::filesystem::path& bundle) {
+  std::error_code ignored;
+  const std::filesystem::path folder = std::filesystem::absolute(bundle, ignored).parent_path();
+  std::string stem = bundle.stem().string();
+  if (stem.ends_with(".bundle")) stem.resize(stem.size() - std::string_view(".bundle").size());
+  std::vector<std::filesystem::path> places = {folder / (stem + ".list.txt"), folder / "list.txt"};
+  if (folder.filename() == "bundle") places.push_back(folder.parent_path() / "list.txt");
+  const auto found = std::find_if(places.begin(), places.end(), &detail::is_file);
+  return found == places.end() ? std::nullopt : std::optional(*found);
+}
+
+LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options) {
+  std::vector<std::string> names;
+  if (const auto list = image_list_of(input.path)) {
+    FileReader file(*list);
+    names = read_image_list(file);
+  }
+  return read_named_bundler(*input.source, names, options);
+}
+
+}  // namespace
+
+LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
+  return read_named_bundler(source, {}, options);
 }
 
 LandmarkMap read_bal(ByteSource& source, const MapReadOptions& options) {
@@ -551,7 +730,7 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
   if (in.next_record() && in.has_word() && in.unsigned_number("number of cameras") > 0) {
     out.lost("holds further models; the first is read");
   }
-  return std::move(out).finish();
+  return std::move(out).finish(true);
 }
 
 void write_bundler(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
@@ -579,7 +758,7 @@ void write_bundler(const LandmarkMap& map, const ByteSink& sink, const MapWriteO
   }
   out.points(true);
   out.flush();
-  out.remark(options, {.image_names = false, .keypoints = true}, "Bundler");
+  out.remark(options, {.image_sizes = false, .image_names = false, .keypoints = true}, "Bundler");
 }
 
 void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
@@ -588,8 +767,9 @@ void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptio
   out.line();
   out.count(map.frame_count());
   out.line();
+  const std::vector<std::string> names = detail::image_names(map);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    const std::string name = detail::image_name(map, FrameIndex{i});
+    const std::string& name = names[i];
     if (name.find_first_of("\n\r\t") != std::string::npos || name.starts_with(' ')) {
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
                   "image name " + printable(name), "a name of one line");
@@ -611,16 +791,17 @@ void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptio
   out.line();
   out.line("0");
   out.flush();
-  out.remark(options, {.keypoints = true}, "NVM");
+  out.remark(options, {.image_sizes = false, .keypoints = true}, "NVM");
 }
 
 std::vector<MapFormat> bundle_file_formats() {
   const auto starts_with = [](std::string_view text) {
     return [text](std::string_view bytes) { return bytes.starts_with(text); };
   };
-  return {text_format("bundler", "Bundler", {".out"}, starts_with("# Bundle file v0.3"),
-                      &read_bundler, &write_bundler),
-          text_format("bal", "BAL", {}, &looks_like_bal, &read_bal),
+  MapFormat bundler = text_format("bundler", "Bundler", {".out"}, starts_with("# Bundle file v0.3"),
+                                  nullptr, &write_bundler);
+  bundler.read = &read_bundler_and_list;
+  return {std::move(bundler), text_format("bal", "BAL", {}, &looks_like_bal, &read_bal),
           text_format("nvm", "NVM", {".nvm"}, starts_with("NVM_V3"), &read_nvm, &write_nvm)};
 }
 

@@ -12,7 +12,8 @@
 // camera gets the smallest size, symmetric about the centre, that contains its observations.
 namespace cairn {
 
-/// Reads a Bundler file, version 0.3: cameras become frames, numbered from 0.
+/// Reads a Bundler file, version 0.3: cameras become frames, numbered from 0. Images have no names; the format "bundler"
+/// takes them from a list.txt.
 /// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options = {});
 

@@ -13,6 +13,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/interchange/formats.hpp"
+#include "cairn/map/operations.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
@@ -158,6 +159,41 @@ TEST_F(BundleFilesTest, BundlerIsReadInCairnsAxes) {
   EXPECT_EQ(map.observations().keypoints[0], 7U);
 }
 
+TEST_F(BundleFilesTest, AListBesideABundleNamesItsImages) {
+  const Scene scene;
+  std::filesystem::create_directory(folder_ / "bundle");
+  for (const auto& [list, bundle] : {std::pair{"list.txt", "a.out"},
+                                     {"list.txt", "bundle/bundle.out"},
+                                     {"b.list.txt", "b.bundle.out"}}) {
+    folder_.write(list, "./first.jpg\nunused.jpg 0 512.5\n\nthe last.jpg 0 500\n");
+    const auto file = folder_.write(bundle, scene.bundler());
+    EXPECT_THAT(all_formats().read(file).frames().image_names,
+                ::testing::ElementsAre("first.jpg", "the last.jpg"))
+        << "camera 1 has no pose";
+  }
+  folder_.write("list.txt", "first.jpg\n");
+  EXPECT_THAT(read(scene.bundler()).frames().image_names, ::testing::IsEmpty());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("names 1, but there are 3 cameras")));
+}
+
+TEST_F(BundleFilesTest, SizesThatNoFileStatedAreMentionedAgainWhenTheyAreWritten) {
+  const LandmarkMap map = read(Scene().bundler());
+  const auto remarks_of = [&](const LandmarkMap& written, const char* name) {
+    remarks_.clear();
+    all_formats().write(written, folder_ / name,
+                        {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
+    return remarks_;
+  };
+  const auto invented = Contains(HasSubstr("The sizes of images are invented"));
+  EXPECT_THAT(remarks_of(map, "model/"), invented);
+  all_formats().write(map, folder_ / "kept.map", {});
+  EXPECT_THAT(remarks_of(all_formats().read(folder_ / "kept.map"), "reconstruction.json"),
+              invented);
+  EXPECT_THAT(remarks_of(map, "out.nvm"), Not(invented)) << "it states none";
+  const Camera camera{CameraId{0}, "PINHOLE", 640, 480, {500, 500, 320, 240}};
+  EXPECT_THAT(remarks_of(with_camera(map, camera), "other/"), Not(invented));
+}
+
 TEST_F(BundleFilesTest, BalIsReadInCairnsAxes) {
   const Scene scene;
   const LandmarkMap map = read(scene.bal());
@@ -171,6 +207,12 @@ TEST_F(BundleFilesTest, NvmIsReadInCairnsAxes) {
   const LandmarkMap map = read(scene.nvm());
   expect_scene(map, scene);
   EXPECT_EQ(map.frames().image_names[1], "a photo 1.jpg");
+}
+
+TEST_F(BundleFilesTest, ObservationsAreUnknownIfThereIsNone) {
+  const LandmarkMap map = read("# Bundle file v0.3\n0 1\n1 2 3\n0 0 0\n0\n");
+  EXPECT_EQ(map.landmark_count(), 1U);
+  EXPECT_FALSE(map.has_observations());
 }
 
 TEST_F(BundleFilesTest, ALastLineThatMayHaveBeenCutOffIsMentioned) {
@@ -202,6 +244,51 @@ TEST_F(BundleFilesTest, NvmMeasurementsAreUndistorted) {
   const double factor = 1.0 + 0.1 * plain.squaredNorm() / (500.0 * 500.0);
   EXPECT_LT((offset(map) - plain * factor).norm(), 1e-9);
   EXPECT_THAT(remarks_, Contains(HasSubstr("observations are undistorted")));
+}
+
+// COLMAP's exporter: pixels from the corner, the centre of the first being (0.5, 0.5), and k of the opposite sign.
+std::string nvm_of_colmap(double k, double width, double height) {
+  const Scene scene{.k1 = k, .k2 = 0.0};
+  std::string text = "NVM_V3 \n \n2  \n";
+  for (std::size_t c = 0; c < 2; ++c) {
+    const Eigen::Quaterniond q(scene.turns[c]);
+    const Eigen::Vector3d centre = -(q.conjugate() * scene.shifts[c]);
+    text += fmt::format("{}.jpg 500 {} {} {} {} {} {} {} {} 0\n", c, q.w(), q.x(), q.y(), q.z(),
+                        centre[0], centre[1], centre[2], -k);
+  }
+  text += fmt::format("\n{}\n", 25);
+  for (int p = 0; p < 25; ++p) {
+    const Eigen::Vector3d x(0.5 * (p % 5) - 1.0, 0.4 * (p / 5) - 0.8, 5.0 + 0.1 * (p % 3));
+    text += fmt::format("{} {} {} 10 20 30 2", x[0], x[1], x[2]);
+    for (std::size_t c = 0; c < 2; ++c) {
+      const Eigen::Vector3d y = scene.turns[c] * x + scene.shifts[c];
+      const Eigen::Vector2d n = y.head<2>() / y.z();
+      const Eigen::Vector2d pixel = 500.0 * (1.0 + k * n.squaredNorm()) * n;
+      text += fmt::format(" {} {} {} {}", c, p, pixel[0] + 0.5 * width, pixel[1] + 0.5 * height);
+    }
+    text += "\n";
+  }
+  return text + "0\n";
+}
+
+TEST_F(BundleFilesTest, NvmOfColmapIsReadFromTheCornerOfItsImages) {
+  for (const double k : {0.0, -0.15}) {
+    const LandmarkMap map = read(nvm_of_colmap(k, 601, 440));
+    EXPECT_THAT(remarks_, Contains(HasSubstr("from the corner of the images, as COLMAP writes")));
+    EXPECT_LT(reprojection(map).worst, 1e-9) << "also if the images are distorted";
+    EXPECT_EQ(map.cameras()[1].width, 601U);
+    EXPECT_EQ(map.cameras()[1].height, 440U);
+    EXPECT_EQ(map.cameras()[1].parameters, (std::vector<double>{500, 300, 219.5, k, 0}));
+  }
+}
+
+TEST_F(BundleFilesTest, NvmIsNotTakenForColmapsWhereTheCentreExplainsItToo) {
+  // All points are in the lower right quarter: no measurement from the centre is negative.
+  const Scene scene{
+      .k1 = 0.0, .k2 = 0.0, .points = std::vector<Eigen::Vector3d>(12, {2.0, 2.5, 5.0})};
+  const LandmarkMap map = read(scene.nvm());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("states no image sizes")));
+  EXPECT_LT(reprojection(map).worst, 1e-6);
 }
 
 TEST_F(BundleFilesTest, CutFilesAreRefused) {

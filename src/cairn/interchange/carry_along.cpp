@@ -9,8 +9,10 @@
 #include <cstring>
 #include <limits>
 #include <optional>
+#include <ranges>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,6 +21,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/map/turning_columns.hpp"
 
 namespace cairn {
 namespace {
@@ -71,7 +74,7 @@ std::vector<std::string_view> words_of(std::string_view line) {
 // Indices of the vertex properties to be transformed.
 struct Movable {
   std::array<std::size_t, 3> position{};
-  std::optional<std::array<std::size_t, 3>> normal;
+  std::vector<std::array<std::size_t, 3>> normals;
   std::optional<std::array<std::size_t, 6>> covariance;
 };
 
@@ -169,14 +172,24 @@ class Mover {
       }
       return places;
     };
-    if (find("rot_0") && find("f_dc_0")) {
+    std::vector<std::string_view> names;
+    for (const Property& property : vertex.properties) names.push_back(property.name);
+    TurningColumns turning = turning_columns(names);
+    if (turning.are_splats && !(new_from_old_.linear() == Eigen::Matrix3d::Identity())) {
       refuse("header", "has Gaussian splats, whose spherical harmonics would not follow",
              "points or a mesh");
+    }
+    for (const std::size_t i : std::as_const(turning.vectors) | std::views::join) {
+      const Property& part = vertex.properties[i];
+      if (part.count || !part.type.is_float) {
+        refuse("header", "has normals that are no numbers of type float or double",
+               "normals that can be turned");
+      }
     }
     const auto position = floats(std::array<std::string_view, 3>{"x", "y", "z"});
     if (!position)
       refuse("header", "has no x, y and z of type float or double", "positions of vertices");
-    return {*position, floats(std::array<std::string_view, 3>{"nx", "ny", "nz"}),
+    return {*position, std::move(turning.vectors),
             floats(std::array<std::string_view, 6>{"cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz",
                                                    "cov_zz"})};
   }
@@ -190,7 +203,7 @@ class Mover {
       for (std::size_t i = 0; i < 3; ++i) values[places.at(i)] = x[static_cast<Eigen::Index>(i)];
     };
     put(movable.position, new_from_old_ * vector(movable.position));
-    if (movable.normal) put(*movable.normal, rotation_ * vector(*movable.normal));
+    for (const auto& normal : movable.normals) put(normal, rotation_ * vector(normal));
     if (!movable.covariance) return;
     const auto& c = *movable.covariance;
     Eigen::Matrix3d covariance;
@@ -206,9 +219,7 @@ class Mover {
   static std::vector<bool> moved_places(const Element& vertex, const Movable& movable) {
     std::vector<bool> moved(vertex.properties.size(), false);
     for (const std::size_t i : movable.position) moved[i] = true;
-    if (movable.normal) {
-      for (const std::size_t i : *movable.normal) moved[i] = true;
-    }
+    for (const std::size_t i : movable.normals | std::views::join) moved[i] = true;
     if (movable.covariance) {
       for (const std::size_t i : *movable.covariance) moved[i] = true;
     }

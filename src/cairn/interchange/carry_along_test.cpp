@@ -47,6 +47,14 @@ TEST(CarryAlong, PositionsAndNormalsMoveAndTheRestStays) {
               HasSubstr(" 2 6 0 0 1\n9 1 0 0 "));
 }
 
+TEST(CarryAlong, SplatsMayChangeTheirPlaceAlone) {
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float "
+      "z\nproperty float f_rest_0\nproperty float rot_0\nend_header\n";
+  EXPECT_EQ(moved(header + "1 2 3 4 5\n", Rigid3::from_roll_pitch_yaw({1, 0, 0}, 0, 0, 0)),
+            header + "2 2 3 4 5\n");
+}
+
 TEST(CarryAlong, AllFormsOfAMapMoveAsTheMapDoes) {
   const LandmarkMap map = testing::full_map();
   const LandmarkMap expected = transformed(map, quarter_turn());
@@ -99,6 +107,10 @@ TEST(CarryAlong, WhatIsNoCloudIsRefused) {
       refused("ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
               "property float z\nproperty float f_dc_0\nproperty float rot_0\nend_header\n"),
       HasSubstr("Gaussian splats"));
+  EXPECT_THAT(refused("ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float "
+                      "y\nproperty float z\nproperty char nx\nproperty char ny\nproperty char "
+                      "nz\nend_header\n"),
+              HasSubstr("has normals that are no numbers of type float or double"));
 }
 
 }  // namespace

@@ -23,6 +23,7 @@
 #include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/detail/pixel_centre.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/interchange/detail/written_frames.hpp"
 #include "cairn/map/io/losses.hpp"
 
 namespace cairn {
@@ -223,6 +224,12 @@ class Builder {
       tables_.cameras.clear();
     } else if (sources_.cameras == nullptr) {
       remark("there is no file of cameras: the frames have none");
+    }
+    if (knows_observations() && tables_.observations.frames.empty()) {
+      tables_.observations.offsets = {};
+      if (!tables_.landmarks.ids.empty()) {
+        remark("no point has a track: which image observed which point is unknown");
+      }
     }
     images_ = {};
     pixels_ = {};
@@ -609,7 +616,11 @@ class ModelWriter {
  public:
   ModelWriter(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
               const MapWriteOptions& options)
-      : map_(map), folder_(folder), form_(form), options_(options) {
+      : map_(map),
+        folder_(folder),
+        form_(form),
+        options_(options),
+        image_names_(detail::image_names(map)) {
     check_frames();
     constexpr std::uint64_t kMostSmall = std::numeric_limits<std::uint32_t>::max() - 1;
     std::vector<CameraId> camera_ids;
@@ -677,7 +688,7 @@ class ModelWriter {
       for (std::size_t j = 1; j < 4; ++j) out.both(-q[j]);
       for (int j = 0; j < 3; ++j) out.both(t[j]);
       out.both(static_cast<std::uint32_t>(camera_ids_[frames.cameras[i]->value]));
-      const std::string name = image_name(i);
+      const std::string& name = image_names_[i];
       if (out.is_text()) {
         out.word(name);
         out.end_line();
@@ -743,19 +754,13 @@ class ModelWriter {
       if (frames.cameras.empty() || !frames.cameras[i]) {
         refuse("has no camera, and an image of COLMAP needs one", "a camera for every frame");
       }
-      const std::string name = image_name(static_cast<std::uint32_t>(i));
+      const std::string& name = image_names_[i];
       const bool is_bad =
           form_ == ColmapForm::kText
               ? name.find_first_of("\n\r") != std::string::npos || name.front() == ' '
               : name.find('\0') != std::string::npos;
       if (is_bad) refuse("image name " + printable(name), "a name of one line");
     }
-  }
-
-  std::string image_name(std::uint32_t frame) const {
-    const auto& names = map_.frames().image_names;
-    if (!names.empty() && !names[frame].empty()) return names[frame];
-    return fmt::format("frame_{}", map_.frames().ids[frame].value);
   }
 
   // COLMAP lists all keypoints of an image. Lists those that observe a landmark, by index, or without indices
@@ -815,6 +820,7 @@ class ModelWriter {
   const fs::path& folder_;
   ColmapForm form_;
   const MapWriteOptions& options_;
+  std::vector<std::string> image_names_;
   std::vector<std::uint64_t> camera_ids_;
   std::vector<std::uint64_t> image_ids_;
   std::vector<std::uint64_t> point_ids_;

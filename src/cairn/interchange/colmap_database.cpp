@@ -21,6 +21,7 @@
 #include "cairn/interchange/detail/is_file.hpp"
 #include "cairn/interchange/rtabmap.hpp"
 #include "cairn/interchange/stella_database.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/sqlite/database.hpp"
 
 namespace cairn {
@@ -212,13 +213,28 @@ std::optional<ColmapForm> form_of(const fs::path& folder) {
   return std::nullopt;
 }
 
+constexpr std::array<std::string_view, 3> kTables = {"images", "keypoints", "descriptors"};
+
+bool is_colmap_database(const fs::path& path) {
+  return detail::is_database_with(path, {kTables[0], kTables[1], kTables[2]});
+}
+
 LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options) {
   const fs::path folder = input.path.parent_path();
   const std::string part = input.part.value_or("0");
-  std::vector<fs::path> places = {folder / "sparse" / part, folder / part};
-  if (!input.part) places.insert(places.end(), {folder / "sparse", folder});
+  // Also as instant-ngp (colmap_*) and kapture (reconstruction) lay out their projects.
+  std::vector<fs::path> places = {folder / "sparse" / part, folder / part,
+                                  folder / "colmap_sparse" / part,
+                                  folder / "reconstruction" / part};
+  if (!input.part) {
+    for (const char* name : {"sparse", "", "colmap_sparse", "colmap_text", "reconstruction"}) {
+      places.push_back(*name == '\0' ? folder : folder / name);
+    }
+  }
   for (const fs::path& place : places) {
     if (const auto form = form_of(place)) {
+      detail::log_remark(options.log, input.path.string(),
+                         "read with the model in " + (place.empty() ? "." : place.string()));
       return with_colmap_descriptors(read_colmap(place, *form, options), input.path, options);
     }
   }
@@ -230,13 +246,29 @@ LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options
 std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const fs::path& path,
                                                  const MapReadOptions& options) {
   sqlite::Database database = detail::open_foreign_database(path, options);
-  for (const char* table : {"images", "keypoints", "descriptors"}) {
+  for (const std::string_view table : kTables) {
     if (!database.has_table(table)) {
       throw Error(ErrorKind::kInput, path.string(), fmt::format("has no table {}", table),
                   "a database of COLMAP");
     }
   }
   return DescriptorReader(model, database, options).read();
+}
+
+// COLMAP's databases in a folder: database.db, or else all others by their tables.
+std::vector<fs::path> databases_in(const fs::path& folder) {
+  if (detail::is_file(folder / "database.db")) return {folder / "database.db"};
+  std::vector<fs::path> databases;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const fs::path& path = entry->path();
+    if (path.extension() == ".db" && detail::is_file(path) && is_colmap_database(path)) {
+      databases.push_back(path);
+    }
+  }
+  std::sort(databases.begin(), databases.end());
+  return databases;
 }
 
 LandmarkMap with_descriptors(LandmarkMap model, std::optional<DescriptorColumn> descriptors) {
@@ -260,7 +292,7 @@ std::vector<MapFormat> colmap_database_formats() {
            .holds_several = true,
            .recognises =
                [](const MapInput& input) {
-                 return detail::is_database_with(input, {"images", "keypoints", "descriptors"});
+                 return detail::is_database(input) && is_colmap_database(input.path);
                },
            .read = &read_with_model}};
 }
@@ -283,10 +315,18 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
       fs::absolute(folder.empty() ? fs::path(".") : folder, ignored).lexically_normal();
   if (!place.has_filename()) place = place.parent_path();
   for (int up = 0; up < 3; ++up, place = place.parent_path()) {
-    const fs::path database = place / "database.db";
-    if (!detail::is_file(database)) continue;
+    const std::vector<fs::path> databases = databases_in(place);
+    if (databases.empty()) continue;
+    if (databases.size() > 1) {
+      log_remark(options.log, place.string(),
+                 fmt::format("holds several databases of COLMAP, {} and {}; descriptors are left "
+                             "out: keep one of them there, or call it database.db",
+                             databases[0].filename().string(), databases[1].filename().string()),
+                 RemarkKind::kLoss);
+      return model;
+    }
     try {
-      auto descriptors = read_descriptors(model, database, options);
+      auto descriptors = read_descriptors(model, databases.front(), options);
       return with_descriptors(std::move(model), std::move(descriptors));
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;

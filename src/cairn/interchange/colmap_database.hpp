@@ -17,7 +17,8 @@ namespace cairn {
 LandmarkMap with_colmap_descriptors(LandmarkMap model, const std::filesystem::path& database,
                                     const MapReadOptions& options = {});
 
-/// The format "colmap-database": a database, read with the model in sparse/N in its folder.
+/// The format "colmap-database": a database, read with the model in sparse/N in its folder, or where instant-ngp and
+/// kapture have it.
 std::vector<MapFormat> colmap_database_formats();
 
 }  // namespace cairn

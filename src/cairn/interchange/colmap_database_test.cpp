@@ -69,6 +69,25 @@ TEST_F(ColmapDatabaseTest, DescriptorsOfTheDatabaseBelongToLandmarks) {
   }
 }
 
+TEST_F(ColmapDatabaseTest, ADatabaseOfAnyNameIsFoundByItsTables) {
+  fs::rename(file(), folder_ / "colmap.db");
+  fs::rename(folder_ / "sparse", folder_ / "colmap_sparse");
+  folder_.write("Thumbs.db", "no database");
+  for (const fs::path& path :
+       {folder_ / "colmap_sparse/0", folder_ / "colmap.db", folder_.path()}) {
+    EXPECT_TRUE(read(path).landmarks().descriptors) << path;
+  }
+  EXPECT_THAT(remarks_,
+              Contains(HasSubstr("the map in " + (folder_ / "colmap_sparse/0").string())));
+  fs::copy(folder_ / "colmap.db", folder_ / "other.db");
+  EXPECT_FALSE(read(folder_ / "colmap_sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("several databases of COLMAP, colmap.db and other.db")));
+  fs::copy(folder_ / "colmap_sparse/0", folder_ / "colmap_text");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_.path()); }),
+              AllOf(HasSubstr("holds 2 maps in folders"), HasSubstr("colmap_sparse/0 or "),
+                    HasSubstr("colmap_text")));
+}
+
 TEST_F(ColmapDatabaseTest, AModelWithoutCamerasGetsDescriptorsToo) {
   fs::remove(folder_ / "sparse/0/cameras.txt");
   EXPECT_TRUE(read(folder_ / "sparse/0").frames().cameras.empty());

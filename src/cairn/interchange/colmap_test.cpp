@@ -170,6 +170,34 @@ TEST_F(ColmapTest, FramesWithoutCamerasAreNotWritten) {
   EXPECT_TRUE(fs::is_empty(folder_.path()));
 }
 
+TEST_F(ColmapTest, OneNameOfTwoImagesIsNotWritten) {
+  MapTables tables = testing::plain_tables();
+  tables.cameras = {{CameraId{0}, "PINHOLE", 640, 480, {500, 500, 320, 240}}};
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"a.jpg", "a.jpg"};
+  const LandmarkMap map(std::move(tables));
+  for (const char* name : {"model/", "out.nvm", "transforms.json", "reconstruction.json"}) {
+    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { all_formats().write(map, folder_ / name); }),
+                HasSubstr("frame 2: image name 'a.jpg' is that of frame 1 too"))
+        << name;
+    EXPECT_FALSE(fs::exists(folder_ / name));
+  }
+}
+
+// As RealityCapture, Metashape and scripts for ARKit write models.
+TEST_F(ColmapTest, ObservationsAreUnknownIfNoPointHasATrack) {
+  write_text();
+  folder_.write("images.txt", "1 1 0 0 0 0 0 0 3 a.jpg\n\n");
+  folder_.write("points3D.txt", "2 1 2 3 0 0 0 0.5\n1 1 2 4 0 0 0 0.5\n");
+  const LandmarkMap map = read();
+  EXPECT_EQ(map.landmark_count(), 2U);
+  EXPECT_EQ(map.frame_count(), 1U);
+  EXPECT_FALSE(map.has_observations());
+  EXPECT_THAT(remarks_, ElementsAre(HasSubstr("no point has a track")));
+  write_colmap(map, folder_ / "model", ColmapForm::kBinary);
+  EXPECT_FALSE(all_formats().read(folder_ / "model").has_observations());
+}
+
 TEST_F(ColmapTest, MissingImagesLeaveThePoints) {
   write_text();
   fs::remove(folder_ / "images.txt");

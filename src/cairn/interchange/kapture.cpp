@@ -575,7 +575,7 @@ class Reader {
     });
     for (const auto& [type, list] : seen) others += list.size();
     if (most == seen.end()) {
-      tables_.observations.offsets.assign(tables_.landmarks.ids.size() + 1, 0);
+      remark("reconstruction/observations.txt holds none that can be used: observations are unknown");
       return;
     }
     others -= most->second.size();

@@ -242,6 +242,12 @@ TEST_F(KaptureTest, CompanionsMayBeMissing) {
   EXPECT_FALSE(map.has_observations());
   EXPECT_THAT(remarks_, Contains(HasSubstr("there is no reconstruction/observations.txt")));
 
+  Files untracked = small_files();
+  untracked["reconstruction/observations.txt"] = "# kapture format: 1.1\n";
+  map = read(untracked);
+  EXPECT_FALSE(map.has_observations());
+  EXPECT_THAT(remarks_, Contains(HasSubstr("observations.txt holds none that can be used")));
+
   map = read(without({"reconstruction/points3d.txt", "reconstruction/observations.txt"}));
   EXPECT_EQ(map.landmark_count(), 0U);
   EXPECT_EQ(map.frame_count(), 2U);

@@ -238,9 +238,10 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
   if (is_one_camera) all = cameras[0];
   all["frames"] = nlohmann::ordered_json::array();
+  const std::vector<std::string> names = detail::image_names(map);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     nlohmann::ordered_json frame = nlohmann::ordered_json::object();
-    const std::string name = detail::image_name(map, FrameIndex{i});
+    const std::string& name = names[i];
     if (!is_utf8(name)) {
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
                   "image name " + printable(name), "a name in UTF-8, as JSON needs it");

@@ -487,16 +487,12 @@ class Writer {
   Writer(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options)
       : map_(map), path_(path), options_(options) {
     detail::require_cameras(map, "a shot of OpenSfM");
-    std::set<std::string> names;
+    names_ = detail::image_names(map);
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-      names_.push_back(detail::image_name(map, FrameIndex{i}));
-      const bool is_plain =
-          names_.back().find_first_of("\t\n\r") == std::string::npos && is_utf8(names_.back());
-      if (is_plain && names.insert(names_.back()).second) continue;
+      if (names_[i].find_first_of("\t\n\r") == std::string::npos && is_utf8(names_[i])) continue;
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
-                  "image name " + printable(names_.back()),
-                  "distinct names in UTF-8 without tabs and line ends, which name the shots of "
-                  "OpenSfM");
+                  "image name " + printable(names_[i]),
+                  "names in UTF-8 without tabs and line ends, which name the shots of OpenSfM");
     }
     for (const ControlPoint& point : map.info().control_points) {
       if (is_utf8(point.name)) continue;

@@ -9,6 +9,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/io/losses.hpp"
+#include "cairn/map/turning_columns.hpp"
 
 namespace cairn {
 namespace {
@@ -212,6 +214,7 @@ LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old)
     const Eigen::Matrix3d moved = rotated_covariance(covariance, rotation);
     covariance = scale * scale * 0.5 * (moved + moved.transpose());
   }
+  tables.landmarks.columns = transformed_columns(tables.landmarks.columns, new_from_old);
   OptionalColumn<double>& depths = tables.observations.depths;
   for (std::size_t i = 0; i < depths.size(); ++i) {
     if (const std::optional<double> depth = depths[i]) depths.set(i, scale * *depth);
@@ -261,6 +264,8 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera) {
   MapTables tables = copied_tables(map);
   tables.cameras = {camera};
+  std::erase_if(tables.info.provenance,
+                [](const std::string& step) { return step.ends_with(detail::kSizesNotStated); });
   tables.frames.cameras.assign(map.frame_count(), CameraIndex{0});
   return LandmarkMap(std::move(tables));
 }

@@ -34,8 +34,8 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 /// @throws Error (misuse) if the map has no observations or no such frame
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
-/// The map in another world frame. Transforms positions, covariances, poses, gravity and georeference; scales
-/// all lengths, including the depths of observations but not named columns. Keeps the unit's name.
+/// The map in another world frame. Transforms positions, covariances, poses, normals, gravity and georeference; scales
+/// all lengths, including depths but not named columns. Keeps the unit's name. @throws as transformed_columns()
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its length unit renamed.

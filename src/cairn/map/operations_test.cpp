@@ -13,6 +13,7 @@
 #include "cairn/core/error.hpp"
 
 #include "support/maps.hpp"
+#include "support/refusal.hpp"
 
 namespace cairn {
 namespace {
@@ -324,6 +325,40 @@ TEST(Transformed, KeepsAllElseAndDropsTheUuid) {
   moved.landmarks.positions = map.landmarks().positions;
   moved.landmarks.covariances = map.landmarks().covariances;
   EXPECT_THAT(LandmarkMap(std::move(moved)), EqualsMap(map));
+}
+
+TEST(Transformed, TurnsNormals) {
+  LandmarkMap map = plain_map();
+  const std::vector<double> one(map.landmark_count(), 1.0);
+  for (const char* name : {"ny", "nz", "Normal_Y", "Normal_Z", "weight"}) {
+    map = with_column(map, name, one);
+  }
+  for (const char* name : {"nx", "Normal_X"}) {
+    map = with_column(map, name, std::vector<double>(map.landmark_count(), 2.0));
+  }
+  // By 90 degrees about z, three times the size.
+  const Similarity3 turn(3.0, Rigid3::from_roll_pitch_yaw({5, 6, 7}, 0, 0, std::acos(-1.0) / 2));
+  const LandmarkMap moved = transformed(map, turn);
+  for (const auto& [name, value] :
+       {std::pair{"nx", -1.0}, {"ny", 2.0}, {"nz", 1.0}, {"Normal_X", -1.0}, {"Normal_Y", 2.0}}) {
+    EXPECT_NEAR(moved.column(name)->values[1], value, 1e-15) << name;
+  }
+  EXPECT_EQ(moved.column("weight")->values, one);
+}
+
+TEST(Transformed, RefusesSplatsUnlessOnlyTheirPlaceChanges) {
+  for (const char* name : {"rot_0", "f_rest_0"}) {
+    const LandmarkMap splats = with_column(plain_map(), name, {1, 2, 3});
+    for (const Similarity3& move :
+         {Similarity3(2.0, Rigid3()), Similarity3(Rigid3::from_roll_pitch_yaw({}, 0, 0, 0.1))}) {
+      EXPECT_THAT(
+          testing::message_of(ErrorKind::kInput, [&] { transformed(splats, move); }),
+          HasSubstr("map: has Gaussian splats, whose spherical harmonics would not follow"));
+    }
+    const LandmarkMap moved =
+        transformed(splats, Similarity3(Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0, 0, 0)));
+    EXPECT_EQ(moved.column(name)->values[2], 3.0);
+  }
 }
 
 TEST(WithColumn, AddsAColumn) {

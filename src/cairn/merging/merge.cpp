@@ -8,6 +8,7 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 #include "cairn/placement/probability_text.hpp"
@@ -88,6 +89,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   std::vector<const LandmarkMap*> pointers;
   std::vector<NodeExtent> extents;
   for (const MergeInput& input : maps) {
+    require_no_splats(*input.map, input.name);  // before the long work
     pointers.push_back(input.map);
     extents.push_back(node_extent(*input.map));
   }

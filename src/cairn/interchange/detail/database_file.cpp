@@ -62,9 +62,12 @@ bool is_database(const MapInput& input) {
 }
 
 bool is_database_with(const MapInput& input, std::initializer_list<std::string_view> tables) {
-  if (!is_database(input)) return false;
+  return is_database(input) && is_database_with(input.path, tables);
+}
+
+bool is_database_with(const fs::path& path, std::initializer_list<std::string_view> tables) {
   try {
-    sqlite::Database database = open_immutable(input.path, {});
+    sqlite::Database database = open_immutable(path, {});
     return std::all_of(tables.begin(), tables.end(),
                        [&](std::string_view table) { return database.has_table(table); });
   } catch (const Error&) {

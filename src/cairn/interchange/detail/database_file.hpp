@@ -16,6 +16,8 @@ bool is_database(const MapInput& input);
 
 /// Whether a file is an SQLite database that has all these tables, also if it was not closed.
 bool is_database_with(const MapInput& input, std::initializer_list<std::string_view> tables);
+bool is_database_with(const std::filesystem::path& path,
+                      std::initializer_list<std::string_view> tables);
 
 /// Opens another system's database for reading, without writing anything beside it.
 /// @throws Error (input) naming the file, also if changes are in its write-ahead log or a hot journal

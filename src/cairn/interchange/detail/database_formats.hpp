@@ -14,8 +14,8 @@ namespace cairn::detail {
 /// The formats of databases.
 std::vector<MapFormat> database_formats();
 
-/// Adds descriptors to a COLMAP model from the database.db in its folder or in one of the two parent folders.
-/// Returns the model unchanged if there is none.
+/// Adds descriptors to a COLMAP model from the database.db, or the only database of COLMAP, in its folder or in one of
+/// the two parent folders. Returns the model unchanged if there is none.
 LandmarkMap with_database_beside(LandmarkMap model, const std::filesystem::path& folder,
                                  const MapReadOptions& options);
 

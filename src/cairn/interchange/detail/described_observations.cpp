@@ -113,6 +113,7 @@ std::size_t DescribedObservations::fill(MapTables& tables, const std::string& ki
       tables.landmarks.descriptors = std::move(column);
     }
   }
+  if (count == 0) table.offsets.clear();  // unknown, as in ObservationList
   entries_ = {};
   bytes_ = {};
   ends_ = {};

@@ -17,8 +17,10 @@ class ObservationList {
     entries_.push_back({landmark, frame, pixel, keypoint});
   }
 
-  /// Fills the table, observations of one landmark in the order in which they were added.
+  /// Fills the table, observations of one landmark in the order in which they were added. Without any, they are unknown:
+  /// programs that do not keep tracks write empty ones.
   void fill(ObservationTable& table, std::size_t landmarks) {
+    if (entries_.empty()) return;
     table.offsets.assign(landmarks + 1, 0);
     for (const Entry& entry : entries_) ++table.offsets[entry.landmark + 1];
     for (std::size_t i = 0; i < landmarks; ++i) table.offsets[i + 1] += table.offsets[i];

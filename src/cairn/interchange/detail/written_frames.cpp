@@ -2,6 +2,7 @@
 #include "cairn/interchange/detail/written_frames.hpp"
 
 #include <algorithm>
+#include <unordered_map>
 #include <unordered_set>
 
 #include <fmt/format.h>
@@ -19,10 +20,21 @@ void require_cameras(const LandmarkMap& map, std::string_view image) {
   }
 }
 
-std::string image_name(const LandmarkMap& map, FrameIndex frame) {
-  const auto& names = map.frames().image_names;
-  if (!names.empty() && !names[frame.value].empty()) return names[frame.value];
-  return fmt::format("frame_{}", map.frames().ids[frame.value].value);
+std::vector<std::string> image_names(const LandmarkMap& map) {
+  const FrameTable& frames = map.frames();
+  std::vector<std::string> names = frames.image_names;
+  names.resize(map.frame_count());
+  std::unordered_map<std::string_view, std::size_t> frame_with;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i].empty()) names[i] = fmt::format("frame_{}", frames.ids[i].value);
+    const auto [other, is_new] = frame_with.emplace(names[i], i);
+    if (is_new) continue;
+    throw Error(ErrorKind::kInput, fmt::format("frame {}", frames.ids[i].value),
+                fmt::format("image name {} is that of frame {} too", printable(names[i]),
+                            frames.ids[other->second].value),
+                "distinct names, by which programs find the images");
+  }
+  return names;
 }
 
 std::optional<RadialCamera> radial_camera(const Camera& camera) {

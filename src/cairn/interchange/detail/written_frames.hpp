@@ -16,8 +16,9 @@ namespace cairn::detail {
 /// @throws Error (input) naming a frame without a camera
 void require_cameras(const LandmarkMap& map, std::string_view image);
 
-/// The name of a frame's image; "frame_ID" if it has none.
-std::string image_name(const LandmarkMap& map, FrameIndex frame);
+/// The names of the frames' images; "frame_ID" for one that has none.
+/// @throws Error (input) naming a frame whose image has the name of another's, which programs would take for it
+std::vector<std::string> image_names(const LandmarkMap& map);
 
 /// A focal length and radial distortion about the optical axis, as in camera model RADIAL.
 struct RadialCamera {

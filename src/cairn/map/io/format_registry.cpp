@@ -204,14 +204,46 @@ void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
               "a map file, or a folder that is one map");
 }
 
+const MapFormat* FormatRegistry::recognised(const MapInput& input) const {
+  const auto format = std::find_if(formats_.rbegin(), formats_.rend(), [&](const MapFormat& f) {
+    return f.recognises && f.recognises(input);
+  });
+  return format == formats_.rend() ? nullptr : &*format;
+}
+
+std::vector<std::filesystem::path> FormatRegistry::maps_of_folder(
+    const std::filesystem::path& folder) const {
+  if (recognised({.path = folder}) != nullptr) return {folder};
+  constexpr int kDeepest = 3;                  // as colmap/sparse/0
+  constexpr std::size_t kMostFolders = 10000;  // of a folder that was not meant
+  std::vector<std::filesystem::path> maps;
+  std::vector<std::filesystem::path> level = {folder};
+  std::size_t visited = 0;
+  for (int depth = 0; depth < kDeepest; ++depth) {
+    std::vector<std::filesystem::path> next;
+    for (const std::filesystem::path& above : level) {
+      std::error_code error;
+      for (std::filesystem::directory_iterator entry(above, error), end; !error && entry != end;
+           entry.increment(error)) {
+        std::error_code ignored;
+        const std::filesystem::path& path = entry->path();
+        if (path.filename().string().starts_with('.') || !entry->is_directory(ignored)) continue;
+        if (++visited > kMostFolders) break;
+        (recognised({.path = path}) != nullptr ? maps : next).push_back(path);
+      }
+    }
+    level = std::move(next);
+  }
+  std::sort(maps.begin(), maps.end());
+  return maps;
+}
+
 LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
                                  const MapReadOptions& options) const {
   MapInput input = input_at(path);
   const auto read_recognised = [&]() -> std::optional<LandmarkMap> {
-    const auto format = std::find_if(formats_.rbegin(), formats_.rend(), [&](const MapFormat& f) {
-      return f.recognises && f.recognises(input);
-    });
-    if (format == formats_.rend()) return std::nullopt;
+    const MapFormat* const format = recognised(input);
+    if (format == nullptr) return std::nullopt;
     if (input.part && !format->holds_several) {
       throw Error(ErrorKind::kInput, path.string(),
                   fmt::format("a map in format {} is one map, not several", format->title),
@@ -221,8 +253,23 @@ LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
   };
   std::error_code ignored;
   if (std::filesystem::is_directory(input.path, ignored)) {
-    if (auto map = read_recognised()) return *std::move(map);
-    refuse_folder(input.path);
+    const std::vector<std::filesystem::path> maps = maps_of_folder(input.path);
+    if (maps.size() > 1) {
+      std::vector<std::string> names;
+      for (const std::filesystem::path& map : maps) names.push_back(map.string());
+      constexpr std::size_t kShown = 8;
+      names.resize(std::min(names.size(), kShown));
+      throw Error(ErrorKind::kInput, input.path.string(),
+                  fmt::format("holds {} maps in folders", maps.size()),
+                  "one of them: " + alternatives(names));
+    }
+    if (maps.empty()) refuse_folder(input.path);
+    if (maps.front() != input.path) {
+      detail::log_remark(options.log, input.path.string(),
+                         "the map in " + maps.front().string() + " is read");
+    }
+    input.path = maps.front();
+    return *read_recognised();
   }
   FileReader file(input.path);  // says why, if it cannot be opened
   PrefixedSource source(first_bytes_of(file), file);

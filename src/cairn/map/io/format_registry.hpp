@@ -82,8 +82,11 @@ class FormatRegistry {
   /// Names of the formats that can be written, as text for help and messages.
   std::string written_names_text() const;
 
-  /// Reads a map in any of the formats, recognised by content. If the path does not exist, it may be
-  /// "path#N": map N of a file that holds several.
+  /// The maps that are folders: the folder itself, or else those up to three folders below, such as its sparse/0.
+  std::vector<std::filesystem::path> maps_of_folder(const std::filesystem::path& folder) const;
+
+  /// Reads a map in any of the formats, recognised by content; of a folder the only one of maps_of_folder(). If the
+  /// path does not exist, it may be "path#N": map N of a file that holds several.
   /// @throws Error (input) naming the file, line or byte, field, value and constraint
   LandmarkMap read(const std::filesystem::path& path, const MapReadOptions& options = {}) const;
 
@@ -98,6 +101,7 @@ class FormatRegistry {
              const MapWriteOptions& options = {}) const;
 
  private:
+  const MapFormat* recognised(const MapInput& input) const;
   [[noreturn]] void refuse_folder(const std::filesystem::path& path) const;
 
   std::vector<MapFormat> formats_;

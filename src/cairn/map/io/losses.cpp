@@ -65,9 +65,19 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
 std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
                         std::string_view format) {
   const std::vector<std::string> lost = losses(map, holdings);
-  if (lost.empty()) return {};
-  return fmt::format("{}{}{} has no place for: {}; left out", path, path.empty() ? "" : ": ",
-                     format, fmt::join(lost, ", "));
+  std::string remark;
+  if (!lost.empty()) {
+    remark = fmt::format("{} has no place for: {}; left out", format, fmt::join(lost, ", "));
+  }
+  const auto& steps = map.info().provenance;
+  const bool has_sizes = holdings.frames && holdings.cameras && holdings.image_sizes;
+  if (has_sizes && std::any_of(steps.begin(), steps.end(), [](const std::string& step) {
+        return step.ends_with(kSizesNotStated);
+      })) {
+    remark += remark.empty() ? std::string(format) + ": " : ". ";
+    remark += "The sizes of images are invented, because the file that was read states none";
+  }
+  return remark.empty() || path.empty() ? remark : fmt::format("{}: {}", path, remark);
 }
 
 void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,

@@ -16,6 +16,7 @@ struct Holdings {
   bool frames = true;
   bool observations = true;
   bool cameras = true;
+  bool image_sizes = true;  ///< of the cameras
   bool image_names = true;
   bool timestamps = false;
   bool keypoints = false;
@@ -33,6 +34,11 @@ struct Holdings {
   std::span<const std::string_view> columns = {};  ///< names of columns that it can hold
 };
 
+/// The line of provenance by which a map says that its cameras' sizes were not stated by the file. Writers of sizes
+/// say it again.
+inline constexpr std::string_view kSizesNotStated =
+    "the file states no image sizes: those of the cameras follow from the observations";
+
 /// Sends "name: text" to the log, if there is one.
 /// @param name of the file
 void log_remark(const LogSink& log, std::string_view name, std::string_view text,
@@ -41,7 +47,8 @@ void log_remark(const LogSink& log, std::string_view name, std::string_view text
 /// Names the parts of `map` that the format cannot hold.
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
 
-/// E.g. "x: COLMAP has no place for: covariances, colours; left out"; empty if nothing is lost.
+/// E.g. "x: COLMAP has no place for: covariances, colours; left out"; empty if nothing is lost. Also says if sizes of
+/// images are written that no file stated.
 /// @param path empty if the writer does not know it
 std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
                         std::string_view format);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 #include <set>
 #include <span>
@@ -16,6 +17,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/detail/association.hpp"
 #include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/placement/descriptors.hpp"
@@ -145,6 +147,7 @@ class Fusion {
  private:
   void add(std::size_t m);
   void add_frames(std::size_t m);
+  void tell_images_apart();
   std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
                                         std::optional<CameraIndex> camera) const;
   void estimate_variances(std::size_t m, const AssociationResult& association);
@@ -158,6 +161,15 @@ class Fusion {
   std::vector<std::vector<bool>> repeated_observations() const;
   void set_observations();
   std::string frames_line(std::size_t m) const;
+  // The folder of a map's images; without blanks, at which COLMAP ends a name.
+  std::string image_folder(std::size_t m) const {
+    std::string folder = maps_[m].name + "/";
+    std::replace(folder.begin(), folder.end(), ' ', '_');
+    return folder;
+  }
+  std::string image_name(std::size_t m, const std::string& name) const {
+    return has_prefix_[m] && !name.empty() ? image_folder(m) + name : name;
+  }
   void set_info();
 
   bool has_covariance(std::size_t m, std::uint32_t i) const {
@@ -182,16 +194,22 @@ class Fusion {
   std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
   std::vector<bool> is_shared_;                          // by frame: whether two maps have it
+  std::vector<bool> has_prefix_;                         // by map: before the names of its images
   std::vector<std::uint32_t> from_map_;
   std::vector<std::uint32_t> from_landmark_;  // index
   std::vector<std::uint32_t> parts_;
 };
 
 Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
-    : maps_(maps), options_(options), variances_(maps.size()), landmark_of_(maps.size()) {
+    : maps_(maps),
+      options_(options),
+      variances_(maps.size()),
+      landmark_of_(maps.size()),
+      has_prefix_(maps.size(), false) {
   std::size_t landmarks = 0;
   std::size_t frames = 0;
   for (const PlacedMap& placed : maps) {
+    require_no_splats(*placed.map, placed.name);
     landmarks += placed.map->landmark_count();
     frames += placed.map->frame_count();
     has_colors_ = has_colors_ || !placed.map->landmarks().colors.empty();
@@ -231,6 +249,7 @@ FusionResult Fusion::run() {
   set_positions();
   set_columns();
   set_observations();
+  tell_images_apart();
   set_info();
   tables_.landmarks.ids.resize(last_member_.size());
   for (std::size_t i = 0; i < last_member_.size(); ++i) {
@@ -513,6 +532,54 @@ std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
   return std::nullopt;
 }
 
+// Captures number their images alike, and programs find an image by its name: images of different maps that share one
+// are told apart by the names of their maps.
+void Fusion::tell_images_apart() {
+  std::vector<std::string>& names = tables_.frames.image_names;
+  std::vector<std::size_t> map_of(names.size());  // the first map of each frame
+  for (std::size_t m = maps_.size(); m-- > 0;) {
+    for (const FrameIndex frame : result_.frames[m]) map_of[frame.value] = m;
+  }
+  std::string example;
+  std::size_t alike = 0;
+  for (bool changed = true; changed;) {
+    changed = false;
+    std::vector<bool> next = has_prefix_;
+    std::map<std::string, std::size_t> map_with;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      if (names[i].empty()) continue;
+      const std::size_t m = map_of[i];
+      const auto [other, is_new] = map_with.emplace(image_name(m, names[i]), m);
+      if (is_new || other->second == m) continue;
+      alike += names[i] == other->first ? 1 : 0;
+      if (has_prefix_[m] && has_prefix_[other->second]) continue;
+      if (example.empty()) {
+        example = fmt::format("{} of {} and {}", printable(names[i]), maps_[other->second].name,
+                              maps_[m].name);
+      }
+      next[m] = next[other->second] = changed = true;
+    }
+    has_prefix_ = std::move(next);
+  }
+  if (example.empty()) return;
+  std::string folders;
+  std::size_t renamed = 0;
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    if (!has_prefix_[m]) continue;
+    constexpr std::size_t kShown = 4;
+    if (++renamed <= kShown) folders += (renamed > 1 ? ", " : "") + image_folder(m);
+    if (renamed == kShown + 1) folders += ", ...";
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) names[i] = image_name(map_of[i], names[i]);
+  if (options_.log) {
+    options_.log(fmt::format(
+        "names that images of different maps share: {}, e.g. {}; the names of all images of these "
+        "{} maps begin with the map's name now. Programs find the images if those of each map are "
+        "copied into a folder of that name: {}",
+        alike, example, renamed, folders));
+  }
+}
+
 void Fusion::set_columns() {
   const std::size_t count = last_member_.size();
   std::vector<NamedColumn>& columns = tables_.landmarks.columns;
@@ -530,7 +597,8 @@ void Fusion::set_columns() {
   columns.push_back({kFromLandmarkColumn, std::move(from_landmark)});
   columns.push_back({kFusedColumn, std::move(parts)});
   for (std::size_t m = 0; m < maps_.size(); ++m) {
-    for (const NamedColumn& theirs : maps_[m].map->landmarks().columns) {
+    for (const NamedColumn& theirs :
+         transformed_columns(maps_[m].map->landmarks().columns, maps_[m].world_from_map)) {
       // Not copied, because the landmarks have moved; it can be computed from the observations.
       if (theirs.name == kStaleColumn) continue;
       const std::string& name = theirs.name;
@@ -702,7 +770,11 @@ void Fusion::set_info() {
                               ? *theirs.georeference
                               : theirs.georeference->moved(maps_[m].world_from_map);
     }
-    add_control_points(theirs.control_points, info.control_points);
+    std::vector<ControlPoint> points = theirs.control_points;
+    for (ControlPoint& point : points) {
+      for (ControlPoint::View& view : point.views) view.image_name = image_name(m, view.image_name);
+    }
+    add_control_points(points, info.control_points);
     for (const std::string& line : theirs.provenance) {
       info.provenance.push_back(fmt::format("{}: {}", maps_[m].name, line));
     }

@@ -73,12 +73,14 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// and camera are equal. A landmark keeps its first observation in that frame.
 ///
 /// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
-/// and named columns. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
+/// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
+/// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
 /// provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
 /// Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
 /// in the world. The same input and seed give the same result for any number of threads.
 ///
-/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices
+/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices, and for
+///         Gaussian splats
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {});
 
 }  // namespace cairn

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <Eigen/LU>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -258,7 +259,7 @@ TEST(FuseMaps, KeepsAllThatTheMapsHold) {
                                      "two: made elsewhere",
                                      HasSubstr("frames 3 to 5 are its 3 in their order")));
   EXPECT_EQ(map.frames().timestamps_s[4], 1305031453.374112);
-  EXPECT_EQ(map.frames().image_names[3], "rgb/1.png");
+  EXPECT_EQ(map.frames().image_names[3], "two/rgb/1.png") << "the first map has an rgb/1.png too";
   EXPECT_EQ(map.frames().gnss[3], first.frames().gnss[0]);
   EXPECT_EQ(map.frames().cameras[3]->value, 1U);  // the fisheye of both
   EXPECT_EQ(map.frames().cameras[5]->value, 2U);
@@ -443,6 +444,75 @@ TEST(FuseMaps, KeepsTheControlPointsOfAllMaps) {
           .control_points;
   const ControlPoint both{"nail", 47.0, 8.0, 400.0, {a, b}};
   EXPECT_THAT(points, ::testing::ElementsAre(both, cross, higher));
+}
+
+LandmarkMap with_image_names(LandmarkMap map, const std::string& format) {
+  MapTables tables = std::move(map).tables();
+  tables.frames.image_names.clear();
+  for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) {
+    tables.frames.image_names.push_back(fmt::format(fmt::runtime(format), i));
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(FuseMaps, TellsImagesOfOneNameApartByTheirMaps) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 3});
+  const LandmarkMap first = with_image_names(pair.target, "frame_{}.jpg");
+  MapTables tables = with_image_names(pair.source, "frame_{}.jpg").tables();
+  tables.frames.image_names[2] = "other.jpg";
+  tables.info.control_points = {{"nail", 47.0, 8.0, 400.0, {{"frame_1.jpg", {1.0, 2.0}}}}};
+  const LandmarkMap second(std::move(tables));
+  // Its name is what the first map's are to be.
+  const LandmarkMap third = with_image_names(pair.source, "day one/frame_{}.jpg");
+  std::vector<PlacedMap> maps = {{&first, "day one", {}},
+                                 {&second, "b", pair.target_from_source},
+                                 {&third, "c", pair.target_from_source}};
+  std::vector<std::string> remarks;
+  FusionOptions options;
+  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  const FusionResult two = fuse_maps(std::span(maps).first(2), options);
+  EXPECT_THAT(
+      two.map.frames().image_names,
+      ::testing::ElementsAre("day_one/frame_0.jpg", "day_one/frame_1.jpg", "day_one/frame_2.jpg",
+                             "b/frame_0.jpg", "b/frame_1.jpg", "b/other.jpg"));
+  EXPECT_EQ(two.map.info().control_points[0].views[0].image_name, "b/frame_1.jpg");
+  EXPECT_THAT(remarks, ::testing::Contains(::testing::AllOf(
+                           HasSubstr("names that images of different maps share: 2, e.g. "
+                                     "'frame_0.jpg' of day one and b"),
+                           HasSubstr("day_one/, b/"))));
+  maps[0].name = "day one";
+  const auto three = fuse_maps(maps).map.frames().image_names;
+  EXPECT_EQ(std::set<std::string>(three.begin(), three.end()).size(), 9U);
+  remarks.clear();
+  const FusionResult apart = fuse_maps(std::vector{maps[0], maps[2]}, options);
+  EXPECT_EQ(apart.map.frames().image_names[0], "frame_0.jpg") << "no name is shared";
+  EXPECT_THAT(remarks, ::testing::IsEmpty());
+}
+
+TEST(FuseMaps, TurnsNormalsAndRefusesSplats) {
+  const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 3});
+  const auto with = [](LandmarkMap map, const std::vector<NamedColumn>& columns) {
+    for (const auto& [name, values] : columns) map = with_column(map, name, values);
+    return map;
+  };
+  const auto all = [](const LandmarkMap& map, double value) {
+    return std::vector<double>(map.landmark_count(), value);
+  };
+  const LandmarkMap source =
+      with(pair.source,
+           {{"nx", all(pair.source, 1)}, {"ny", all(pair.source, 0)}, {"nz", all(pair.source, 0)}});
+  std::vector<PlacedMap> maps = {{&pair.target, "a", {}}, {&source, "b", pair.target_from_source}};
+  const LandmarkMap fused = fuse_maps(maps).map;
+  const Eigen::Vector3d expected = pair.target_from_source.rotation().col(0);
+  const std::size_t last = fused.landmark_count() - 1;  // of the second map
+  EXPECT_NEAR(fused.column("nx")->values[last], expected.x(), 1e-12);
+  EXPECT_NEAR(fused.column("ny")->values[last], expected.y(), 1e-12);
+  EXPECT_NEAR(fused.column("nz")->values[last], expected.z(), 1e-12);
+  const LandmarkMap splats =
+      with(pair.target, {{"f_dc_0", all(pair.target, 1)}, {"rot_0", all(pair.target, 1)}});
+  maps[0].map = &splats;
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { fuse_maps(maps); }),
+              HasSubstr("a: has Gaussian splats"));
 }
 
 TEST(FuseMaps, IsTheSameForAnyNumberOfThreads) {
