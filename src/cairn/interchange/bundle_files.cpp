@@ -144,8 +144,7 @@ class Builder {
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
     place_centres();
     tables_.info.length_unit = LengthUnit::kFree;
-    const auto place = [&](MapColumn, std::size_t) { return source_.name(); };
-    return LandmarkMap(std::move(tables_), place);
+    return detail::imported_map(std::move(tables_), source_.name(), options_.log);
   }
 
  private:
