@@ -15,6 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/paper.hpp"
 #include "cairn/experiments/paper_tables.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/experiment_sections.hpp"
 
@@ -50,7 +51,7 @@ struct PaperArguments {
 };
 
 void PaperArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: .map, .txt, .cairn, .ply or .pcd")->required();
+  add_text(command, "source", source, "Map to move: " + all_formats().titles_text())->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "-o,--output", output, "New folder for the results", "FOLDER")->required();
   add_text(command, "--truth", truth,

@@ -297,7 +297,7 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
         described += count > 0 ? 1 : 0;
         most = std::max(most, count);
       }
-      text += fmt::format("; {} of {} landmarks, up to {} of one", all, described, most);
+      text += fmt::format("; {} landmarks have {}, up to {} each", described, all, most);
     }
     add("descriptors", text);
   }

@@ -15,7 +15,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/interchange/formats.hpp"
 #include "cairn/map/io/camera_file.hpp"
+#include "cairn/map/io/foreign_content.hpp"
 #include "cairn/map/io/map_file.hpp"
 #include "cairn/mapping/close_loops.hpp"
 #include "cairn/odometry/map_at_poses.hpp"
@@ -113,10 +115,10 @@ void MapArguments::add_to(CLI::App& command) {
       command, "sequence", sequence,
       "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that they list")
       ->required();
-  add_text(
-      command, "-o,--output", output,
-      "Map to write: .map, .txt, .cairn, .ply or .pcd; with --mini-map-length a folder. Required",
-      "FILE");
+  add_text(command, "-o,--output", output,
+           "Map to write; its ending selects the format: " + all_formats().endings_text() +
+               "; with --mini-map-length a folder. Required",
+           "FILE");
   add_text(
       command, "--trajectory", trajectory,
       "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy qz qw per line",
@@ -476,6 +478,12 @@ int MapArguments::run() {
       throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
     }
     require_folder_of(output);
+  }
+  std::error_code ignored;
+  if (!fs::exists(fs::path(sequence) / "rgb.txt", ignored)) {
+    if (const auto known = foreign_content(sequence)) {
+      throw Error(ErrorKind::kInput, sequence, known->what, known->advice);
+    }
   }
   const CameraFile camera_file = load_camera();
   SequenceOptions sequence_options;

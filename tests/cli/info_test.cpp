@@ -125,7 +125,7 @@ TEST_F(InfoTest, OptionalPartsOfAMapAreListed) {
   EXPECT_THAT(text, ContainsRegex("descriptors +ORB, 2 bytes each\n"));
   write_map(testing::several_map(), path("several.map"));
   EXPECT_THAT(answer({"info", "several.map"}),
-              ContainsRegex("descriptors +ORB, 2 bytes each; 5 of 2 landmarks, up to 3 of one\n"));
+              ContainsRegex("descriptors +ORB, 2 bytes each; 2 landmarks have 5, up to 3 each\n"));
   EXPECT_THAT(answer({"info", "several.map"}),
               ContainsRegex("pose uncertainty +up to 9.9 deg and 0.17 units, of keyframe .+ to the "
                             "first\n  grows most +by 9.9 deg and 0.17 units, between keyframes"));

@@ -68,7 +68,7 @@ class Reader {
     read_frames(all);
     if (all.has("structure")) read_structure(all.at("structure").array());
     tables_.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
+    return detail::imported_map(std::move(tables_), name_, options_.log);
   }
 
  private:

@@ -182,8 +182,7 @@ class Builder {
       tables_.info.provenance.emplace_back(detail::kSizesNotStated);
     }
     tables_.info.length_unit = LengthUnit::kFree;
-    const auto place = [&](MapColumn, std::size_t) { return source_.name(); };
-    return LandmarkMap(std::move(tables_), place);
+    return detail::imported_map(std::move(tables_), source_.name(), options_.log);
   }
 
  private:

@@ -250,7 +250,7 @@ class Builder {
       }
       return source->name();
     };
-    return LandmarkMap(std::move(tables_), place);
+    return detail::imported_map(std::move(tables_), sources_.points->name(), options_.log, place);
   }
 
  private:

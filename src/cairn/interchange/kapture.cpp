@@ -217,10 +217,12 @@ class Reader {
     read_observations();
     remark_rest();
     tables_.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(tables_), [&](MapColumn column, std::size_t) {
+    const auto place = [&](MapColumn column, std::size_t) {
       const bool of_frames = column <= MapColumn::kImageNames;
       return files_.name + "/" + (of_frames ? kTrajectories : kPoints);
-    });
+    };
+    return detail::imported_map(std::move(tables_), files_.name + "/" + kPoints, options_.log,
+                                place);
   }
 
  private:

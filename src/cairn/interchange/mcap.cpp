@@ -313,20 +313,12 @@ void write_mcap(std::span<const McapMap> maps, std::span<const McapLink> links,
 }
 
 std::vector<MapFormat> mcap_formats() {
-  return {
-      {.name = "mcap",
-       .title = "MCAP",
-       .endings = {".mcap"},
-       .is_read = false,
-       .recognises =
-           [](const MapInput& input) { return input.first_bytes.starts_with(detail::kMcapMagic); },
-       .read = [](const MapInput& input, const MapReadOptions&) -> LandmarkMap {
-         throw Error(ErrorKind::kInput, input.path.string(),
-                     "is an MCAP recording, which Cairn writes and does not read",
-                     "the map that it was made from");
-       },
-       .write_to = [](const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options) { write_mcap(map, sink, options); }}};
+  return {{.name = "mcap",
+           .title = "MCAP",
+           .endings = {".mcap"},
+           .is_read = false,
+           .write_to = [](const LandmarkMap& map, const ByteSink& sink,
+                          const MapWriteOptions& options) { write_mcap(map, sink, options); }}};
 }
 
 }  // namespace cairn

@@ -54,7 +54,7 @@ class Reader {
       lost(fmt::format("{} of {} frames have no known camera", unknown, frames.json().size()));
     if (all.has("ply_file_path")) read_points(folder / all.at("ply_file_path").text());
     tables_.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
+    return detail::imported_map(std::move(tables_), name_, options_.log);
   }
 
  private:

@@ -96,7 +96,7 @@ class Reader {
     }
     observations_.fill(tables_.observations, tables_.landmarks.ids.size());
     tables_.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
+    return detail::imported_map(std::move(tables_), name_, options_.log);
   }
 
  private:

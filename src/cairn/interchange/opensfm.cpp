@@ -189,8 +189,7 @@ class Reader {
 
   LandmarkMap finish() && {
     tables_.info.length_unit = LengthUnit::kFree;
-    const auto place = [&](MapColumn, std::size_t) { return sources_.reconstruction->name(); };
-    return LandmarkMap(std::move(tables_), place);
+    return detail::imported_map(std::move(tables_), sources_.reconstruction->name(), options_.log);
   }
 
   void remark(const std::string& text) const {

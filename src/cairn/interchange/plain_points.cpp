@@ -17,8 +17,10 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/interchange/detail/npy_array.hpp"
 #include "cairn/interchange/detail/record_reader.hpp"
+#include "cairn/interchange/detail/text_points.hpp"
 #include "cairn/interchange/detail/zip_archive.hpp"
 #include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/memory_budget.hpp"
@@ -29,76 +31,8 @@ namespace {
 
 using detail::kNpyMagic;
 
-constexpr std::string_view kZipMagic = "PK\x03\x04";
-constexpr std::size_t kMostColumns = 4096;
 constexpr std::string_view kFurther = "further_descriptors";
 constexpr std::string_view kFurtherOffsets = "further_descriptor_offsets";
-
-bool separates(char c) {
-  return is_blank(c) || c == ',' || c == ';';
-}
-
-// The words of a line, apart by blanks, or by commas or semicolons with or without blanks.
-std::vector<std::string_view> words_of(std::string_view line) {
-  std::vector<std::string_view> words;
-  for (std::size_t i = 0; i < line.size() && words.size() <= kMostColumns;) {
-    if (separates(line[i])) {
-      ++i;
-      continue;
-    }
-    std::size_t end = i;
-    while (end < line.size() && !separates(line[end])) ++end;
-    words.push_back(line.substr(i, end - i));
-    i = end;
-  }
-  return words;
-}
-
-std::string lower(std::string_view text) {
-  std::string result(text);
-  std::transform(result.begin(), result.end(), result.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return result;
-}
-
-bool is_number(std::string_view word) {
-  return parse_number(word).has_value() || lower(word) == "nan" || lower(word) == "inf" ||
-         lower(word) == "-inf";
-}
-
-// The columns of x, y and z in a line of names; std::nullopt unless all three are named.
-std::optional<std::array<std::size_t, 3>> named_columns(
-    const std::vector<std::string_view>& words) {
-  std::array<std::size_t, 3> columns{};
-  constexpr std::array<std::string_view, 3> kNames = {"x", "y", "z"};
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto found = std::find_if(words.begin(), words.end(), [&](std::string_view word) {
-      return lower(word) == kNames[axis];
-    });
-    if (found == words.end()) return std::nullopt;
-    columns[axis] = static_cast<std::size_t>(found - words.begin());
-  }
-  return columns;
-}
-
-bool is_comment(std::string_view line) {
-  return line.starts_with('#') || line.starts_with("//");
-}
-
-// Whether the first line that holds anything is a point or names x, y and z.
-bool looks_like_points(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const std::size_t end = bytes.find('\n');
-    const std::string_view line = trimmed(bytes.substr(0, end));
-    bytes = end == std::string_view::npos ? std::string_view() : bytes.substr(end + 1);
-    if (line.empty() || is_comment(line)) continue;
-    const auto words = words_of(line);
-    return words.size() >= 3 &&
-           (std::all_of(words.begin(), words.begin() + 3, is_number) || named_columns(words));
-  }
-  return false;
-}
 
 // Builds a map from points.
 class Points {
@@ -106,19 +40,18 @@ class Points {
   Points(const std::string& name, const MapReadOptions& options) : name_(name), options_(options) {}
 
   void add(const Eigen::Vector3d& position) {
-    if (!position.allFinite()) {
+    if (!are_coordinates(position)) {
       ++left_out_;
       return;
     }
     tables_.landmarks.ids.push_back(LandmarkId{tables_.landmarks.ids.size()});
     tables_.landmarks.positions.push_back(position);
   }
-  void lost(const std::string& text) const {
-    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
-  }
   LandmarkMap finish() && {
     if (left_out_ > 0) {
-      lost(fmt::format("{} points without a finite position; left out", left_out_));
+      const std::size_t count = left_out_ + tables_.landmarks.ids.size();
+      detail::log_remark(options_.log, name_, detail::far_landmarks_text(left_out_, count),
+                         RemarkKind::kLoss);
     }
     tables_.info.length_unit = LengthUnit::kFree;
     return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
@@ -131,174 +64,21 @@ class Points {
   std::size_t left_out_ = 0;
 };
 
-// Recognises other files whose lines also start with three numbers.
-class OtherNumbers {
- public:
-  void add(const std::vector<std::string_view>& words) {
-    ++lines_;
-    is_trajectory_ =
-        is_trajectory_ && words.size() == 8 && std::abs(square_sum(words, 4, 8) - 1.0) < 1e-3;
-    is_matrix_ = is_matrix_ && words.size() == 4 && lines_ <= 4;
-    ends_a_matrix_ = lines_ == 4 && words.size() == 4 && square_sum(words, 0, 3) == 0.0 &&
-                     square_sum(words, 3, 4) == 1.0;
-  }
-  /// Empty if these may be points.
-  std::string_view what() const {
-    if (lines_ > 0 && is_trajectory_) return "a trajectory (timestamp tx ty tz qx qy qz qw)";
-    return is_matrix_ && ends_a_matrix_ ? "a transform of 4x4 numbers" : "";
-  }
-
- private:
-  static double square_sum(const std::vector<std::string_view>& words, std::size_t begin,
-                           std::size_t end) {
-    double sum = 0.0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const double value =
-          parse_number(words[i]).value_or(std::numeric_limits<double>::quiet_NaN());
-      sum += value * value;
-    }
-    return sum;
-  }
-
-  std::size_t lines_ = 0;
-  bool is_trajectory_ = true;
-  bool is_matrix_ = true;
-  bool ends_a_matrix_ = false;
-};
-
-// A table with a header: all of its columns that hold numbers.
-class TableReader {
- public:
-  TableReader(ByteSource& source, LineReader& lines, const std::vector<std::string_view>& header,
-              const MapReadOptions& options)
-      : source_(source), lines_(lines), header_line_(lines.line_number()), options_(options) {
-    for (const std::string_view name : header) names_.push_back(unquoted(name));
-  }
-
-  LandmarkMap read() {
-    std::vector<std::string_view> cells;
-    std::optional<detail::PointTable> table;
-    detail::ReadingProgress progress(options_, source_.size().value_or(0));
-    std::uint64_t reported = 0;
-    std::string row;
-    while (const auto next = lines_.next()) {
-      constexpr std::uint64_t kBlock = std::uint64_t{1} << 20;
-      if (lines_.bytes_read() - reported >= kBlock) {
-        progress.advance(lines_.bytes_read() - reported, source_.name());
-        reported = lines_.bytes_read();
-      }
-      const std::string_view line = trimmed(*next);
-      if (line.empty() || is_comment(line)) continue;
-      split(line, cells);
-      if (cells.size() != names_.size()) {
-        refuse(fmt::format("the line has {} fields", cells.size()),
-               fmt::format("{}, as the first line names", names_.size()));
-      }
-      if (!lines_.line_was_terminated()) {
-        refuse("the last line does not end with a newline: it may have been cut", "a newline");
-      }
-      if (!table) table.emplace(start(cells));
-      row.clear();
-      for (const std::size_t i : kept_) {
-        row += cells[i].empty() ? std::string_view("nan") : cells[i];
-        row += ' ';
-      }
-      table->append_text(row, lines_.line_number());
-    }
-    if (table) return std::move(*table).finish(LengthUnit::kFree);
-    MapTables none;
-    none.info.length_unit = LengthUnit::kFree;
-    return LandmarkMap(std::move(none));
-  }
-
- private:
-  [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_.name(), lines_.line_number()), what,
-                expected);
-  }
-
-  static std::string unquoted(std::string_view name) {
-    if (name.size() > 1 && name.front() == '"' && name.back() == '"') {
-      name = name.substr(1, name.size() - 2);
-    }
-    const std::string small = lower(name);
-    return small == "x" || small == "y" || small == "z" ? small : std::string(name);
-  }
-
-  // Cells apart by commas or semicolons may be empty; apart by blanks they may not.
-  static void split(std::string_view line, std::vector<std::string_view>& cells) {
-    cells.clear();
-    const std::size_t first = line.find_first_of(",;");
-    if (first == std::string_view::npos) {
-      cells = words_of(line);
-      return;
-    }
-    const char separator = line[first];
-    while (cells.size() <= kMostColumns) {
-      const std::size_t end = line.find(separator);
-      cells.push_back(trimmed(line.substr(0, end)));
-      if (end == std::string_view::npos) return;
-      line.remove_prefix(end + 1);
-    }
-  }
-
-  // The types are those of the first row.
-  detail::PointTable start(const std::vector<std::string_view>& cells) {
-    std::vector<detail::PointField> fields;
-    std::vector<std::string> dropped;
-    const auto is_channel = [&](std::size_t i) {
-      const auto value = parse_unsigned(cells[i]);
-      return value && *value < 256;
-    };
-    const bool has_colors = [&] {
-      std::size_t channels = 0;
-      for (std::size_t i = 0; i < names_.size(); ++i) {
-        const bool is_one = names_[i] == "red" || names_[i] == "green" || names_[i] == "blue";
-        channels += is_one && is_channel(i) ? 1 : 0;
-      }
-      return channels == 3;
-    }();
-    for (std::size_t i = 0; i < names_.size(); ++i) {
-      const std::string& name = names_[i];
-      if (!cells[i].empty() && !is_number(cells[i])) {
-        if (name == "x" || name == "y" || name == "z") {
-          refuse(fmt::format("{} {} is not a number", name, printable(cells[i])),
-                 "a decimal number, or nan");
-        }
-        dropped.push_back(printable(name));
-        continue;
-      }
-      const bool is_color = has_colors && (name == "red" || name == "green" || name == "blue");
-      const bool is_id = name == "id" && parse_unsigned(cells[i]);
-      kept_.push_back(i);
-      detail::PointField field;
-      field.name = name;
-      if (is_color) field.type = detail::ScalarType::kUint8;
-      if (is_id) field.type = detail::ScalarType::kUint64;
-      fields.push_back(std::move(field));
-    }
-    if (!dropped.empty() && options_.log) {
-      options_.log({fmt::format("{}: columns that hold no numbers are left out: {}", source_.name(),
-                                fmt::join(dropped, ", ")),
-                    RemarkKind::kLoss});
-    }
-    return {detail::PointFormat::kPly, source_.name(),
-            fmt::format("{}:{}", source_.name(), header_line_), std::move(fields), options_};
-  }
-
-  ByteSource& source_;
-  LineReader& lines_;
-  std::uint64_t header_line_;
-  const MapReadOptions& options_;
-  std::vector<std::string> names_;
-  std::vector<std::size_t> kept_;
-};
-
 // Names in a header are words.
 std::string word_of(std::string_view name) {
   std::string word(name);
-  std::replace_if(word.begin(), word.end(), separates, '_');
+  std::replace_if(
+      word.begin(), word.end(), [](char c) { return is_blank(c) || c == ',' || c == ';'; }, '_');
   return word;
+}
+
+// Whether a ZIP archive begins with a member that is an array. Other programs use such archives too.
+bool is_archive_of_arrays(std::string_view bytes) {
+  constexpr std::size_t kName =
+      30;  // a name begins there, its length is before the length of the extra field
+  if (!bytes.starts_with("PK\x03\x04") || bytes.size() < kName) return false;
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
+  return bytes.substr(kName, byte(26) + 256U * byte(27)).ends_with(".npy");
 }
 
 // None of these formats can hold frames or observations, as their row in the list of formats states; these
@@ -334,12 +114,12 @@ class NpzReader {
     for (std::uint64_t i = 0; i < count; ++i) {
       const Eigen::Vector3d x(positions.number(3 * i), positions.number(3 * i + 1),
                               positions.number(3 * i + 2));
-      if (!x.allFinite()) continue;
+      if (!are_coordinates(x)) continue;
       rows.push_back(i);
       tables_.landmarks.positions.push_back(x);
     }
     if (rows.size() < count) {
-      lost(fmt::format("{} points without a finite position; left out", count - rows.size()));
+      lost(detail::far_landmarks_text(count - rows.size(), count));
     }
     LandmarkTable& landmarks = tables_.landmarks;
     std::vector<std::string> left_out;
@@ -526,55 +306,6 @@ std::string position_bytes(const LandmarkMap& map) {
 
 }  // namespace
 
-LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options) {
-  detail::ReadingProgress progress(options, source.size().value_or(0));
-  LineReader lines(source);
-  Points points(source.name(), options);
-  bool is_first = true;
-  bool has_more = false;
-  OtherNumbers others;
-  std::uint64_t reported = 0;
-  while (const auto next = lines.next()) {
-    constexpr std::uint64_t kBlock = std::uint64_t{1} << 20;
-    if (lines.bytes_read() - reported >= kBlock) {
-      progress.advance(lines.bytes_read() - reported, source.name());
-      reported = lines.bytes_read();
-    }
-    const std::string_view line = trimmed(*next);
-    if (line.empty() || is_comment(line)) continue;
-    const auto words = words_of(line);
-    if (std::exchange(is_first, false)) {
-      if (named_columns(words)) return TableReader(source, lines, words, options).read();
-    }
-    has_more = has_more || words.size() > 3;
-    others.add(words);
-    Eigen::Vector3d position;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto refuse = [&](std::string_view what) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}:{}: field {} ({})", source.name(), lines.line_number(),
-                                axis + 1, "xyz"[axis]),
-                    what, "a decimal number, or nan");
-      };
-      if (axis >= words.size()) refuse(fmt::format("the line has {} fields", words.size()));
-      const std::string_view word = words[axis];
-      if (!is_number(word)) refuse(printable(word) + " is not a number");
-      position[static_cast<Eigen::Index>(axis)] =
-          parse_number(word).value_or(std::numeric_limits<double>::quiet_NaN());
-    }
-    if (!lines.line_was_terminated()) {
-      throw Error(ErrorKind::kInput, fmt::format("{}:{}", source.name(), lines.line_number()),
-                  "the last line does not end with a newline: it may have been cut", "a newline");
-    }
-    points.add(position);
-  }
-  if (!others.what().empty()) {
-    throw Error(ErrorKind::kInput, source.name(), fmt::format("holds {}", others.what()), "points");
-  }
-  if (has_more) points.lost("columns other than x, y and z are left out");
-  return std::move(points).finish();
-}
-
 LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   detail::ReadingProgress progress(options, source.size().value_or(0));
   detail::BinaryRecords in(source, progress);
@@ -748,7 +479,7 @@ std::vector<MapFormat> plain_points_formats() {
        .holds_frames = false,
        .recognises =
            [](const MapInput& input) {
-             return input.source != nullptr && looks_like_points(input.first_bytes);
+             return input.source != nullptr && detail::looks_like_points(input.first_bytes);
            },
        .read =
            [](const MapInput& input, const MapReadOptions& options) {
@@ -774,7 +505,7 @@ std::vector<MapFormat> plain_points_formats() {
        .title = "NumPy .npz",
        .endings = {".npz"},
        .holds_frames = false,
-       .recognises = [](const MapInput& input) { return input.first_bytes.starts_with(kZipMagic); },
+       .recognises = [](const MapInput& input) { return is_archive_of_arrays(input.first_bytes); },
        .read =
            [](const MapInput& input, const MapReadOptions& options) {
              return read_npz_points(*input.source, options);

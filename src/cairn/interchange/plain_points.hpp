@@ -10,10 +10,10 @@
 
 namespace cairn {
 
-/// Reads text points, one per line: x, y and z, separated by blanks, commas or semicolons. A first line
-/// with names identifies the columns, which are read like PLY's properties (docs/formats.md). Without it,
-/// the first three columns are x, y and z.
-/// @throws Error (input) naming source, line, field, value and constraint
+/// Reads text points, one per line, with numbers separated by blanks, commas or semicolons. A first line or a comment with
+/// names identifies the columns, which are read like PLY's properties (docs/formats.md). Without names, three columns are x,
+/// y and z, and of more columns the first three are if the numbers or the file's name say so. Reads a pipe into memory.
+/// @throws Error (input) naming source, line, field, value and constraint, or what the text holds instead of points
 LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options = {});
 
 /// Reads a NumPy array, version 1 to 3 of the .npy format: N x 3 float32 or float64, row-major.

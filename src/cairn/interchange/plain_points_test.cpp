@@ -15,6 +15,7 @@
 
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
+#include "support/point_clouds.hpp"
 #include "support/real_data.hpp"
 
 namespace cairn {
@@ -115,35 +116,159 @@ TEST_F(PlainPointsTest, HeaderNamesTheColumns) {
               HasSubstr("points:2: the line has 3 fields; expected 4"));
   EXPECT_THAT(refused("x,y,z,w\n1,2,3,4\n1,2,3,four\n"),
               HasSubstr("points:3: field 4 (w): 'four'"));
-  EXPECT_THAT(refused("x,y,z,w\n1,2,3,4"), HasSubstr("does not end with a newline"));
   EXPECT_THAT(refused("# a table\nx,y,z\none,2,3\n"),
               HasSubstr("points:3: x 'one' is not a number; expected a decimal number, or nan"));
 }
 
 TEST_F(PlainPointsTest, PointsThatAreNotFiniteAreLeftOut) {
-  EXPECT_EQ(read_text("1 2 3\n1 nan 3\n1 2 -inf\n").landmark_count(), 1U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("2 points without a finite position")));
+  EXPECT_EQ(read_text("1 2 3\n1 nan 3\n1 2 -inf\n1 2 5e11\n").landmark_count(), 1U);
+  EXPECT_THAT(remarks_,
+              Contains(HasSubstr("3 of 4 landmarks left out: a coordinate is not finite")));
 }
 
 TEST_F(PlainPointsTest, TextErrorsNameLineAndField) {
   EXPECT_THAT(refused("1 2 3\n1 x 3\n"), HasSubstr("points:2: field 2 (y): 'x' is not a number"));
-  EXPECT_THAT(refused("1 2 3\n1 2\n"), HasSubstr("points:2: field 3 (z): the line has 2 fields"));
-  EXPECT_THAT(refused("1 2 3\n4 5 6"), HasSubstr("points:2: the last line does not end"));
+  EXPECT_THAT(refused("1 2 3\n1 2\n"),
+              HasSubstr("points:2: the line has 2 fields; expected 3, as the first line has"));
+  EXPECT_THAT(refused("1,5;2,5;3,5\n4,5;5,5;6,5\n"), HasSubstr("begins with '1,5;2,5;3,5'"))
+      << "decimal commas";
+}
+
+TEST_F(PlainPointsTest, ALastLineThatDoesNotEndIsRead) {
+  for (const char* const text : {"1 2 3\n4 5 6", "x,y,z\n1,2,3\n4,5,6"}) {
+    EXPECT_EQ(read_text(text).landmark_count(), 2U);
+    EXPECT_THAT(remarks_, ElementsAre(HasSubstr("the last line does not end")));
+  }
 }
 
 TEST_F(PlainPointsTest, TrajectoriesAndTransformsAreNoPoints) {
   EXPECT_THAT(
       refused("1.5 0 1 2 0 0 0 1\n1.6 0 1 2 0.6 0 0 0.8\n"),
       HasSubstr("points: holds a trajectory (timestamp tx ty tz qx qy qz qw); expected points"));
+  EXPECT_THAT(refused("1.5 0 1 2 0 0 0 1 17\n1.6 0 1 2 0.6 0 0 0.8 18\n"),
+              HasSubstr("holds a trajectory"))
+      << "with a further column";
+  EXPECT_THAT(refused("5 1 2 0 0 0 1\n4 1 2 0.6 0 0 0.8\n"), HasSubstr("holds poses"));
+  const std::string motion = "0 -1 0 1.5 1 0 0 2.5 0 0 1 3.5";
+  for (const std::string& row :
+       {motion, "7 " + motion, motion + " 0 0 0 1", "7 " + motion + " 0 0 0 1"}) {
+    EXPECT_THAT(refused(row + "\n" + row + "\n"), HasSubstr("holds poses, each line a matrix"));
+  }
+  for (const char* const header : {"t,x,y,z,qx,qy,qz,qw\n", "# t x y z q_w q_x q_y q_z\n"}) {
+    EXPECT_THAT(refused(header + std::string("1 2 3 4 0 0 0 1\n")), HasSubstr("holds poses"));
+  }
   EXPECT_THAT(refused("1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n"),
               HasSubstr("points: holds a transform of 4x4 numbers; expected points"));
-  EXPECT_EQ(read_text("1 2 3 4 5 6 7 8\n").landmark_count(), 1U);
-  EXPECT_EQ(read_text("1 2 3 4\n0 1 0 6\n0 0 1 7\n0 0 0 2\n").landmark_count(), 4U);
+  EXPECT_THAT(refused("1 0 0 0\n0.6 0.8 0 0\n"), HasSubstr("holds quaternions"));
+}
+
+TEST_F(PlainPointsTest, ModelsOfColmapUnderOtherNamesAreNamed) {
+  EXPECT_THAT(refused("# 3D point list\n#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n"
+                      "944 7.8 3.7 8.5 143 102 69 0.05 2 8472 1 6282\n"
+                      "12 7.8 3.7 8.5 143 102 69 0.05 2 8472 1 6282 4 7\n"),
+              HasSubstr("holds COLMAP's points3D.txt under another name; expected the name "
+                        "points3D.txt"));
+  EXPECT_THAT(refused("1 0.6 0 0 0.8 1.5 2.5 3.5 1 a.jpg\n4.5 5.5 -1\n"),
+              HasSubstr("holds COLMAP's images.txt under another name"));
+}
+
+// What no header names must follow from the numbers: else a time or an id would become x.
+TEST_F(PlainPointsTest, ColumnsThatNothingNamesAreRefused) {
+  const std::string message =
+      "and nothing says which are x, y and z; the first may be a time or an id; expected a first "
+      "line that names the columns, such as 'id x y z'";
+  EXPECT_THAT(refused("175.25 0 0.5 0.25 1.5\n175.25 3 0.25 0.5 0.75\n"),
+              HasSubstr("points: its lines have 5 numbers, " + message));
+  EXPECT_THAT(refused("7 0.5 0.25 0.5\n3 0.25 0.5 0.75\n5 0.5 0.5 0.5\n"),
+              HasSubstr("its lines have 4 numbers, " + message));
+  EXPECT_THAT(refused("1.5 0.5 0.25 0.5\n1.75 0.25 0.5 0.75\n"), HasSubstr(message));
+  EXPECT_THAT(
+      refused("1.5 2.5 3.5 -4.5\n0.5 1.5 2.5 3.5\n"),
+      HasSubstr("its lines have 4 numbers, and nothing says which are x, y and z; expected"));
+  EXPECT_THAT(
+      refused("1.5 2.5 3.5 4.5 a\n"),
+      HasSubstr("points:1: field 5: 'a' is not a number; expected numbers, or a first line"));
+  EXPECT_THAT(refused("1.5 2.5 3.5 4\n0.5 1 1\n"), HasSubstr("points:2: the line has 3 fields"));
+  // A name that says so is believed, unless the numbers contradict.
+  EXPECT_EQ(read_bytes("1.5 2.5 3.5 -4.5\n0.5 1.5 2.5 3.5\n", "a.xyz").landmark_count(), 2U);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("columns without a name are left out: 4")));
+  EXPECT_THAT(ImportTest::refused("175.25 0 0.5 0.25 1.5\n175.25 3 0.25 0.5 0.75\n", "a.xyz"),
+              HasSubstr(message));
+}
+
+TEST_F(PlainPointsTest, ColoursNormalsAndIntensitiesFollowThePosition) {
+  const auto names = [&](const std::string& text) {
+    const LandmarkMap map = read_text(text);
+    EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1.5, 2.5, 3.5));
+    EXPECT_THAT(remarks_, Contains(HasSubstr("the columns have no names; taken as x y z")));
+    std::string all = map.landmarks().colors.empty() ? "" : "colours ";
+    for (const NamedColumn& column : map.landmarks().columns) all += column.name + " ";
+    return all;
+  };
+  EXPECT_EQ(names("1.5 2.5 3.5 255 0 7\n0.5 1 1 1 2 3\n"), "colours ");
+  EXPECT_EQ(names("1.5 2.5 3.5 2.55e+02 0.0 7.00\n"), "colours ") << "as numpy.savetxt writes";
+  EXPECT_EQ(names("1.5 2.5 3.5 256\n0.5 1 1 3\n"), "intensity ");
+  EXPECT_EQ(names("1.5 2.5 3.5 0.25\n0.5 1 1 1\n"), "intensity ");
+  EXPECT_EQ(names("1.5 2.5 3.5 -1093 1 2 3\n0.5 1 1 9 4 5 6\n"), "colours intensity ");
+  EXPECT_EQ(names("1.5,2.5,3.5,0,-0.6,0.8\n0.5,1,1,0,0,1\n"), "nx ny nz ");
+  EXPECT_EQ(names("1.5 2.5 3.5 1 2 3 0 -0.6 0.8\n"), "colours nx ny nz ");
+  EXPECT_EQ(names("1.5 2.5 3.5 0 -0.6 0.8 1 2 3\n"), "colours nx ny nz ");
+  EXPECT_EQ(names("1.5 2.5 3.5 1 2 3 0.5\n"), "colours ");
+  EXPECT_THAT(remarks_, Contains(HasSubstr("columns without a name are left out: 7")));
+  EXPECT_EQ(names("1.5 2.5 3.5 1 2 3 4\n0.5 1 1 1 2 3 4\n"), "") << "which are the colours?";
+}
+
+TEST_F(PlainPointsTest, HeadersAsPeopleWriteThem) {
+  for (const char* const text : {
+           "pos_x, pos_y, pos_z\n1, 2, 3\n",
+           "\"x\",\"y\",\"z\"\n\"1\",\"2\",\"3\"\n",
+           "Points:0,Points:1,Points:2\n1,2,3\n",
+           "Points_m_XYZ:0,Points_m_XYZ:1,Points_m_XYZ:2\n1,2,3\n",
+           "X [m];Y [m];Z [m]\n1;2;3\n",
+           "Position.X\tPosition.Y\tPosition.Z\n1\t2\t3\n",
+           "//X Y Z\n1 2 3\n",
+           "# x y z\n1 2 3\n",
+           "#x,y,z,\n1,2,3,\n",
+           "x,y,z,\n1,2,3,\n",
+       }) {
+    const LandmarkMap map = read_text(text);
+    EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3)) << text;
+    EXPECT_THAT(map.landmarks().columns, ::testing::IsEmpty()) << text;
+    EXPECT_THAT(remarks_, ::testing::IsEmpty()) << text;
+  }
+}
+
+TEST_F(PlainPointsTest, HeadersNameOtherColumnsToo) {
+  // Row numbers of pandas.
+  const LandmarkMap pandas = read_text(",z,x,y,R,G,B\n4,3,1,2,7,8,9\n6,3,1,2,255,0,0\n");
+  EXPECT_EQ(pandas.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
+  EXPECT_THAT(pandas.landmarks().ids, ElementsAre(LandmarkId{4}, LandmarkId{6}));
+  EXPECT_THAT(pandas.landmarks().colors, ElementsAre(Color{7, 8, 9}, Color{255, 0, 0}));
+  EXPECT_THAT(remarks_, ::testing::IsEmpty());
+  // Colours from 0 to 1 are no bytes, even if the first ones look so.
+  EXPECT_EQ(read_text("x y z r g b\n1 2 3 0 0 1\n1 2 3 0.5 0 1\n").column("r")->values.at(1), 0.5);
+  const LandmarkMap commented =
+      read_text("# columns: id x y z error in px\n#id,x,y,z,error\nnail,1,2,3,0.5\n");
+  EXPECT_EQ(commented.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(commented.column("error")->values.at(0), 0.5);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("columns that hold no numbers are left out: 'id'")));
+  const LandmarkMap time = read_text("# time id x y z\n1.5 7 1 2 3\n1.5 9 1 2 3\n");
+  EXPECT_THAT(time.landmarks().ids, ElementsAre(LandmarkId{7}, LandmarkId{9}));
+  EXPECT_EQ(read_text("x,y,z,in pixels\n1,2,3,4\n").column("in_pixels")->values.at(0), 4.0);
+  EXPECT_THAT(refused("x,y,z,x\n1,2,3,4\n"), HasSubstr("two columns have the name 'x'"));
+  EXPECT_THAT(refused("name,lat,lon\na,47,8\n"),
+              HasSubstr("points:1: the table names no columns x, y and z"));
+}
+
+TEST_F(PlainPointsTest, APipeIsReadLikeAFile) {
+  const std::string text = "1.5 2.5 3.5 255 0 7\n0.5 1 1 1 2 3\n";
+  testing::Pipe pipe(text, 5);
+  EXPECT_EQ(read_plain_points(pipe).landmarks().colors.size(), 2U);
 }
 
 TEST_F(PlainPointsTest, CairnTextIsNotMistakenForPoints) {
   EXPECT_EQ(read_text("FRAME 1 0 0 0 1 0 0 0\n").frame_count(), 1U);
-  EXPECT_THAT(refused("hello world again\n"), HasSubstr("expected FRAME or LANDMARK"));
+  EXPECT_THAT(refused("hello world again\n"), HasSubstr("is in no known map format"));
 }
 
 TEST_F(PlainPointsTest, NumPyArraysBecomeLandmarks) {
@@ -269,6 +394,11 @@ TEST_F(PlainPointsTest, ArchivesTakeMemoryInProportionToTheirSize) {
   EXPECT_THAT(refused(points(4'000'000)),
               AllOf(HasSubstr("its arrays take 10800"),
                     HasSubstr("at most 32 times the bytes of the archive and 64 MiB")));
+}
+
+TEST_F(PlainPointsTest, OtherArchivesAreNoArrays) {
+  EXPECT_THAT(refused(archive_of("notes.txt", "hello")),
+              HasSubstr("is a ZIP archive without NumPy arrays"));
 }
 
 TEST(RealPlainPoints, AreRead) {

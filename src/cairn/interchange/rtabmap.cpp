@@ -130,11 +130,10 @@ class Graph {
     return static_cast<std::uint32_t>(found - nodes.begin());
   }
 
-  void remark(const std::string& text) const {
-    detail::log_remark(options_.log, database_.name(), text);
-  }
+  const LogSink& log() const { return options_.log; }
+  void remark(const std::string& text) const { detail::log_remark(log(), database_.name(), text); }
   void lost(const std::string& text) const {
-    detail::log_remark(options_.log, database_.name(), text, RemarkKind::kLoss);
+    detail::log_remark(log(), database_.name(), text, RemarkKind::kLoss);
   }
 
  private:
@@ -409,8 +408,7 @@ class MapReader {
     make_landmarks();
     tables_.info.length_unit = LengthUnit::kMetres;
     remark_on_closures();
-    return LandmarkMap(std::move(tables_),
-                       [&](MapColumn, std::size_t) { return database_.name(); });
+    return detail::imported_map(std::move(tables_), database_.name(), graph_.log());
   }
 
  private:

@@ -53,7 +53,7 @@ std::uint64_t id_of(const MsgpackReader& in, const std::string& key, std::string
 Eigen::Vector3d vector3(MsgpackReader& in, std::string_view field) {
   in.begin_array(field, 3);
   Eigen::Vector3d result;
-  for (int i = 0; i < 3; ++i) result[i] = in.number(field);
+  for (int i = 0; i < 3; ++i) result[i] = in.number_or_nan(field);
   return result;
 }
 
@@ -155,7 +155,7 @@ void read_keyframe(MsgpackReader& in, std::uint64_t id, detail::StellaBuilder& o
     } else if (key == "depths") {
       const std::uint64_t count = in.begin_array(key);
       for (std::uint64_t i = 0; i < count; ++i) {
-        keyframe.depths.push_back(static_cast<float>(in.number(key)));
+        keyframe.depths.push_back(static_cast<float>(in.number_or_nan(key)));
       }
     } else if (key == "descs") {
       read_descriptors(in, keyframe);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/interchange/stella.hpp"
 
+#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
@@ -98,6 +99,27 @@ std::string bytes_of(const Json& json) {
 }
 
 class StellaTest : public testing::ImportTest {};
+
+TEST_F(StellaTest, DepthsThatAreNotFiniteAreLeftOut) {
+  Json json = scene();
+  json["keyframes"]["3"]["depths"] = {10.0, std::nan(""), 1e300};
+  const LandmarkMap map = read_bytes(bytes_of(json));
+  EXPECT_EQ(map.landmark_count(), 2U);
+  EXPECT_EQ(map.observations().depths[0], 10.0);
+  EXPECT_THAT(remarks_,
+              Contains(HasSubstr("input: 2 depths left out: not finite or beyond 1e+09")));
+}
+
+TEST_F(StellaTest, LandmarksThatAreTooFarAwayAreLeftOut) {
+  for (const double z : {-572943826944.0, std::nan("")}) {
+    Json json = scene();
+    json["landmarks"]["5"]["pos_w"][2] = z;
+    const LandmarkMap map = read_bytes(bytes_of(json));
+    EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{40}));
+    EXPECT_EQ(map.observation_count(), 1U);
+    EXPECT_THAT(remarks_, Contains(HasSubstr("input: 1 of 2 landmarks left out")));
+  }
+}
 
 TEST_F(StellaTest, KeyframesBecomeFramesInTheOrderOfTheirIds) {
   const LandmarkMap map = read_bytes(bytes_of(scene()));

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/map/io/losses.hpp"
 #include "cairn/map/turning_columns.hpp"
 
@@ -122,6 +124,25 @@ DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
   }
   if (result.further.empty()) result.further_offsets.clear();
   return result;
+}
+
+std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables) {
+  const std::vector<Eigen::Vector3d>& positions = tables.landmarks.positions;
+  std::vector<std::uint32_t> kept;
+  std::vector<std::uint32_t> dropped;
+  for (std::uint32_t i = 0; i < positions.size(); ++i) {
+    if (!are_coordinates(positions[i])) dropped.push_back(i);
+  }
+  if (dropped.empty()) return dropped;
+  for (std::uint32_t i = 0; i < positions.size(); ++i) {
+    if (are_coordinates(positions[i])) kept.push_back(i);
+  }
+  std::vector<std::uint32_t> frames(tables.frames.ids.size());
+  std::iota(frames.begin(), frames.end(), 0U);
+  tables.observations = observation_rows(tables.observations, kept, frames);
+  tables.landmarks = landmark_rows(tables.landmarks, kept);
+  tables.info.uuid.reset();
+  return dropped;
 }
 
 LandmarkMap with_one_descriptor_each(const LandmarkMap& map) {

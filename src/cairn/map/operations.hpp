@@ -22,6 +22,11 @@ std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows);
 
+/// Drops landmarks whose position is not finite or beyond kLargestCoordinate, with their observations.
+/// @param tables a map's, valid but for such positions
+/// @return the rows that they had
+std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables);
+
 /// The map with one descriptor per landmark, the one that represents it.
 LandmarkMap with_one_descriptor_each(const LandmarkMap& map);
 

@@ -143,6 +143,17 @@ TEST(WithLandmarks, RefusesWhatTheMapDoesNotHave) {
       ErrorKind::kInput, "landmark 2: the id occurs twice");
 }
 
+TEST(DropFarLandmarks, DropsWhatBelongsToThem) {
+  MapTables tables = testing::several_tables();
+  EXPECT_TRUE(drop_far_landmarks(tables).empty());
+  tables.landmarks.positions[0].y() = 2e9;
+  tables.landmarks.positions[1].x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(drop_far_landmarks(tables), (std::vector<std::uint32_t>{0, 1}));
+  const std::vector<LandmarkIndex> others = {LandmarkIndex{2}, LandmarkIndex{3}};
+  EXPECT_THAT(LandmarkMap(std::move(tables)),
+              EqualsMap(with_landmarks(testing::several_map(), others)));
+}
+
 TEST(CutFrames, KeepsLandmarksAllOfWhoseObservationsLieInside) {
   const LandmarkMap map = four_frames();
   const LandmarkMap first = cut_frames(map, FrameId{10}, FrameId{30});

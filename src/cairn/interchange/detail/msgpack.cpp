@@ -138,11 +138,16 @@ std::string MsgpackReader::text(std::string_view field) {
 }
 
 double MsgpackReader::number(std::string_view field) {
+  const double number = number_or_nan(field);
+  if (!std::isfinite(number)) in_.refuse(field, "is not finite", "a finite number");
+  return number;
+}
+
+double MsgpackReader::number_or_nan(std::string_view field) {
   const Head head = next(field);
   if (head.kind != Kind::kNumber && head.kind != Kind::kWhole) {
     in_.refuse(field, "is no number", "a number");
   }
-  if (!std::isfinite(head.number)) in_.refuse(field, "is not finite", "a finite number");
   return head.number;
 }
 

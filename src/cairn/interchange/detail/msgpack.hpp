@@ -26,6 +26,7 @@ class MsgpackReader {
   std::string text(std::string_view field);
   /// A finite number.
   double number(std::string_view field);
+  double number_or_nan(std::string_view field);
   std::int64_t whole(std::string_view field);
   /// Skips a value, including nested values.
   void skip();

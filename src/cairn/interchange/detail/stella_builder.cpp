@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/limits.hpp"
 #include "cairn/map/io/losses.hpp"
 
 namespace cairn::detail {
@@ -66,13 +67,16 @@ std::string StellaBuilder::add_keyframe(const StellaKeyframe& keyframe,
   const FrameIndex frame{static_cast<std::uint32_t>(frames_.size())};
   frames_.push_back({keyframe.id, std::array{q.w(), q.x(), q.y(), q.z()},
                      -(q * keyframe.translation_cw), keyframe.timestamp_s, keyframe.camera});
+  // Negative ones stand for none.
+  unusable_depths_ += std::count_if(keyframe.depths.begin(), keyframe.depths.end(),
+                                    [](float z) { return !(z <= kLargestCoordinate); });
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     if (landmarks[i] < 0) continue;
     DescribedObservations::Entry entry{static_cast<std::uint64_t>(landmarks[i]), frame,
                                        keyframe.undistorted[i], static_cast<std::uint32_t>(i)};
     if (!keyframe.octaves.empty()) entry.octave = keyframe.octaves[i];
     if (!keyframe.depths.empty() && keyframe.depths[i] > 0.0F &&
-        std::isfinite(keyframe.depths[i])) {
+        keyframe.depths[i] <= kLargestCoordinate) {
       entry.depth = keyframe.depths[i];
     }
     observations_.add(entry, keyframe.descriptors.empty()
@@ -167,10 +171,14 @@ LandmarkMap StellaBuilder::finish() && {
   }
   const std::size_t dropped =
       std::move(observations_).fill(tables, "ORB", DescriptorNorm::kHamming);
+  if (unusable_depths_ > 0) {
+    lost(fmt::format("{} depths left out: not finite or beyond {:g}", unusable_depths_,
+                     kLargestCoordinate));
+  }
   if (dropped > 0) {
     lost(fmt::format("{} observations of landmarks that are not there; left out", dropped));
   }
-  return LandmarkMap(std::move(tables), [&](MapColumn, std::size_t) { return name_; });
+  return imported_map(std::move(tables), name_, options_.log);
 }
 
 }  // namespace cairn::detail

@@ -77,6 +77,7 @@ class StellaBuilder {
   std::map<std::string, StellaCamera> cameras_;
   std::vector<Frame> frames_;
   std::vector<Landmark> landmarks_;
+  std::ptrdiff_t unusable_depths_ = 0;
   DescribedObservations observations_{kOrbBytes};  // FrameIndex: index into frames_
 };
 

@@ -11,6 +11,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/map/io/binary.hpp"
+#include "cairn/map/io/foreign_content.hpp"
 #include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/native.hpp"
 #include "cairn/map/io/pcd.hpp"
@@ -18,9 +19,6 @@
 
 namespace cairn {
 namespace {
-
-// Enough bytes for the first keys of a JSON file, which identify the system.
-constexpr std::size_t kProbedBytes = 4096;
 
 // Frames and observations aside, which the format's row says it cannot hold.
 void log_point_losses(const LandmarkMap& map, const MapWriteOptions& options,
@@ -79,18 +77,6 @@ class PrefixedSource final : public ByteSource {
   std::size_t position_ = 0;
 };
 
-std::string first_bytes_of(ByteSource& source) {
-  std::string bytes(kProbedBytes, '\0');
-  std::size_t count = 0;
-  while (count < bytes.size()) {
-    const std::size_t more = source.read(bytes.data() + count, bytes.size() - count);
-    if (more == 0) break;
-    count += more;
-  }
-  bytes.resize(count);
-  return bytes;
-}
-
 // "a, b or c".
 std::string alternatives(const std::vector<std::string>& words) {
   std::string text;
@@ -107,6 +93,20 @@ bool has_ending(const std::filesystem::path& path, const std::string& ending) {
   return path.filename() == ending;
 }
 
+// Names the file at the start of a message, if it is a Git LFS pointer: readers find these damaged.
+void refuse_lfs_pointer(std::string_view message) {
+  for (std::size_t end = message.find(':'); end != std::string_view::npos;
+       end = message.find(':', end + 1)) {
+    const std::filesystem::path path(message.substr(0, end));
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(path, ignored)) continue;
+    FileReader file(path);
+    if (!is_lfs_pointer(first_bytes_of(file))) return;
+    const auto pointer = foreign_content(path);
+    throw Error(ErrorKind::kInput, path.string(), pointer->what, pointer->advice);
+  }
+}
+
 // Splits "path#N", unless a file with that full name exists.
 MapInput input_at(const std::filesystem::path& path) {
   MapInput input;
@@ -120,6 +120,15 @@ MapInput input_at(const std::filesystem::path& path) {
   input.path = text.substr(0, hash);
   input.part = text.substr(hash + 1);
   return input;
+}
+
+// Also an empty file, or one with the right name: the reader says what is wrong.
+bool looks_like_native(const MapInput& input) {
+  if (input.source == nullptr) return false;
+  const std::size_t first = input.first_bytes.find_first_not_of(" \t\r\n");
+  if (first == std::string_view::npos || input.path.extension() == ".map") return true;
+  const std::string_view text = input.first_bytes.substr(first);
+  return text.starts_with("CAIRN") || text.starts_with("FRAME") || text.starts_with("LANDMARK");
 }
 
 }  // namespace
@@ -194,6 +203,9 @@ void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
   }
   if (error)
     throw Error(ErrorKind::kInput, path.string(), "cannot be read: " + error.message(), "");
+  if (const auto known = foreign_content(path)) {
+    throw Error(ErrorKind::kInput, path.string(), known->what, known->advice);
+  }
   if (maps > 0) {
     throw Error(ErrorKind::kInput, path.string(),
                 fmt::format("is a folder; it holds {} file{} with the ending of a map", maps,
@@ -249,7 +261,12 @@ LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
                   fmt::format("a map in format {} is one map, not several", format->title),
                   "a path without " + printable("#" + *input.part));
     }
-    return format->read(input, options);
+    try {
+      return format->read(input, options);
+    } catch (const Error& error) {
+      refuse_lfs_pointer(error.what());
+      throw;
+    }
   };
   std::error_code ignored;
   if (std::filesystem::is_directory(input.path, ignored)) {
@@ -275,8 +292,18 @@ LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
   PrefixedSource source(first_bytes_of(file), file);
   input.first_bytes = source.prefix();
   input.source = &source;
-  if (auto map = read_recognised()) return *std::move(map);
-  throw Error(ErrorKind::kInput, path.string(), "is in no known map format", "");
+  const bool is_pointer = is_lfs_pointer(input.first_bytes);  // whatever its name says
+  if (!is_pointer) {
+    if (auto map = read_recognised()) return *std::move(map);
+  }
+  if (const auto known = foreign_content(input)) {
+    throw Error(ErrorKind::kInput, path.string(), known->what,
+                known->advice.empty() ? titles_text() : std::string(known->advice));
+  }
+  const std::string_view line = trimmed(input.first_bytes.substr(0, input.first_bytes.find('\n')));
+  throw Error(ErrorKind::kInput, path.string(),
+              fmt::format("is in no known map format: it begins with {}", printable(line)),
+              titles_text());
 }
 
 const MapFormat& FormatRegistry::format_to_write(const std::filesystem::path& path,
@@ -312,8 +339,7 @@ const FormatRegistry& native_formats() {
       {.name = "text",
        .title = "Cairn text",
        .endings = {".map", ".txt"},
-       // Any other file: its reader throws with the reason.
-       .recognises = [](const MapInput& input) { return input.source != nullptr; },
+       .recognises = &looks_like_native,
        .read = [](const MapInput& input,
                   const MapReadOptions& options) { return read_native(*input.source, options); },
        .write_to =

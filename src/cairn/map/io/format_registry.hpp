@@ -63,7 +63,7 @@ struct MapFormat {
 class FormatRegistry {
  public:
   FormatRegistry() = default;
-  /// @param formats tried from the last to the first when a map is read; the first is the fallback
+  /// @param formats tried from the last to the first when a map is read
   /// @throws Error (misuse) for a duplicate name
   explicit FormatRegistry(std::vector<MapFormat> formats);
 

@@ -118,8 +118,14 @@ TEST(FormatRegistry, IsExtendedAsAValue) {
   const auto file = folder.write("a.txt", "DOTS and more than eight bytes");
   const FormatRegistry more = native_formats().extended_by({dots()});
   EXPECT_EQ(x_of(more.read(file)), 0.0);
-  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { native_formats().read(file); }),
-              HasSubstr("a.txt:1"));
+  EXPECT_THAT(
+      refusal(ErrorKind::kInput, [&] { native_formats().read(file); }),
+      HasSubstr("a.txt: is in no known map format: it begins with 'DOTS and more than eight "
+                "bytes'; expected Cairn text, Cairn binary, PLY or PCD"));
+  EXPECT_THAT(
+      refusal(ErrorKind::kInput, [&] { native_formats().read(folder.write("a.map", "DOTS and")); }),
+      HasSubstr("a.map:1: unknown record 'DOTS'"))
+      << "its name says what it is";
   EXPECT_EQ(native_formats().formats().size() + 1, more.formats().size());
   EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { (void)more.extended_by({dots()}); }),
               HasSubstr("map format 'dots': is there twice"));
@@ -132,6 +138,33 @@ TEST(FormatRegistry, FoldersAreReadByFormatsThatKnowThem) {
               HasSubstr(folder.path().string()));
   folder.write("dots", "");
   EXPECT_EQ(x_of(more.read(folder.path())), -1.0);
+}
+
+TEST(FormatRegistry, NamesThePointerOfGitInsteadOfItsDefects) {
+  const TemporaryFolder folder;
+  const std::string pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n";
+  const auto message = [&](const std::filesystem::path& path) {
+    return refusal(ErrorKind::kInput, [&] { native_formats().read(path); });
+  };
+  for (const char* const name : {"a.map", "a.ply", "a.bin"}) {
+    EXPECT_THAT(
+        message(folder.write(name, pointer)),
+        HasSubstr("is a Git LFS pointer, not the file itself; expected the file itself: run "
+                  "'git lfs pull'"));
+  }
+  // Also a file of a folder, which a reader finds damaged.
+  MapFormat of_folders = dots();
+  of_folders.read = [](const MapInput& input, const MapReadOptions&) -> LandmarkMap {
+    throw Error(ErrorKind::kInput, (input.path / "dots").string() + ": byte 0", "is damaged", "");
+  };
+  const FormatRegistry more = native_formats().extended_by({of_folders});
+  std::filesystem::create_directory(folder / "b");
+  folder.write("b/dots", pointer);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { more.read(folder / "b"); }),
+              HasSubstr("b/dots: is a Git LFS pointer"));
+  folder.write("b/dots", "other");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { more.read(folder / "b"); }),
+              HasSubstr("b/dots: byte 0: is damaged"));
 }
 
 TEST(FormatRegistry, PartNamesOneMapOfSeveral) {

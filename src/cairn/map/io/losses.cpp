@@ -2,16 +2,34 @@
 #include "cairn/map/io/losses.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/limits.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 
 void log_remark(const LogSink& log, std::string_view name, std::string_view text, RemarkKind kind) {
   if (log) log({fmt::format("{}: {}", name, text), kind});
+}
+
+std::string far_landmarks_text(std::size_t count, std::size_t of) {
+  return fmt::format("{} of {} landmarks left out: a coordinate is not finite or beyond {:g}",
+                     count, of, kLargestCoordinate);
+}
+
+LandmarkMap imported_map(MapTables tables, const std::string& name, const LogSink& log,
+                         const EntryPlace& place) {
+  const std::size_t count = tables.landmarks.positions.size();
+  if (const auto dropped = drop_far_landmarks(tables); !dropped.empty()) {
+    log_remark(log, name, far_landmarks_text(dropped.size(), count), RemarkKind::kLoss);
+  }
+  return LandmarkMap(
+      std::move(tables), place ? place : [&](MapColumn, std::size_t) { return name; });
 }
 
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings) {

@@ -44,6 +44,16 @@ inline constexpr std::string_view kSizesNotStated =
 void log_remark(const LogSink& log, std::string_view name, std::string_view text,
                 RemarkKind kind = RemarkKind::kInformation);
 
+/// Text of a loss: landmarks that drop_far_landmarks() drops.
+std::string far_landmarks_text(std::size_t count, std::size_t of);
+
+/// The map of tables that a reader filled. Drops landmarks that are not finite or too far away, as badly triangulated ones
+/// may be, and logs their number.
+/// @param name of the file
+/// @param place as LandmarkMap's; by default `name`. Rows of landmarks are those that are left
+LandmarkMap imported_map(MapTables tables, const std::string& name, const LogSink& log,
+                         const EntryPlace& place = {});
+
 /// Names the parts of `map` that the format cannot hold.
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
 

@@ -20,7 +20,9 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
+#include "cairn/map/io/losses.hpp"
 #include "cairn/map/io/memory_budget.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -349,7 +351,7 @@ class NativeReader {
 
   LandmarkMap read() {
     if (source_.size()) reserve(estimate_records(source_));
-    LineReader lines(source_);
+    LineReader lines(source_, options_.log);
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;
@@ -392,10 +394,6 @@ class NativeReader {
   void read_line(std::string_view line, const LineReader& lines) {
     Fields fields(line, source_.name(), lines.line_number());
     if (fields.at_end()) return;
-    if (!lines.line_was_terminated()) {
-      fields.refuse_line("the last line does not end with a newline and may be cut off",
-                         "a newline at the end of the file");
-    }
     const std::string_view record = fields.word("record");
     line_ = lines.line_number();
     if (record == "LANDMARK") {
@@ -453,9 +451,10 @@ class NativeReader {
       fields.refuse_line("too many landmarks", "fewer than 2^32");
     }
     const LandmarkId id{fields.unsigned_integer("id")};
-    const double x = fields.coordinate("x");
-    const double y = fields.coordinate("y");
-    const double z = fields.coordinate("z");
+    // finish() drops landmarks beyond the limit.
+    const double x = fields.number("x");
+    const double y = fields.number("y");
+    const double z = fields.number("z");
     landmark_lines_.add(landmarks.ids.size(), line_);
     landmarks.ids.push_back(id);
     landmarks.positions.emplace_back(x, y, z);
@@ -901,8 +900,20 @@ class NativeReader {
       }
     }
     if (observations_unknown_) observations.offsets = {};
+    const std::size_t count = landmarks.ids.size();
+    far_landmarks_ = drop_far_landmarks(tables_);
+    if (!far_landmarks_.empty()) {
+      detail::log_remark(options_.log, source_.name(),
+                         detail::far_landmarks_text(far_landmarks_.size(), count),
+                         RemarkKind::kLoss);
+    }
     return LandmarkMap(std::move(tables_),
                        [this](MapColumn column, std::size_t row) { return place_of(column, row); });
+  }
+
+  std::uint64_t line_of_landmark(std::uint64_t row) const {
+    for (const std::uint32_t far : far_landmarks_) row += far <= row ? 1 : 0;
+    return landmark_lines_.line_of(row);
   }
 
   // Place of a row, for the checks that LandmarkMap makes.
@@ -922,10 +933,10 @@ class NativeReader {
         return fmt::format("{}:{}: fields 6-9 (qw qx qy qz)", source_.name(),
                            frame_lines_.line_of(row));
       case MapColumn::kLandmarkIds:
-        return fmt::format("{}:{}: field 2 (id)", source_.name(), landmark_lines_.line_of(row));
+        return fmt::format("{}:{}: field 2 (id)", source_.name(), line_of_landmark(row));
       case MapColumn::kCovariances:
         return fmt::format("{}:{}: fields 6-14 (c00 ... c22)", source_.name(),
-                           landmark_lines_.line_of(row));
+                           line_of_landmark(row));
       default:
         return source_.name();
     }
@@ -948,6 +959,7 @@ class NativeReader {
   std::vector<std::uint64_t> pose_covariance_lines_;  // the same
   RowLines frame_lines_;
   RowLines landmark_lines_;
+  std::vector<std::uint32_t> far_landmarks_;  // rows that were dropped, ascending
   std::unordered_map<FrameId, FrameIndex> frame_index_;
   std::unordered_map<CameraId, CameraIndex> camera_index_;
 };

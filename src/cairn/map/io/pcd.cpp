@@ -58,9 +58,7 @@ class HeaderReader {
   void read() {
     while (!encoding_) {
       const std::string_view line = source_.header_line("a line 'DATA ...'");
-      if (line.starts_with('#') && trimmed(line.substr(1)) == detail::kFreeScaleComment) {
-        unit_ = LengthUnit::kFree;
-      }
+      if (line.starts_with('#') && !unit_) unit_ = detail::unit_in_comment(trimmed(line.substr(1)));
       split(line);
       if (words_.empty() || words_[0].starts_with('#')) continue;
       Entry* const entry = find(words_[0] == "COLUMNS" ? "FIELDS" : words_[0]);
@@ -79,7 +77,7 @@ class HeaderReader {
   }
 
   Encoding encoding() const { return *encoding_; }
-  LengthUnit length_unit() const { return unit_; }
+  std::optional<LengthUnit> length_unit() const { return unit_; }
   const std::vector<PointField>& fields() const { return fields_; }
   const std::string& fields_place() const { return entries_[1].place; }
   std::uint64_t points() const { return *points_; }
@@ -253,7 +251,15 @@ class HeaderReader {
     }
     // Cannot overflow: both are below 2^32.
     if (width_) {
-      const std::uint64_t area = *width_ * height_.value_or(1);
+      std::uint64_t area = *width_ * height_.value_or(1);
+      if (area == 0 && points_.value_or(0) > 0) {
+        // As some exporters of ORB-SLAM write it. The data must hold as many points.
+        if (log_) {
+          log_(fmt::format("{}: WIDTH times HEIGHT is 0; POINTS, {}, is their number",
+                           find("POINTS")->place, *points_));
+        }
+        area = *points_;
+      }
       if (points_ && *points_ != area) {
         throw Error(ErrorKind::kInput, find("POINTS")->place, fmt::format("{} points", *points_),
                     fmt::format("WIDTH times HEIGHT, {}", area));
@@ -286,7 +292,7 @@ class HeaderReader {
   std::optional<std::uint64_t> height_;
   std::optional<std::uint64_t> points_;
   std::optional<Encoding> encoding_;
-  LengthUnit unit_ = LengthUnit::kMetres;
+  std::optional<LengthUnit> unit_;
 };
 
 // ---- compressed data
@@ -438,7 +444,7 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
   PointTable table(detail::PointFormat::kPcd, source.name(), header.fields_place(), header.fields(),
                    options);
   if (header.encoding() == Encoding::kAscii) {
-    detail::TextRows rows(headed);
+    detail::TextRows rows(headed, options.log);
     detail::read_text_points(rows, headed, header.points(), kPoints, table);
     rows.expect_end();
   } else {
@@ -469,15 +475,13 @@ void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptio
     types += fmt::format(" {}", type->letter);
     counts += " 1";
   }
-  const bool is_free = map.info().length_unit == LengthUnit::kFree;
-  const std::string comment =
-      is_free ? fmt::format("# {}\n", detail::kFreeScaleComment) : std::string();
-  rows.write(fmt::format("# .PCD v0.7 - Point Cloud Data file format\n{}"
-                         "VERSION 0.7\n{}\n{}\n{}\n{}\nWIDTH {}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 "
-                         "0\nPOINTS {}\nDATA {}\n",
-                         comment, names, sizes, types, counts, map.landmark_count(),
-                         map.landmark_count(), options.ascii ? "ascii" : "binary"),
-             options.ascii, sink);
+  rows.write(
+      fmt::format("# .PCD v0.7 - Point Cloud Data file format\n# {}\n"
+                  "VERSION 0.7\n{}\n{}\n{}\n{}\nWIDTH {}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 "
+                  "0\nPOINTS {}\nDATA {}\n",
+                  detail::unit_comment(map.info().length_unit), names, sizes, types, counts,
+                  map.landmark_count(), map.landmark_count(), options.ascii ? "ascii" : "binary"),
+      options.ascii, sink);
 }
 
 }  // namespace cairn

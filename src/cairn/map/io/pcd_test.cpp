@@ -97,7 +97,7 @@ TEST(Pcd, WritesAHeaderThatOthersUnderstand) {
   const std::string bytes = written(LandmarkMap(rich_tables()), true);
   const std::size_t size = bytes.find("DATA ascii\n");
   EXPECT_EQ(bytes.substr(0, size),
-            "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n"
+            "# .PCD v0.7 - Point Cloud Data file format\n# cairn length_unit metres\nVERSION 0.7\n"
             "FIELDS x y z cov_xx cov_xy cov_xz cov_yy cov_yz cov_zz rgb id confidence w\n"
             "SIZE 8 8 8 8 8 8 8 8 8 4 8 8 8\nTYPE F F F F F F F F F U U F F\n"
             "COUNT 1 1 1 1 1 1 1 1 1 1 1 1 1\nWIDTH 3\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
@@ -235,7 +235,7 @@ TEST(Pcd, LeavesOutPointsWithoutAFinitePosition) {
                                    "nan nan nan 5\n1 2 3 18446744073709551615\n1 inf 3 5\n",
                                options);
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{18446744073709551615U}));
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd: 2 of 3 points left out")));
+  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd: 2 of 3 landmarks left out")));
 }
 
 TEST(Pcd, TakesOlderHeadersAndTellsOfAViewpoint) {
@@ -311,6 +311,74 @@ TEST(Pcd, BinaryDataMayBeFilledUpWithAPageOfZeros) {
   }
 }
 
+TEST(Pcd, SaysThatLineEndsFollowTheData) {
+  std::vector<std::string> losses;
+  MapReadOptions options;
+  options.log = [&](const Remark& remark) {
+    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
+    losses.emplace_back(remark.text);
+  };
+  for (const std::string& file :
+       {xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144),
+        xyz_header("12", "binary") + std::string(144, '\0')}) {
+    losses.clear();
+    EXPECT_EQ(read(file + "\r\n", options).landmark_count(), 12U);
+    EXPECT_THAT(losses, ElementsAre(HasSubstr("test.pcd: byte " + std::to_string(file.size()) +
+                                              ": 2 bytes after the data")));
+    EXPECT_THAT(refusal(file + "\n1"), HasSubstr("more data"));
+  }
+}
+
+TEST(Pcd, SaysThatTheLastLineDoesNotEnd) {
+  std::vector<std::string> losses;
+  MapReadOptions options;
+  options.log = [&](const Remark& remark) {
+    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
+    losses.emplace_back(remark.text);
+  };
+  EXPECT_EQ(read(xyz_header("2", "ascii") + "1 2 3\n4 5 6", options).landmark_count(), 2U);
+  EXPECT_THAT(losses, ElementsAre(HasSubstr("test.pcd:13: the last line does not end")));
+}
+
+TEST(Pcd, TakesThePointsOfAHeaderWithoutAnArea) {
+  std::vector<std::string> remarks;
+  MapReadOptions options;
+  options.log = [&](const Remark& remark) {
+    EXPECT_EQ(remark.kind, RemarkKind::kInformation) << "nothing is left out";
+    remarks.emplace_back(remark.text);
+  };
+  const std::string head =
+      "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 0\nHEIGHT 0\nPOINTS 2\nDATA "
+      "binary\n";
+  EXPECT_EQ(read(head + std::string(24, '\0'), options).landmark_count(), 2U);
+  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd:7: WIDTH times HEIGHT is 0; POINTS, 2")));
+  EXPECT_THAT(refusal(head + std::string(12, '\0')), HasSubstr("ends after 1 of 2 points"));
+  EXPECT_THAT(refusal(head + std::string(36, '\0') + 'x'), HasSubstr("more data"));
+}
+
+TEST(Pcd, LeavesOutPointsThatAreTooFarAway) {
+  std::vector<std::string> losses;
+  MapReadOptions options;
+  options.log = [&](const Remark& remark) { losses.emplace_back(remark.text); };
+  const LandmarkMap map =
+      read(xyz_header("2", "ascii") + "1 2 3\n-1.687745e+09 -213.4 -1.5e-11\n", options);
+  EXPECT_EQ(map.landmark_count(), 1U);
+  EXPECT_THAT(losses, ElementsAre(HasSubstr("1 of 2 landmarks left out")));
+}
+
+TEST(Pcd, StatesItsUnitOrHasNone) {
+  EXPECT_EQ(read(xyz_header("0", "ascii")).info().length_unit, LengthUnit::kFree);
+  EXPECT_EQ(read("# cairn length_unit metres\n" + xyz_header("0", "ascii")).info().length_unit,
+            LengthUnit::kMetres);
+  // Cairn once stated free scales only.
+  const auto unit_of = [](std::string_view fields, std::string_view types) {
+    return read(header(fields, "4 4 4 4 4", types, "1 1 1 1 1", "0", "ascii")).info().length_unit;
+  };
+  EXPECT_EQ(unit_of("x y z observations id", "F F F U U"), LengthUnit::kMetres);
+  EXPECT_EQ(unit_of("x y z observations id", "F F F F U"), LengthUnit::kFree);
+  EXPECT_EQ(unit_of("x y z observations w", "F F F U U"), LengthUnit::kFree);
+}
+
 TEST(Pcd, CompressedDataMayHoldPaddingOrNot) {
   const std::string head = header("x y z _ pair n", "4 4 4 1 1 2", "F F F U U U", "1 1 1 4 2 1",
                                   "2", "binary_compressed");
@@ -346,7 +414,7 @@ TEST(Pcd, RefusesMalformedCompressedData) {
   const std::string size_144 = compressed_block(good, 144);
   EXPECT_EQ(refusal(head + size_144), "");
   EXPECT_THAT(refusal(head), HasSubstr(at(0) + "the file ends before the compressed data"));
-  EXPECT_THAT(refusal(head + size_144 + "\n"),
+  EXPECT_THAT(refusal(head + size_144 + "x"),
               HasSubstr(at(8 + good.size()) + "more data than the header announces"));
   EXPECT_THAT(refusal(head + compressed_block(good, 145)),
               HasSubstr(at(4) + "an uncompressed size of 145 bytes; expected 12 points of 12"));
@@ -415,7 +483,7 @@ TEST(Pcd, RefusesMalformedInput) {
       {top + "VIEWPOINT 0 0 0 1 0 0 a\n", {"test.pcd:6:", "value 7 ('a') is not a number"}},
       {top + "POINTS 0\nDATA text\n", {"test.pcd:7:", "unknown kind of data 'text'"}},
       {one, {"test.pcd:11:", "ends after 0 of 1 points"}},
-      {one + "1 2 3", {"test.pcd:12:", "newline"}},
+      {one + "1 2", {"test.pcd:12: field 3 (z)", "missing"}},
       {one + "1 2\n", {"test.pcd:12: field 3 (z)", "missing"}},
       {one + "1 abc 3\n", {"test.pcd:12: field 2 (y)", "'abc' is not a number"}},
       {one + "1 2 3 4\n", {"test.pcd:12: field 4", "'4' is too much"}},
@@ -438,7 +506,7 @@ TEST(Pcd, RefusesMalformedInput) {
   EXPECT_EQ(refusal(binary + std::string(17, '\0')),
             "test.pcd: byte " + std::to_string(binary.size() + 17) +
                 ": field 2 (y): the file ends after 1 of 2 points; expected 12 bytes for each");
-  EXPECT_THAT(refusal(binary + std::string(24, '\0') + '\n'), HasSubstr("the file to end here"));
+  EXPECT_THAT(refusal(binary + std::string(24, '\0') + 'x'), HasSubstr("the file to end here"));
 }
 
 TEST(Pcd, AColumnOfATakenNameIsNotWritten) {
@@ -464,7 +532,10 @@ std::vector<std::string> samples() {
 TEST(Pcd, RefusesEveryTruncation) {
   for (const std::string& whole : samples()) {
     EXPECT_EQ(refusal(whole), "");
-    for (std::size_t size = 0; size < whole.size(); ++size) {
+    // Within the last number of a text, the cut is only remarked on.
+    const bool is_text = whole.back() == '\n';
+    const std::size_t end = is_text ? whole.rfind(' ') + 1 : whole.size() - 1;
+    for (std::size_t size = 0; size <= end; ++size) {
       const std::string_view cut = std::string_view(whole).substr(0, size);
       EXPECT_THAT(refusal(cut), HasSubstr("test.pcd:")) << size;
       Pipe pipe(cut, 5);

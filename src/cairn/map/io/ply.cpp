@@ -67,7 +67,7 @@ class HeaderReader {
     for (;;) {
       rest_ = next_line("end_header");
       const std::string_view keyword = word();
-      if (keyword == "comment" && rest_ == detail::kFreeScaleComment) unit_ = LengthUnit::kFree;
+      if (keyword == "comment" && !unit_) unit_ = detail::unit_in_comment(rest_);
       if (keyword.empty() || keyword == "comment" || keyword == "obj_info") continue;
       if (keyword == "format") {
         read_format();
@@ -88,7 +88,7 @@ class HeaderReader {
   }
 
   Encoding encoding() const { return *encoding_; }
-  LengthUnit length_unit() const { return unit_; }
+  std::optional<LengthUnit> length_unit() const { return unit_; }
   const std::vector<Element>& elements() const { return elements_; }
   const Element* vertex() const {
     const auto found = std::find_if(elements_.begin(), elements_.end(), [](const Element& element) {
@@ -209,7 +209,7 @@ class HeaderReader {
   HeadedSource& source_;
   std::string_view rest_;
   std::optional<Encoding> encoding_;
-  LengthUnit unit_ = LengthUnit::kMetres;
+  std::optional<LengthUnit> unit_;
   std::vector<Element> elements_;
   std::size_t entries_ = 0;
 };
@@ -236,7 +236,7 @@ LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options) {
     }
   }
   if (header.encoding() == Encoding::kAscii) {
-    detail::TextRows rows(headed);
+    detail::TextRows rows(headed, options.log);
     for (const Element& element : header.elements()) {
       if (&element == vertex) {
         detail::read_text_points(rows, headed, element.count, kVertices, table);
@@ -265,9 +265,7 @@ void write_ply(const LandmarkMap& map, const ByteSink& sink, const PlyWriteOptio
   const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
   std::string header =
       fmt::format("ply\nformat {} 1.0\n", options.ascii ? "ascii" : "binary_little_endian");
-  if (map.info().length_unit == LengthUnit::kFree) {
-    header += fmt::format("comment {}\n", detail::kFreeScaleComment);
-  }
+  header += fmt::format("comment {}\n", detail::unit_comment(map.info().length_unit));
   header += fmt::format("element vertex {}\n", map.landmark_count());
   for (const PointField& field : rows.fields()) {
     header += fmt::format("property {} {}\n", name_of(field.type), field.name);

@@ -386,7 +386,7 @@ TEST(Ply, RefusesMalformedInput) {
       {head + "element vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n",
        {"test.ply:3:", "no scalar field 'z'", "x, y and z"}},
       {vertex + "end_header\n", {"test.ply:7:", "ends after 0 of 1 vertices"}},
-      {vertex + "end_header\n1 2 3", {"test.ply:8:", "newline"}},
+      {vertex + "end_header\n1 2", {"test.ply:8: field 3 (z)", "missing"}},
       {vertex + "end_header\n1 2\n", {"test.ply:8: field 3 (z)", "missing"}},
       {vertex + "end_header\n1 2 3 4\n", {"test.ply:8: field 4", "'4' is too much"}},
       {vertex + "end_header\n1 abc 3\n",
@@ -423,9 +423,10 @@ TEST(Ply, RefusesMalformedBinaryInput) {
       "ply\nformat binary_big_endian 1.0\nelement vertex 2\n" + std::string(kXyz) + "end_header\n";
   const std::string whole = head + std::string(24, '\0');
   EXPECT_EQ(refusal(whole), "");
-  EXPECT_EQ(refusal(whole + '\n'), "test.ply: byte " + std::to_string(whole.size()) +
-                                       ": more data than the header announces; expected the file "
-                                       "to end here");
+  EXPECT_EQ(refusal(whole + 'x'), "test.ply: byte " + std::to_string(whole.size()) +
+                                      ": more data than the header announces; expected the file "
+                                      "to end here");
+  EXPECT_EQ(refusal(whole + '\n'), "");
   EXPECT_EQ(refusal(head + std::string(17, '\0')),
             "test.ply: byte " + std::to_string(head.size() + 17) +
                 ": field 2 (y): the file ends after 1 of 2 vertices; expected 12 bytes for each");
@@ -442,7 +443,11 @@ TEST(Ply, RefusesEveryTruncation) {
        {written(LandmarkMap(rich_tables()), false), file_with_lists("binary_big_endian"),
         file_with_lists("binary_little_endian"), file_with_lists("ascii")}) {
     EXPECT_EQ(refusal(whole), "");
-    for (std::size_t size = 0; size < whole.size(); ++size) {
+    // Within the last number of a text, the cut is only remarked on.
+    const bool is_text = whole.find("format ascii") != std::string::npos;
+    const std::size_t end =
+        is_text ? whole.find_last_of(" \n", whole.size() - 2) + 1 : whole.size() - 1;
+    for (std::size_t size = 0; size <= end; ++size) {
       const std::string_view cut = std::string_view(whole).substr(0, size);
       const std::string message = refusal(cut);
       EXPECT_THAT(message, HasSubstr("test.ply:")) << size;
@@ -450,6 +455,42 @@ TEST(Ply, RefusesEveryTruncation) {
       EXPECT_THROW(read_ply(pipe), Error) << size;
     }
   }
+}
+
+TEST(Ply, SaysThatTheLastLineDoesNotEnd) {
+  std::vector<std::string> losses;
+  MapReadOptions options;
+  options.log = [&](const Remark& remark) {
+    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
+    losses.emplace_back(remark.text);
+  };
+  const std::string text =
+      "ply\r\nformat ascii 1.0\r\nelement vertex 1\r\n" + std::string(kXyz) + "end_header\r\n1 2 3";
+  EXPECT_EQ(read(text, options).landmark_count(), 1U);
+  EXPECT_THAT(losses, ElementsAre(HasSubstr("test.ply:8: the last line does not end")));
+}
+
+TEST(Ply, StatesItsUnitOrHasNone) {
+  const auto unit_of = [](const std::string& comment, const std::string& properties) {
+    return read("ply\nformat ascii 1.0\n" + comment + "element vertex 0\n" + std::string(kXyz) +
+                properties + "end_header\n")
+        .info()
+        .length_unit;
+  };
+  EXPECT_EQ(unit_of("", ""), LengthUnit::kFree);
+  EXPECT_EQ(unit_of("comment made by others\n", ""), LengthUnit::kFree);
+  EXPECT_EQ(unit_of("comment cairn length_unit metres\n", ""), LengthUnit::kMetres);
+  EXPECT_EQ(unit_of("comment cairn length_unit free\n", ""), LengthUnit::kFree);
+  // Cairn once stated free scales only. Its maps in metres have covariances, or observations and ids.
+  std::string covariance;
+  for (const char* const entry : {"xx", "xy", "xz", "yy", "yz", "zz"}) {
+    covariance += std::string("property double cov_") + entry + "\n";
+  }
+  EXPECT_EQ(unit_of("", covariance), LengthUnit::kMetres);
+  EXPECT_EQ(unit_of("comment cairn length_unit free\n", covariance), LengthUnit::kFree);
+  EXPECT_EQ(unit_of("", covariance.substr(covariance.find('\n') + 1)), LengthUnit::kFree);
+  EXPECT_EQ(unit_of("", "property uint observations\nproperty uint id\n"), LengthUnit::kMetres);
+  EXPECT_EQ(unit_of("", "property uchar red\nproperty uint id\n"), LengthUnit::kFree);
 }
 
 TEST(Ply, AnyDamageIsReadOrRefused) {

@@ -16,6 +16,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/geometry/limits.hpp"
+#include "cairn/map/io/losses.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -280,6 +282,17 @@ std::uint32_t load_little_endian_32(const char* bytes) {
   return load<std::uint32_t>(bytes, must_swap(false));
 }
 
+std::optional<LengthUnit> unit_in_comment(std::string_view comment) {
+  for (const LengthUnit unit : {LengthUnit::kMetres, LengthUnit::kFree}) {
+    if (comment == unit_comment(unit)) return unit;
+  }
+  return std::nullopt;
+}
+
+std::string unit_comment(LengthUnit unit) {
+  return fmt::format("cairn length_unit {}", unit == LengthUnit::kFree ? "free" : "metres");
+}
+
 // ---- HeadedSource
 
 HeadedSource::HeadedSource(ByteSource& source, const MapReadOptions& options)
@@ -352,7 +365,18 @@ std::optional<std::uint64_t> HeadedSource::remaining() const {
 }
 
 void HeadedSource::expect_end() {
-  if (peek(1).empty()) return;
+  // Editors and some writers end a file with a newline.
+  constexpr std::size_t kMostFilling = std::size_t{1} << 16;
+  constexpr std::string_view kFilling("\n\r\t \0", 5);
+  const std::string_view rest = peek(kMostFilling + 1);
+  if (rest.empty()) return;
+  if (rest.size() <= kMostFilling && rest.find_first_not_of(kFilling) == std::string_view::npos) {
+    log_remark(
+        options_.log, fmt::format("{}: byte {}", name(), offset_),
+        fmt::format("{} bytes after the data that the header announces; left out", rest.size()),
+        RemarkKind::kLoss);
+    return;
+  }
   throw Error(ErrorKind::kInput, fmt::format("{}: byte {}", name(), offset_),
               "more data than the header announces", "the file to end here");
 }
@@ -394,8 +418,8 @@ std::size_t HeadedSource::read_more(char* buffer, std::size_t capacity) {
 
 // ---- TextRows
 
-TextRows::TextRows(HeadedSource& source)
-    : source_(source), header_lines_(source.header_lines()), lines_(source) {}
+TextRows::TextRows(HeadedSource& source, LogSink log)
+    : source_(source), header_lines_(source.header_lines()), lines_(source), log_(std::move(log)) {}
 
 std::optional<std::string_view> TextRows::next_filled() {
   while (const auto line = lines_.next()) {
@@ -413,10 +437,10 @@ std::string_view TextRows::next(std::uint64_t done, std::uint64_t count, std::st
                 fmt::format("the file ends after {} of {} {}", done, count, rows),
                 "a line for each");
   }
-  if (!lines_.line_was_terminated()) {
-    throw Error(ErrorKind::kInput, where(),
-                "the last line does not end with a newline and may be cut off",
-                "a newline at the end of the file");
+  if (!lines_.line_was_terminated() && log_) {
+    log_({fmt::format("{}: the last line does not end; its last number may have been cut off",
+                      where()),
+          RemarkKind::kLoss});
   }
   return *row;
 }
@@ -675,10 +699,10 @@ void PointTable::append_columns(const std::vector<const char*>& columns, std::si
 void PointTable::drop_points_without_position() {
   const std::size_t size = positions_.size();
   std::vector<char> kept(size);
-  for (std::size_t i = 0; i < size; ++i) kept[i] = positions_[i].allFinite() ? 1 : 0;
+  for (std::size_t i = 0; i < size; ++i) kept[i] = are_coordinates(positions_[i]) ? 1 : 0;
   const auto left_out = std::count(kept.begin(), kept.end(), 0);
   if (left_out == 0) return;
-  lost(fmt::format("{} of {} points left out: a coordinate is not finite", left_out, size));
+  lost(far_landmarks_text(static_cast<std::size_t>(left_out), size));
   const auto compact = [&](auto& column) {
     if (column.empty()) return;
     std::size_t to = 0;
@@ -738,11 +762,33 @@ void PointTable::take_ids(LandmarkTable& landmarks) {
   landmarks.columns.push_back(std::move(column));
 }
 
-LandmarkMap PointTable::finish(LengthUnit unit) && {
+// Whether a file has fields that Cairn writes for landmarks from features, and others do not write so.
+bool PointTable::has_fields_of_cairn() const {
+  const auto is_field = [&](std::size_t i, std::string_view name) {
+    return i < fields_.size() && fields_[i].name == name;
+  };
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    if (is_field(i, "observations") && fields_[i].type == ScalarType::kUint32 &&
+        is_field(i + 1, "id") && is_integer(fields_[i + 1].type)) {
+      return true;
+    }
+    std::size_t entry = 0;
+    while (entry < kCovarianceEntries.size() &&
+           is_field(i + entry, kCovarianceEntries[entry].name) &&
+           fields_[i + entry].type == ScalarType::kFloat64) {
+      ++entry;
+    }
+    if (entry == kCovarianceEntries.size()) return true;
+  }
+  return false;
+}
+
+LandmarkMap PointTable::finish(std::optional<LengthUnit> unit) && {
   drop_points_without_position();
   forget_infinite_values();
   MapTables tables;
-  tables.info.length_unit = unit;
+  tables.info.length_unit =
+      unit.value_or(has_fields_of_cairn() ? LengthUnit::kMetres : LengthUnit::kFree);
   LandmarkTable& landmarks = tables.landmarks;
   landmarks.positions = std::move(positions_);
   landmarks.covariances = std::move(covariances_);

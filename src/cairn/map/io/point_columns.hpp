@@ -39,8 +39,10 @@ enum class ScalarType : std::uint8_t {
 std::size_t size_of(ScalarType type);
 bool is_integer(ScalarType type);
 
-/// The comment that a header has if the map's scale is free. Without it, lengths are metres.
-constexpr std::string_view kFreeScaleComment = "cairn length_unit free";
+/// The unit that a comment of a header states: "cairn length_unit metres", or "free"; std::nullopt for another comment.
+std::optional<LengthUnit> unit_in_comment(std::string_view comment);
+/// That comment.
+std::string unit_comment(LengthUnit unit);
 
 /// A field of a point or other record, as a file declares it, in the file's order.
 struct PointField {
@@ -76,7 +78,8 @@ class HeadedSource final : public ByteSource {
   std::uint64_t offset() const { return offset_; }
   /// Bytes left; std::nullopt if the source has no size.
   std::optional<std::uint64_t> remaining() const;
-  /// @throws Error (input) unless all bytes were read
+  /// @throws Error (input) unless all bytes were read, or the rest is line ends, blanks and zeros: these are logged as
+  ///        a loss
   void expect_end();
 
   const std::string& name() const override { return source_.name(); }
@@ -101,7 +104,8 @@ class HeadedSource final : public ByteSource {
 /// The lines of a text body that are not blank.
 class TextRows {
  public:
-  explicit TextRows(HeadedSource& source);
+  /// @param log receives a loss if the last row does not end
+  TextRows(HeadedSource& source, LogSink log);
 
   /// Row `done` of `count` rows.
   /// @throws Error (input) if there is none, or it is incomplete
@@ -116,6 +120,7 @@ class TextRows {
   const HeadedSource& source_;
   std::uint64_t header_lines_;
   LineReader lines_;
+  LogSink log_;
 };
 
 /// Collects point fields for a map.
@@ -137,8 +142,10 @@ class PointTable {
   /// Adds little-endian points from columns, given each field's first value.
   void append_columns(const std::vector<const char*>& columns, std::size_t rows);
 
-  /// Makes the map: drops points without a finite position, and decides whether the ids are usable.
-  LandmarkMap finish(LengthUnit unit) &&;
+  /// Makes the map: drops points without a usable position, and decides whether the ids are usable.
+  /// @param unit std::nullopt if the file states none: then free, but metres if its fields are those of Cairn, which once
+  ///        did not state metres
+  LandmarkMap finish(std::optional<LengthUnit> unit) &&;
 
  private:
   enum class Role { kSkipped, kPosition, kCovariance, kChannel, kPackedColor, kId, kColumn };
@@ -157,6 +164,7 @@ class PointTable {
                std::size_t step, bool swap_bytes);
   [[noreturn]] void refuse(std::uint64_t line, std::uint64_t token, std::string_view field,
                            std::string_view what, std::string_view expected) const;
+  bool has_fields_of_cairn() const;
   void drop_points_without_position();
   void forget_infinite_values();
   void take_ids(LandmarkTable& landmarks);
