@@ -59,9 +59,10 @@ void PaperArguments::add_to(CLI::App& command) {
       "True target_from_source, 16 numbers or the JSON of an alignment; the runs start from it, "
       "displaced, and have pose errors",
       "FILE");
-  add_number(command, "--success-score", options.success_score,
-             "Largest score of a success, m^2 (default: the score of base ICP from the identity, "
-             "times the ratio of 0.0037 to that score in the paper)");
+  add_number(
+      command, "--success-score", options.success_score,
+      "Largest score of a success, m^2 (default: the score of base ICP without displacement, "
+      "times the ratio of 0.0037 to that score in the paper)");
   add_number(
       command, "--max-rotation-deg", options.tolerance.rotation_deg,
       "Largest rotation error of a success, and largest difference of agreeing poses, degrees");

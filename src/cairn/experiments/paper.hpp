@@ -16,8 +16,8 @@ struct PaperOptions {
   IcpOptions
       align;  ///< the paper's by default; initial pose, k, executor and callbacks are ignored
   PointSetOptions points;
-  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP from the
-  /// identity, the ratio of the paper's 0.0037 to its own.
+  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP without
+  /// displacement, the ratio of the paper's 0.0037 to its own.
   std::optional<double> success_score;
   PoseTolerance tolerance;
   /// Also search for the displacement at which each XY quadrant fails, as in the paper.
