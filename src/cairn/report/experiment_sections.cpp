@@ -95,7 +95,7 @@ Section score_against_error(const std::vector<ScoredPose>& poses, double toleran
   chart.y_label = std::move(y_label);
   chart.x_scale = AxisScale::kLog;
   chart.y_scale = AxisScale::kLog;
-  chart.x_threshold = Threshold{tolerance_m, fmt::format("within {:g} m", tolerance_m)};
+  chart.x_threshold = Threshold{tolerance_m, fmt::format("≤ {:g} m", tolerance_m)};
   chart.y_threshold = std::move(score_threshold);
   for (const ScoredPose& pose : poses) {
     auto series = std::find_if(chart.series.begin(), chart.series.end(),
