@@ -20,6 +20,7 @@
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/point_set.hpp"
+#include "cairn/trajectory/hand_eye.hpp"
 #include "cairn/trajectory/trajectory_evaluation.hpp"
 #include "cairn/trajectory/trajectory_file.hpp"
 
@@ -33,6 +34,20 @@
 namespace cairn::cli {
 namespace {
 
+// Where a map lies in the world of its camera's true trajectory, and how well both trajectories fit there.
+struct MapInWorld {
+  Rigid3 world_from_map;
+  std::size_t poses = 0;
+  double rotation_rms_rad = 0.0;
+  double translation_rms = 0.0;  // metres
+};
+
+struct TruePose {
+  Similarity3 target_from_source;
+  std::optional<MapInWorld> source = {};  // of a truth from trajectories
+  std::optional<MapInWorld> target = {};
+};
+
 struct EvaluateAlignmentArguments {
   CommonArguments common;
   std::string result;
@@ -45,6 +60,8 @@ struct EvaluateAlignmentArguments {
   std::string source_truth;
   std::string target_trajectory;
   std::string target_truth;
+  std::string truth_output;
+  bool hand_eye = false;
   double max_rotation_deg = 5.0;
   double max_translation_m = 0.05;
   double max_scale_percent = 5.0;
@@ -58,10 +75,14 @@ struct EvaluateAlignmentArguments {
   LoadedMap load(const std::string& given, const std::string& option, const SavedMap& saved,
                  const SavedResult& whole) const;
   bool has_trajectories() const;
-  std::optional<Similarity3> true_pose() const;
-  Json truth_json(const Similarity3& pose) const;
+  MapInWorld map_in_world(const std::string& estimate_path, const std::string& truth_path) const;
+  std::optional<TruePose> true_pose() const;
+  Json truth_json(const TruePose& truth) const;
+  Json trajectory_json(const std::string& path, const MapInWorld& map) const;
+  void print_truth(const TruePose& truth) const;
   int give_verdicts(const SavedResult& saved) const;
-  int compare(const SavedResult& saved, const Similarity3& true_pose) const;
+  int compare(const SavedResult& saved, const TruePose& truth) const;
+  int write_truth(const TruePose& truth) const;
 };
 
 // One result compared with the truth; std::nullopt if unknown.
@@ -71,10 +92,12 @@ struct JudgedAlignment {
   std::optional<bool> success = {};
   std::optional<double> normalised_squared_error = {};
   std::optional<bool> in_ellipsoid = {};  ///< of 95 % by the stated covariance
+  bool fits_inverse = false;              ///< of the truth
 };
 
 void EvaluateAlignmentArguments::add_to(CLI::App& command) {
-  add_text(command, "result", result, "JSON of 'cairn align --json'")->required();
+  add_text(command, "result", result,
+           "JSON of 'cairn align --json'; not needed with --write-truth");
   auto* const truth_file =
       add_text(command, "--truth", truth,
                "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
@@ -87,6 +110,12 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
            "Estimated trajectory of the target map's camera, in the map's frame", "FILE");
   add_text(command, "--target-truth", target_truth,
            "True trajectory of the same camera, in the world of --source-truth", "FILE");
+  command.add_flag("--hand-eye", hand_eye,
+                   "The true trajectories are those of a body that carries the camera, such as "
+                   "markers of motion capture: also estimate the transform between them and the "
+                   "clock offset, of each pair of trajectories");
+  add_text(command, "--write-truth", truth_output,
+           "Write the truth from trajectories, target_from_source, as --truth reads it", "FILE");
   add_text(command, "--source", source, "Source map (default: the path in the result)", "MAP");
   add_text(command, "--target", target,
            "Target map, for a verdict (default: the path in the result)", "MAP");
@@ -107,6 +136,9 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
        {"--source-trajectory", "--source-truth", "--target-trajectory", "--target-truth"}) {
     command.get_option(name)->excludes(truth_file);
   }
+  for (const char* const name : {"--hand-eye", "--write-truth"}) {
+    command.get_option(name)->needs(command.get_option("--source-trajectory"));
+  }
   command.footer(
       "Without a truth, judges each pose as it is, with the prior odds, probability, gravity,\n"
       "scale, effort, parts and deformation that the result was aligned with. The exit code is 4\n"
@@ -117,10 +149,11 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
       "  cairn evaluate alignment result.json --truth truth.txt --max-translation-m 0.02\n"
       "Example: judge the poses in a result\n"
       "  cairn evaluate alignment result.json\n"
-      "Example: compute the truth from both cameras' trajectories\n"
-      "  cairn evaluate alignment result.json --source-trajectory source.tum \\\n"
-      "      --source-truth source_truth.tum --target-trajectory target.tum \\\n"
-      "      --target-truth target_truth.tum");
+      "Example: write the truth from both cameras' trajectories, for any --truth\n"
+      "  cairn evaluate alignment --source-trajectory source.tum --source-truth source_truth.tum "
+      "\\\n"
+      "      --target-trajectory target.tum --target-truth target_truth.tum \\\n"
+      "      --write-truth truth.txt");
 }
 
 // A path in a result is relative to where the alignment ran: here, or where the result lies.
@@ -167,41 +200,73 @@ bool EvaluateAlignmentArguments::has_trajectories() const {
 }
 
 // By orientations and positions: where a path is short or straight, positions leave a turn open.
-Rigid3 world_from_map(const std::string& estimate_path, const std::string& truth_path,
-                      const LogSink& log) {
+MapInWorld EvaluateAlignmentArguments::map_in_world(const std::string& estimate_path,
+                                                    const std::string& truth_path) const {
+  const LogSink log = common.console().log();
   const Trajectory estimate = read_trajectory(estimate_path, log);
-  const Trajectory truth = read_trajectory(truth_path, log);
+  Trajectory truth_of_camera = read_trajectory(truth_path, log);
+  if (hand_eye) {
+    const HandEyeResult found = estimate_hand_eye(estimate, truth_of_camera);
+    if (!found.hand_eye) throw Error(ErrorKind::kInput, estimate_path, found.reason, "");
+    truth_of_camera = corrected_truth(truth_of_camera, *found.hand_eye);
+  }
   TrajectoryEvaluationOptions options;
   options.alignment = TrajectoryAlignment::kPoses;
-  const TrajectoryEvaluation evaluation = evaluate_trajectory(estimate, truth, options);
+  const TrajectoryEvaluation evaluation = evaluate_trajectory(estimate, truth_of_camera, options);
   if (!evaluation.absolute) {
     throw Error(ErrorKind::kInput, estimate_path,
                 "cannot be aligned with " + truth_path + ": " + evaluation.reason,
                 "trajectories with common times");
   }
-  return evaluation.absolute->truth_from_estimate.rigid();
+  const AbsoluteError& absolute = *evaluation.absolute;
+  return {absolute.truth_from_estimate.rigid(), evaluation.pairs.size(), absolute.rotation_rad.rmse,
+          absolute.translation.rmse};
 }
 
 // std::nullopt if none was given.
-std::optional<Similarity3> EvaluateAlignmentArguments::true_pose() const {
-  if (!truth.empty()) return read_similarity_file(truth);
+std::optional<TruePose> EvaluateAlignmentArguments::true_pose() const {
+  if (!truth.empty()) return TruePose{read_similarity_file(truth)};
   if (!has_trajectories()) return std::nullopt;
-  return Similarity3(
-      world_from_map(target_trajectory, target_truth, common.console().log()).inverse() *
-      world_from_map(source_trajectory, source_truth, common.console().log()));
+  const MapInWorld in_source = map_in_world(source_trajectory, source_truth);
+  const MapInWorld in_target = map_in_world(target_trajectory, target_truth);
+  return TruePose{Similarity3(in_target.world_from_map.inverse() * in_source.world_from_map),
+                  in_source, in_target};
 }
 
-Json EvaluateAlignmentArguments::truth_json(const Similarity3& pose) const {
+Json EvaluateAlignmentArguments::trajectory_json(const std::string& path,
+                                                 const MapInWorld& map) const {
+  Json json = describe_file(path, common);
+  json["poses"] = map.poses;
+  json["rotation_rms_deg"] = degrees(map.rotation_rms_rad);
+  json["translation_rms_m"] = map.translation_rms;
+  return json;
+}
+
+Json EvaluateAlignmentArguments::truth_json(const TruePose& true_one) const {
   Json json = {{"path", text_or_null(truth)},
-               {"target_from_source", to_json(pose.rigid())},
-               {"scale", pose.scale()}};
-  if (truth.empty()) {
-    json["source_trajectory"] = describe_file(source_trajectory, common);
+               {"target_from_source", to_json(true_one.target_from_source.rigid())},
+               {"scale", true_one.target_from_source.scale()}};
+  if (true_one.source) {
+    json["source_trajectory"] = trajectory_json(source_trajectory, *true_one.source);
     json["source_truth"] = describe_file(source_truth, common);
-    json["target_trajectory"] = describe_file(target_trajectory, common);
+    json["target_trajectory"] = trajectory_json(target_trajectory, *true_one.target);
     json["target_truth"] = describe_file(target_truth, common);
   }
   return json;
+}
+
+// How well the trajectories determine the truth.
+void EvaluateAlignmentArguments::print_truth(const TruePose& true_one) const {
+  const Console console = common.console();
+  for (const auto& [role, map] :
+       {std::pair{"source", &true_one.source}, {"target", &true_one.target}}) {
+    if (!*map) continue;
+    console.print(
+        fmt::format("{} trajectory  {} poses, {} deg and {} m (rms) from the true one{}\n", role,
+                    (*map)->poses, fixed(degrees((*map)->rotation_rms_rad), 2),
+                    fixed((*map)->translation_rms, 4), hand_eye ? ", hand-eye corrected" : ""));
+  }
+  if (!truth_output.empty()) console.print(fmt::format("wrote {}\n", truth_output));
 }
 
 // How the error compares to the stated covariance.
@@ -238,7 +303,7 @@ double percent_of(const PoseError& error) {
 Csv rows_of(const std::vector<JudgedAlignment>& judged) {
   Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
             "success", "log_scale_error", "normalised_squared_error", "in_ellipsoid"});
-  for (const auto& [result, error, success, normalised, inside] : judged) {
+  for (const auto& [result, error, success, normalised, inside, inverted] : judged) {
     rows << result->confidence << std::string(status_of(result->alignment));
     rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
     rows << (error ? std::optional(error->translation) : std::nullopt);
@@ -253,7 +318,7 @@ Csv rows_of(const std::vector<JudgedAlignment>& judged) {
 
 Json json_of(const std::vector<JudgedAlignment>& judged) {
   Json results = Json::array();
-  for (const auto& [result, error, success, normalised, inside] : judged) {
+  for (const auto& [result, error, success, normalised, inside, inverted] : judged) {
     Json entry = {{"confidence", result->confidence},
                   {"status", status_of(result->alignment)},
                   {"length_unit", to_string(result->length_unit)}};
@@ -261,6 +326,7 @@ Json json_of(const std::vector<JudgedAlignment>& judged) {
     entry["success"] = to_json(success);
     entry["normalised_squared_error"] = to_json(normalised);
     entry["in_ellipsoid"] = to_json(inside);
+    if (inverted) entry["fits_inverse_of_truth"] = true;
     results.push_back(std::move(entry));
   }
   return results;
@@ -273,7 +339,7 @@ std::string table_of(const std::vector<JudgedAlignment>& judged, bool with_scale
   if (with_scale) header.emplace_back("scale error");
   if (with_ellipsoid) header.emplace_back("in ellipsoid");
   Table table(header);
-  for (const auto& [result, error, success, normalised, inside] : judged) {
+  for (const auto& [result, error, success, normalised, inside, inverted] : judged) {
     const std::string unit = unit_symbol(result->length_unit);
     std::vector<std::string> row = {
         result->confidence, std::string(status_of(result->alignment)),
@@ -367,13 +433,32 @@ int EvaluateAlignmentArguments::run() {
   });
   has_trajectories();
   require_outputs(common);
-  const SavedResult saved = saved_result(read_file(result), result);
-  if (const auto pose = true_pose()) return compare(saved, *pose);
-  return give_verdicts(saved);
+  require_folder_of(truth_output);
+  if (result.empty() && truth_output.empty()) {
+    throw Error(ErrorKind::kMisuse, "result", "not given",
+                "the JSON of 'cairn align --json', or --write-truth");
+  }
+  std::optional<SavedResult> saved;
+  if (!result.empty()) saved = saved_result(read_file(result), result);
+  const std::optional<TruePose> true_one = true_pose();
+  if (!truth_output.empty()) write_pose(truth_output, true_one->target_from_source);
+  if (!saved) return write_truth(*true_one);
+  return true_one ? compare(*saved, *true_one) : give_verdicts(*saved);
 }
 
-int EvaluateAlignmentArguments::compare(const SavedResult& saved,
-                                        const Similarity3& true_pose) const {
+// The truth alone.
+int EvaluateAlignmentArguments::write_truth(const TruePose& true_one) const {
+  Json json = document("evaluate_alignment", common, {{"truth", truth_json(true_one)}},
+                       {{"hand_eye", hand_eye}});
+  json["results"] = Json::array();
+  write_document(json, common);
+  write_rows(rows_of({}), common);
+  print_truth(true_one);
+  return kDone;
+}
+
+int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose& true_one) const {
+  const Similarity3& true_pose = true_one.target_from_source;
   const LoadedMap source_map = load(source, "--source", saved.source, saved);
   const Console console = common.console();
   PointSetOptions point_options;
@@ -392,7 +477,10 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
     JudgedAlignment entry{.result = &one};
     judge_covariance(true_pose, entry);
     const auto& pose = one.alignment.estimate;
-    if (pose) entry.error = pose_error(*pose, true_pose, points.positions);
+    if (pose) {
+      entry.error = pose_error(*pose, true_pose, points.positions);
+      entry.fits_inverse = fits_inverse(*pose, true_pose, points.positions);
+    }
     // An untrusted pose does not count as a success. Maps of free scale have no lengths in metres.
     if (one.length_unit == LengthUnit::kMetres) {
       entry.success = entry.error && has_answer(one.alignment) &&
@@ -406,11 +494,12 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
 
   Json inputs = {{"result", describe_file(result, common)},
                  {"source", source_map.description},
-                 {"truth", truth_json(true_pose)}};
+                 {"truth", truth_json(true_one)}};
   Json json = document("evaluate_alignment", common, std::move(inputs),
                        {{"max_rotation_deg", max_rotation_deg},
                         {"max_translation_m", max_translation_m},
                         {"max_scale_percent", max_scale_percent},
+                        {"hand_eye", hand_eye},
                         {"min_observations", point_options.min_observations}});
   json["results"] = json_of(judged);
   json["successes"] = to_json(successes);
@@ -425,6 +514,8 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
   const bool with_ellipsoid = std::any_of(
       judged.begin(), judged.end(),
       [](const JudgedAlignment& entry) { return entry.normalised_squared_error.has_value(); });
+  print_truth(true_one);
+  if (true_one.source) console.print("\n");
   console.print(table_of(judged, with_scale, with_ellipsoid));
   console.print(
       fmt::format("\ntranslation error  displacement of the centroid of {} source landmarks\n",
@@ -444,6 +535,11 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved,
         "covariance\n                   (squared error under it: at most {:.1f}, with a "
         "scale {:.1f})\n",
         kNormalisedSquaredError95, kNormalisedSquaredErrorWithScale95));
+  if (std::any_of(judged.begin(), judged.end(),
+                  [](const JudgedAlignment& entry) { return entry.fits_inverse; })) {
+    console.print(fmt::format("truth              {}\n", swapped_truth_text("the pose")));
+    console.remark(swapped_truth_text("the pose"));
+  }
   return kDone;
 }
 

@@ -20,6 +20,7 @@
 #include "cairn/report/experiment_sections.hpp"
 
 #include "commands.hpp"
+#include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
@@ -54,12 +55,15 @@ void PaperArguments::add_to(CLI::App& command) {
   add_text(command, "source", source, "Map to move: " + all_formats().titles_text())->required();
   add_text(command, "target", target, "Map to align it to")->required();
   add_text(command, "-o,--output", output, "New folder for the results", "FOLDER")->required();
-  add_text(command, "--truth", truth,
-           "True target_from_source, 16 numbers or the JSON of an alignment; adds pose errors",
-           "FILE");
-  add_number(command, "--success-score", options.success_score,
-             "Largest score of a success, m^2 (default: the score of base ICP from the identity, "
-             "times the ratio of 0.0037 to that score in the paper)");
+  add_text(
+      command, "--truth", truth,
+      "True target_from_source, 16 numbers or the JSON of an alignment; the runs start from it, "
+      "displaced, and have pose errors",
+      "FILE");
+  add_number(
+      command, "--success-score", options.success_score,
+      "Largest score of a success, m^2 (default: the score of base ICP without displacement, "
+      "times the ratio of 0.0037 to that score in the paper)");
   add_number(
       command, "--max-rotation-deg", options.tolerance.rotation_deg,
       "Largest rotation error of a success, and largest difference of agreeing poses, degrees");
@@ -83,10 +87,21 @@ void PaperArguments::add_to(CLI::App& command) {
   common.add_to(command);
   common.add_threads_to(command);
   command.footer(
+      "Each run starts from the true pose, or from the maps as they lie without --truth, "
+      "displaced\n"
+      "as in the paper: turned about the target's origin, then moved.\n"
       "Writes runs.csv, timings.csv, experiment.json, summary.md, tables/ and figures/.\n"
       "\n"
       "Example: run the experiments on two maps with a known true pose\n"
       "  cairn experiment paper second.map first.map --truth truth.txt -o results");
+}
+
+// What is to be said of the truth if its inverse fits poses.
+std::optional<std::string> swapped_truth(const PaperResults& results) {
+  const auto swapped = std::count_if(results.runs.begin(), results.runs.end(),
+                                     [](const TrialResult& run) { return run.fits_inverse; });
+  if (swapped == 0) return std::nullopt;
+  return swapped_truth_text(fmt::format("{} of {} poses", swapped, results.runs.size()));
 }
 
 void PaperArguments::check_options() const {
@@ -100,7 +115,8 @@ void PaperArguments::check_options() const {
 
 Json PaperArguments::options_json() const {
   const double distance = options.align.max_distance;
-  return {{"success_score", to_json(options.success_score)},
+  return {{"start", truth.empty() ? "as_read" : "truth"},
+          {"success_score", to_json(options.success_score)},
           {"max_rotation_deg", options.tolerance.rotation_deg},
           {"max_translation_m", options.tolerance.translation_m},
           {"search_xy", options.search_xy},
@@ -117,6 +133,7 @@ std::string PaperArguments::summary(const PaperResults& results,
       "pose within {:g} degrees and {:g} m.\n",
       source, target, results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
       options.tolerance.translation_m);
+  if (const auto swapped = swapped_truth(results)) text += fmt::format("\n{}.\n", *swapped);
   return text + markdown_of(tables);
 }
 
@@ -139,8 +156,11 @@ void PaperArguments::print(const PaperResults& results, const ResultTable& succe
   console.print(
       fmt::format("agreement  within {:g} degrees and {:g} m of the pose that most runs agree on\n",
                   options.tolerance.rotation_deg, options.tolerance.translation_m));
-  if (successes.columns.size() > 5) {
-    console.print("true pose  within the same of the truth\n");
+  if (results.has_truth) console.print("true pose  within the same of the truth\n");
+  console.print(fmt::format("starts     {}\n", start_text(results)));
+  if (const auto swapped = swapped_truth(results)) {
+    console.print(fmt::format("truth      {}\n", *swapped));
+    console.remark(*swapped);
   }
 }
 

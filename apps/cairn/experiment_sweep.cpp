@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,6 +21,7 @@
 #endif
 
 #include "commands.hpp"
+#include "support/alignments.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
@@ -63,6 +65,9 @@ void SweepArguments::add_to(CLI::App& command) {
   common.add_threads_to(command);
   command.footer(
       "Paths in the study are relative to its file. The subfolder maps keeps simulated maps.\n"
+      "Each run starts from the true pose, or from the maps as they lie without a truth, "
+      "displaced:\n"
+      "turned about the source's centroid, then moved.\n"
       "\n"
       "A study (docs/experiments.md lists all settings):\n"
       "  name: desks\n"
@@ -122,8 +127,8 @@ MapPair SweepArguments::load_pair(const StudyPair& pair,
     if (!fs::exists(*files.truth)) {  // written last
       const MapPair made = simulated(pair);
       fs::create_directories(folder);
-      write_map(made.source, files.source, {.native_version = 2});
-      write_map(made.target, files.target, {.native_version = 2});
+      write_map(made.source, files.source);
+      write_map(made.target, files.target);
       write_pose(*files.truth, *made.truth);
     }
   }
@@ -183,8 +188,15 @@ int SweepArguments::run() {
            fmt::format("{} of {} runs", done, of));
     };
   }
+  std::map<std::string, std::size_t> swapped;  // runs of each pair
+  options.each_run = [&](const TrialResult& run) {
+    if (run.fits_inverse) ++swapped[run.trial.pair];
+  };
   run_study(
       plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); }, options);
+  for (const auto& [pair, runs] : swapped) {
+    console.remark(fmt::format("{}: {}", pair, swapped_truth_text(fmt::format("{} poses", runs))));
+  }
   if (part.count > 1) {
     console.print(fmt::format("{}: {} runs, shard {} of {}; 'cairn experiment merge' joins them\n",
                               output, all, part.index, part.count));

@@ -374,6 +374,7 @@ void Assembly::add_paper_experiment(const Json& document, const std::string& fol
     throw Error(ErrorKind::kInput, folder, fmt::format("{} runs", results.runs.size()),
                 fmt::format("{}", expected));
   }
+  results.has_truth = saved.truth.has_value();
   results.success_score = saved.success_score;
   results.agreement = saved.agreement;
   SavedResult place;

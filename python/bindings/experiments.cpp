@@ -116,8 +116,11 @@ void bind_experiments(py::module_& module) {
       },
       py::arg("source"), py::arg("target"), py::arg("truth") = py::none(),
       kept(paper_keywords().signature("source, target, truth=None") +
-           "Runs the paper's experiments on two maps. With `truth` (4x4, target_from_source), the\n"
-           "results include pose errors."));
+           "Runs the paper's experiments on two maps. With `truth` (4x4, target_from_source), the "
+           "runs\n"
+           "start from it, displaced, and have pose errors; without, they start from the maps as "
+           "they\n"
+           "lie."));
 }
 
 }  // namespace cairn::python

@@ -152,6 +152,20 @@ TEST_F(AlignTest, TruthAddsPoseErrors) {
               expected.rotation_rad * 180.0 / std::numbers::pi, 1e-9);
   EXPECT_NEAR(result.at("error").at("translation").get<double>(), expected.translation, 1e-9);
   EXPECT_EQ(json.at("inputs").at("truth").at("path"), "truth.txt");
+  EXPECT_FALSE(result.contains("fits_inverse_of_truth"));
+}
+
+TEST_F(AlignTest, SaysThatTheTruthIsOfSwappedMaps) {
+  const SyntheticPair maps = write_pair();
+  write("swapped.txt", matrix_text(maps.target_from_source.inverse()));
+  const Words words = pair({"--truth", "swapped.txt"});
+  const CommandResult result = cairn(words);
+  EXPECT_EQ(result.exit_code, kDone);
+  for (const std::string& text : {result.output, result.errors}) {
+    EXPECT_THAT(text, HasSubstr("the inverse of the truth fits the pose: the truth seems to be "
+                                "source_from_target, of swapped maps"));
+  }
+  EXPECT_EQ(document(words).at("results").at(0).at("fits_inverse_of_truth"), true);
 }
 
 TEST_F(AlignTest, SavedResultServesAsInitialPoseAndAsTruth) {

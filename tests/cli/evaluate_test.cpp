@@ -584,9 +584,71 @@ TEST_F(EvaluateAlignmentTest, TrajectoriesGiveTheTruth) {
                   by_pose.at("results").at(i).at("error").at(part).get<double>(), 1e-6);
     }
   }
+  // The same as a file, without a result.
+  Words to_file = {words.begin(), words.begin() + 2};
+  to_file.insert(to_file.end(), words.begin() + 3, words.end());
+  to_file.insert(to_file.end(), {"--write-truth", "written.txt"});
+  EXPECT_THAT(answer(to_file), HasSubstr("source trajectory  20 poses, 0.00 deg and 0.0000 m"));
+  const Json from_file =
+      document({"evaluate", "alignment", "result.json", "--truth", "written.txt"});
+  EXPECT_TRUE(pose_of(from_file.at("inputs").at("truth").at("target_from_source"))
+                  .matrix()
+                  .isApprox(maps.target_from_source.matrix(), 1e-6));
+  EXPECT_NEAR(from_file.at("results").at(0).at("error").at("translation").get<double>(),
+              by_paths.at("results").at(0).at("error").at("translation").get<double>(), 1e-12);
+  to_file.back() = "s.tum";
+  expect_refusal(to_file, kWrongUsage, {"--write-truth: s.tum is the input --source-trajectory"});
+  expect_refusal({"evaluate", "alignment", "result.json", "--write-truth", "t.txt"}, kWrongUsage,
+                 {"--write-truth", "--source-trajectory"});
+  expect_refusal({"evaluate", "alignment"}, kWrongUsage, {"result: not given", "--write-truth"});
   Words three = words;
   three.resize(three.size() - 2);
   expect_refusal(three, kWrongUsage, {"--source-trajectory", "--target-truth"});
+}
+
+TEST_F(EvaluateAlignmentTest, TruthOfATrackedBodyIsHandEyeCorrected) {
+  const Rigid3 offset = Rigid3::from_roll_pitch_yaw({0.01, 0.02, -0.01}, 0.05, -0.02, 0.01);
+  const Rigid3 target_from_source = Rigid3::from_roll_pitch_yaw({1, 2, 0}, 0, 0, 1.0);
+  const auto write_session = [&](const std::string& name, double phase, const Rigid3& moved) {
+    std::vector<TimedPose> camera;
+    std::vector<TimedPose> body;
+    for (int i = 0; i < 400; ++i) {
+      const double t = 0.02 * i;
+      const Rigid3 pose = Rigid3::from_roll_pitch_yaw(
+          {std::sin(t), 0.4 * t, 0.2 * std::cos(2.0 * t)}, 0.4 * std::sin(1.3 * t + phase),
+          0.3 * std::sin(0.7 * t), phase + 0.3 * t);
+      camera.push_back({t, pose});
+      body.push_back({t, moved * pose * offset.inverse()});
+    }
+    write_trajectory(name + ".tum", Trajectory(std::move(camera)));
+    write_trajectory(name + "_truth.tum", Trajectory(std::move(body)));
+  };
+  write_session("s", 0.0, target_from_source);
+  write_session("t", 1.5, Rigid3());
+  const auto error_deg = [&](const Words& more) {
+    Words words = {"evaluate",       "alignment",   "--source-trajectory", "s.tum",
+                   "--source-truth", "s_truth.tum", "--target-trajectory", "t.tum",
+                   "--target-truth", "t_truth.tum", "--write-truth",       "truth.txt"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Json json = document(words);
+    const Rigid3 found = pose_of(json.at("inputs").at("truth").at("target_from_source"));
+    return (found.inverse() * target_from_source).angle() * 180.0 / std::numbers::pi;
+  };
+  EXPECT_GT(error_deg({}), 0.5);
+  EXPECT_LT(error_deg({"--hand-eye"}), 0.05);
+}
+
+TEST_F(EvaluateAlignmentTest, SaysThatTheTruthIsOfSwappedMaps) {
+  const SyntheticPair maps = write_result();
+  write("swapped.txt", matrix_text(maps.target_from_source.inverse()));
+  const Words words = {"evaluate", "alignment", "result.json", "--truth", "swapped.txt"};
+  const CommandResult result = cairn(words);
+  EXPECT_EQ(result.exit_code, kDone);
+  for (const std::string& text : {result.output, result.errors}) {
+    EXPECT_THAT(text, HasSubstr("the inverse of the truth fits the pose"));
+  }
+  EXPECT_EQ(document(words).at("results").at(0).at("fits_inverse_of_truth"), true);
+  EXPECT_THAT(answer(evaluate_), ::testing::Not(HasSubstr("inverse")));
 }
 
 TEST_F(EvaluateAlignmentTest, CsvHasARowForEachResult) {

@@ -38,7 +38,8 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
   const std::string text = answer({"experiment", "paper", "source.map", "target.map", "--truth",
                                    "truth.txt", "-o", "results", "--search-xy"});
   EXPECT_THAT(text, HasSubstr("180 runs"));
-  EXPECT_THAT(text, HasSubstr("here, true pose"));
+  EXPECT_THAT(text, HasSubstr("by true pose"));
+  EXPECT_THAT(text, HasSubstr("starts     the true pose, displaced"));
   EXPECT_EQ(runs("results").size(), 180U);
   EXPECT_EQ(parse_csv(content("results/timings.csv"), "t").size(), 181U);
   EXPECT_THAT(content("results/summary.md"), HasSubstr("| k | 5 | y 1 z 0.4 roll 10 yaw 22.5 |"));
@@ -57,12 +58,37 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
 TEST_F(ExperimentTest, PaperDrawsThePapersFigures) {
   answer({"experiment", "paper", "source.map", "target.map", "--truth", "truth.txt", "-o", "r"});
   for (const char* const name :
-       {"figure2", "figure3-here", "figure3-published", "figure4-here", "figure4-published",
-        "figure5-here", "figure5-published", "score-against-error"}) {
+       {"figure2", "figure3", "figure3-published", "figure4", "figure4-published", "figure5",
+        "figure5-published", "score-against-error"}) {
     const std::string svg = content("r/figures/" + std::string(name) + ".svg");
     EXPECT_THAT(svg, ::testing::StartsWith("<svg")) << name;
     EXPECT_THAT(svg, HasSubstr("</svg>")) << name;
   }
+}
+
+TEST_F(ExperimentTest, PaperSaysFromWhereItStarts) {
+  const std::string text = answer({"experiment", "paper", "source.map", "target.map", "-o", "r"});
+  EXPECT_THAT(text, HasSubstr("starts     the maps as they lie, displaced"));
+  EXPECT_THAT(content("r/summary.md"), HasSubstr("start from the maps as they lie, displaced"));
+  EXPECT_EQ(Json::parse(content("r/experiment.json"))["options"]["start"], "as_read");
+}
+
+// Near enough to its inverse that runs reach the right pose.
+TEST_F(ExperimentTest, SaysThatTheTruthIsOfSwappedMaps) {
+  const Rigid3 moved = Rigid3::from_roll_pitch_yaw({0.2, 0.1, 0}, 0, 0, 0.1);
+  write_map(transformed(read_map(path("source.map")), moved), path("moved.map"));
+  write("swapped.txt", matrix_text(moved));
+  const CommandResult paper = cairn(
+      {"experiment", "paper", "moved.map", "target.map", "--truth", "swapped.txt", "-o", "r"});
+  EXPECT_EQ(paper.exit_code, kDone);
+  for (const std::string& text : {paper.output, paper.errors, content("r/summary.md")}) {
+    EXPECT_THAT(text, HasSubstr("the inverse of the truth fits"));
+  }
+  write("study.yaml",
+        "name: s\npairs: [{name: a, source: moved.map, target: target.map, truth: swapped.txt}]\n"
+        "initial_poses: {count: 5}\nstrategies: [base]\n");
+  EXPECT_THAT(cairn({"experiment", "sweep", "study.yaml", "-o", "s"}).errors,
+              HasSubstr("a: the inverse of the truth fits 5 poses"));
 }
 
 TEST_F(ExperimentTest, PaperAndSweepWriteReports) {
@@ -152,6 +178,37 @@ TEST_F(SweepTest, AnswersAndKeepsItsRuns) {
   EXPECT_EQ(content("results/study.yaml"), content("study.yaml"));
   EXPECT_EQ(Json::parse(content("results/experiment.json"))["experiment"], "sweep");
 }
+
+// Without a common landmark no run of the pair has a pose, nor an error.
+TEST_F(SweepTest, CountsPairsThatFailFromAllStarts) {
+  write_map(synthetic_map({.seed = 9, .landmarks = 2, .frames = 5}), path("empty.map"));
+  std::string study = content("study.yaml");
+  study.replace(study.find("b, source: target.map"), 21, "b, source: empty.map");
+  write("study.yaml", study);
+  const std::string text = answer({"experiment", "sweep", "study.yaml", "-o", "results"});
+  for (const TrialResult& run : runs("results")) EXPECT_EQ(run.trial.pair == "b", !run.error);
+  EXPECT_THAT(text, HasSubstr("2 pairs of maps (2 with a known truth)"));
+  EXPECT_THAT(content("results/tables/pairs.csv"), HasSubstr("\nb,0,0,0,0\n"));
+}
+
+#ifdef CAIRN_HAS_SIMULATION
+TEST_F(SweepTest, SimulatesPlacesAndReadsThemLater) {
+  write("study.yaml",
+        "name: s\npairs:\n"
+        "  - {name: desk, simulate: {environment: desk, frames: 12}}\n"
+        "initial_poses: {count: 2, x_m: [-0.02, 0.02]}\nstrategies: [base]\n");
+  const std::string text = answer({"experiment", "sweep", "study.yaml", "-o", "results"});
+  EXPECT_THAT(text, HasSubstr("1 pair of maps (1 with a known truth), 2 starts each"));
+  for (const TrialResult& run : runs("results")) EXPECT_TRUE(run.error);
+  // All that the sessions saw, several descriptors of a landmark among it.
+  const LandmarkMap map = read_map(path("results/maps/desk_source.map"));
+  EXPECT_FALSE(map.landmarks().descriptors.value().further.empty());
+  const std::string before = content("results/runs.csv");
+  std::filesystem::remove(path("results/runs.csv"));
+  answer({"experiment", "sweep", "study.yaml", "-o", "results"});
+  EXPECT_EQ(content("results/runs.csv"), before);
+}
+#endif
 
 TEST_F(SweepTest, ShardsMergeToTheSameBytes) {
   answer({"experiment", "sweep", "study.yaml", "-o", "whole"});

@@ -11,8 +11,8 @@ const kFilterFrom = 25;
 const kWideRow = 5;
 /** Longer words may be broken: paths, hashes. */
 const kLongWord = 28;
-/** By which a table is smaller on paper: its font, and less between its columns. */
-const kPaperScale = 0.8;
+/** Below this share of its size on paper, a table's print is too small to read. */
+const kLeastPaperScale = 0.55;
 
 type Direction = "ascending" | "descending";
 
@@ -113,18 +113,42 @@ function rowFigure(table: Table, title: string, fileName: string): HTMLElement {
   );
 }
 
+/** No table gets narrower than its longest words. */
+function leastWidth(table: HTMLElement): number {
+  table.style.width = "0";
+  const needed = table.offsetWidth;
+  table.style.width = "";
+  return needed;
+}
+
+/** A wide table is printed smaller; with words below each other if it must be; as a list of rows if even that is too small. */
+function fitOnPaper(figure: HTMLElement, table: HTMLElement): void {
+  const scaled = (): boolean => {
+    table.style.setProperty("--paper-scale", "1");
+    const scale = Math.min(1, kPaperWidth / leastWidth(table));
+    const isReadable = scale >= kLeastPaperScale;
+    table.style.setProperty("--paper-scale", String(isReadable ? scale : 1));
+    return isReadable;
+  };
+  figure.classList.add("on-paper", "on-one-line");
+  if (!scaled()) {
+    figure.classList.remove("on-one-line");
+    figure.classList.toggle("is-stacked", !scaled());
+  }
+}
+
 /**
  * A table that is wider than its place becomes a list of rows, each cell with its column's name: nothing is cut off, and
  * nothing has to be scrolled sideways.
  */
 function stackWhereNarrow(figure: HTMLElement, scroll: HTMLElement, table: HTMLElement): void {
   const fit = () => {
-    figure.classList.remove("is-stacked");
-    table.style.width = "0"; // no table gets narrower than its longest words
-    const needed = table.offsetWidth;
-    table.style.width = "";
-    const room = isPrinting() ? kPaperWidth / kPaperScale : scroll.clientWidth;
-    figure.classList.toggle("is-stacked", room > 0 && needed > room);
+    figure.classList.remove("is-stacked", "on-paper", "on-one-line");
+    if (isPrinting()) {
+      fitOnPaper(figure, table);
+    } else {
+      figure.classList.toggle("is-stacked", scroll.clientWidth > 0 && leastWidth(table) > scroll.clientWidth);
+    }
   };
   new ResizeObserver(fit).observe(figure);
   onPaper(fit, fit);

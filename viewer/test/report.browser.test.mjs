@@ -827,6 +827,40 @@ thorough("paper has every chart and view within its width, in light colours, and
   }
 });
 
+test("a wide table is printed smaller, with its header; one that would be too small as a list of rows", async () => {
+  const { document, buffers } = kSamples.answer();
+  const table = (id, columns, rows) => ({
+    kind: "table", id, title: id, text: null, best: null,
+    columns: Array.from({ length: columns }, (_, i) => ({ name: `published observations ${i}`, unit: "10^-3 m^2", type: "number", digits: 3 })),
+    rows: Array.from({ length: rows }, (_, row) => Array.from({ length: columns }, (_, i) => row + i / 8)),
+  });
+  const path = join(folder, "wide.html");
+  writeFileSync(path, writePage({ document: { ...document, sections: [table("wide", 11, 45), table("wider", 40, 2)] }, buffers }));
+  await withReport(path, {}, async ({ page }) => {
+    const pdf = (await page.pdf({ format: "A4" })).toString("latin1");
+    const sheets = pdf.match(/\/Type \/Page\b(?!s)/g).length;
+    assert.ok(sheets <= 4, `${sheets} pages`);
+    await page.evaluate(() => dispatchEvent(new Event("beforeprint")));
+    await page.emulateMedia({ media: "print" });
+    await page.setViewportSize({ width: 718, height: 1000 });
+    const shown = await page.evaluate(() => ["wide", "wider"].map((id) => {
+      const figure = document.querySelector(`#section-${id} .table-figure`);
+      const card = figure.getBoundingClientRect();
+      return {
+        stacked: figure.classList.contains("is-stacked"),
+        inside: [...figure.querySelectorAll("table, th, td")].every((cell) => cell.getBoundingClientRect().right <= card.right + 1),
+        // Chromium leaves buttons out of a header that it repeats.
+        buttons: figure.querySelectorAll("thead button").length - [...figure.querySelectorAll("thead button")].filter((one) => getComputedStyle(one).display === "contents").length,
+        unbroken: [...figure.querySelectorAll("td")].filter((cell) => getComputedStyle(cell).whiteSpace === "nowrap").length,
+      };
+    }));
+    assert.deepEqual(shown[0], { stacked: false, inside: true, buttons: 0, unbroken: 11 * 45 });
+    assert.deepEqual([shown[1].stacked, shown[1].inside, shown[1].unbroken], [true, true, 0]);
+    await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+    assert.equal(await page.locator(".on-paper").count(), 0);
+  });
+});
+
 thorough("colours of text stand out from what is behind them, in light and dark", async () => {
   for (const scheme of [{}, { colorScheme: "dark" }]) {
     await withReport(sampleFile("answer"), scheme, async ({ page }) => {

@@ -26,6 +26,12 @@ std::string percent(double share) {
 
 }  // namespace
 
+std::string swapped_truth_text(std::string_view what) {
+  return fmt::format(
+      "the inverse of the truth fits {}: the truth seems to be source_from_target, of swapped maps",
+      what);
+}
+
 bool has_answer(const Alignment& alignment) {
   return alignment.verdict ? alignment.verdict == Verdict::kAligned
                            : alignment.registration.has_pose();
@@ -69,8 +75,10 @@ std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const Landma
     result.overlap_radius = options.overlap_radius;
     if (!result.overlap_radius && alignment.radius > 0.0) result.overlap_radius = alignment.radius;
     if (truth && alignment.estimate) {
-      result.error = pose_error(*alignment.estimate, *truth,
-                                point_set(source, std::nullopt, options.points).positions);
+      const PointSet points = point_set(source, std::nullopt, options.points);
+      result.error = pose_error(*alignment.estimate, *truth, points.positions);
+      result.fits_inverse = fits_inverse(*alignment.estimate, *truth, points.positions);
+      if (result.fits_inverse) common.console().remark(swapped_truth_text("the pose"));
     }
     results.push_back(std::move(result));
   }
@@ -138,12 +146,16 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
     }
     text += "\n";
   }
+  if (any([](const StrategyResult& one) { return one.fits_inverse; })) {
+    text += fmt::format("truth    {}\n", swapped_truth_text("the pose"));
+  }
   return text;
 }
 
 Json to_json(const StrategyResult& result, HistoryDetail history) {
   Json json = Json::parse(cairn::to_json(result, history));
   json["error"] = result.error ? to_json(*result.error) : Json(nullptr);
+  if (result.fits_inverse) json["fits_inverse_of_truth"] = true;
   return json;
 }
 

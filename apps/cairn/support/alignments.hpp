@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/alignment/document.hpp"
@@ -16,7 +17,11 @@ namespace cairn::cli {
 /// One pair of maps aligned by one strategy.
 struct StrategyResult : AlignmentRecord {
   std::optional<PoseError> error;  ///< of the estimate, where the truth is known
+  bool fits_inverse = false;       ///< of the truth, see cairn::fits_inverse()
 };
+
+/// What a truth is likely to be whose inverse fits `what`, such as "the pose".
+std::string swapped_truth_text(std::string_view what);
 
 /// Whether there is a pose to go on with: judged aligned, or, where none is judged, what the method came to.
 bool has_answer(const Alignment& alignment);

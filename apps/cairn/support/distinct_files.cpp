@@ -33,8 +33,9 @@ std::string name_of(const CLI::Option& option) {
 }
 
 bool is_output(const CLI::App& verb, std::string_view name) {
-  constexpr std::array<std::string_view, 7> kOutputs = {
-      "--json", "--csv", "--report", "--output", "--trajectory", "--pose", "output"};
+  constexpr std::array<std::string_view, 8> kOutputs = {"--json",        "--csv",        "--report",
+                                                        "--output",      "--trajectory", "--pose",
+                                                        "--write-truth", "output"};
   if (name == "--pose" && verb.get_name() == "link") return false;  // 'atlas link' reads a pose
   return std::find(kOutputs.begin(), kOutputs.end(), name) != kOutputs.end();
 }

@@ -79,7 +79,7 @@ std::string count_of(const PaperResults& results, const PoseTolerance& tolerance
       fmt::format("{} of {} runs succeed by their score",
                   count([&](const TrialResult& run) { return results.score_success(run); }),
                   results.runs.size());
-  if (count([](const TrialResult& run) { return run.error.has_value(); }) > 0) {
+  if (results.has_truth) {
     text += fmt::format(", {} by their pose", count([&](const TrialResult& run) {
                           return run.error && tolerance.holds(*run.error);
                         }));
@@ -111,7 +111,7 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
   std::vector<Strategy> strategies;
   for (const std::string_view name : kPaperStrategies) strategies.push_back(strategy_named(name));
   IcpOptions align = shown.align;
-  align.initial = one->initial.pose();
+  align.initial = initial_pose(one->initial, shown.pair->truth);
   align.trace = true;
   ReportedPair pair;
   pair.source_name = shown.source_name;

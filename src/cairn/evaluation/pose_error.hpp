@@ -21,4 +21,10 @@ struct PoseError {
 PoseError pose_error(const Similarity3& estimate, const Similarity3& truth,
                      std::span<const Eigen::Vector3d> source);
 
+/// Whether `truth` seems to be source_from_target, as if the maps had been swapped: the estimate moves the landmarks
+/// (root mean square) by less than a tenth of their extent from where the inverse of `truth` puts them, and by more
+/// than that, and five times as far, from where `truth` does. Arguments as of pose_error().
+bool fits_inverse(const Similarity3& estimate, const Similarity3& truth,
+                  std::span<const Eigen::Vector3d> source);
+
 }  // namespace cairn

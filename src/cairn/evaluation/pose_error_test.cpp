@@ -40,6 +40,34 @@ TEST(PoseError, CountsAScaleTwiceAndHalfAsLargeAlike) {
   EXPECT_EQ(pose_error(truth, truth, source).log_scale, 0.0);
 }
 
+class SwappedTruth : public ::testing::Test {
+ protected:
+  const std::vector<Eigen::Vector3d> source_ = {{5, 0, 0},  {7, 0, 0}, {6, 1, 0},
+                                                {6, -1, 0}, {6, 0, 1}, {6, 0, -1}};
+  const Rigid3 truth_ = Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.9);
+  const Rigid3 near_ = Rigid3::from_roll_pitch_yaw({0.01, -0.01, 0.02}, 0.001, 0.0, -0.002);
+};
+
+TEST_F(SwappedTruth, IsNoticedWhereItsInverseFits) {
+  EXPECT_TRUE(fits_inverse(near_ * truth_, truth_.inverse(), source_));
+  EXPECT_FALSE(fits_inverse(near_ * truth_, truth_, source_));
+  const Similarity3 scaled(3.0, truth_);
+  EXPECT_TRUE(fits_inverse(scaled, scaled.inverse(), source_));
+  EXPECT_FALSE(fits_inverse(scaled, scaled, source_));
+}
+
+TEST_F(SwappedTruth, IsNoExplanationOfAPoseThatIsWrongAnyhow) {
+  const Rigid3 wrong = Rigid3::from_roll_pitch_yaw({0, 0, 2}, 2.0, 0.0, 0.0);
+  EXPECT_FALSE(fits_inverse(wrong, truth_, source_));
+  EXPECT_FALSE(fits_inverse(wrong * truth_, truth_.inverse(), source_));
+}
+
+TEST_F(SwappedTruth, DoesNotMatterWhereThePoseFitsBothWays) {
+  const Rigid3 small = Rigid3::from_roll_pitch_yaw({0.01, 0, 0}, 0, 0, 0.001);
+  EXPECT_FALSE(fits_inverse(small.inverse(), small, source_));
+  EXPECT_FALSE(fits_inverse(small, small, {}));
+}
+
 TEST(PoseError, IsSymmetricInRotation) {
   const auto a = Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0.1, 0.2, 0.3);
   const auto b = Rigid3::from_roll_pitch_yaw({0, 3, 4}, -0.3, 0.2, 0.1);

@@ -15,7 +15,6 @@ namespace {
 
 constexpr std::size_t kStrategyCount = kPaperStrategies.size();
 
-// The paper's maps, and so its axes, are aligned but for the displacement: it acts on the source as read.
 class PaperRunner {
  public:
   PaperRunner(const MapPair& pair, const PaperOptions& options) : pair_(pair), options_(options) {
@@ -35,8 +34,8 @@ class PaperRunner {
                 .strategy = std::string(kPaperStrategies[strategy]),
                 .k = k,
                 .initial = initial};
-    return run_trial(std::move(trial), points_[strategy], initial.pose(), pair_.truth,
-                     options_.align);
+    return run_trial(std::move(trial), points_[strategy], initial_pose(initial, pair_.truth),
+                     pair_.truth, options_.align);
   }
 
   std::span<const Eigen::Vector3d> source() const { return points_.front().source.positions; }
@@ -119,7 +118,7 @@ double relative_success_score(const PaperResults& results) {
       run_of(results, static_cast<std::size_t>(identity - published.begin()), 0).score;
   if (!reference) {
     throw Error(ErrorKind::kMisuse, "PaperOptions.success_score",
-                "base ICP from the identity found no pose that could give it", "a score");
+                "base ICP from the undisplaced start found no pose that could give it", "a score");
   }
   return success_score_above(*reference);
 }
@@ -157,6 +156,7 @@ PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& opti
   options.validate();
   const PaperRunner runner(pair, options);
   PaperResults results;
+  results.has_truth = pair.truth.has_value();
   results.runs = run_all(runner, options);
   results.success_score =
       options.success_score ? *options.success_score : relative_success_score(results);
@@ -166,6 +166,10 @@ PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& opti
   results.agreement = find_agreement(poses, runner.source(), options.tolerance);
   if (options.search_xy) results.searches = search_quadrants(runner, results, options);
   return results;
+}
+
+Rigid3 initial_pose(const Displacement& displacement, const std::optional<Rigid3>& truth) {
+  return truth ? displacement.pose() * *truth : displacement.pose();
 }
 
 const TrialResult& run_of(const PaperResults& results, std::size_t configuration,

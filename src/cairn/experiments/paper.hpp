@@ -16,8 +16,8 @@ struct PaperOptions {
   IcpOptions
       align;  ///< the paper's by default; initial pose, k, executor and callbacks are ignored
   PointSetOptions points;
-  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP from the
-  /// identity, the ratio of the paper's 0.0037 to its own.
+  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP without
+  /// displacement, the ratio of the paper's 0.0037 to its own.
   std::optional<double> success_score;
   PoseTolerance tolerance;
   /// Also search for the displacement at which each XY quadrant fails, as in the paper.
@@ -45,6 +45,7 @@ struct QuadrantSearch {
 
 struct PaperResults {
   std::vector<TrialResult> runs;  ///< 45 configurations x 4 strategies, in the published order
+  bool has_truth = false;         ///< of the pair; without it no run has an error
   double success_score = 0.0;
   std::optional<Agreement> agreement;  ///< of the runs
   std::vector<QuadrantSearch> searches;
@@ -55,9 +56,13 @@ struct PaperResults {
 };
 
 /// The paper's experiments on another pair of maps. Runs are spread over the executor's threads; the
-/// results do not depend on their number. A trial's displacement is applied to the source as read.
+/// results do not depend on their number. Each starts from initial_pose().
 /// @throws Error (misuse); (input) if a map lacks a metric's input; (cancelled)
 PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options = {});
+
+/// Initial target_from_source of a run: the true pose, or the pose as read if the truth is unknown, displaced as the
+/// paper's maps were: turned about the target's origin, then moved.
+Rigid3 initial_pose(const Displacement& displacement, const std::optional<Rigid3>& truth);
 
 /// The run of one strategy under a published configuration.
 const TrialResult& run_of(const PaperResults& results, std::size_t configuration,

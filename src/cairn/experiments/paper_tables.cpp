@@ -22,10 +22,10 @@ Cell cell(const std::optional<double>& value) {
   return value ? Cell(*value) : Cell();
 }
 
-void add_strategies(ResultTable& table, const std::string& whose, const std::string& unit,
+void add_strategies(ResultTable& table, std::string_view prefix, const std::string& unit,
                     int digits) {
   for (const std::string_view strategy : kPaperStrategies) {
-    table.columns.push_back({fmt::format("{} {}", whose, strategy), unit, digits});
+    table.columns.push_back({fmt::format("{}{}", prefix, strategy), unit, digits});
   }
 }
 
@@ -36,8 +36,8 @@ ResultTable side_by_side(const PaperResults& results, std::string name, std::str
                          const std::function<Cell(const PublishedOutcome&)>& published_cell,
                          const std::function<Cell(const TrialResult&)>& cell_of) {
   ResultTable table{std::move(name), std::move(title), {{"experiment"}, {"k"}, {"initial"}}, {}};
-  if (published_cell) add_strategies(table, "published", unit, digits);
-  add_strategies(table, "here", unit, digits);
+  if (published_cell) add_strategies(table, "published ", unit, digits);
+  add_strategies(table, "", unit, digits);
   const auto published = published_experiments();
   for (std::size_t i = 0; i < published.size(); ++i) {
     if (!chosen(published[i])) continue;
@@ -96,15 +96,16 @@ std::string count(Experiment experiment, std::size_t strategy,
 }
 
 ResultTable successes(const PaperResults& results, const PoseTolerance& tolerance) {
-  const bool with_truth = std::any_of(results.runs.begin(), results.runs.end(),
-                                      [](const TrialResult& run) { return run.error.has_value(); });
   ResultTable table{
       "successes",
-      "Runs that succeeded: by the paper's score, by the score here, by agreement with "
-      "the pose that most runs agree on, and by the true pose where it is known.",
-      {{"experiment"}, {"strategy"}, {"published, score"}, {"here, score"}, {"here, agreement"}},
+      fmt::format(
+          "Runs that succeeded: published ones by their score; those of these maps by their "
+          "score, by agreement with the pose that most runs agree on, and by the true pose "
+          "where it is known. They start from {}.",
+          start_text(results)),
+      {{"experiment"}, {"strategy"}, {"published by score"}, {"by score"}, {"by agreement"}},
       {}};
-  if (with_truth) table.columns.push_back({"here, true pose"});
+  if (results.has_truth) table.columns.push_back({"by true pose"});
   const auto published = published_experiments();
   for (const Experiment experiment : kExperiments) {
     for (std::size_t s = 0; s < kStrategyCount; ++s) {
@@ -118,7 +119,7 @@ ResultTable successes(const PaperResults& results, const PoseTolerance& toleranc
                 [&](std::size_t i) { return results.score_success(results.runs[i]); }),
           count(experiment, s,
                 [&](std::size_t i) { return results.agreement && results.agreement->agrees[i]; })};
-      if (with_truth) {
+      if (results.has_truth) {
         row.emplace_back(count(experiment, s, [&](std::size_t i) {
           return results.runs[i].error && tolerance.holds(*results.runs[i].error);
         }));
@@ -146,12 +147,12 @@ std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTol
       results, "iterations", "Iterations, at most 150 in what is published.", "", 4, all,
       [](const PublishedOutcome& outcome) { return Cell(double(outcome.iterations)); },
       [](const TrialResult& run) { return Cell(double(run.iterations)); }));
-  if (std::any_of(results.runs.begin(), results.runs.end(),
-                  [](const TrialResult& run) { return run.error.has_value(); })) {
+  if (results.has_truth) {
     tables.push_back(pose_errors(results, true));
     tables.push_back(pose_errors(results, false));
   }
   if (!results.searches.empty()) tables.push_back(search_table(results));
+  for (ResultTable& table : tables) table.round();
   return tables;
 }
 
@@ -178,6 +179,10 @@ ResultTable search_table(const PaperResults& results) {
          fmt::format("{}", fmt::join(search.failed, ", "))});
   }
   return table;
+}
+
+std::string_view start_text(const PaperResults& results) {
+  return results.has_truth ? "the true pose, displaced" : "the maps as they lie, displaced";
 }
 
 std::string describe(const Displacement& displacement) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/experiments/paper.hpp"
@@ -20,6 +21,9 @@ ResultTable paper_durations(const PaperResults& results);
 
 /// Displacement at which each quadrant failed; for results with a search.
 ResultTable search_table(const PaperResults& results);
+
+/// From where the runs start: "the true pose, displaced" or "the maps as they lie, displaced".
+std::string_view start_text(const PaperResults& results);
 
 /// "x 0.5 y -0.5 yaw 10": the nonzero parts of a displacement, in metres and degrees; "none" for zero.
 std::string describe(const Displacement& displacement);

@@ -54,6 +54,27 @@ TEST(PaperTables, CountThePublishedSuccesses) {
   EXPECT_THAT(csv, HasSubstr("xy_yaw,observations,16 of 16"));
 }
 
+TEST(PaperTables, HavePoseErrorsWhereThereIsATruthAlsoIfEveryRunFailed) {
+  const auto names = [](const PaperResults& results) {
+    std::vector<std::string> names;
+    for (const ResultTable& table : paper_tables(results, {})) names.push_back(table.name);
+    return names;
+  };
+  PaperResults results = published_as_results();
+  EXPECT_THAT(names(results), ::testing::Not(::testing::Contains("rotation_errors")));
+  results.has_truth = true;
+  EXPECT_THAT(names(results), ::testing::IsSupersetOf({"rotation_errors", "translation_errors"}));
+  EXPECT_THAT(paper_tables(results, {}).front().csv(), HasSubstr("0 of 7,0 of 7,0 of 7,0 of 7\n"));
+}
+
+TEST(PaperTables, ShowThePublishedDigits) {
+  const auto tables = paper_tables(published_as_results(), {});
+  EXPECT_THAT(tables[1].csv(), HasSubstr(",4.58499,"));
+  for (const ResultTable& table : tables) {
+    EXPECT_THAT(table.csv(), ::testing::Not(::testing::ContainsRegex("\\.[0-9]{9}"))) << table.name;
+  }
+}
+
 TEST(PaperTables, WriteMarkdownAndCsv) {
   const ResultTable table{
       "t", "Title.", {{"name"}, {"value", "m"}}, {{"a|b", 1.0 / 3.0}, {"c", {}}}};

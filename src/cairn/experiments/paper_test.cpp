@@ -49,6 +49,28 @@ TEST(PaperExperiments, RunEveryConfigurationByEveryStrategy) {
   EXPECT_TRUE(results.searches.empty());
 }
 
+// Maps in frames of their own, so that as they are read they lie far from each other.
+TEST(PaperExperiments, StartFromTheTruthOrElseFromTheMapsAsRead) {
+  SyntheticPair synthetic =
+      synthetic_pair({.seed = 6, .landmarks = 250, .frames = 12, .overlap = 0.9});
+  const MapPair own{"own", synthetic.source, synthetic.target, synthetic.target_from_source};
+  MapPair unknown = own;
+  unknown.truth.reset();
+  const PaperResults from_truth = run_paper_experiments(own);
+  const PaperResults as_read = run_paper_experiments(unknown);
+  const PaperResults common = run_paper_experiments(small_pair());
+  EXPECT_TRUE(from_truth.has_truth);
+  EXPECT_FALSE(as_read.has_truth);
+  // The same starts as of the maps in one frame.
+  for (std::size_t i = 0; i < from_truth.runs.size(); ++i) {
+    EXPECT_NEAR(*from_truth.runs[i].initial_score, *common.runs[i].initial_score, 1e-9) << i;
+  }
+  EXPECT_GT(*as_read.runs[28].initial_score, 10.0 * *from_truth.runs[28].initial_score);
+  const Displacement turn{.yaw_deg = 90};
+  EXPECT_TRUE(initial_pose(turn, {}).matrix().isApprox(turn.pose().matrix()));
+  EXPECT_TRUE(initial_pose(turn, own.truth).matrix().isApprox((turn.pose() * *own.truth).matrix()));
+}
+
 TEST(PaperExperiments, AreTheSameWithAnyNumberOfThreads) {
   const MapPair pair = small_pair();
   const auto text = [&](unsigned threads) {

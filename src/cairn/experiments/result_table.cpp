@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/csv.hpp"
+#include "cairn/core/number_text.hpp"
 
 namespace cairn {
 namespace {
@@ -31,6 +32,16 @@ std::string markdown_cell(const ResultTable::Cell& cell, int digits) {
 }
 
 }  // namespace
+
+void ResultTable::round() {
+  for (auto& row : rows) {
+    for (Cell& cell : row) {
+      double* const number = std::get_if<double>(&cell);
+      if (number != nullptr)
+        *number = parse_number(fmt::format("{:.15g}", *number)).value_or(*number);
+    }
+  }
+}
 
 std::string ResultTable::csv() const {
   Csv csv;

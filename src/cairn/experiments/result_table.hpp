@@ -22,6 +22,9 @@ struct ResultTable {
   std::vector<Column> columns;
   std::vector<std::vector<Cell>> rows;
 
+  /// Rounds numbers to 15 digits: what a conversion of units added in the last digit, such as 4.5849899999999995, goes.
+  void round();
+
   std::string csv() const;
   std::string markdown() const;
 };

@@ -115,7 +115,10 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
   run.duration_s = result.duration_s;
   if (result.has_pose()) {
     run.target_from_source = result.target_from_source;
-    if (truth) run.error = pose_error(result.target_from_source, *truth, points.source.positions);
+    if (truth) {
+      run.error = pose_error(result.target_from_source, *truth, points.source.positions);
+      run.fits_inverse = fits_inverse(result.target_from_source, *truth, points.source.positions);
+    }
   }
   return run;
 }

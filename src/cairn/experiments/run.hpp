@@ -96,6 +96,7 @@ struct TrialResult {
   std::optional<double> score;               ///< Eq. 5, m²
   std::optional<Rigid3> target_from_source;  ///< std::nullopt for a failure
   std::optional<PoseError> error;            ///< if there is a pose and the truth is known
+  bool fits_inverse = false;                 ///< of the truth, see fits_inverse(); not in runs.csv
   double duration_s = 0.0;                   ///< the only value that differs between runs
 };
 

@@ -47,6 +47,11 @@ std::string text_of(const StudyPair& pair) {
 
 }  // namespace
 
+bool StudyPair::has_truth() const {
+  const auto* files = std::get_if<PairFiles>(&maps);
+  return files == nullptr || files->truth.has_value();
+}
+
 std::string canonical_text(const Study& study) {
   std::string text = fmt::format("study {}\nseed {}\n", study.name, study.seed);
   for (const StudyPair& pair : study.pairs) text += text_of(pair);

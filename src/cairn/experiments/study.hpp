@@ -34,6 +34,8 @@ struct PairSimulation {
 struct StudyPair {
   std::string name;  ///< letters, digits, '-', '_' and '.'; unique
   std::variant<PairFiles, PairSimulation> maps;
+
+  bool has_truth() const;  ///< always true of a simulated place
 };
 
 /// Bounds of a uniform distribution, independent for each of the six numbers.

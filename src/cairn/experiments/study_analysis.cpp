@@ -41,16 +41,15 @@ class Runs {
     }
     strategies_ = plan.runs_per_pair() / study.initial_count;
     for (std::size_t i = 0; i < runs.size(); ++i) {
-      if (runs[i].trial == plan.trial(i)) continue;
+      // A run that found no pose has no error, though there is a truth.
+      const bool with_truth = study.pairs[plan.pair_of(i)].has_truth();
+      const bool may_have_error = !runs[i].target_from_source || with_truth == !!runs[i].error;
+      if (runs[i].trial == plan.trial(i) && may_have_error) continue;
       throw Error(ErrorKind::kMisuse, "analyse_study", fmt::format("run {} is another", i),
                   "the study's runs in their order");
     }
-    for (const StudyPair& pair : study.pairs) pairs_.push_back(pair.name);
-    for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
-      // A failed run has no error though there is a truth; some run of the pair will tell.
+    for (std::size_t pair = 0; pair < pairs(); ++pair) {
       const auto of_pair = runs.subspan(pair * plan.runs_per_pair(), plan.runs_per_pair());
-      with_truth_.push_back(
-          std::any_of(of_pair.begin(), of_pair.end(), [](const auto& run) { return !!run.error; }));
       std::optional<double> lowest;
       for (const TrialResult& run : of_pair) {
         if (run.score && (!lowest || *run.score < *lowest)) lowest = run.score;
@@ -60,10 +59,10 @@ class Runs {
   }
 
   std::size_t strategies() const { return strategies_; }
-  std::size_t pairs() const { return pairs_.size(); }
+  std::size_t pairs() const { return study_.pairs.size(); }
   std::size_t starts() const { return study_.initial_count; }  // of each pair
-  const std::string& pair_name(std::size_t pair) const { return pairs_[pair]; }
-  bool with_truth(std::size_t pair) const { return with_truth_[pair]; }
+  const std::string& pair_name(std::size_t pair) const { return study_.pairs[pair].name; }
+  bool with_truth(std::size_t pair) const { return study_.pairs[pair].has_truth(); }
   double lowest_score(std::size_t pair) const { return lowest_scores_[pair]; }
 
   const TrialResult& run(std::size_t pair, std::size_t start, std::size_t strategy) const {
@@ -93,8 +92,6 @@ class Runs {
   const Study& study_;
   std::span<const TrialResult> runs_;
   std::size_t strategies_ = 0;
-  std::vector<std::string> pairs_;
-  std::vector<bool> with_truth_;
   std::vector<double> lowest_scores_;
 };
 
@@ -128,18 +125,20 @@ StrategySummary summarise(const Study& study, const Runs& runs, std::size_t stra
                           const AnalysisOptions& options) {
   StrategySummary summary;
   summary.name = runs.name(strategy);
-  summary.group_success.resize(groups.size());
-  SuccessCount success;
+  std::vector<SuccessCount> success;                               // one a pair
+  std::vector<std::vector<SuccessCount>> in_group(groups.size());  // the same
   SuccessCount score_success;
   SuccessCount at_limit;
   std::vector<double> iterations;
   std::vector<double> rotations;
   std::vector<double> translations;
   std::vector<DisplacedTrial> displaced;
+  std::vector<SuccessTable> basins;  // one a pair
   std::vector<std::vector<double>> clusters;
   for (std::size_t pair = 0; pair < runs.pairs(); ++pair) {
     SuccessCount of_pair;
     std::vector<double> cluster;
+    const std::size_t before = displaced.size();
     for (std::size_t start = 0; start < runs.starts(); ++start) {
       const TrialResult& run = runs.run(pair, start, strategy);
       iterations.push_back(run.iterations);
@@ -160,17 +159,18 @@ StrategySummary summarise(const Study& study, const Runs& runs, std::size_t stra
       displaced.push_back({offset.angle(), offset.translation().norm(), succeeded});
     }
     if (!runs.with_truth(pair)) continue;
-    success.successes += of_pair.successes;
-    success.trials += of_pair.trials;
+    success.push_back(of_pair);
     summary.pair_rates.push_back(*of_pair.rate());
     clusters.push_back(std::move(cluster));
     const auto group = std::find(groups.begin(), groups.end(), group_of(runs.pair_name(pair)));
-    SuccessCount& in_group =
-        summary.group_success[static_cast<std::size_t>(group - groups.begin())];
-    in_group.successes += of_pair.successes;
-    in_group.trials += of_pair.trials;
+    in_group[static_cast<std::size_t>(group - groups.begin())].push_back(of_pair);
+    basins.push_back(success_table(std::span(displaced).subspan(before), edges.rotation,
+                                   edges.translation, study.confidence_level));
   }
-  summary.success = estimate_proportion(success, study.confidence_level);
+  summary.success = clustered_proportion(success, study.confidence_level);
+  for (const auto& pairs : in_group) {
+    summary.group_success.push_back(clustered_proportion(pairs, study.confidence_level));
+  }
   summary.score_success = estimate_proportion(score_success, study.confidence_level);
   summary.at_limit = estimate_proportion(at_limit, study.confidence_level);
   summary.median_iterations = median(iterations);
@@ -180,6 +180,11 @@ StrategySummary summarise(const Study& study, const Runs& runs, std::size_t stra
   }
   summary.basin =
       success_table(displaced, edges.rotation, edges.translation, study.confidence_level);
+  for (std::size_t cell = 0; cell < summary.basin.cells.size(); ++cell) {
+    std::vector<SuccessCount> counts;
+    for (const SuccessTable& of_pair : basins) counts.push_back(of_pair.cells[cell].count);
+    summary.basin.cells[cell] = clustered_proportion(counts, study.confidence_level);
+  }
   std::vector<bool> successes;
   std::vector<double> rotation_offsets;
   std::vector<double> translation_offsets;
@@ -207,6 +212,10 @@ StrategySummary summarise(const Study& study, const Runs& runs, std::size_t stra
                             .seed = study.seed,
                             .executor = options.executor});
     summary.interval = bootstrapped.bca ? bootstrapped.bca : bootstrapped.percentile;
+    // Pairs that are all alike show too little, not certainty.
+    if (!summary.interval || summary.interval->low == summary.interval->high) {
+      summary.interval = summary.success.interval;
+    }
   }
   return summary;
 }
@@ -255,13 +264,15 @@ ScoreJudgement judge_score(const Study& study, const Runs& runs) {
   std::vector<double> areas;
   std::vector<double> pooled_scores;
   std::vector<bool> pooled_success;
-  SuccessCount passed_wrong;
-  SuccessCount refused_right;
+  std::vector<SuccessCount> passed_wrong;  // one a pair
+  std::vector<SuccessCount> refused_right;
   SuccessCount lowest_is_wrong;
   for (std::size_t pair = 0; pair < runs.pairs(); ++pair) {
     if (!runs.with_truth(pair)) continue;
     std::vector<double> scores;
     std::vector<bool> success;
+    passed_wrong.emplace_back();
+    refused_right.emplace_back();
     for (std::size_t start = 0; start < runs.starts(); ++start) {
       for (std::size_t strategy = 0; strategy < runs.strategies(); ++strategy) {
         const TrialResult& run = runs.run(pair, start, strategy);
@@ -270,7 +281,7 @@ ScoreJudgement judge_score(const Study& study, const Runs& runs) {
         success.push_back(runs.success(run));
         pooled_scores.push_back(*run.score / std::max(runs.lowest_score(pair), 1e-300));
         pooled_success.push_back(success.back());
-        SuccessCount& count = success.back() ? refused_right : passed_wrong;
+        SuccessCount& count = success.back() ? refused_right.back() : passed_wrong.back();
         ++count.trials;
         if (runs.score_success(pair, run) != success.back()) ++count.successes;
       }
@@ -290,8 +301,8 @@ ScoreJudgement judge_score(const Study& study, const Runs& runs) {
   }
   judgement.pooled = roc_analysis(pooled_scores, pooled_success, ScoreMeaning::kLowerIsBetter,
                                   study.confidence_level);
-  judgement.passed_wrong = estimate_proportion(passed_wrong, study.confidence_level);
-  judgement.refused_right = estimate_proportion(refused_right, study.confidence_level);
+  judgement.passed_wrong = clustered_proportion(passed_wrong, study.confidence_level);
+  judgement.refused_right = clustered_proportion(refused_right, study.confidence_level);
   judgement.lowest_is_wrong = estimate_proportion(lowest_is_wrong, study.confidence_level);
   return judgement;
 }
@@ -307,7 +318,7 @@ StudyAnalysis analyse_study(const Study& study, std::span<const TrialResult> run
     analysis.lowest_scores.push_back(runs.lowest_score(pair));
     analysis.success_scores.push_back(runs.success_score(pair));
     if (!runs.with_truth(pair)) continue;
-    ++analysis.pairs_with_truth;
+    analysis.pairs_with_truth.push_back(pair);
     const std::string group = group_of(runs.pair_name(pair));
     if (std::find(analysis.groups.begin(), analysis.groups.end(), group) == analysis.groups.end()) {
       analysis.groups.push_back(group);
@@ -318,7 +329,7 @@ StudyAnalysis analyse_study(const Study& study, std::span<const TrialResult> run
     analysis.strategies.push_back(
         summarise(study, runs, strategy, analysis.groups, edges, options));
   }
-  if (analysis.pairs_with_truth == 0) return analysis;
+  if (analysis.pairs_with_truth.empty()) return analysis;
 
   std::vector<double> p_values;
   for (std::size_t first = 0; first < runs.strategies(); ++first) {
@@ -333,7 +344,7 @@ StudyAnalysis analyse_study(const Study& study, std::span<const TrialResult> run
     analysis.comparisons[i].by_pair_adjusted = adjusted[i];
   }
   if (runs.strategies() > 2) {
-    std::vector<std::vector<double>> blocks(analysis.pairs_with_truth);
+    std::vector<std::vector<double>> blocks(analysis.pairs_with_truth.size());
     for (std::size_t i = 0; i < blocks.size(); ++i) {
       for (const StrategySummary& strategy : analysis.strategies) {
         blocks[i].push_back(strategy.pair_rates[i]);

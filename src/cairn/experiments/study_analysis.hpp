@@ -20,16 +20,16 @@
 
 namespace cairn {
 
-/// Results of one strategy with one method and k.
+/// Results of one strategy with one method and k. Intervals take the pairs for independent, not their starts; those of
+/// proportions are clustered_proportion()'s.
 struct StrategySummary {
   /// "observations", after the method's name if that is not ICP, with k if the study has several
   std::string name;
-  Proportion success;                ///< by the true pose, over runs of pairs with truth
-  std::optional<Interval> interval;  ///< of the same, by resampling the pairs
-  Proportion score_success;          ///< by the paper's measure
-  std::vector<double> pair_rates;    ///< success by the true pose, one per pair with truth
-  std::vector<SuccessCount>
-      group_success;  ///< the same per group, in the order of StudyAnalysis::groups
+  Proportion success;                     ///< by the true pose, over runs of pairs with truth
+  std::optional<Interval> interval;       ///< of the same, by resampling the pairs; of two and more
+  Proportion score_success;               ///< by the paper's measure
+  std::vector<double> pair_rates;         ///< success by the true pose, as pairs_with_truth
+  std::vector<Proportion> group_success;  ///< the same per group, as StudyAnalysis::groups
   double median_iterations = 0.0;
   Proportion at_limit;  ///< runs that ended at the iteration limit
   /// Median errors of the successes; std::nullopt if there are none.
@@ -70,8 +70,8 @@ struct ScoreJudgement {
 };
 
 struct StudyAnalysis {
-  std::vector<std::string> pairs;  ///< with runs
-  std::size_t pairs_with_truth = 0;
+  std::vector<std::string> pairs;             ///< with runs
+  std::vector<std::size_t> pairs_with_truth;  ///< indices into pairs
   std::vector<std::string> groups;     ///< kinds of place: pairs' names without a trailing number
   std::vector<double> lowest_scores;   ///< over all runs of each pair, m²; 0 without runs
   std::vector<double> success_scores;  ///< one per pair, m²
@@ -89,7 +89,7 @@ struct AnalysisOptions {
 
 /// Analysis of a study's runs. Depends only on its arguments, not on the number of threads.
 /// @param runs all of the study's, in order
-/// @throws Error (misuse) if they are not
+/// @throws Error (misuse) if they are not, or if poses have an error without a truth, or none with one
 StudyAnalysis analyse_study(const Study& study, std::span<const TrialResult> runs,
                             const AnalysisOptions& options = {});
 

@@ -65,7 +65,7 @@ TEST(StudyAnalysis, MeasuresTheBasinOfConvergence) {
       honest_score);
   const StudyAnalysis analysis = analyse_study(study, runs);
   ASSERT_EQ(analysis.strategies.size(), 2U);
-  EXPECT_EQ(analysis.pairs_with_truth, kPairs);
+  EXPECT_EQ(analysis.pairs_with_truth.size(), kPairs);
   EXPECT_THAT(analysis.groups, ::testing::ElementsAre("desk", "room"));
   EXPECT_NEAR(*analysis.strategies[0].success.estimate, 30.0 / 80.0, 0.06);
   EXPECT_NEAR(*analysis.strategies[1].success.estimate, 60.0 / 80.0, 0.06);
@@ -115,16 +115,48 @@ TEST(StudyAnalysis, SaysWhetherTheScoreCanJudge) {
 }
 
 TEST(StudyAnalysis, WithoutTruthCountsByScoreOnly) {
-  const Study study = study_of({"base", "observations"});
+  Study study = study_of({"base", "observations"});
+  for (StudyPair& pair : study.pairs) pair.maps = PairFiles{"a", "b", {}};
   auto runs = runs_of(
       study, [](const Trial& trial) { return yaw(trial) < 40.0; }, honest_score);
+  EXPECT_THROW(analyse_study(study, runs), Error) << "errors without a truth";
   for (TrialResult& run : runs) run.error.reset();
   const StudyAnalysis analysis = analyse_study(study, runs);
-  EXPECT_EQ(analysis.pairs_with_truth, 0U);
+  EXPECT_TRUE(analysis.pairs_with_truth.empty());
   EXPECT_NEAR(*analysis.strategies[0].score_success.estimate, 0.5, 0.1);
   EXPECT_FALSE(analysis.strategies[0].success.estimate);
   EXPECT_TRUE(analysis.comparisons.empty());
   EXPECT_EQ(study_tables(study, analysis).size(), 1U);
+}
+
+// A truth is known or not, whatever the runs come to.
+TEST(StudyAnalysis, CountsAPairThatNoRunFindsAPoseFor) {
+  Study study = study_of({"base", "observations"});
+  study.pairs[1].maps = PairFiles{"a", "b", {}};  // without a truth
+  auto runs = runs_of(
+      study, [](const Trial&) { return true; }, honest_score);
+  for (TrialResult& run : runs) {
+    if (run.trial.pair == study.pairs[1].name) run.error.reset();
+    if (run.trial.pair != study.pairs[0].name) continue;
+    run.status = RegistrationStatus::kFailed;
+    run.target_from_source.reset();
+    run.error.reset();
+    run.score.reset();
+  }
+  const StudyAnalysis analysis = analyse_study(study, runs, {.bootstrap_resamples = 200});
+  EXPECT_EQ(analysis.pairs_with_truth.size(), kPairs - 1);
+  const Proportion& success = analysis.strategies[0].success;
+  EXPECT_EQ(success.count.trials, kStarts * (kPairs - 1));
+  EXPECT_EQ(success.count.successes, kStarts * (kPairs - 2));
+  EXPECT_EQ(analysis.strategies[0].pair_rates.front(), 0.0);
+  EXPECT_THAT(study_answers(study, analysis).front(),
+              HasSubstr("12 pairs of maps (11 with a known truth)"));
+  for (const ResultTable& table : study_tables(study, analysis)) {
+    if (table.name != "pairs") continue;
+    ASSERT_EQ(table.rows.size(), kPairs - 1);
+    EXPECT_EQ(table.rows[0][0], ResultTable::Cell("desk_0"));
+    EXPECT_EQ(table.rows[1][0], ResultTable::Cell("desk_2"));
+  }
 }
 
 TEST(StudyAnalysis, IsTheSameWithAnyNumberOfThreads) {

@@ -365,6 +365,7 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
         },
         [&](std::size_t, const TrialResult& run) {
           folder.append(run);
+          if (options.each_run) options.each_run(run);
           if (options.progress) options.progress(folder.done(), end - first);
         });
     next = pair_end;

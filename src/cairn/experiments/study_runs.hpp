@@ -73,6 +73,8 @@ struct StudyOptions {
   std::stop_token stop = {};
   /// Called after each run, with the number of finished runs of the shard and the number of all.
   std::function<void(std::size_t done, std::size_t all)> progress = {};
+  /// Called with each run before that.
+  std::function<void(const TrialResult& run)> each_run = {};
 };
 
 /// Makes the missing runs of the folder, in order, several at once; loads a pair's maps only if one of its

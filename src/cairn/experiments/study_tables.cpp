@@ -68,9 +68,9 @@ ResultTable places(const StudyAnalysis& analysis) {
   }
   for (std::size_t group = 0; group < analysis.groups.size(); ++group) {
     Row row = {analysis.groups[group],
-               static_cast<double>(analysis.strategies.front().group_success[group].trials)};
+               static_cast<double>(analysis.strategies.front().group_success[group].count.trials)};
     for (const StrategySummary& strategy : analysis.strategies) {
-      row.push_back(scaled(strategy.group_success[group].rate(), kPercent));
+      row.push_back(scaled(strategy.group_success[group].estimate, kPercent));
     }
     table.rows.push_back(std::move(row));
   }
@@ -122,7 +122,8 @@ ResultTable comparisons(const StudyAnalysis& analysis) {
 ResultTable basins(const StudyAnalysis& analysis) {
   ResultTable table{
       "basins",
-      "Success by how far the start was off, from the lower to the upper of the bounds.",
+      "Success by how far the start was off, from the lower to the upper of the bounds, with "
+      "intervals for which the pair of maps is the unit.",
       {{"strategy"},
        {"rotation from", "deg"},
        {"to", "deg"},
@@ -162,10 +163,8 @@ ResultTable pair_rates(const Study& study, const StudyAnalysis& analysis) {
   for (const StrategySummary& strategy : analysis.strategies) {
     table.columns.push_back({strategy.name, "%", 3});
   }
-  // Only pairs with truth have a rate; where some have none, numbers stand for their names.
-  const bool all = analysis.pairs.size() == analysis.pairs_with_truth;
-  for (std::size_t i = 0; i < analysis.pairs_with_truth; ++i) {
-    Row row = {all ? analysis.pairs[i] : fmt::format("{}", i + 1)};
+  for (std::size_t i = 0; i < analysis.pairs_with_truth.size(); ++i) {
+    Row row = {analysis.pairs[analysis.pairs_with_truth[i]]};
     for (const StrategySummary& strategy : analysis.strategies) {
       row.emplace_back(kPercent * strategy.pair_rates[i]);
     }
@@ -184,9 +183,9 @@ ResultTable judgement(const ScoreJudgement& score) {
   table.rows.push_back({"median AUC within a pair", score.median_auc, Cell(), Cell()});
   table.rows.push_back({"lowest AUC within a pair", score.lowest_auc, Cell(), Cell()});
   if (score.pooled) {
-    Row row = {"AUC of all runs, scores relative to the pair's lowest", score.pooled->auc};
-    add(row, score.pooled->score_interval);
-    table.rows.push_back(std::move(row));
+    // Its intervals would take the runs for independent.
+    table.rows.push_back({"AUC of all runs, scores relative to the pair's lowest",
+                          score.pooled->auc, Cell(), Cell()});
     table.rows.push_back({"best threshold, times the pair's lowest score",
                           score.pooled->best.threshold, Cell(), Cell()});
   }
@@ -206,10 +205,16 @@ std::string p_text(double p) {
   return p < 0.001 ? std::string("p < 0.001") : fmt::format("p = {:.3f}", p);
 }
 
+// With a sign, but for 0.
+std::string points_text(double difference) {
+  const std::string text = fmt::format("{:+.1f}", kPercent * difference);
+  return text == "-0.0" || text == "+0.0" ? "0.0" : text;
+}
+
 std::string interval_text(const BootstrapResult& result) {
   const auto& interval = result.bca ? result.bca : result.percentile;
   if (!interval) return "no interval";
-  return fmt::format("{:+.1f} to {:+.1f}", kPercent * interval->low, kPercent * interval->high);
+  return fmt::format("{} to {}", points_text(interval->low), points_text(interval->high));
 }
 
 std::string answer(const Study& study, const StudyAnalysis& analysis,
@@ -225,10 +230,10 @@ std::string answer(const Study& study, const StudyAnalysis& analysis,
   turn(turned.bca);
   turn(turned.percentile);
   std::string text = fmt::format(
-      "{} against {}: {:.1f} % of the starts succeed instead of {:.1f} %, {:+.1f} points "
+      "{} against {}: {:.1f} % of the starts succeed instead of {:.1f} %, {} points "
       "({:g} % interval over pairs {}; Wilcoxon by pairs, Holm: {})",
       other, base, kPercent * comparison.difference.second_rate,
-      kPercent * comparison.difference.first_rate, kPercent * gain,
+      kPercent * comparison.difference.first_rate, points_text(gain),
       kPercent * study.confidence_level, interval_text(turned),
       p_text(comparison.by_pair_adjusted));
   if (comparison.equivalence) {
@@ -248,7 +253,7 @@ std::string scope_text(const Study& study, const StudyAnalysis& analysis) {
       "{} of maps ({} with a known truth), {} starts each; a success is within {:g} "
       "degrees and {:g} m of the true pose.",
       analysis.pairs.size() == 1 ? "1 pair" : fmt::format("{} pairs", analysis.pairs.size()),
-      analysis.pairs_with_truth, study.initial_count, study.success.rotation_deg,
+      analysis.pairs_with_truth.size(), study.initial_count, study.success.rotation_deg,
       study.success.translation_m);
 }
 
@@ -331,19 +336,23 @@ std::string difference_text(const Study& study, const StudyAnalysis& analysis) {
 
 std::vector<ResultTable> study_tables(const Study& study, const StudyAnalysis& analysis) {
   std::vector<ResultTable> tables = {strategies(analysis)};
-  if (analysis.pairs_with_truth == 0) return tables;
+  if (analysis.pairs_with_truth.empty()) {
+    tables.front().round();
+    return tables;
+  }
   tables.push_back(places(analysis));
   if (!analysis.comparisons.empty()) tables.push_back(comparisons(analysis));
   tables.push_back(basins(analysis));
   tables.push_back(pair_rates(study, analysis));
   tables.push_back(judgement(analysis.judgement));
+  for (ResultTable& table : tables) table.round();
   return tables;
 }
 
 std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& analysis) {
   std::vector<std::string> answers;
   answers.push_back(scope_text(study, analysis));
-  if (analysis.pairs_with_truth == 0) {
+  if (analysis.pairs_with_truth.empty()) {
     answers.emplace_back(kNoTruth);
     return answers;
   }
@@ -362,7 +371,7 @@ std::vector<std::string> study_answers(const Study& study, const StudyAnalysis& 
 
 std::vector<std::string> study_findings(const Study& study, const StudyAnalysis& analysis) {
   std::vector<std::string> findings;
-  if (analysis.pairs_with_truth == 0) {
+  if (analysis.pairs_with_truth.empty()) {
     findings.emplace_back(kNoTruth);
   } else {
     findings.push_back(range_text(study, analysis));

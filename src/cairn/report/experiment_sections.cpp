@@ -69,13 +69,12 @@ Section violins(Experiment experiment, bool published_ones, const PaperResults& 
   // Scores over more than a decade need a logarithmic axis.
   if (lowest > 0.0 && highest > 10.0 * lowest) chart.y_scale = AxisScale::kLog;
   const int figure = kFirstFigure + static_cast<int>(experiment);
-  const std::string whose = published_ones ? "published" : "here";
   return chart_section(
-      id_of(fmt::format("figure{}-{}", figure, whose)),
-      fmt::format("{}, {}", title_of(experiment), whose),
-      fmt::format(
-          "The paper's Figure {}{}. Solid: median; dashed: mean; points: single runs.", figure,
-          published_ones ? " as published, on its own pair of maps" : " on this pair of maps"),
+      fmt::format("figure{}{}", figure, published_ones ? "-published" : ""),
+      title_of(experiment) + (published_ones ? ", as published" : ""),
+      fmt::format("The paper's Figure {}{}. Solid: median; dashed: mean; points: single runs.",
+                  figure,
+                  published_ones ? ", on the paper's own pair of maps" : " on this pair of maps"),
       std::move(chart));
 }
 
@@ -96,7 +95,7 @@ Section score_against_error(const std::vector<ScoredPose>& poses, double toleran
   chart.y_label = std::move(y_label);
   chart.x_scale = AxisScale::kLog;
   chart.y_scale = AxisScale::kLog;
-  chart.x_threshold = Threshold{tolerance_m, "right pose"};
+  chart.x_threshold = Threshold{tolerance_m, fmt::format("≤ {:g} m", tolerance_m)};
   chart.y_threshold = std::move(score_threshold);
   for (const ScoredPose& pose : poses) {
     auto series = std::find_if(chart.series.begin(), chart.series.end(),
@@ -131,14 +130,13 @@ Section success_chart(const StudyAnalysis& analysis) {
                        std::move(chart));
 }
 
-Section places_chart(const Study& study, const StudyAnalysis& analysis) {
+Section places_chart(const StudyAnalysis& analysis) {
   IntervalsChart chart;
   chart.x_label = "Success by the true pose (%)";
   for (const StrategySummary& strategy : analysis.strategies) {
     IntervalSeries series{.name = strategy.name};
     for (std::size_t group = 0; group < analysis.groups.size(); ++group) {
-      const Proportion rate =
-          estimate_proportion(strategy.group_success[group], study.confidence_level);
+      const Proportion& rate = strategy.group_success[group];
       if (!rate.estimate) continue;
       series.items.push_back({analysis.groups[group], kPercent * *rate.estimate,
                               kPercent * rate.interval.low, kPercent * rate.interval.high});
@@ -147,7 +145,8 @@ Section places_chart(const Study& study, const StudyAnalysis& analysis) {
   }
   return chart_section(
       "success-by-place", "Success by kind of place",
-      "With Wilson's intervals, which take the starts of one pair for independent.",
+      "With intervals for which the pair of maps is the unit, as starts of one pair are not "
+      "independent; one pair alone leaves 0 to 100 %.",
       std::move(chart));
 }
 
@@ -251,9 +250,9 @@ std::vector<Section> paper_sections(const PaperResults& results, const PoseToler
 std::vector<Section> study_sections(const Study& study, const StudyAnalysis& analysis,
                                     std::span<const TrialResult> runs) {
   std::vector<Section> sections;
-  if (analysis.pairs_with_truth > 0) {
+  if (!analysis.pairs_with_truth.empty()) {
     sections.push_back(success_chart(analysis));
-    if (analysis.groups.size() > 1) sections.push_back(places_chart(study, analysis));
+    if (analysis.groups.size() > 1) sections.push_back(places_chart(analysis));
     if (!analysis.comparisons.empty()) sections.push_back(differences_chart(analysis));
     sections.push_back(basins_chart(analysis));
     std::vector<ScoredPose> poses;
@@ -274,7 +273,10 @@ std::vector<Section> study_sections(const Study& study, const StudyAnalysis& ana
                                              "Score, times the pair's lowest"));
     }
   }
-  add_tables(sections, study_tables(study, analysis));
+  std::vector<ResultTable> tables = study_tables(study, analysis);
+  std::erase_if(tables,
+                [](const ResultTable& table) { return table.name == "basins"; });  // charted
+  add_tables(sections, tables);
   return sections;
 }
 

@@ -21,7 +21,8 @@ Section table_section(const ResultTable& source);
 /// truth is known, and all tables.
 std::vector<Section> paper_sections(const PaperResults& results, const PoseTolerance& tolerance);
 
-/// Success by strategy and kind of place, basins of convergence, score versus pose error, and all tables.
+/// Success by strategy and kind of place, basins of convergence, score versus pose error, and all tables but the
+/// basins, whose numbers the chart shows.
 /// @param runs those of the analysis
 std::vector<Section> study_sections(const Study& study, const StudyAnalysis& analysis,
                                     std::span<const TrialResult> runs);

@@ -16,6 +16,8 @@ import {
 } from "./shared";
 
 const kMarkersUpTo = 30;
+const kMarginLeft = 72;
+const kMarginRight = 20;
 
 interface LinePoint {
   name: string;
@@ -34,8 +36,8 @@ function frame(
 ): Plot.PlotOptions {
   const names = chart.series.map((series) => series.name);
   return {
-    marginLeft: 72,
-    marginRight: 20,
+    marginLeft: kMarginLeft,
+    marginRight: kMarginRight,
     marginBottom: 48,
     marginTop: 16,
     style: plotStyle(colors),
@@ -165,6 +167,11 @@ export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGEl
   const xDomain = extent([...points.map((p) => p.x), chart.xThreshold?.value ?? NaN], chart.xScale);
   const yDomain = extent([...points.map((p) => p.y), chart.yThreshold?.value ?? NaN], chart.yScale);
   const xTicks = Math.max(4, Math.round(options.width / 110));
+  const along = (x: number) => (chart.xScale === "log" ? Math.log(x) : x);
+  const shareOf = (x: number) => (along(x) - along(xDomain[0])) / (along(xDomain[1]) - along(xDomain[0]));
+  const roomLeft = chart.xThreshold
+    ? shareOf(chart.xThreshold.value) * (options.width - kMarginLeft - kMarginRight)
+    : 0;
   const plot = Plot.plot({
     width: options.width,
     height: Math.round(Math.min(460, Math.max(300, options.width * 0.5))),
@@ -173,7 +180,7 @@ export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGEl
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
       Plot.gridX({ stroke: colors.rule, strokeOpacity: 1, ticks: xTicks }),
       ...axes(chart, xDomain, yDomain, colors, { xTicks, xTickSize: 0 }),
-      ...thresholdMarks(chart.xThreshold, "x", colors),
+      ...thresholdMarks(chart.xThreshold, "x", colors, roomLeft),
       ...thresholdMarks(chart.yThreshold, "y", colors),
       Plot.dot(points, {
         x: "x",

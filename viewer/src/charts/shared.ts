@@ -108,26 +108,48 @@ export function drawable(value: number, scale: Scale): boolean {
   return Number.isFinite(value) && (scale === "linear" || value > 0);
 }
 
-export function thresholdMarks(threshold: Threshold | null, axis: "x" | "y", colors: Palette): Plot.Markish[] {
+const kThresholdDash = "6 4";
+
+function thresholdLine(axis: "x" | "y", threshold: Threshold, colors: Palette): Plot.Markish {
+  const stroke = { stroke: colors.threshold, strokeWidth: 1.25, strokeDasharray: kThresholdDash };
+  return axis === "y" ? Plot.ruleY([threshold.value], stroke) : Plot.ruleX([threshold.value], stroke);
+}
+
+/** A threshold without its label, which the legend has: for a chart whose marks leave no room on the line. */
+export function plainThreshold(threshold: Threshold | null, colors: Palette): Plot.Markish[] {
+  return threshold ? [thresholdLine("y", threshold, colors)] : [];
+}
+
+export function thresholdKey(threshold: Threshold | null, colors: Palette): LegendItem[] {
+  return threshold ? [{ label: threshold.label, color: colors.threshold, mark: "line", dash: kThresholdDash }] : [];
+}
+
+/** @param roomLeft of a vertical line, pixels: its label is on the side of what does not exceed it, if there is room */
+export function thresholdMarks(
+  threshold: Threshold | null,
+  axis: "x" | "y",
+  colors: Palette,
+  roomLeft = 0,
+): Plot.Markish[] {
   if (!threshold) {
     return [];
   }
-  const stroke = { stroke: colors.threshold, strokeWidth: 1.25, strokeDasharray: "6 4" };
+  const isLeft = textWidth(threshold.label) + 10 < roomLeft;
   const text = { text: () => threshold.label, fill: colors.threshold, stroke: colors.background, strokeWidth: 4 };
   return axis === "y"
     ? [
-        Plot.ruleY([threshold.value], stroke),
+        thresholdLine(axis, threshold, colors),
         Plot.text([threshold.value], { ...text, y: (d: number) => d, frameAnchor: "right", dy: -8, textAnchor: "end" }),
       ]
     : [
-        Plot.ruleX([threshold.value], stroke),
+        thresholdLine(axis, threshold, colors),
         Plot.text([threshold.value], {
           ...text,
           x: (d: number) => d,
           frameAnchor: "top",
-          dx: 5,
+          dx: isLeft ? -5 : 5,
           dy: 8,
-          textAnchor: "start",
+          textAnchor: isLeft ? "end" : "start",
         }),
       ];
 }

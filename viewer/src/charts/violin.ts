@@ -9,9 +9,10 @@ import {
   drawable,
   extent,
   fitText,
+  plainThreshold,
   plotStyle,
   textWidth,
-  thresholdMarks,
+  thresholdKey,
   tickFormat,
   type DrawOptions,
 } from "./shared";
@@ -179,7 +180,7 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
             }
           : {}),
       }),
-      ...thresholdMarks(chart.threshold, "y", colors),
+      ...plainThreshold(chart.threshold, colors),
     ],
   });
   return compose(
@@ -189,6 +190,7 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
       { label: "Median", color: colors.ink, mark: "line" },
       { label: "Mean", color: colors.ink, mark: "line", dash: "3 3" },
       { label: "One value", color: colors.muted, mark: "dot", symbol: "circle" },
+      ...thresholdKey(chart.threshold, colors),
     ],
     options,
   );

@@ -25,19 +25,26 @@ void SuccessCount::validate() const {
   }
 }
 
-Interval wilson_interval(SuccessCount count, double confidence) {
-  count.validate();
-  require_confidence("wilson_interval", confidence);
-  if (count.trials == 0) return {0.0, 1.0};
-  const auto n = static_cast<double>(count.trials);
-  const double p = static_cast<double>(count.successes) / n;
-  const double z = normal_two_sided_quantile(confidence);
+namespace {
+
+// Of so many independent trials, which need not be whole.
+Interval wilson(double p, double n, double z) {
   const double share = z * z / n;
   const double center = p + share / 2.0;
   const double reach = z * std::sqrt(p * (1.0 - p) / n + share / (4.0 * n));
   // The ends are exact where rounding would miss them by a bit.
-  return {count.successes == 0 ? 0.0 : std::max(0.0, (center - reach) / (1.0 + share)),
-          count.successes == count.trials ? 1.0 : std::min(1.0, (center + reach) / (1.0 + share))};
+  return {p == 0.0 ? 0.0 : std::max(0.0, (center - reach) / (1.0 + share)),
+          p == 1.0 ? 1.0 : std::min(1.0, (center + reach) / (1.0 + share))};
+}
+
+}  // namespace
+
+Interval wilson_interval(SuccessCount count, double confidence) {
+  count.validate();
+  require_confidence("wilson_interval", confidence);
+  if (count.trials == 0) return {0.0, 1.0};
+  return wilson(*count.rate(), static_cast<double>(count.trials),
+                normal_two_sided_quantile(confidence));
 }
 
 Interval clopper_pearson_interval(SuccessCount count, double confidence) {
@@ -54,6 +61,34 @@ Interval clopper_pearson_interval(SuccessCount count, double confidence) {
 
 Proportion estimate_proportion(SuccessCount count, double confidence) {
   return {count, count.rate(), wilson_interval(count, confidence)};
+}
+
+Proportion clustered_proportion(std::span<const SuccessCount> clusters, double confidence) {
+  require_confidence("clustered_proportion", confidence);
+  SuccessCount all;
+  double used = 0.0;
+  for (const SuccessCount& cluster : clusters) {
+    cluster.validate();
+    all.successes += cluster.successes;
+    all.trials += cluster.trials;
+    if (cluster.trials > 0) used += 1.0;
+  }
+  Proportion result = {all, all.rate(), {0.0, 1.0}};
+  if (used < 2.0) return result;
+  const double p = *result.estimate;
+  const auto n = static_cast<double>(all.trials);
+  double squares = 0.0;
+  for (const SuccessCount& cluster : clusters) {
+    const double residual =
+        static_cast<double>(cluster.successes) - p * static_cast<double>(cluster.trials);
+    squares += residual * residual;
+  }
+  const double variance = used / (used - 1.0) * squares / (n * n);
+  const double effective = variance > 0.0 ? std::min(n, p * (1.0 - p) / variance) : used;
+  const double z = normal_two_sided_quantile(confidence);
+  const double ratio = z / student_t_quantile(0.5 + 0.5 * confidence, used - 1.0);
+  result.interval = wilson(p, effective * ratio * ratio, z);
+  return result;
 }
 
 std::optional<ProportionDifference> independent_difference(SuccessCount first, SuccessCount second,

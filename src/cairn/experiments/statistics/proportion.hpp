@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <span>
 
 #include "cairn/experiments/statistics/interval.hpp"
 
@@ -36,14 +37,26 @@ Interval wilson_interval(SuccessCount count, double confidence = 0.95);
 /// @throws Error (misuse)
 Interval clopper_pearson_interval(SuccessCount count, double confidence = 0.95);
 
-/// A success rate with Wilson's interval.
+/// A success rate with its interval.
 struct Proportion {
   SuccessCount count;
   std::optional<double> estimate;  ///< std::nullopt for no trials
-  Interval interval;               ///< wilson_interval()
+  Interval interval;
 };
 
+/// Of independent trials, with Wilson's interval.
 Proportion estimate_proportion(SuccessCount count, double confidence = 0.95);
+
+/// Of trials in clusters, of which the clusters are independent, such as starts of places. Wilson's interval for as many
+/// independent trials as have the variance between the clusters (the trials over the design effect), fewer by
+/// (z / t)² for the few clusters that show it; each cluster counts as one trial if they do not vary: Korn and Graubard,
+/// "Confidence intervals for proportions with small expected number of positive counts estimated from survey data",
+/// Survey Methodology 24, 193-201 (1998), with Wilson's interval instead of the exact one (Franco et al., Journal of
+/// Survey Statistics and Methodology 7, 334-364, 2019).
+/// @param clusters those without trials count for nothing
+/// @return with the interval [0, 1] if fewer than two clusters have trials
+/// @throws Error (misuse)
+Proportion clustered_proportion(std::span<const SuccessCount> clusters, double confidence = 0.95);
 
 /// The difference of two success rates, first - second, with its interval.
 struct ProportionDifference {

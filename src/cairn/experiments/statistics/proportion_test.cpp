@@ -27,6 +27,29 @@ constexpr std::array<PublishedInterval, 4> kNewcombe = {{
     {{1, 29}, {0.0061, 0.1718}, {0.0009, 0.1776}},
 }};
 
+TEST(ClusteredProportion, CountsClustersThatAreAllOrNothingOnce) {
+  std::vector<SuccessCount> clusters;
+  for (int i = 0; i < 21; ++i) clusters.push_back({i % 3 == 0 ? 200U : 0U, 200U});
+  const Proportion clustered = clustered_proportion(clusters);
+  EXPECT_EQ(clustered.count.trials, 4200U);
+  EXPECT_NEAR(*clustered.estimate, 1.0 / 3.0, 1e-12);
+  // A bit wider than of 21 independent trials, far wider than of 4,200.
+  const Interval few = wilson_interval({7, 21});
+  EXPECT_LT(clustered.interval.low, few.low);
+  EXPECT_GT(clustered.interval.high, few.high);
+  EXPECT_NEAR(clustered.interval.high - clustered.interval.low, few.high - few.low, 0.05);
+}
+
+TEST(ClusteredProportion, IsNeverCertainForClustersThatAreAlike) {
+  const std::vector<SuccessCount> none(5, SuccessCount{0, 200});
+  EXPECT_EQ(clustered_proportion(none).interval.low, 0.0);
+  EXPECT_GT(clustered_proportion(none).interval.high, wilson_interval({0, 5}).high);
+  const Proportion one = clustered_proportion(std::vector<SuccessCount>{{30, 200}, {0, 0}});
+  EXPECT_EQ(one.interval.low, 0.0);
+  EXPECT_EQ(one.interval.high, 1.0);
+  EXPECT_FALSE(clustered_proportion({}).estimate);
+}
+
 TEST(WilsonInterval, AgreesWithNewcombe1998) {
   for (const PublishedInterval& published : kNewcombe) {
     const Interval interval = wilson_interval(published.count);

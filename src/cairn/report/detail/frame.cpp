@@ -26,6 +26,7 @@ constexpr double kAcross = -90.0;  // degrees, of text that reads upwards
 
 const SvgStyle kGridStyle = {.stroke = kGrid, .stroke_width = 1.0};
 const SvgStyle kAxisStyle = {.stroke = kMuted, .stroke_width = 1.0};
+const SvgStyle kThresholdStyle = {.stroke = kThresholdColor, .stroke_width = 1.2, .dashes = "5 3"};
 
 }  // namespace
 
@@ -146,12 +147,24 @@ void draw_x_axis(Svg& svg, const Box& plot, const Axis& axis, std::string_view l
 }
 
 void draw_level(Svg& svg, const Box& plot, double y, std::string_view label) {
-  svg.line({plot.left, y}, {plot.right, y},
-           {.stroke = kThresholdColor, .stroke_width = 1.2, .dashes = "5 3"});
+  svg.line({plot.left, y}, {plot.right, y}, kThresholdStyle);
+  if (label.empty()) return;
   // Above the line unless that is out of the plot.
   const double text_y = y - 5.0 > plot.top + kTickSize ? y - 5.0 : y + kTickSize + 3.0;
   svg.text({plot.right - 4.0, text_y}, label,
            {.size = kTickSize, .anchor = SvgAnchor::kEnd, .color = kThresholdColor});
+}
+
+Box draw_threshold_key(Svg& svg, const Box& space, const Threshold& threshold) {
+  constexpr double kMark = 22.0;
+  const double y = space.top + 6.0;
+  const double left = space.right - 4.0 - svg_text_width(threshold.label, kTickSize);
+  svg.text({space.right - 4.0, y + 4.0}, threshold.label,
+           {.size = kTickSize, .anchor = SvgAnchor::kEnd, .color = kThresholdColor});
+  svg.line({left - 6.0 - kMark, y}, {left - 6.0, y}, kThresholdStyle);
+  Box rest = space;
+  rest.top += 16.0;
+  return rest;
 }
 
 Frame::Frame(Svg& svg, const Box& space, Axis x, Axis y, std::string_view x_label,
@@ -180,9 +193,9 @@ void Frame::draw_x_threshold(Svg& svg, const Threshold& threshold) const {
   const double share = x_.share(threshold.value);
   if (share < 0.0 || share > 1.0) return;
   const double x = plot_.left + share * plot_.width();
-  svg.line({x, plot_.top}, {x, plot_.bottom},
-           {.stroke = kThresholdColor, .stroke_width = 1.2, .dashes = "5 3"});
-  const bool left = x > plot_.middle_x();
+  svg.line({x, plot_.top}, {x, plot_.bottom}, kThresholdStyle);
+  // On the side of what does not exceed it, if there is room.
+  const bool left = x - plot_.left > svg_text_width(threshold.label, kTickSize) + 10.0;
   svg.text({left ? x - 5.0 : x + 5.0, plot_.top + kTickSize + 2.0}, threshold.label,
            {.size = kTickSize,
             .anchor = left ? SvgAnchor::kEnd : SvgAnchor::kStart,

@@ -85,7 +85,12 @@ void draw_y_axis(Svg& svg, const Box& plot, const Axis& axis, std::string_view l
 void draw_x_axis(Svg& svg, const Box& plot, const Axis& axis, std::string_view label, bool grid);
 /// Height of an x axis.
 double x_axis_height(std::string_view label);
-/// A dashed horizontal line across `plot` with a label.
+/// A dashed horizontal line across `plot`, with a label on it unless that is empty.
 void draw_level(Svg& svg, const Box& plot, double y, std::string_view label);
+
+/// Draws what the dashed line of a threshold means at the top right of `space`, for a plot whose marks leave no room on
+/// the line.
+/// @returns the space that is left below it
+Box draw_threshold_key(Svg& svg, const Box& space, const Threshold& threshold);
 
 }  // namespace cairn::report

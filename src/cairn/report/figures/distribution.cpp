@@ -89,6 +89,7 @@ class DistributionFigure {
   std::string draw() {
     Box space = draw_title(svg_, options_);
     space = draw_remark(svg_, space, left_out_remark(left_out_));
+    if (chart_.threshold) space = draw_threshold_key(svg_, space, *chart_.threshold);
     plot_ = {space.left + y_axis_width(y_axis_, chart_.y_label), space.top + 6.0, space.right - 4.0,
              space.bottom - x_axis_height(chart_.x_label) - kTickSize - 2.0};
     draw_y_axis(svg_, plot_, y_axis_, chart_.y_label);
@@ -97,7 +98,7 @@ class DistributionFigure {
     svg_.text({plot_.middle_x(), space.bottom - 4.0}, chart_.x_label,
               {.size = kLabelSize, .anchor = SvgAnchor::kMiddle, .color = kInk});
     if (chart_.threshold) {
-      draw_level(svg_, plot_, y_at(chart_.threshold->value), chart_.threshold->label);
+      draw_level(svg_, plot_, y_at(chart_.threshold->value), {});
     }
     std::vector<std::string> names;
     for (const Group& group : groups_) names.push_back(group.name);
