@@ -56,9 +56,9 @@ TEST(PaperTables, CountThePublishedSuccesses) {
 
 TEST(PaperTables, HavePoseErrorsWhereThereIsATruthAlsoIfEveryRunFailed) {
   const auto names = [](const PaperResults& results) {
-    std::vector<std::string> names;
-    for (const ResultTable& table : paper_tables(results, {})) names.push_back(table.name);
-    return names;
+    std::vector<std::string> all;
+    for (const ResultTable& table : paper_tables(results, {})) all.push_back(table.name);
+    return all;
   };
   PaperResults results = published_as_results();
   EXPECT_THAT(names(results), ::testing::Not(::testing::Contains("rotation_errors")));

@@ -123,12 +123,12 @@ std::optional<std::array<std::size_t, 3>> columns_named(const Names& plain_names
 
 // The columns of x, y and z: "x", "pos_x", "x [m]", "Points:0" and the like.
 std::optional<std::array<std::size_t, 3>> position_columns(const Names& names) {
-  constexpr std::array<std::string_view, 13> kStems = {
+  constexpr std::array<std::string_view, 13> kPositionStems = {
       "",       "pos",        "position",    "point", "points",   "pointsmxyz", "coord",
       "coords", "coordinate", "coordinates", "p",     "location", "world"};
   Names plain_names;
   for (const std::string& name : names) plain_names.push_back(plain(name));
-  for (const std::string_view stem : kStems) {
+  for (const std::string_view stem : kPositionStems) {
     const std::string s(stem);
     for (const auto& sought :
          {std::array{s + "x", s + "y", s + "z"}, std::array{"x" + s, "y" + s, "z" + s},

@@ -93,10 +93,11 @@ TEST_F(PairSections, LeadWithWhatTheAlignmentCameTo) {
   EXPECT_EQ(one.reason, alignment_.reason);
   ASSERT_TRUE(one.target_from_source && one.deviations);
   EXPECT_EQ(one.target_from_source->matrix(), alignment_.estimate->matrix());
+  ASSERT_TRUE(alignment_.centre);
+  EXPECT_EQ(one.deviations->translation, deviations_of(alignment_)->translation);
   const Matrix6d& covariance = *alignment_.registration.covariance;
   for (int i = 0; i < 3; ++i) {
-    EXPECT_DOUBLE_EQ(one.deviations->translation[i], std::sqrt(covariance(i, i)));
-    EXPECT_DOUBLE_EQ(one.deviations->rotation_deg[i], degrees(std::sqrt(covariance(i + 3, i + 3))));
+    EXPECT_DOUBLE_EQ(one.deviations->rotation_rad[i], std::sqrt(covariance(i + 3, i + 3)));
   }
   EXPECT_EQ(one.deviations->log_scale, std::nullopt);
   ASSERT_EQ(one.candidates.size(), alignment_.candidates.size());

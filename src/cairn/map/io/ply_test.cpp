@@ -75,13 +75,14 @@ TEST(Ply, RoundTripKeepsEveryColumnBitExact) {
 
 TEST(Ply, WritesAHeaderThatOthersUnderstand) {
   const std::string bytes = written(LandmarkMap(rich_tables()), false);
-  EXPECT_EQ(bytes.substr(0, bytes.find("end_header\n")),
-            "ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
-            "property double x\nproperty double y\nproperty double z\n"
-            "property double cov_xx\nproperty double cov_xy\nproperty double cov_xz\n"
-            "property double cov_yy\nproperty double cov_yz\nproperty double cov_zz\n"
-            "property uchar red\nproperty uchar green\nproperty uchar blue\n"
-            "property uint id\nproperty double confidence\nproperty double w\n");
+  EXPECT_EQ(
+      bytes.substr(0, bytes.find("end_header\n")),
+      "ply\nformat binary_little_endian 1.0\ncomment cairn length_unit metres\nelement vertex 3\n"
+      "property double x\nproperty double y\nproperty double z\n"
+      "property double cov_xx\nproperty double cov_xy\nproperty double cov_xz\n"
+      "property double cov_yy\nproperty double cov_yz\nproperty double cov_zz\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+      "property uint id\nproperty double confidence\nproperty double w\n");
 }
 
 TEST(Ply, EmptyMapSurvives) {
@@ -260,7 +261,7 @@ TEST(Ply, LeavesOutPointsWithoutAFinitePosition) {
   EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
   EXPECT_EQ(map.landmarks().colors[0], (Color{2, 2, 2}));
   EXPECT_THAT(map.column("q")->values, ElementsAre(1.5, 3.5));
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.ply: 2 of 4 points left out")));
+  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.ply: 2 of 4 landmarks left out")));
 }
 
 TEST(Ply, TakesInfiniteValuesAsUnknown) {

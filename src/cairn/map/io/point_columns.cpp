@@ -367,7 +367,7 @@ std::optional<std::uint64_t> HeadedSource::remaining() const {
 void HeadedSource::expect_end() {
   // Editors and some writers end a file with a newline.
   constexpr std::size_t kMostFilling = std::size_t{1} << 16;
-  constexpr std::string_view kFilling("\n\r\t \0", 5);
+  constexpr std::string_view kFilling = "\n\r\t ";
   const std::string_view rest = peek(kMostFilling + 1);
   if (rest.empty()) return;
   if (rest.size() <= kMostFilling && rest.find_first_not_of(kFilling) == std::string_view::npos) {
