@@ -256,8 +256,10 @@ TEST_F(AlignTest, MetricWithoutItsInputFailsByName) {
 TEST_F(AlignTest, MapsOfDifferentUnitsAreRefused) {
   write_pair();
   write_map(full_map(), path("free.map"));
-  expect_refusal({"align", "free.map", "target.map"}, kBadInput,
-                 {"free.map", "target.map", "free", "metres"});
+  for (const char* const rigid : {"--no-scale", "--method=icp"}) {
+    expect_refusal({"align", "free.map", "target.map", rigid}, kBadInput,
+                   {"free.map", "target.map", "free", "metres"});
+  }
 }
 
 TEST_F(AlignTest, OverlapOfFreeScaleNeedsARadius) {

@@ -90,7 +90,7 @@ TEST_P(EvaluateVerbTest, MistakesAreNamed) {
   };
   const std::string help = std::string("'cairn evaluate ") + GetParam().first + " --help'";
   expect_refusal(words({"--colour"}), kWrongUsage, {"--colour", help});
-  expect_refusal({"evaluate", GetParam().first}, kWrongUsage, {"not given; expected: ", help});
+  expect_refusal({"evaluate", GetParam().first}, kWrongUsage, {"not given; expected"});
   expect_refusal(words({}), kBadInput, {"No such file"});
   expect_refusal(words({"--csv", "no/out.csv"}), kSystemError, {"no/out.csv", "no folder no"});
   expect_refusal(words({"--csv", "-", "--json", "-"}), kWrongUsage, {"--csv", "taken by --json"});
@@ -164,7 +164,8 @@ TEST_F(EvaluateTrajectoryTest, JsonHoldsWhatTheLibraryFinds) {
   EXPECT_EQ(json.at("options"), Json({{"alignment", "se3"},
                                       {"max_time_difference_s", 0.02},
                                       {"hand_eye", false},
-                                      {"max_clock_offset_s", nullptr}}));
+                                      {"max_clock_offset_s", nullptr},
+                                      {"strict", false}}));
   EXPECT_EQ(json.at("matched_poses"), 60);
   EXPECT_EQ(json.at("unmatched_poses"), Json({{"estimate", 0}, {"truth", 60}}));
   EXPECT_EQ(json.at("scale"), 1.0);

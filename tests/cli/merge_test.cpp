@@ -222,7 +222,7 @@ TEST_F(MergeTest, RefusesWhatCannotBeMerged) {
                  kWrongUsage, {"--min-probability: 0.3"});
   fs::create_directory(path("empty"));
   expect_refusal({"merge", "target.map", "empty", "-o", "a.map"}, kBadInput,
-                 {"empty", "holds no map"});
+                 {"empty", "no map in a known format"});
   EXPECT_FALSE(fs::exists(path("a.map")));
 }
 

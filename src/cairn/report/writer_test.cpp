@@ -60,7 +60,7 @@ Answer ambiguous_answer() {
       .target_from_source =
           Similarity3(1.5, Rigid3(Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0), {1.0, 2.0, 3.0})),
       .deviations =
-          PoseDeviations{{0.25, 0.5, 1.0}, radians(1.0) * Eigen::Vector3d(1.0, 2.0, 3.0), 0.125},
+          PoseDeviations{{0.25, 0.5, 1.0}, radians(1.0) * Eigen::Vector3d(1.0, 2.0, 4.0), 0.125},
       .open = {{{0.0, 1.0, 0.0}, {0.0, 0.0, 0.5}, 0.0}},
       .radius = 0.5};
   one.candidates = {{.probability = 0.75,
@@ -230,7 +230,7 @@ TEST(WriteReport, DocumentSaysWhatTheReportSays) {
       {"name": "base", "status": "ambiguous", "judged": true, "probability": 0.75,
        "reason": "one of two", "radius": 0.5,
        "estimate": {"pose": [1, 2, 3, 0.6, 0, 0.8, 0], "scale": 1.5},
-       "deviations": {"translation": [0.25, 0.5, 1], "rotation_deg": [1, 2, 3], "log_scale": 0.125},
+       "deviations": {"translation": [0.25, 0.5, 1], "rotation_deg": [1, 2, 4], "log_scale": 0.125},
        "open": [{"translation": [0, 1, 0], "rotation": [0, 0, 0.5], "log_scale": 0}],
        "candidates": [{"pose": [0, 0, 0, 1, 0, 0, 0], "scale": 1, "probability": 0.75,
                        "matches": 12, "share": 0.5, "contradicted": 0.25,
