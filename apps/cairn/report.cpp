@@ -293,9 +293,8 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
       loaded.map = with_camera(loaded.map, load_camera(result.camera).camera);
     return loaded;
   }
-  remark(
-      fmt::format("{} {}: there is no scene of it", here.string(),
-                  changed ? "is not what was aligned, its content differs" : "is gone"));
+  remark(fmt::format("{} {}: there is no scene of it", here.string(),
+                     changed ? "is not what was aligned, its content differs" : "is gone"));
   return std::nullopt;
 }
 

@@ -577,7 +577,8 @@ class Reader {
     });
     for (const auto& [type, list] : seen) others += list.size();
     if (most == seen.end()) {
-      remark("reconstruction/observations.txt holds none that can be used: observations are unknown");
+      remark(
+          "reconstruction/observations.txt holds none that can be used: observations are unknown");
       return;
     }
     others -= most->second.size();
