@@ -304,8 +304,7 @@ struct DiffArguments : AtlasArguments {
       for (const AtlasLinkId id : ids) {
         const AtlasLink& link = state.links.at(id);
         console.print(fmt::format("{} {} <- {} ({})\n", text, state.nodes.at(link.target).name,
-                                  state.nodes.at(link.source).name,
-                                  cairn::to_string(link.verdict)));
+                                  state.nodes.at(link.source).name, link_status(link.verdict)));
         json[key].push_back(to_json(link, state));
       }
     };

@@ -63,63 +63,43 @@ struct AddArguments : AtlasArguments {
   }
 
   int run() {
-    std::vector<std::string> files;
-    std::vector<std::string> sessions;
-    std::vector<std::string> folders;
-    for (const std::string& path : paths) {
-      std::string folder;
-      if (is_folder_of_maps(path)) folder = fs::canonical(path).filename().string();
-      for (std::string& file : folder.empty() ? std::vector<std::string>{path} : maps_in(path)) {
-        files.push_back(std::move(file));
-        folders.push_back(folder);
-        sessions.push_back(session.empty() ? folder : session);
-      }
-    }
-    std::vector<std::string> names = map_names(files);
-    for (std::size_t i = 0; i < files.size(); ++i) {
-      // Mini-maps of every run are numbered alike.
-      if (folders[i].empty()) continue;
-      names[i] = folders[i] + "/" + fs::path(files[i]).stem().string();
-    }
+    std::vector<ListedMap> maps = listed_maps(paths);
     if (!name.empty()) {
-      if (files.size() > 1) {
-        throw Error(ErrorKind::kMisuse, "--name", fmt::format("given for {} maps", files.size()),
+      if (maps.size() > 1) {
+        throw Error(ErrorKind::kMisuse, "--name", fmt::format("given for {} maps", maps.size()),
                     "one map");
       }
-      names.front() = name;
+      maps.front().name = name;
     }
     Atlas atlas = open();
     const Console console = common.console();
     Json json = head("add");
     json["maps"] = Json::array();
     std::vector<NodeId> ids;
-    for (std::size_t i = 0; i < files.size(); ++i) {
-      const LoadedMap loaded = load_map(files[i], common);
-      const Atlas::Added added = atlas.add(loaded.map, names[i], sessions[i]);
+    for (const ListedMap& map : maps) {
+      const LoadedMap loaded = load_map(map.file, common);
+      const Atlas::Added added =
+          atlas.add(loaded.map, map.name, session.empty() ? map.session : session);
       ids.push_back(added.node);
       if (added.was_there) {
-        console.print(fmt::format("{} is in the atlas already, as {}\n", files[i],
+        console.print(fmt::format("{} is in the atlas already, as {}\n", map.file,
                                   atlas.state().nodes.at(added.node).name));
       } else {
-        console.print(fmt::format("added {}: {}, {}\n", names[i],
+        console.print(fmt::format("added {}: {}, {}\n", map.name,
                                   counted(loaded.map.landmark_count(), "landmark"),
                                   counted(loaded.map.frame_count(), "keyframe")));
       }
-      json["maps"].push_back({{"path", files[i]},
+      json["maps"].push_back({{"path", map.file},
                               {"id", added.node.value},
-                              {"name", names[i]},
+                              {"name", map.name},
                               {"was_there", added.was_there}});
     }
-    std::size_t linked = 0;
-    for (const std::string& path : paths) {
-      if (!is_folder_of_maps(path)) continue;
-      std::vector<PoseLink> links = links_in(path, files);
-      for (PoseLink& link : links) {
-        link.target = ids[link.target.value];
-        link.source = ids[link.source.value];
-      }
-      linked += atlas.link_by_odometry(links);
+    std::vector<PoseLink> links = links_of_folders(paths, maps);
+    for (PoseLink& link : links) {
+      link.target = ids[link.target.value];
+      link.source = ids[link.source.value];
     }
+    const std::size_t linked = links.empty() ? 0 : atlas.link_by_odometry(links);
     if (linked > 0) console.print(fmt::format("linked {} by odometry\n", counted(linked, "pair")));
     json["linked_by_odometry"] = linked;
     json["commit"] = atlas.store().last_commit().value;
@@ -252,7 +232,7 @@ struct LinkArguments : AtlasArguments {
       links.push_back(to_json(link, state));
       links.back().erase("id");
       links.back().erase("agrees");
-      if (!link.is_aligned()) return;
+      if (!link.connects()) return;
       console.print(fmt::format("{} <- {} {}\n", state.nodes.at(link.target).name,
                                 state.nodes.at(link.source).name,
                                 probability_text(link.probability.value_or(0.0))));

@@ -36,7 +36,7 @@ std::string name_of(const AtlasState& state, NodeId id) {
 std::string status_of(const AtlasLink& link, const AtlasState& state) {
   const auto agrees = state.agrees.find(link.id);
   if (agrees != state.agrees.end() && !agrees->second) return "contradicted";
-  return std::string(cairn::to_string(link.verdict));
+  return std::string(link_status(link.verdict));
 }
 
 struct ShowArguments : AtlasArguments {
@@ -88,9 +88,9 @@ struct ShowArguments : AtlasArguments {
     std::size_t aligned = 0;
     Json links = Json::array();
     for (const auto& [id, link] : state.links) {
-      aligned += link.is_aligned() ? 1 : 0;
+      aligned += link.connects() ? 1 : 0;
       links.push_back(to_json(link, state));
-      if (!all && !link.is_aligned()) continue;
+      if (!all && !link.connects()) continue;
       table.add_row(
           {fmt::format("{} <- {}", name_of(state, link.target), name_of(state, link.source)),
            link.probability ? probability_text(*link.probability) : "-", status_of(link, state),

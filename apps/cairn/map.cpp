@@ -529,7 +529,7 @@ Json loops_json(const LoopClosedSequence& closed) {
     const MapLink& link = loops.links[i];
     json["links"].push_back({{"target", link.target},
                              {"source", link.source},
-                             {"status", to_string(link.verdict)},
+                             {"status", link_status(link.verdict)},
                              {"probability", to_json(link.probability)},
                              {"used", static_cast<bool>(loops.used[i])},
                              {"reason", link.reason}});

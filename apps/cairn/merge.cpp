@@ -45,7 +45,7 @@ struct MergeArguments {
 
  private:
   void check_options() const;
-  std::vector<std::string> map_files() const;
+  std::vector<ListedMap> listed() const;
   Json options_json() const;
 };
 
@@ -98,32 +98,27 @@ bool is_same_file(const std::string& a, const std::string& b) {
   return fs::equivalent(a, b, ignored);
 }
 
-std::vector<std::string> MergeArguments::map_files() const {
-  std::vector<std::string> files;
-  for (const std::string& path : paths) {
-    if (!is_folder_of_maps(path)) {
-      files.push_back(path);
-      continue;
-    }
-    for (std::string& file : maps_in(path)) files.push_back(std::move(file));
-  }
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (is_same_file(files[i], output)) {
+std::vector<ListedMap> MergeArguments::listed() const {
+  std::vector<ListedMap> maps = listed_maps(paths);
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    const std::string& file = maps[i].file;
+    if (is_same_file(file, output)) {
       throw Error(ErrorKind::kMisuse, "--output", output + " is one of the maps", "another file");
     }
     for (std::size_t j = 0; j < i; ++j) {
-      if (!is_same_file(files[i], files[j])) continue;
-      throw Error(ErrorKind::kMisuse, "maps",
-                  files[j] + (files[i] == files[j] ? " is given twice"
-                                                   : " and " + files[i] + " are the same file"),
-                  "each map once; a repeated map would count as independent evidence");
+      const std::string& other = maps[j].file;
+      if (!is_same_file(file, other)) continue;
+      throw Error(
+          ErrorKind::kMisuse, "maps",
+          other + (file == other ? " is given twice" : " and " + file + " are the same file"),
+          "each map once; a repeated map would count as independent evidence");
     }
   }
-  if (files.size() < 2) {
-    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} given", files.size()),
+  if (maps.size() < 2) {
+    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} given", maps.size()),
                 "at least two maps");
   }
-  return files;
+  return maps;
 }
 
 Json MergeArguments::options_json() const {
@@ -139,7 +134,7 @@ Json MergeArguments::options_json() const {
 Json link_json(const MapLink& link, bool used) {
   Json json = {{"target", link.target},
                {"source", link.source},
-               {"status", to_string(link.verdict)},
+               {"status", link_status(link.verdict)},
                {"kind", to_string(link.kind)},
                {"probability", to_json(link.probability)},
                {"used", used},
@@ -202,21 +197,19 @@ int MergeArguments::run() {
   require_map_path(output, "--output");
   require_outputs(common);
   check_options();
-  const std::vector<std::string> files = map_files();
-  const std::vector<std::string> names = map_names(files);
+  const std::vector<ListedMap> maps = listed();
+  std::vector<std::string> names;
+  for (const ListedMap& map : maps) names.push_back(map.name);
   const Console console = common.console();
 
   std::vector<LoadedMap> loaded;
   std::vector<MergeInput> inputs;
-  loaded.reserve(files.size());
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    loaded.push_back(load_map(files[i], common));
-    inputs.push_back({names[i], &loaded.back().map});
+  loaded.reserve(maps.size());
+  for (const ListedMap& map : maps) {
+    loaded.push_back(load_map(map.file, common));
+    inputs.push_back({map.name, &loaded.back().map, map.session});
   }
-  for (const std::string& path : paths) {
-    if (!is_folder_of_maps(path)) continue;
-    for (PoseLink& link : links_in(path, files)) options.stated.push_back(std::move(link));
-  }
+  options.stated = links_of_folders(paths, maps);
   options.seed = common.seed;
   options.log = console.log();
   options.execution.executor = common.executor();
@@ -264,7 +257,7 @@ int MergeArguments::run() {
   }
   for (const std::size_t index : likeliest) {
     const MapLink& link = result.links[index];
-    console.print(fmt::format("{}: {} <- {}: {}\n", to_string(link.verdict), names[link.target],
+    console.print(fmt::format("{}: {} <- {}: {}\n", link_status(link.verdict), names[link.target],
                               names[link.source], link.reason));
   }
   if (!likeliest.empty()) {
@@ -274,7 +267,7 @@ int MergeArguments::run() {
   }
   for (std::size_t i = 0; i < result.links.size(); ++i) {
     const MapLink& link = result.links[i];
-    const bool contradicted = link.verdict == Verdict::kAligned && !result.used[i] &&
+    const bool contradicted = pose_link(link) && !result.used[i] &&
                               result.maps[link.target].placed && result.maps[link.source].placed;
     if (!contradicted) continue;
     console.print(fmt::format("not used: {} <- {} {}: other links contradict it\n",

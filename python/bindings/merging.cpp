@@ -106,7 +106,12 @@ void bind_merging(py::module_& module) {
           "kind", [](const Link& self) { return std::string(to_string(self.link.kind)); },
           "'placement' (from align()), 'odometry' or 'manual'.")
       .def_property_readonly(
-          "verdict", [](const Link& self) { return std::string(to_string(self.link.verdict)); })
+          "verdict",
+          [](const Link& self) {
+            return self.link.verdict ? std::optional(std::string(to_string(*self.link.verdict)))
+                                     : std::nullopt;
+          },
+          "'aligned', 'ambiguous' or 'rejected'; None if the link is stated, not judged.")
       .def_property_readonly(
           "probability", [](const Link& self) { return self.link.probability; },
           "Probability that the transform is right; None if it was not judged.")
@@ -114,7 +119,7 @@ void bind_merging(py::module_& module) {
       .def_property_readonly(
           "target_from_source",
           [](const Link& self) { return pose_array(self.link.target_from_source); },
-          "4x4; None unless the verdict is 'aligned'.")
+          "4x4; None unless the verdict is 'aligned' or the link is stated.")
       .def_property_readonly(
           "covariance", [](const Link& self) { return matrix_or_none(self.link.covariance); },
           "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
@@ -126,7 +131,7 @@ void bind_merging(py::module_& module) {
                     "Whether the link is aligned and agrees with the maps' poses.")
       .def("__repr__", [](const Link& self) {
         return decoded(fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
-                                   to_string(self.link.verdict), self.used ? "" : ", not used"));
+                                   link_status(self.link.verdict), self.used ? "" : ", not used"));
       });
   py::class_<Merged>(module, "MergeResult", "Result of merging maps.")
       .def_readonly(

@@ -111,7 +111,7 @@ Json to_json(const AtlasLink& link, const AtlasState& state) {
                {"target", name_of(link.target)},
                {"source", name_of(link.source)},
                {"kind", cairn::to_string(link.kind)},
-               {"status", cairn::to_string(link.verdict)},
+               {"status", link_status(link.verdict)},
                {"probability", to_json(link.probability)},
                {"agrees", agrees == state.agrees.end() ? Json(nullptr) : Json(agrees->second)},
                {"reason", text_or_null(link.reason)}};

@@ -18,7 +18,7 @@ namespace cairn::cli {
 namespace {
 
 report::LinkUse atlas_use_of(const AtlasLink& link, const AtlasState& state) {
-  if (!link.is_aligned()) {
+  if (!link.connects()) {
     return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
                                                : report::LinkUse::kRejected;
   }
@@ -63,7 +63,7 @@ std::string answer_of(const AtlasState& state) {
   std::size_t aligned = 0;
   std::size_t contradicted = 0;
   for (const auto& [id, link] : state.links) {
-    aligned += link.is_aligned() ? 1 : 0;
+    aligned += link.connects() ? 1 : 0;
     const auto agrees = state.agrees.find(id);
     contradicted += agrees != state.agrees.end() && !agrees->second ? 1 : 0;
   }

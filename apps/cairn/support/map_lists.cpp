@@ -42,6 +42,8 @@ std::vector<std::string> possible_names(const std::string& file) {
     path = file.substr(0, hash);
   }
   const bool is_folder = fs::is_directory(path, ignored);
+  // From within the project's folder, its own name is that of a folder above.
+  if (is_folder && is_part_of_project(path.begin()->string())) path = fs::absolute(path).lexically_normal();
   std::vector<std::string> words;
   for (const fs::path& word : is_folder ? path : path.replace_extension()) {
     const std::string text = word.string();
@@ -64,15 +66,6 @@ std::vector<std::string> possible_names(const std::string& file) {
   return names;
 }
 
-}  // namespace
-
-bool is_folder_of_maps(const std::string& path) {
-  std::error_code ignored;
-  if (!fs::is_directory(path, ignored) || maps_in(path).empty()) return false;
-  const std::vector<fs::path> maps = all_formats().maps_of_folder(path);
-  return maps.empty() || maps.front() != path;
-}
-
 std::vector<std::string> maps_in(const std::string& folder) {
   std::vector<std::string> files;
   std::error_code error;
@@ -92,7 +85,7 @@ std::vector<std::string> maps_in(const std::string& folder) {
   return files;
 }
 
-std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std::string>& files) {
+std::vector<PoseLink> links_in(const std::string& folder, const std::vector<ListedMap>& maps) {
   const fs::path path = fs::path(folder) / "pose_graph.json";
   std::error_code ignored;
   if (!fs::exists(path, ignored)) return {};
@@ -101,9 +94,9 @@ std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std:
   // By name without extension: maps may have been converted since.
   const auto index_of = [&](NodeId id) {
     const auto node = std::find_if(graph.nodes.begin(), graph.nodes.end(),
-                                   [&](const PoseNode& one) { return one.id == id; });
-    return std::find_if(files.begin(), files.end(), [&](const std::string& file) {
-      const fs::path map(file);
+                                   [&](const PoseNode& other) { return other.id == id; });
+    return std::find_if(maps.begin(), maps.end(), [&](const ListedMap& one) {
+      const fs::path map(one.file);
       return map.stem() == fs::path(node->name).stem() &&
              fs::equivalent(map.parent_path(), folder, ignored);
     });
@@ -112,12 +105,21 @@ std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std:
   for (PoseLink& link : graph.links) {
     const auto target = index_of(link.target);
     const auto source = index_of(link.source);
-    if (target == files.end() || source == files.end()) continue;
-    link.target = NodeId{static_cast<std::uint64_t>(target - files.begin())};
-    link.source = NodeId{static_cast<std::uint64_t>(source - files.begin())};
+    if (target == maps.end() || source == maps.end()) continue;
+    link.target = NodeId{static_cast<std::uint64_t>(target - maps.begin())};
+    link.source = NodeId{static_cast<std::uint64_t>(source - maps.begin())};
     links.push_back(std::move(link));
   }
   return links;
+}
+
+}  // namespace
+
+bool is_folder_of_maps(const std::string& path) {
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored) || maps_in(path).empty()) return false;
+  const std::vector<fs::path> maps = all_formats().maps_of_folder(path);
+  return maps.empty() || maps.front() != path;
 }
 
 std::vector<std::string> map_names(const std::vector<std::string>& files) {
@@ -136,6 +138,43 @@ std::vector<std::string> map_names(const std::vector<std::string>& files) {
     }
   }
   return names;
+}
+
+std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths) {
+  std::vector<ListedMap> maps;
+  for (const std::string& path : paths) {
+    if (!is_folder_of_maps(path)) {
+      maps.push_back({path, {}, {}});
+      continue;
+    }
+    const std::string folder = fs::canonical(path).filename().string();
+    for (std::string& file : maps_in(path)) maps.push_back({std::move(file), {}, folder});
+  }
+  std::vector<std::string> files;
+  std::set<std::string> names;
+  for (ListedMap& map : maps) {
+    files.push_back(map.file);
+    // Mini-maps of every run are numbered alike.
+    if (!map.session.empty()) map.name = map.session + "/" + fs::path(map.file).stem().string();
+  }
+  const std::vector<std::string> by_file = map_names(files);
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (maps[i].name.empty()) maps[i].name = by_file[i];
+    names.insert(maps[i].name);
+  }
+  if (names.size() == maps.size()) return maps;
+  for (std::size_t i = 0; i < maps.size(); ++i) maps[i].name = by_file[i];
+  return maps;
+}
+
+std::vector<PoseLink> links_of_folders(const std::vector<std::string>& paths,
+                                       const std::vector<ListedMap>& maps) {
+  std::vector<PoseLink> links;
+  for (const std::string& path : paths) {
+    if (!is_folder_of_maps(path)) continue;
+    for (PoseLink& link : links_in(path, maps)) links.push_back(std::move(link));
+  }
+  return links;
 }
 
 std::string with_commas(std::size_t number) {

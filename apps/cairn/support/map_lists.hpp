@@ -12,15 +12,23 @@ namespace cairn::cli {
 /// Whether a path is a folder of .map and .cairn files, and no map itself as a COLMAP model is.
 bool is_folder_of_maps(const std::string& path);
 
-/// The .map and .cairn files in a folder, by name.
-/// @throws Error (input) if it cannot be read
-std::vector<std::string> maps_in(const std::string& folder);
+/// A map of a list, as a file or one of a folder's.
+struct ListedMap {
+  std::string file;
+  std::string name;     ///< map_names(), or "folder/file" of a folder's; unique
+  std::string session;  ///< the folder's name; empty for a file
+};
 
-/// The links of a folder's pose_graph.json, which 'cairn map --mini-map-length' writes; none if there is no
-/// such file. Links of maps that are not in the folder any more are left out.
-/// @param files maps, those of the folder among them; nodes of the links are indices into these
-/// @throws Error (input) if the file cannot be read
-std::vector<PoseLink> links_in(const std::string& folder, const std::vector<std::string>& files);
+/// The maps that the arguments of a command name: files, and the .map and .cairn files in folders, by name.
+/// @throws Error (input) if a folder cannot be read
+std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths);
+
+/// The links in the pose_graph.json of each folder among the paths, which 'cairn map --mini-map-length' writes; none
+/// where there is no such file. Links of maps that are not in the folder any more are left out.
+/// @return links of which the nodes are indices of `maps`
+/// @throws Error (input) if a file cannot be read
+std::vector<PoseLink> links_of_folders(const std::vector<std::string>& paths,
+                                       const std::vector<ListedMap>& maps);
 
 /// What maps are called: file names without extension, or for one/sparse/0 the name of the project's folder, one; with
 /// further folders where several are alike.

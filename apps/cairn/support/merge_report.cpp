@@ -17,7 +17,7 @@ namespace cairn::cli {
 namespace {
 
 report::LinkUse use_of(const MapLink& link, bool used) {
-  if (link.verdict == Verdict::kAligned) {
+  if (pose_link(link)) {
     return used ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
   }
   return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous

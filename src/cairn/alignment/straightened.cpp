@@ -3,16 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <span>
 #include <utility>
 #include <vector>
 
 #include "cairn/alignment/detail/moved_in_map.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
-#include "cairn/map/operations.hpp"
 #include "cairn/placement/map_parts.hpp"
 
 namespace cairn {
@@ -53,52 +49,29 @@ Straightening straightening_of(const PartsAlignment& parts, const Eigen::Vector3
   return {std::move(poses), centre};
 }
 
-// Position of each of a map's keyframes along the map, in parts: the middle of the first is at 0.5.
-std::vector<double> along_parts(const std::vector<FrameIndex>& order, const FrameTable& frames,
-                                const PartsAlignment& parts) {
-  std::vector<double> middles;  // rank of each part's middle keyframe
+std::vector<FrameId> middles_of(const PartsAlignment& parts) {
+  std::vector<FrameId> middles;
   for (const PartPose& part : parts.parts) {
-    if (part.map != parts.bend->map) continue;
-    const auto found = std::find_if(order.begin(), order.end(), [&](FrameIndex frame) {
-      return frames.ids[frame.value] == part.middle;
-    });
-    middles.push_back(static_cast<double>(found - order.begin()));
+    if (part.map == parts.bend->map) middles.push_back(part.middle);
   }
-  std::vector<double> along(order.size());
-  for (std::size_t rank = 0; rank < order.size(); ++rank) {
-    const auto place = static_cast<double>(rank);
-    const auto next = std::upper_bound(middles.begin() + 1, middles.end() - 1, place);
-    const auto part = static_cast<double>(next - middles.begin() - 1);
-    along[order[rank].value] = 0.5 + part + (place - *(next - 1)) / (*next - *(next - 1));
-  }
-  return along;
+  return middles;
 }
 
 // The straightened landmarks of a map, in the order of the prepared cloud.
-// @param along position of each landmark along the map, in the map's order
-LandmarkCloud straightened(const PreparedCloud& prepared, std::span<const double> along,
-                           const Straightening& straightening) {
+LandmarkCloud straightened(const PreparedMap& map, const Straightening& straightening) {
+  const PreparedCloud& prepared = map.cloud();
   const CentredCloud& centred = *prepared.centred();
   LandmarkCloud cloud = centred.landmarks;
-  std::vector<double> of_landmark(cloud.size());
-  for (std::size_t i = 0; i < cloud.size(); ++i) of_landmark[i] = along[prepared.order()[i]];
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const Similarity3 move = straightening.at(of_landmark[i]);
+    const Similarity3 move = straightening.at(map.along().landmarks[prepared.order()[i]]);
     cloud.positions[i] = move * (cloud.positions[i] + centred.centre);
     if (cloud.covariances.empty()) continue;
     cloud.covariances[i] = move.scale() * move.scale() *
                            rotated_covariance(cloud.covariances[i], move.rigid().rotation());
   }
   for (LandmarkView& view : cloud.views) {
-    // A keyframe moves with most of the landmarks that it observes.
-    std::vector<double> seen;
-    for (const std::uint32_t landmark : view.landmarks) {
-      if (std::isfinite(of_landmark[landmark])) seen.push_back(of_landmark[landmark]);
-    }
-    const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
-    if (!seen.empty()) std::nth_element(seen.begin(), middle, seen.end());
     view.centre =
-        straightening.at(seen.empty() ? std::nan("") : *middle) * (view.centre + centred.centre);
+        straightening.at(map.along().keyframes[view.frame.value]) * (view.centre + centred.centre);
   }
   return cloud;
 }
@@ -106,25 +79,14 @@ LandmarkCloud straightened(const PreparedCloud& prepared, std::span<const double
 }  // namespace
 
 LandmarkMap straightened(const LandmarkMap& map, const PartsAlignment& parts) {
-  const Straightening straightening = straightening_of(parts, centroid(map.landmarks().positions));
-  const std::vector<FrameIndex> order = keyframes_in_order(map);
-  const std::vector<double> along = along_parts(order, map.frames(), parts);
-  std::vector<std::uint32_t> rank(order.size());
-  for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
+  const AlongParts along = along_parts(map, middles_of(parts));
+  const Straightening straightening = straightening_of(parts, along.centre);
   MapTables tables = LandmarkMap(map).tables();
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    move_keyframe(tables.frames, i, straightening.at(along[i]));
+  for (std::size_t i = 0; i < map.frame_count(); ++i) {
+    move_keyframe(tables.frames, i, straightening.at(along.keyframes[i]));
   }
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    std::vector<std::uint32_t> ranks;
-    for (const FrameIndex frame : map.observing_frames(LandmarkIndex{i})) {
-      ranks.push_back(rank[frame.value]);
-    }
-    const auto middle = ranks.begin() + static_cast<std::ptrdiff_t>(ranks.size() / 2);
-    if (!ranks.empty()) std::nth_element(ranks.begin(), middle, ranks.end());
-    const Similarity3 move =
-        straightening.at(ranks.empty() ? std::nan("") : along[order[*middle].value]);
-    move_landmark(tables.landmarks, map.has_covariances(), i, move);
+    move_landmark(tables.landmarks, map.has_covariances(), i, straightening.at(along.landmarks[i]));
   }
   return LandmarkMap(std::move(tables));
 }
@@ -134,8 +96,8 @@ bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& sou
   const MapRole role = parts.bend->map;
   const bool of_source = role == MapRole::kSource;
   const PreparedMap& map = of_source ? source : target;
-  const Straightening straightening = straightening_of(parts, map.cloud().centred()->centre);
-  const PreparedCloud straight(straightened(map.cloud(), map.along(), straightening), options.seed,
+  const Straightening straightening = straightening_of(parts, map.along().centre);
+  const PreparedCloud straight(straightened(map, straightening), options.seed,
                                options.execution.executor, to_string(role));
   PlaceOptions placement = options;
   placement.search = PoseSearch::kNever;

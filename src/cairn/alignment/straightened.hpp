@@ -10,8 +10,8 @@ namespace cairn {
 /// A bent map, straightened as the other map shows its parts. `parts.target_from_source` stays its pose, so the
 /// frame is the map's own.
 ///
-/// Each keyframe moves by the interpolated poses of the two parts around it. A landmark moves with the middle one
-/// of the keyframes that observed it, or as the middle of the map if none did. Covariances turn with the
+/// Each keyframe moves by the interpolated poses of the two parts around it (along_parts()). A landmark moves with the
+/// middle one of the keyframes that observed it, or as the middle of the map if none did. Covariances turn with the
 /// landmarks; the uncertainty of the parts' poses is not added.
 ///
 /// @param map   the one that `parts.bend->map` names
@@ -20,8 +20,7 @@ LandmarkMap straightened(const LandmarkMap& map, const PartsAlignment& parts);
 
 /// Whether two maps are aligned as a whole after the bent one is straightened.
 ///
-/// Moves each landmark by the interpolated pose of the two parts around it, and back by the single pose.
-/// Refines the straightened map from the single pose and judges it as place() does, by descriptors alone:
+/// Moves landmarks and keyframes as straightened() does. Refines the straightened map from the single pose and judges it as place() does, by descriptors alone:
 /// at least 15 matches must agree outside their largest cluster. An object that stands in two places is
 /// found by several parts that see it, but stays a small part of the whole map.
 ///

@@ -233,7 +233,8 @@ class Linker {
   using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
 
   Linker(Atlas& atlas, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
-      : options_(options),
+      : atlas_(atlas),
+        options_(options),
         commit_(std::move(commit)),
         result_(result),
         cache_(atlas, 64, options.links) {}
@@ -248,9 +249,10 @@ class Linker {
     how.execution = how.execution.without_progress();
     if (by_pairs) how.execution.executor = Executor(1);
     const auto make = [&](std::size_t i) {
-      const PreparedMap target = cache_.get(state.nodes.at(pairs[i].first));
-      const PreparedMap source = cache_.get(state.nodes.at(pairs[i].second));
-      return link_of(link_pair(target, source, how), pairs[i]);
+      const NodePair pair = larger_first(pairs[i], state);
+      const PreparedMap target = cache_.get(state.nodes.at(pair.first));
+      const PreparedMap source = cache_.get(state.nodes.at(pair.second));
+      return link_of(link_pair(target, source, how), pair);
     };
     const auto use = [&](std::size_t, AtlasLink link) {
       const std::lock_guard lock(cache_.mutex());
@@ -279,6 +281,18 @@ class Linker {
   }
 
  private:
+  // As link_maps() orders them: whichever was added first, the result is the same.
+  NodePair larger_first(const NodePair& pair, const AtlasState& state) {
+    const AtlasNode& first = state.nodes.at(pair.first);
+    const AtlasNode& second = state.nodes.at(pair.second);
+    bool swap = first.landmarks < second.landmarks;
+    if (first.landmarks == second.landmarks) {
+      const std::lock_guard lock(cache_.mutex());
+      swap = precedes(atlas_.map(second), atlas_.map(first));
+    }
+    return swap ? NodePair(pair.second, pair.first) : pair;
+  }
+
   void flush(const AtlasState& state, const KnownPairs& known) {
     if (pending_.empty()) return;
     std::vector<AtlasLink> kept;
@@ -309,7 +323,7 @@ class Linker {
         }
         changes.links.push_back(link);
         kept.push_back(link);
-        if (link.is_aligned()) ++aligned;
+        if (link.connects()) ++aligned;
       }
       changes.text =
           fmt::format("{} tried, {} aligned", plural(changes.links.size(), "pair"), aligned);
@@ -317,13 +331,14 @@ class Linker {
     });
     for (const AtlasLink& link : kept) {
       ++result_.tried;
-      if (link.is_aligned()) ++result_.aligned;
+      if (link.connects()) ++result_.aligned;
       if (options_.on_link) options_.on_link(link, state);
     }
     pending_.clear();
     last_flush_ = std::chrono::steady_clock::now();
   }
 
+  Atlas& atlas_;
   const AtlasLinkOptions& options_;
   Commit commit_;
   AtlasLinkResult& result_;
@@ -420,7 +435,6 @@ AtlasLinkId Atlas::link_manually(NodeId target, NodeId source,
     link.target = target;
     link.source = source;
     link.kind = LinkKind::kManual;
-    link.verdict = Verdict::kAligned;
     link.reason = reason.empty() ? "stated by a person" : reason;
     link.target_from_source = target_from_source;
     if (covariance(6, 6) > 0.0) {
@@ -480,7 +494,7 @@ PoseGraph pose_graph(const AtlasState& state) {
          pose == state.poses.end() ? Similarity3() : pose->second.frame_from_node});
   }
   for (const auto& [id, link] : state.links) {
-    if (!link.is_aligned()) continue;
+    if (!link.connects()) continue;
     graph.links.push_back({link.target, link.source, *link.target_from_source, link.covariance,
                            link.covariance_with_scale, link.kind, link.probability});
   }
@@ -528,7 +542,7 @@ std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions
   // Beside the links of the graph, their ids.
   std::vector<AtlasLinkId> ids;
   for (const auto& [id, link] : state.links) {
-    if (link.is_aligned()) ids.push_back(id);
+    if (link.connects()) ids.push_back(id);
   }
   std::stable_sort(ids.begin(), ids.end(), [&](AtlasLinkId a, AtlasLinkId b) {
     const AtlasLink& first = state.links.at(a);
@@ -669,7 +683,7 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
 
 bool is_used(const AtlasState& state, const AtlasLink& link) {
   const auto agrees = state.agrees.find(link.id);
-  return link.is_aligned() && agrees != state.agrees.end() && agrees->second &&
+  return link.connects() && agrees != state.agrees.end() && agrees->second &&
          has_poses_of(state, link.id, true);
 }
 
@@ -709,9 +723,6 @@ AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitI
     used.target = index_of(link.target);
     used.source = index_of(link.source);
   }
-  std::stable_sort(links.begin(), links.end(), [](const MapLink& a, const MapLink& b) {
-    return a.probability.value_or(1.0) > b.probability.value_or(1.0);
-  });
   return {chosen.nodes, merge_placed(placed, links, options.placed)};
 }
 
@@ -790,7 +801,6 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
       link.source = committed.nodes[i];
       if (!now.nodes.contains(link.target) || !now.nodes.contains(link.source)) continue;
       link.kind = LinkKind::kOdometry;
-      link.verdict = Verdict::kAligned;
       link.reason = "neighbours in the map that was split";
       link.target_from_source = Similarity3();
       const double length = 0.01 * parts[i].extent.radius;

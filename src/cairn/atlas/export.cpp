@@ -156,7 +156,7 @@ void write_mcap(Atlas& atlas, const AtlasState& state, const AtlasComponent& com
   for (const auto& [id, link] : state.links) {
     const auto target = indices.find(link.target);
     const auto source = indices.find(link.source);
-    if (!link.is_aligned() || target == indices.end() || source == indices.end()) continue;
+    if (!link.connects() || target == indices.end() || source == indices.end()) continue;
     const auto agrees = state.agrees.find(id);
     links.push_back({target->second, source->second, std::string(to_string(link.kind)),
                      link.probability, agrees == state.agrees.end() || agrees->second});

@@ -47,7 +47,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
   };
   std::map<NodeId, std::vector<Step>> steps;
   for (const auto& [id, link] : state.links) {
-    if (!link.is_aligned()) continue;
+    if (!link.connects()) continue;
     const auto agrees = state.agrees.find(id);
     if (agrees != state.agrees.end() && !agrees->second) continue;
     const double variance = variance_of(link, state);

@@ -61,14 +61,23 @@ Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c
 /// The same with a change of the unit of length.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Similarity3& c_from_a);
 
+/// Derivative of a point x = s·R·x' + t by a left perturbation (δt, δφ, δ log s) of the pose (s, R, t): x moves by δt,
+/// δφ × (x - t) and δ log s · (x - t).
+/// @param arm x - t
+inline Eigen::Matrix<double, 3, 7> point_by_pose(const Eigen::Vector3d& arm) {
+  Eigen::Matrix<double, 3, 7> derivative;
+  derivative << Eigen::Matrix3d::Identity(), -skew(arm), arm;
+  return derivative;
+}
+
 /// Transforms the covariance of a pose, (δt, δφ) or (δt, δφ, δ log s), to one whose δt is the displacement of another
 /// point that moves with the source: that of a landmark, or of the origin of another pose in the same target.
 /// @param arm from the source's origin to the point, in the target: s·R·x of a point x of the source
 template <class Matrix>
 Matrix covariance_at_point(const Matrix& covariance, const Eigen::Vector3d& arm) {
   Matrix jacobian = Matrix::Identity();
-  jacobian.template block<3, 3>(0, 3) = -skew(arm);
-  if constexpr (Matrix::RowsAtCompileTime == 7) jacobian.template block<3, 1>(0, 6) = arm;
+  jacobian.template topRows<3>() =
+      point_by_pose(arm).template leftCols<Matrix::ColsAtCompileTime>();
   return propagated_covariance(jacobian, covariance);
 }
 

@@ -325,7 +325,7 @@ TEST_F(OpenSfmTest, ErrorsSayWhere) {
   EXPECT_THAT(refused(std::string(R"([{"cameras":{"c":{"width":-2,"height":1}},"shots":{}}])"), ""),
               HasSubstr("/0/cameras/c/width: is no whole number"));
   EXPECT_THAT(refused(std::string(R"([{"cameras":)") + std::string(100000, '['), ""),
-              HasSubstr("values are nested more than 64 deep"));
+              HasSubstr("lists and objects are nested too deeply"));
   EXPECT_THAT(refused(R"([{"cameras":1e999}])", ""), HasSubstr("out of range"));
   EXPECT_THAT(refused(kReconstruction, "b.jpg\t10\t3\t0.08\n"),
               HasSubstr("tracks.csv:1: y: the line ends before it"));

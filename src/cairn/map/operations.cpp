@@ -100,6 +100,15 @@ MapTables copied_tables(const LandmarkMap& map) {
 
 }  // namespace
 
+bool precedes(const LandmarkMap& a, const LandmarkMap& b) {
+  const auto& mine = a.landmarks().positions;
+  const auto& theirs = b.landmarks().positions;
+  if (mine.size() != theirs.size()) return mine.size() > theirs.size();
+  const auto [first, second] = std::mismatch(mine.begin(), mine.end(), theirs.begin());
+  return first != mine.end() &&
+         std::lexicographical_compare(first->begin(), first->end(), second->begin(), second->end());
+}
+
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows) {
   DescriptorColumn result = {descriptors.kind, descriptors.bytes_each, {}, {}};

@@ -18,6 +18,10 @@ namespace cairn {
 /// Landmarks with at least `count` observations; all if the map has no observations.
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
 
+/// Whether `a` comes before `b` where the order in which maps are given must not matter: the map with more landmarks,
+/// or the one whose first different position is lower. False both ways for maps of equal positions.
+bool precedes(const LandmarkMap& a, const LandmarkMap& b);
+
 /// Rows of a descriptor column, with their further descriptors, in the given order.
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows);

@@ -230,7 +230,9 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
     if (!poses.agrees[of_odometry + i]) continue;
     const MapLink& link = result.links[link_of[i]];
     result.used[link_of[i]] = true;
-    if (link.source > link.target + 1) ++result.closed;
+    if (std::max(link.target, link.source) > std::min(link.target, link.source) + 1) {
+      ++result.closed;
+    }
   }
   if (result.closed == 0) return result;
 

@@ -28,7 +28,7 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
   for (std::size_t i = 0; i < result.links.size(); ++i) {
     const MapLink& link = result.links[i];
     if (link.target != map && link.source != map) continue;
-    if (link.verdict == Verdict::kAligned) {
+    if (pose_link(link)) {
       ++aligned;
     } else if (!best || probability_of(link) > probability_of(result.links[*best])) {
       best = i;
@@ -42,7 +42,7 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
     merged.likeliest_link = best;
     merged.reason = fmt::format("aligned with no other map; likeliest with {} ({}, {})",
                                 maps[link.target == map ? link.source : link.target].name,
-                                to_string(link.verdict), probability_text(probability_of(link)));
+                                link_status(link.verdict), probability_text(probability_of(link)));
   } else {
     merged.reason = "no pair with another map was tried";
   }
@@ -63,8 +63,8 @@ std::size_t MergeResult::placed() const {
 PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result) {
   PoseGraph graph;
   for (std::size_t i = 0; i < maps.size(); ++i) {
-    graph.nodes.push_back(
-        {NodeId{i}, maps[i].name, {}, result.maps[i].world_from_map.value_or(Similarity3())});
+    graph.nodes.push_back({NodeId{i}, maps[i].name, maps[i].session,
+                           result.maps[i].world_from_map.value_or(Similarity3())});
   }
   for (const MapLink& link : result.links) {
     if (const auto placed = pose_link(link)) graph.links.push_back(*placed);
@@ -129,15 +129,16 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   fusing.fusion.execution = options.execution;
   fusing.fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
   fusing.fusion.log = options.log;
-  std::vector<MapLink> tree;
+  std::vector<MapLink> used;
   std::vector<std::size_t> place_of(maps.size());
   for (std::size_t i = 0; i < index_of.size(); ++i) place_of[index_of[i]] = i;
-  for (const std::size_t index : result.tree) {
-    MapLink& link = tree.emplace_back(result.links[index]);
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    if (!result.used[i]) continue;
+    MapLink& link = used.emplace_back(result.links[i]);
     link.target = place_of[link.target];
     link.source = place_of[link.source];
   }
-  MergedPlaced merged = merge_placed(placed, tree, fusing);
+  MergedPlaced merged = merge_placed(placed, used, fusing);
   for (std::size_t i = 0; i < index_of.size(); ++i) {
     result.maps[index_of[i]].fusion = merged.maps[i];
     result.maps[index_of[i]].bend = merged.bends[i];

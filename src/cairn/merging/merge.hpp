@@ -17,6 +17,7 @@ namespace cairn {
 struct MergeInput {
   std::string name;
   const LandmarkMap* map = nullptr;  ///< not null
+  std::string session = {};          ///< shared by maps of one run; empty if unknown
 };
 
 struct MergeOptions {
@@ -65,7 +66,7 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
 
 /// Merges maps of one place: link_maps(), optimise_poses(), merge_placed(). Only aligned and stated links
 /// place a map; maps without a link to the largest group are left out. Maps that others show to be bent are
-/// straightened before they are fused.
+/// straightened before they are fused. The order of the maps decides the frame and the numbers, and nothing else.
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
 

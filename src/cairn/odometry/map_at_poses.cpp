@@ -134,7 +134,7 @@ LandmarkMap Mapping::finish(const MapOptions& options) {
   drop_outliers(graph, again);
   adjust_landmarks(graph, again);
   // The poses are fixed.
-  const std::vector<Matrix6d> exact(graph.keyframes().size(), Matrix6d::Zero());
+  const std::vector<std::optional<Matrix6d>> exact(graph.keyframes().size(), Matrix6d::Zero());
   return map_.to_map(options, recursive_covariances(graph, exact), {});
 }
 

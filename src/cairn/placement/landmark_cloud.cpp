@@ -40,6 +40,7 @@ std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const Landm
     const std::uint32_t frame = seeing[(2 * i + 1) * seeing.size() / (2 * count)];
     views.push_back(std::move(all[frame]));
     views.back().centre = map.frames().translations[frame];
+    views.back().frame = FrameIndex{frame};
   }
   return views;
 }

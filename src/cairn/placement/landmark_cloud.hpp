@@ -19,6 +19,7 @@ namespace cairn {
 struct LandmarkView {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of its camera
   std::vector<std::uint32_t> landmarks;              ///< indices in the cloud
+  FrameIndex frame = {};                             ///< keyframe of the map
 };
 
 /// Input of the placement: landmark positions, their covariances, weights and descriptors, and the

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <numeric>
+
+#include "cairn/geometry/detail/centroid.hpp"
 
 namespace cairn {
 namespace {
@@ -16,12 +19,28 @@ bool all_have_times(const FrameTable& frames) {
                      [](const auto& time) { return time.has_value(); });
 }
 
-// The ranks in that order of the first, the middle and the last keyframe that observed a landmark.
+// Of each keyframe.
+std::vector<std::uint32_t> ranks_of(const std::vector<FrameIndex>& order) {
+  std::vector<std::uint32_t> rank(order.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
+  return rank;
+}
+
+// The ranks of the first, the middle and the last keyframe that observed a landmark.
 struct Observed {
   std::uint32_t first = 0;
   std::uint32_t middle = 0;
   std::uint32_t last = 0;
 };
+
+std::optional<Observed> observed_by(const LandmarkMap& map, LandmarkIndex landmark,
+                                    const std::vector<std::uint32_t>& rank) {
+  std::vector<std::uint32_t> ranks;
+  for (const FrameIndex frame : map.observing_frames(landmark)) ranks.push_back(rank[frame.value]);
+  if (ranks.empty()) return std::nullopt;
+  std::sort(ranks.begin(), ranks.end());
+  return Observed{ranks.front(), ranks[(ranks.size() - 1) / 2], ranks.back()};
+}
 
 }  // namespace
 
@@ -37,6 +56,32 @@ std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map) {
   return order;
 }
 
+AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles) {
+  const std::vector<FrameIndex> order = keyframes_in_order(map);
+  const std::vector<std::uint32_t> rank = ranks_of(order);
+  std::vector<double> of_middle;  // rank
+  for (const FrameId middle : middles) {
+    const auto found = std::find_if(order.begin(), order.end(), [&](FrameIndex frame) {
+      return map.frames().ids[frame.value] == middle;
+    });
+    of_middle.push_back(static_cast<double>(found - order.begin()));
+  }
+  AlongParts along;
+  for (const std::uint32_t own : rank) {
+    const auto place = static_cast<double>(own);
+    const auto next = std::upper_bound(of_middle.begin() + 1, of_middle.end() - 1, place);
+    const auto part = static_cast<double>(next - of_middle.begin() - 1);
+    along.keyframes.push_back(0.5 + part + (place - *(next - 1)) / (*next - *(next - 1)));
+  }
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto observed = observed_by(map, LandmarkIndex{i}, rank);
+    along.landmarks.push_back(observed ? along.keyframes[order[observed->middle].value]
+                                       : std::numeric_limits<double>::quiet_NaN());
+  }
+  along.centre = centroid(map.landmarks().positions);
+  return along;
+}
+
 std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOptions& points,
                                     const CutOptions& options) {
   const std::vector<LandmarkIndex> kept = landmarks_to_align(map, points);
@@ -44,25 +89,18 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
   const auto& times = map.frames().timestamps_s;
   const bool by_time = all_have_times(map.frames());
   const std::vector<FrameIndex> order = keyframes_in_order(map);
-  std::vector<std::uint32_t> rank(order.size());
-  for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
-
-  std::vector<Observed> observed(kept.size());
-  std::vector<bool> seen(kept.size());
+  const std::vector<std::uint32_t> rank = ranks_of(order);
+  std::vector<std::optional<Observed>> observed(kept.size());
   std::vector<std::size_t> middles(order.size());  // landmarks whose middle keyframe it is
   std::vector<std::ptrdiff_t> across(order.size() +
                                      1);  // observed before a keyframe and from it on
   std::size_t total = 0;
   for (std::size_t i = 0; i < kept.size(); ++i) {
-    std::vector<std::uint32_t> ranks;
-    for (const FrameIndex frame : map.observing_frames(kept[i])) ranks.push_back(rank[frame.value]);
-    if (ranks.empty()) continue;
-    std::sort(ranks.begin(), ranks.end());
-    observed[i] = {ranks.front(), ranks[(ranks.size() - 1) / 2], ranks.back()};
-    seen[i] = true;
-    ++middles[observed[i].middle];
-    ++across[observed[i].first + 1];
-    --across[observed[i].last + 1];
+    observed[i] = observed_by(map, kept[i], rank);
+    if (!observed[i]) continue;
+    ++middles[observed[i]->middle];
+    ++across[observed[i]->first + 1];
+    --across[observed[i]->last + 1];
     ++total;
   }
   std::partial_sum(across.begin(), across.end(), across.begin());
@@ -112,16 +150,7 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
     for (std::uint32_t j = begins[i]; j < end; ++j) part_of[j] = static_cast<std::uint32_t>(i);
   }
   for (std::size_t i = 0; i < kept.size(); ++i) {
-    if (!seen[i]) continue;
-    const std::uint32_t middle = observed[i].middle;
-    const std::size_t index = part_of[middle];
-    parts[index].landmarks.push_back(kept[i]);
-    const std::size_t begin = earlier[begins[index]];
-    const std::size_t end = index + 1 < begins.size() ? earlier[begins[index + 1]] : earlier.back();
-    // Half of those of its own keyframe count as earlier.
-    parts[index].along.push_back((0.5 * static_cast<double>(earlier[middle] + earlier[middle + 1]) -
-                                  static_cast<double>(begin)) /
-                                 static_cast<double>(end - begin));
+    if (observed[i]) parts[part_of[observed[i]->middle]].landmarks.push_back(kept[i]);
   }
   return parts;
 }

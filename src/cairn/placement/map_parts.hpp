@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "cairn/map/landmark_map.hpp"
@@ -18,8 +19,6 @@ struct MapPart {
   std::optional<double> first_s = {};  ///< time of the first keyframe; std::nullopt if unknown
   std::optional<double> last_s = {};
   std::vector<LandmarkIndex> landmarks;  ///< no landmark is in two parts
-  /// For each of them: share of the part's landmarks that belong to earlier keyframes.
-  std::vector<double> along = {};
 };
 
 /// Limits of the parts of a map.
@@ -32,6 +31,18 @@ struct CutOptions {
 
 /// Keyframes in the order of their times or, if one has no time, of their ids.
 std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
+
+/// Positions along a map that is cut into parts.
+struct AlongParts {
+  std::vector<double> keyframes;                     ///< by index
+  std::vector<double> landmarks;                     ///< by index; NaN if no keyframe observed it
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< centroid of all landmarks
+};
+
+/// The middle keyframe of part i is at i + 0.5, and the others are evenly spread between the middles, and on beyond the
+/// outermost ones. A landmark is at the middle one of the keyframes that observed it.
+/// @param middles keyframes of the map, of at least two parts, in the parts' order
+AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles);
 
 /// Cuts a map into parts with about equally many landmarks.
 ///

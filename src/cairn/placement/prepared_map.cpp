@@ -2,7 +2,6 @@
 #include "cairn/placement/prepared_map.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <mutex>
 #include <utility>
 
@@ -38,18 +37,19 @@ class PreparedMap::Parts {
     if (parts_.size() < 2) parts_.clear();
     std::vector<std::uint32_t> of_landmark(map.landmark_count(),
                                            static_cast<std::uint32_t>(parts_.size()));
-    std::vector<double> along(map.landmark_count(), std::numeric_limits<double>::quiet_NaN());
+    std::vector<FrameId> middles;
     for (std::uint32_t i = 0; i < parts_.size(); ++i) {
-      const MapPart& part = parts_[i];
-      for (std::size_t j = 0; j < part.landmarks.size(); ++j) {
-        of_landmark[part.landmarks[j].value] = i;
-        along[part.landmarks[j].value] = static_cast<double>(i) + part.along[j];
-      }
+      for (const LandmarkIndex landmark : parts_[i].landmarks) of_landmark[landmark.value] = i;
+      middles.push_back(parts_[i].middle);
     }
+    AlongParts of_map;
+    if (!parts_.empty()) of_map = along_parts(map, middles);
     for (const LandmarkIndex landmark : landmarks_to_align(map, options.points)) {
       part_of_.push_back(of_landmark[landmark.value]);
-      along_.push_back(along[landmark.value]);
+      if (!parts_.empty()) along_.landmarks.push_back(of_map.landmarks[landmark.value]);
     }
+    along_.keyframes = std::move(of_map.keyframes);
+    along_.centre = of_map.centre;
     for (const MapPart& part : parts_) {
       clouds_.push_back(landmark_cloud(
           with_landmarks(map, most_observed(map, part.landmarks, options.cut.placed)),
@@ -58,7 +58,7 @@ class PreparedMap::Parts {
   }
 
   std::span<const std::uint32_t> part_of() const { return part_of_; }
-  std::span<const double> along() const { return along_; }
+  const AlongParts& along() const { return along_; }
   std::span<const PreparedPart> prepared() {
     std::call_once(once_, [&] {
       for (std::size_t i = 0; i < parts_.size(); ++i) {
@@ -75,7 +75,7 @@ class PreparedMap::Parts {
   std::uint64_t seed_;
   std::once_flag once_;
   std::vector<std::uint32_t> part_of_;
-  std::vector<double> along_;
+  AlongParts along_;
   std::vector<MapPart> parts_;
   std::vector<LandmarkCloud> clouds_;
   std::vector<PreparedPart> prepared_;
@@ -96,7 +96,7 @@ std::span<const std::uint32_t> PreparedMap::part_of() const {
   return parts_->part_of();
 }
 
-std::span<const double> PreparedMap::along() const {
+const AlongParts& PreparedMap::along() const {
   return parts_->along();
 }
 

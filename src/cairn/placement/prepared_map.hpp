@@ -45,8 +45,9 @@ class PreparedMap {
   std::span<const PreparedPart> parts() const;
   /// Index of each landmark's part, in the order of landmarks_to_align(); parts().size() for none.
   std::span<const std::uint32_t> part_of() const;
-  /// Position of each landmark along the map, in parts: 2.5 is the middle of the third. NaN if in no part.
-  std::span<const double> along() const;
+  /// Where the keyframes, by index in the map, and the landmarks, in the order of landmarks_to_align(), lie along its
+  /// parts; empty without parts.
+  const AlongParts& along() const;
 
  private:
   class Parts;

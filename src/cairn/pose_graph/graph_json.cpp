@@ -2,6 +2,8 @@
 #include "cairn/pose_graph/graph_json.hpp"
 
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <string_view>
 #include <utility>
 
@@ -9,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/json_text.hpp"
 #include "cairn/core/text.hpp"
 
 namespace cairn {
@@ -19,7 +22,6 @@ using Document = nlohmann::json;      // to read: of many keys, it finds one fas
 
 constexpr std::string_view kSchema = "cairn.pose_graph";
 constexpr int kVersion = 1;
-constexpr int kMostLevels = 16;  // the document has seven
 
 Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
@@ -131,16 +133,9 @@ class Value {
 };
 
 Document parsed(const std::string& text, const std::string& name) {
-  // Deep nesting would overflow the stack when it is freed.
-  const auto limit = [&](int depth, Document::parse_event_t, Document&) {
-    if (depth > kMostLevels) {
-      throw Error(ErrorKind::kInput, name, fmt::format("nested more than {} deep", kMostLevels),
-                  fmt::format("a document of schema {}", kSchema));
-    }
-    return true;
-  };
+  check_json(text, name, std::numeric_limits<std::size_t>::max());
   try {
-    return Document::parse(text, limit);
+    return Document::parse(text);
   } catch (const Document::exception& error) {
     // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
     const std::string_view what = error.what();

@@ -189,13 +189,22 @@ LinkBlobs blobs_of(const AtlasLink& link) {
   return blobs;
 }
 
+Verdict stored_verdict(const AtlasLink& link) {
+  return link.verdict.value_or(Verdict::kAligned);
+}
+
+std::optional<Verdict> verdict_of_stored(LinkKind kind, Verdict verdict) {
+  if (kind != LinkKind::kPlacement && verdict == Verdict::kAligned) return std::nullopt;
+  return verdict;
+}
+
 std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs) {
   return RowBytes()
       .add(link.id.value)
       .add(link.target.value)
       .add(link.source.value)
       .add(static_cast<std::uint64_t>(link.kind))
-      .add(static_cast<std::uint64_t>(link.verdict))
+      .add(static_cast<std::uint64_t>(stored_verdict(link)))
       .add(link.probability.value_or(-1.0))
       .add(link.reason)
       .add(blobs.target_from_source)

@@ -58,6 +58,11 @@ struct LinkBlobs {
   std::string covariance_with_scale;
 };
 LinkBlobs blobs_of(const AtlasLink& link);
+
+// A stated link, of odometry or a person, is stored as "aligned", which earlier versions called it.
+Verdict stored_verdict(const AtlasLink& link);
+std::optional<Verdict> verdict_of_stored(LinkKind kind, Verdict verdict);
+
 std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs);
 
 /// The same for a pose.

@@ -119,7 +119,7 @@ TEST(RowBytes, DigestsChangeWithEveryField) {
   with([](AtlasLink& l) { l.target = NodeId{9}; });
   with([](AtlasLink& l) { l.source = NodeId{9}; });
   with([](AtlasLink& l) { l.kind = LinkKind::kManual; });
-  with([](AtlasLink& l) { l.verdict = Verdict::kAligned; });
+  with([](AtlasLink& l) { l.verdict = Verdict::kAmbiguous; });
   with([](AtlasLink& l) { l.probability = 0.0; });
   with([](AtlasLink& l) { l.probability = 1.0; });
   with([](AtlasLink& l) { l.reason = "why"; });

@@ -81,7 +81,7 @@ AtlasLink link_of(const Statement& row, const std::string& name) {
   const std::int64_t verdict = row.integer(4);
   if (kind < 0 || kind > 2 || verdict < 0 || verdict > 2) fail_as_damaged(name, what());
   link.kind = static_cast<LinkKind>(kind);
-  link.verdict = static_cast<Verdict>(verdict);
+  link.verdict = verdict_of_stored(link.kind, static_cast<Verdict>(verdict));
   link.probability = row.optional_real(5);
   link.reason = row.text(6);
   const auto blob = [&](int column) {
@@ -618,7 +618,7 @@ class SqlStore : public AtlasStore {
         fmt::format("INSERT INTO links ({}) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
                     kLinkColumns),
         link.id.value, link.target.value, link.source.value, static_cast<std::int64_t>(link.kind),
-        static_cast<std::int64_t>(link.verdict), link.probability, link.reason,
+        static_cast<std::int64_t>(stored_verdict(link)), link.probability, link.reason,
         or_null(blobs.target_from_source), or_null(blobs.covariance),
         or_null(blobs.covariance_with_scale), as_blob(digest_of(link, blobs)));
   }

@@ -12,6 +12,7 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/merging/linking/link_maps.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 #include "cairn/placement/verdict.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
@@ -41,17 +42,18 @@ struct AtlasLink {
   NodeId target;
   NodeId source;
   LinkKind kind = LinkKind::kPlacement;
-  Verdict verdict = Verdict::kRejected;
+  std::optional<Verdict> verdict;     ///< std::nullopt for a stated link, which was not judged
   std::optional<double> probability;  ///< that the transform is right; std::nullopt if not judged
   std::string reason;                 ///< one sentence for people
-  /// Only if the verdict is aligned.
+  /// Only if the link is stated or its verdict is aligned.
   std::optional<Similarity3> target_from_source;
   /// Left perturbation in the target's frame, (δt, δφ).
   std::optional<Matrix6d> covariance;
   /// The same with the scale, for a link that measures it.
   std::optional<Matrix7d> covariance_with_scale;
 
-  bool is_aligned() const { return verdict == Verdict::kAligned && target_from_source.has_value(); }
+  /// Whether it may place a map.
+  bool connects() const { return cairn::connects(verdict, target_from_source); }
 };
 
 /// Pose of a map in its component.

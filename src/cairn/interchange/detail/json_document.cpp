@@ -3,29 +3,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/json_text.hpp"
 
 namespace cairn::detail {
-namespace {
-
-constexpr int kDeepest = 64;
-
-}  // namespace
 
 nlohmann::json read_json(ByteSource& source) {
   const std::string text = read_all(source);
-  const auto limit = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    if (depth > kDeepest) {
-      throw Error(ErrorKind::kInput, source.name(),
-                  fmt::format("values are nested more than {} deep", kDeepest), "");
-    }
-    return true;
-  };
+  check_json(text, source.name(), std::numeric_limits<std::size_t>::max());
   try {
-    return nlohmann::json::parse(text, limit);
+    return nlohmann::json::parse(text);
   } catch (const nlohmann::json::parse_error& error) {
     throw Error(ErrorKind::kInput, fmt::format("{}: byte {}", source.name(), error.byte),
                 "is not JSON", "a JSON document");

@@ -14,7 +14,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/merging/detail/derivative_by_map.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
 
 namespace cairn {
@@ -88,7 +88,7 @@ double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent
 
 double mean_square_shift(const Matrix7d& covariance, const Similarity3& pose,
                          const NodeExtent& extent) {
-  const Eigen::Matrix<double, 3, 7> by_pose = derivative_by_map(pose.linear() * extent.centre);
+  const Eigen::Matrix<double, 3, 7> by_pose = point_by_pose(pose.linear() * extent.centre);
   return (by_pose * covariance * by_pose.transpose()).trace();
 }
 
@@ -113,7 +113,8 @@ bool can_agree(const PoseEdge& edge, const Similarity3& target, const Similarity
 
 std::vector<std::size_t> most_certain_tree(std::size_t root, std::span<const PoseEdge> edges,
                                            std::span<const NodeExtent> extents) {
-  using Entry = std::tuple<double, std::size_t, std::size_t>;  // variance, edge, node
+  using Entry =
+      std::tuple<double, std::size_t, std::size_t, std::size_t>;  // variance, link, edge, node
   std::vector<std::vector<std::size_t>> edges_at(extents.size());
   for (std::size_t i = 0; i < edges.size(); ++i) {
     edges_at[edges[i].target].push_back(i);
@@ -128,15 +129,15 @@ std::vector<std::size_t> most_certain_tree(std::size_t root, std::span<const Pos
       const PoseEdge& edge = edges[i];
       const std::size_t other = edge.target + edge.source - node;
       if (reached[other]) continue;
-      queue.emplace(mean_square_disagreement(edge, extents), i, other);
+      queue.emplace(mean_square_disagreement(edge, extents), edge.link, i, other);
     }
   };
   reach(root);
   while (!queue.empty()) {
-    const auto [variance, edge, node] = queue.top();
+    const auto [variance, link, edge, node] = queue.top();
     queue.pop();
     if (reached[node]) continue;
-    tree.push_back(edges[edge].link);
+    tree.push_back(link);
     reach(node);
   }
   return tree;

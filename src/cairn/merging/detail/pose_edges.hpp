@@ -28,7 +28,8 @@ std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExt
 /// Number of each node's session, equal for nodes of one; a node without a session has its own.
 std::vector<std::size_t> session_numbers(const PoseGraph& graph);
 
-/// Root mean square distance by which two poses move the node's landmarks apart, in radii.
+/// How far apart two poses move the node's landmarks: root of the sum of the squares of the shift of the centre in radii,
+/// of the rotation in radians and of the difference of the logarithms of scale.
 double disagreement(const Similarity3& a, const Similarity3& b, const NodeExtent& extent);
 
 /// Mean square by which the covariance of a node's pose lets the centre of its landmarks move, in the unit of

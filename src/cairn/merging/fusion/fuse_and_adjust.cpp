@@ -12,7 +12,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/merging/detail/derivative_by_map.hpp"
 
 namespace cairn {
 namespace {

@@ -201,7 +201,22 @@ TEST(FuseAndAdjust, AKeyframeOfTwoMapsBecomesOne) {
     return LandmarkMap(std::move(tables));
   };
   const LandmarkMap target = timed(maps.target, 100.0);
-  const LandmarkMap source = timed(maps.source, 129.0);
+  // Which pixels the source has in that image is not known, so they do not speak against it.
+  const auto without_pixels_in_first = [](const LandmarkMap& map) {
+    MapTables tables = LandmarkMap(map).tables();
+    const ObservationTable all = std::exchange(tables.observations, {});
+    tables.observations.offsets = {0};
+    for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+      for (std::uint64_t k = all.offsets[i]; k < all.offsets[i + 1]; ++k) {
+        if (all.frames[k] == FrameIndex{0}) continue;
+        tables.observations.frames.push_back(all.frames[k]);
+        tables.observations.pixels.push_back(all.pixels[k]);
+      }
+      tables.observations.offsets.push_back(tables.observations.frames.size());
+    }
+    return LandmarkMap(std::move(tables));
+  };
+  const LandmarkMap source = without_pixels_in_first(timed(maps.source, 129.0));
   FuseAndAdjustOptions options;
   options.matching_rounds = 1;
   const AdjustedFusion fused =

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <span>
@@ -17,9 +18,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/detail/association.hpp"
-#include "cairn/merging/detail/derivative_by_map.hpp"
 #include "cairn/placement/descriptors.hpp"
 
 namespace cairn {
@@ -37,7 +38,7 @@ bool is_known(const Matrix3d& covariance) {
   return !std::isnan(covariance(0, 0));
 }
 
-// A map's landmarks in the world frame. Covariances include the pose's, and are zero if unknown.
+// A map's landmarks in the world frame. Covariances are zero if unknown.
 struct WorldLandmarks {
   std::vector<Vector3d> positions;
   std::vector<Matrix3d> covariances;
@@ -54,14 +55,21 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
     for (std::size_t i = begin; i < end; ++i) {
       world.positions[i] = placed.world_from_map * landmarks.positions[i];
       if (landmarks.covariances.empty() || !is_known(landmarks.covariances[i])) continue;
-      const Eigen::Matrix<double, 3, 7> by_pose =
-          derivative_by_map(world.positions[i] - placed.world_from_map.translation());
-      const Matrix3d sum = linear * landmarks.covariances[i] * linear.transpose() +
-                           by_pose * placed.covariance * by_pose.transpose();
-      world.covariances[i] = 0.5 * (sum + sum.transpose());
+      world.covariances[i] = propagated_covariance(linear, landmarks.covariances[i]);
     }
   });
   return world;
+}
+
+// How uncertain a point of a map is in the world because the map's pose is.
+Matrix3d covariance_by_pose(const PlacedMap& placed, const Vector3d& in_world) {
+  const Eigen::Matrix<double, 3, 7> by_pose =
+      point_by_pose(in_world - placed.world_from_map.translation());
+  return by_pose * placed.covariance * by_pose.transpose();
+}
+
+Matrix3d symmetric(const Matrix3d& m) {
+  return 0.5 * (m + m.transpose());
 }
 
 // Of a keyframe in the world: of its pose in its map, and of the map's.
@@ -71,7 +79,7 @@ std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex fram
   const Vector3d arm =
       placed.world_from_map.linear() * placed.map->world_from_camera(frame).translation();
   Eigen::Matrix<double, 6, 7> by_pose = Eigen::Matrix<double, 6, 7>::Zero();
-  by_pose.topRows<3>() = derivative_by_map(arm);
+  by_pose.topRows<3>() = point_by_pose(arm);
   by_pose.block<3, 3>(3, 3).setIdentity();
   const Matrix6d sum = left_transformed_covariance(*in_map[frame.value], placed.world_from_map) +
                        by_pose * placed.covariance * by_pose.transpose();
@@ -88,10 +96,12 @@ struct Member {
   static constexpr std::uint32_t kNoMember = std::numeric_limits<std::uint32_t>::max();
 };
 
-// An estimate of a position, and the measurements of it.
+// An estimate of a position. The uncertainty of the maps' poses moves all landmarks of a map together, so it tells neither
+// which landmarks are the same nor which of them are better.
 struct Estimate {
   Vector3d position;
-  Matrix3d covariance;
+  Matrix3d covariance;  // by which landmarks are compared and weighted
+  Matrix3d stated;      // with the uncertainty of the poses
 };
 
 // The information-weighted mean of all of `measured`. Its covariance is that of a mixture: with probability 1 - wrong all
@@ -105,7 +115,7 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
 
     Estimate estimate(const Vector3d& origin) const {
       const Matrix3d covariance = information.inverse();
-      return {origin + covariance * moment, covariance};
+      return {origin + covariance * moment, covariance, Matrix3d::Zero()};
     }
   };
   // About one of them, since the mean lies among them, far from the world's origin.
@@ -115,7 +125,7 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
   std::vector<Sum> each(count);
   for (std::size_t k = 0; k < count; ++k) {
     const Matrix3d information = measured[k].covariance.inverse();
-    if (!information.allFinite()) return {measured[k].position, Matrix3d::Zero()};
+    if (!information.allFinite()) return measured[k];
     each[k] = {information, information * (measured[k].position - origin)};
     before[k + 1] = {before[k].information + each[k].information,
                      before[k].moment + each[k].moment};
@@ -125,15 +135,19 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
   }
   Estimate all = before[count].estimate(origin);
   Matrix3d more = Matrix3d::Zero();
-  for (std::size_t k = 0; k < count && wrong > 0.0; ++k) {
+  for (std::size_t k = 0; k < count; ++k) {
+    const Matrix3d weight = all.covariance * each[k].information;
+    all.stated += weight * measured[k].stated * weight.transpose();
+    if (wrong == 0.0) continue;
     const Sum others{before[k].information + from[k + 1].information,
                      before[k].moment + from[k + 1].moment};
     const Estimate without = others.estimate(origin);
     const Vector3d apart = without.position - all.position;
     more += without.covariance - all.covariance + apart * apart.transpose();
   }
-  const Matrix3d mixture = all.covariance + wrong / static_cast<double>(count) * more;
-  all.covariance = 0.5 * (mixture + mixture.transpose());
+  more *= wrong / static_cast<double>(count);
+  all.covariance = symmetric(all.covariance + more);
+  all.stated = symmetric(all.stated + more);
   return all;
 }
 
@@ -152,6 +166,7 @@ class Fusion {
                                         std::optional<CameraIndex> camera) const;
   void estimate_variances(std::size_t m, const AssociationResult& association);
   Estimate estimate(std::uint32_t landmark) const;
+  void count_fused();
   void append(std::size_t m, std::uint32_t i);
   void set_positions();
   void take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark);
@@ -179,11 +194,16 @@ class Fusion {
 
   std::span<const PlacedMap> maps_;
   const FusionOptions& options_;
+  std::vector<std::size_t> order_;  // in which maps are added, whatever order they are given in
   FusionResult result_;
   MapTables tables_;
   std::vector<WorldLandmarks> world_;  // by map
   // By map: variance of its landmarks that their covariances do not explain. Unknown before another map has the same ones.
   std::vector<std::optional<double>> variances_;
+  std::vector<double>
+      unexplained_;  // the part of it that the poses' uncertainty does not explain either
+  std::vector<std::size_t>
+      original_;  // by map: the first one with the same landmarks, mostly itself
   std::vector<Member> members_;
   std::vector<std::uint32_t> last_member_;  // of each fused landmark
   std::vector<Vector3d> positions_;         // of the fused landmarks, so far
@@ -194,6 +214,7 @@ class Fusion {
   std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
   std::vector<bool> is_shared_;                          // by frame: whether two maps have it
+  std::vector<std::size_t> map_of_frame_;                // whose pose it has
   std::vector<bool> has_prefix_;                         // by map: before the names of its images
   std::vector<std::uint32_t> from_map_;
   std::vector<std::uint32_t> from_landmark_;  // index
@@ -203,12 +224,27 @@ class Fusion {
 Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
     : maps_(maps),
       options_(options),
+      order_(maps.size()),
+      world_(maps.size()),
       variances_(maps.size()),
+      unexplained_(maps.size(), 0.0),
+      original_(maps.size()),
       landmark_of_(maps.size()),
       has_prefix_(maps.size(), false) {
+  result_.maps.resize(maps.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+    return precedes(*maps[a].map, *maps[b].map);
+  });
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const std::size_t m = order_[i];
+    const bool is_copy = i > 0 && !precedes(*maps[order_[i - 1]].map, *maps[m].map);
+    original_[m] = is_copy ? original_[order_[i - 1]] : m;
+  }
   std::size_t landmarks = 0;
   std::size_t frames = 0;
-  for (const PlacedMap& placed : maps) {
+  for (const std::size_t m : order_) {
+    const PlacedMap& placed = maps[m];
     require_no_splats(*placed.map, placed.name);
     landmarks += placed.map->landmark_count();
     frames += placed.map->frame_count();
@@ -236,16 +272,18 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
 }
 
 FusionResult Fusion::run() {
-  for (std::size_t m = 0; m < maps_.size(); ++m) {
+  for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
+  std::size_t added = 0;
+  for (const std::size_t m : order_) {
     if (options_.execution.stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, "merge", "fusion was cancelled", "");
     }
-    add_frames(m);
     add(m);
     if (options_.execution.progress) {
-      options_.execution.progress(static_cast<double>(m + 1) / static_cast<double>(maps_.size()));
+      options_.execution.progress(static_cast<double>(++added) / static_cast<double>(maps_.size()));
     }
   }
+  count_fused();
   set_positions();
   set_columns();
   set_observations();
@@ -261,10 +299,13 @@ FusionResult Fusion::run() {
 
 void Fusion::add(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
-  const WorldLandmarks& world =
-      world_.emplace_back(in_world(maps_[m], options_.execution.executor));
+  const WorldLandmarks& world = world_[m] = in_world(maps_[m], options_.execution.executor);
   AssociationResult association;
-  if (m > 0) {
+  if (original_[m] != m) {
+    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+      association.pairs.push_back({landmark_of_[original_[m]][i], i, 1.0});
+    }
+  } else if (!positions_.empty()) {
     AssociationOptions how;
     how.min_probability = options_.min_probability;
     how.seed = options_.seed;
@@ -276,10 +317,8 @@ void Fusion::add(std::size_t m) {
         associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
                   {world.positions, world.covariances, looks(map.landmarks().descriptors)}, how);
   }
-  MapFusion& fusion = result_.maps.emplace_back();
-  fusion.landmarks = map.landmark_count();
-  fusion.fused = association.pairs.size();
-  fusion.deviation = association.deviation;
+  result_.maps[m].landmarks = map.landmark_count();
+  result_.maps[m].deviation = association.deviation;
   estimate_variances(m, association);
   landmark_of_[m].resize(map.landmark_count());
   auto next = association.pairs.begin();
@@ -289,6 +328,10 @@ void Fusion::add(std::size_t m) {
       members_.push_back(
           {static_cast<std::uint32_t>(m), i, next->probability,
            std::exchange(last_member_[landmark], static_cast<std::uint32_t>(members_.size()))});
+      if (m < from_map_[landmark]) {
+        from_map_[landmark] = static_cast<std::uint32_t>(m);
+        from_landmark_[landmark] = i;
+      }
       take_looks(m, i, landmark);
       ++parts_[landmark];
       ++next;
@@ -309,22 +352,33 @@ void Fusion::add(std::size_t m) {
 // covariances say. Earlier maps whose variance is known already have their part of it in the covariances; the others are
 // taken for as good as this one.
 void Fusion::estimate_variances(std::size_t m, const AssociationResult& association) {
-  if (association.pairs.empty()) return;
+  if (association.pairs.empty() || original_[m] != m) return;
   std::vector<bool> unknown(maps_.size());
   std::size_t of_unknown = 0;
+  double by_poses = 0.0;
   for (const Association& pair : association.pairs) {
     const Member& member = members_[last_member_[pair.first]];
-    if (variances_[member.map]) continue;
-    unknown[member.map] = true;
+    const Vector3d& position = world_[m].positions[pair.second];
+    by_poses +=
+        (covariance_by_pose(maps_[m], position) + covariance_by_pose(maps_[member.map], position))
+            .trace() /
+        3.0;
+    const std::size_t earlier = original_[member.map];
+    if (variances_[earlier]) continue;
+    unknown[earlier] = true;
     ++of_unknown;
   }
-  const double share =
-      static_cast<double>(of_unknown) / static_cast<double>(association.pairs.size());
-  const double variance = association.deviation * association.deviation / (1.0 + share);
+  const auto pairs = static_cast<double>(association.pairs.size());
+  const double found = association.deviation * association.deviation;
+  const double maps = 1.0 + static_cast<double>(of_unknown) / pairs;
+  const double variance = found / maps;
   variances_[m] = variance;
-  for (std::size_t k = 0; k < m; ++k) {
+  unexplained_[m] = std::max(0.0, found - by_poses / pairs) / maps;
+  for (std::size_t k = 0; k < maps_.size(); ++k) {
     if (!unknown[k]) continue;
     variances_[k] = variance;
+    unexplained_[k] = unexplained_[m];
+    result_.maps[k].deviation = association.deviation;
     for (const std::uint32_t landmark : landmark_of_[k]) {
       covariances_[landmark].diagonal().array() += variance;
     }
@@ -337,16 +391,33 @@ Estimate Fusion::estimate(std::uint32_t landmark) const {
   for (std::uint32_t at = last_member_[landmark]; at != Member::kNoMember;
        at = members_[at].previous) {
     const Member& member = members_[at];
+    // A copy, which is added right after its original, is no further evidence.
+    if (member.previous != Member::kNoMember &&
+        original_[members_[member.previous].map] == original_[member.map]) {
+      continue;
+    }
     const WorldLandmarks& world = world_[member.map];
-    Matrix3d covariance = world.covariances[member.landmark];
+    Matrix3d stated = world.covariances[member.landmark];
+    Matrix3d covariance = stated;
     covariance.diagonal().array() += variances_[member.map].value_or(0.0);
-    measured.push_back({world.positions[member.landmark], covariance});
+    stated.diagonal().array() += unexplained_[member.map];
+    const Vector3d& position = world.positions[member.landmark];
+    stated += covariance_by_pose(maps_[member.map], position);
+    measured.push_back({position, covariance, stated});
     wrong += 1.0 - member.probability;
   }
   if (measured.size() == 1) return measured.front();
-  // The first of the maps first.
+  // In the order in which the maps were added.
   std::reverse(measured.begin(), measured.end());
   return combined(measured, wrong);
+}
+
+void Fusion::count_fused() {
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    for (const std::uint32_t landmark : landmark_of_[m]) {
+      result_.maps[m].fused += parts_[landmark] > 1 ? 1 : 0;
+    }
+  }
 }
 
 // What only one map has stays as it is there.
@@ -359,17 +430,21 @@ void Fusion::set_positions() {
   options_.execution.executor.for_blocks(count, kBlock, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto landmark = static_cast<std::uint32_t>(i);
+      const Member& last = members_[last_member_[i]];
+      bool of_one_map = true;
       for (std::uint32_t at = last_member_[i]; at != Member::kNoMember;
            at = members_[at].previous) {
         if (!has_covariance(members_[at].map, members_[at].landmark)) known[i] = 0;
+        of_one_map = of_one_map && original_[members_[at].map] == original_[last.map];
       }
-      const Member& last = members_[last_member_[i]];
-      if (parts_[i] > 1) {
+      if (!of_one_map) {
         const Estimate fused = estimate(landmark);
         landmarks.positions[i] = fused.position;
-        landmarks.covariances[i] = fused.covariance;
+        landmarks.covariances[i] = fused.stated;
       } else {
-        landmarks.covariances[i] = world_[last.map].covariances[last.landmark];
+        landmarks.covariances[i] =
+            symmetric(world_[last.map].covariances[last.landmark] +
+                      covariance_by_pose(maps_[last.map], landmarks.positions[i]));
       }
       if (known[i] == 0) landmarks.covariances[i].setConstant(kNan);
     }
@@ -384,12 +459,12 @@ void Fusion::append(std::size_t m, std::uint32_t i) {
   LandmarkTable& landmarks = tables_.landmarks;
   last_member_.push_back(static_cast<std::uint32_t>(members_.size()));
   members_.push_back({.map = static_cast<std::uint32_t>(m), .landmark = i});
+  parts_.push_back(1);
   const Estimate now = estimate(landmark);
   positions_.push_back(now.position);
   covariances_.push_back(now.covariance);
   from_map_.push_back(static_cast<std::uint32_t>(m));
   from_landmark_.push_back(i);
-  parts_.push_back(1);
   if (has_colors_) landmarks.colors.emplace_back();
   if (landmarks.descriptors) {
     landmarks.descriptors->known.push_back(0);
@@ -483,23 +558,31 @@ void Fusion::add_frames(std::size_t m) {
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     std::optional<CameraIndex> camera;
     if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
+    Vector3d translation = theirs.translations[i];
+    std::array<double, 4> quaternion = theirs.quaternions[i];
+    if (!maps_[m].is_in_world()) {
+      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+      const Eigen::Quaterniond q = (world_from_map.rigid() * pose).quaternion();
+      translation = world_from_map * pose.translation();
+      quaternion = {q.w(), q.x(), q.y(), q.z()};
+    }
     if (const auto known = known_frame(m, i, camera)) {
+      const std::uint32_t f = known->value;
       own.push_back(*known);
-      is_shared_[known->value] = true;
+      is_shared_[f] = true;
+      if (!precedes(map, *maps_[map_of_frame_[f]].map)) continue;
+      map_of_frame_[f] = m;
+      frames.translations[f] = translation;
+      frames.quaternions[f] = quaternion;
+      frames.pose_covariances.set(f, pose_covariance(maps_[m], FrameIndex{i}));
       continue;
     }
     own.push_back(FrameIndex{static_cast<std::uint32_t>(frames.ids.size())});
     is_shared_.push_back(false);
+    map_of_frame_.push_back(m);
     frames.ids.push_back(FrameId{frames.ids.size()});
-    if (maps_[m].is_in_world()) {
-      frames.translations.push_back(theirs.translations[i]);
-      frames.quaternions.push_back(theirs.quaternions[i]);
-    } else {
-      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
-      const Eigen::Quaterniond q = (world_from_map.rigid() * pose).quaternion();
-      frames.translations.push_back(world_from_map * pose.translation());
-      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-    }
+    frames.translations.push_back(translation);
+    frames.quaternions.push_back(quaternion);
     frames.cameras.push_back(camera);
     frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
                                                               : theirs.timestamps_s[i]);
@@ -510,6 +593,32 @@ void Fusion::add_frames(std::size_t m) {
   }
 }
 
+std::vector<Pixel> pixels_in(const LandmarkMap& map, FrameIndex frame) {
+  const ObservationTable& observations = map.observations();
+  std::vector<Pixel> pixels;
+  for (std::size_t k = 0; k < observations.frames.size(); ++k) {
+    if (observations.frames[k] == frame) pixels.push_back(observations.pixels[k]);
+  }
+  return pixels;
+}
+
+// Whether two lists of pixels are of one image: a quarter of the shorter list is within a pixel of the other. Each map
+// tracks its own features, to tenths of a pixel; among those of two images a few in a hundred coincide.
+bool show_one_image(std::vector<Pixel> few, std::vector<Pixel> many) {
+  constexpr double kWithin = 1.0;
+  if (few.size() > many.size()) std::swap(few, many);
+  std::sort(many.begin(), many.end(), [](const Pixel& a, const Pixel& b) { return a.u < b.u; });
+  std::size_t common = 0;
+  for (const Pixel& pixel : few) {
+    const auto is_left = [](const Pixel& a, double u) { return a.u < u; };
+    auto other = std::lower_bound(many.begin(), many.end(), pixel.u - kWithin, is_left);
+    const auto in_reach = [&] { return other != many.end() && other->u <= pixel.u + kWithin; };
+    while (in_reach() && std::abs(other->v - pixel.v) > kWithin) ++other;
+    common += in_reach() ? 1 : 0;
+  }
+  return 4 * common >= few.size();
+}
+
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.
 std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
                                               std::optional<CameraIndex> camera) const {
@@ -518,16 +627,22 @@ std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
   if (i > 0 && !is_last) return std::nullopt;
   if (theirs.timestamps_s.empty() || !theirs.timestamps_s[i]) return std::nullopt;
   const std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
-  const auto is_same = [&](FrameIndex frame) {
+  const auto is_same = [&](std::size_t k, FrameIndex frame, std::size_t in_earlier) {
     const std::uint32_t f = frame.value;
-    return tables_.frames.timestamps_s[f] == theirs.timestamps_s[i] &&
-           tables_.frames.image_names[f] == name && tables_.frames.cameras[f] == camera;
+    if (tables_.frames.timestamps_s[f] != theirs.timestamps_s[i] ||
+        tables_.frames.image_names[f] != name || tables_.frames.cameras[f] != camera) {
+      return false;
+    }
+    // Maps whose clocks start at 0 have equal times, too.
+    return show_one_image(
+        pixels_in(*maps_[k].map, FrameIndex{static_cast<std::uint32_t>(in_earlier)}),
+        pixels_in(*maps_[m].map, FrameIndex{i}));
   };
   for (std::size_t k = 0; k < m; ++k) {
     const std::vector<FrameIndex>& earlier = result_.frames[k];
     if (earlier.empty()) continue;
-    if (i == 0 && is_same(earlier.back())) return earlier.back();
-    if (is_last && is_same(earlier.front())) return earlier.front();
+    if (i == 0 && is_same(k, earlier.back(), earlier.size() - 1)) return earlier.back();
+    if (is_last && is_same(k, earlier.front(), 0)) return earlier.front();
   }
   return std::nullopt;
 }
@@ -596,7 +711,7 @@ void Fusion::set_columns() {
   columns.push_back({kFromMapColumn, std::move(from_map)});
   columns.push_back({kFromLandmarkColumn, std::move(from_landmark)});
   columns.push_back({kFusedColumn, std::move(parts)});
-  for (std::size_t m = 0; m < maps_.size(); ++m) {
+  for (const std::size_t m : order_) {
     for (const NamedColumn& theirs :
          transformed_columns(maps_[m].map->landmarks().columns, maps_[m].world_from_map)) {
       // Not copied, because the landmarks have moved; it can be computed from the observations.
@@ -623,7 +738,7 @@ std::vector<std::vector<bool>> Fusion::repeated_observations() const {
   std::vector<std::vector<bool>> repeated(maps_.size());
   if (std::find(is_shared_.begin(), is_shared_.end(), true) == is_shared_.end()) return repeated;
   std::set<std::pair<std::uint32_t, FrameIndex>> seen;
-  for (std::size_t m = 0; m < maps_.size(); ++m) {
+  for (const std::size_t m : order_) {
     const ObservationTable& theirs = maps_[m].map->observations();
     if (theirs.offsets.empty()) continue;
     for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
@@ -780,7 +895,7 @@ void Fusion::set_info() {
     }
     std::string line = fmt::format("map {} of a merge: {}", m, maps_[m].name);
     if (theirs.uuid) line += fmt::format(", uuid {}", *theirs.uuid);
-    line += fmt::format(", {} landmarks, of which {} were fused with earlier ones",
+    line += fmt::format(", {} landmarks, of which {} were fused with those of other maps",
                         result_.maps[m].landmarks, result_.maps[m].fused);
     line += frames_line(m);
     info.provenance.push_back(std::move(line));

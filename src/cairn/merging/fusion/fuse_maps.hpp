@@ -41,7 +41,7 @@ struct FusionOptions {
 /// Result for a map's landmarks.
 struct MapFusion {
   std::size_t landmarks = 0;
-  std::size_t fused = 0;  ///< number fused with a landmark of an earlier map
+  std::size_t fused = 0;  ///< number fused with landmarks of other maps
   /// Distance of fused landmarks beyond their covariances; see AssociationResult.
   double deviation = 0.0;
 };
@@ -59,23 +59,26 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 
 /// Fuses maps in one frame into one map.
 ///
-/// Takes the maps in order and finds the same landmarks of the earlier maps (associate()). A landmark's position is the
-/// information-weighted mean of all maps' together: of their covariances, with the map's pose covariance, and of the
-/// variance per map that these do not explain. n maps of one quality weigh 1/n each, in any order. The covariance is
-/// that of the mixture of "same landmark" and "one of them is another" with the pairs' probabilities. Landmarks of one
-/// map are never fused. A landmark that lacks a covariance in one map has none.
+/// The order of the maps decides nothing but numbers: they are worked on in one order, the largest first (precedes()).
+/// Finds the same landmarks of the maps before (associate()). A landmark's position is the information-weighted mean of
+/// all maps' together: of their covariances, and of the variance per map that these do not explain. n maps of one
+/// quality weigh 1/n each. The covariance is that of the mixture of "same landmark" and "one of them is another" with
+/// the pairs' probabilities, with the uncertainty of the maps' poses. This moves a map's landmarks together, so it has no
+/// part in the weights, and the frame in which the maps are placed has none either. A map that is given twice, wherever
+/// it is placed, counts once. Landmarks of one map are never fused. A landmark that lacks a covariance in one map has
+/// none.
 ///
 /// Poses of the maps count as independent, although maps that share links err alike: covariances of landmarks far from
 /// the world's frame are then too small by what is common.
 ///
-/// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the
-/// earlier map, if one is the last frame of its map and the other the first of its, and timestamp, image name
-/// and camera are equal. A landmark keeps its first observation in that frame.
+/// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the larger map,
+/// if one is the last frame of its map and the other the first of its, timestamp, image name and camera are equal, and
+/// their pixels are those of one image. A landmark keeps its first observation in that frame.
 ///
-/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the first kind,
-/// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
-/// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0, frames in the order of the maps;
-/// provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
+/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the
+/// largest map's kind, and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
+/// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0,
+/// frames in the order of the maps, landmarks in that of their sizes; provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
 /// Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
 /// in the world. The same input and seed give the same result for any number of threads.
 ///

@@ -173,7 +173,10 @@ TEST(FuseMaps, ForgetsThatAnObservationDefinesALandmarkThatIsNoLongerOfOneMap) {
     all.sigmas_px[all.offsets[i]] = 0.05;
   }
   const LandmarkMap map(std::move(tables));
-  const std::vector<PlacedMap> maps = {{&map, "a", {}}, {&map, "b", {}}};
+  std::vector<LandmarkIndex> half;
+  for (std::uint32_t i = 0; i < 400; ++i) half.push_back(LandmarkIndex{i});
+  const LandmarkMap part = with_landmarks(map, half);
+  const std::vector<PlacedMap> maps = {{&map, "a", {}}, {&part, "b", {}}};
   const LandmarkMap fused = fuse_maps(maps).map;
   std::size_t defining = 0;
   for (std::size_t i = 0; i < fused.landmark_count(); ++i) {
@@ -651,6 +654,92 @@ TEST(FuseMaps, WeighsEqualMapsEquallyHoweverMany) {
       EXPECT_LT(nees / count, 3.6) << n << ", " << *stated;
     }
   }
+}
+
+// Poses err as their covariances say, which moves the landmarks of a map together.
+TEST(FuseMaps, StatesCovariancesThatTheErrorsHaveWhateverTheNumberOfMaps) {
+  constexpr int kTrials = 200;
+  constexpr double kSigma = 0.01;
+  constexpr double kShift = 0.008;
+  constexpr double kTurn = 0.001;
+  for (const std::size_t n : {2U, 4U, 10U}) {
+    Random random(n);
+    const auto noise = [&] {
+      return Eigen::Vector3d(random.normal(), random.normal(), random.normal());
+    };
+    double nees = 0.0;
+    double count = 0.0;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      std::vector<Eigen::Vector3d> truth;
+      for (int i = 0; i < 64; ++i) {
+        truth.emplace_back(2.0 * (i % 4) + random.uniform(0.0, 1.0),
+                           2.0 * (i / 4 % 4) + random.uniform(0.0, 1.0),
+                           2.0 * (i / 16) + random.uniform(0.0, 1.0));
+      }
+      std::vector<LandmarkMap> maps;
+      std::vector<PlacedMap> placed;
+      maps.reserve(n);
+      for (std::size_t m = 0; m < n; ++m) {
+        MapTables tables;
+        for (std::size_t i = 0; i < truth.size(); ++i) {
+          tables.landmarks.ids.push_back(LandmarkId{i});
+          tables.landmarks.positions.push_back(truth[i] + kSigma * noise());
+        }
+        tables.landmarks.covariances.assign(truth.size(),
+                                            kSigma * kSigma * Eigen::Matrix3d::Identity());
+        PlacedMap& map = placed.emplace_back();
+        map.map = &maps.emplace_back(std::move(tables));
+        if (m == 0) continue;
+        Vector6d error;
+        error << kShift * noise(), kTurn * noise();
+        map.world_from_map = Similarity3(Rigid3().perturbed(error));
+        map.covariance.diagonal() << Eigen::Vector3d::Constant(kShift * kShift),
+            Eigen::Vector3d::Constant(kTurn * kTurn), 0.0;
+      }
+      const LandmarkMap fused = fuse_maps(placed).map;
+      for (const auto& [point, i] : landmarks_of_all(fused, n)) {
+        const Eigen::Vector3d error = fused.landmarks().positions[i] - truth[point];
+        nees += error.dot(fused.landmarks().covariances[i].inverse() * error);
+        count += 1.0;
+      }
+    }
+    EXPECT_GT(count, 60.0 * kTrials) << n;
+    EXPECT_GT(nees / count, 3.0 * 0.8) << n;
+    EXPECT_LT(nees / count, 3.0 * 1.2) << n;
+  }
+}
+
+TEST(FuseMaps, CountsAMapThatIsGivenTwiceOnce) {
+  const Sessions two = sessions(12, 500);
+  std::vector<PlacedMap> maps = placed(two.maps);
+  const FusionResult once = fuse_maps(maps);
+  maps.push_back(maps[1]);
+  maps.push_back(maps[0]);
+  const FusionResult twice = fuse_maps(maps);
+  ASSERT_EQ(twice.map.landmark_count(), once.map.landmark_count());
+  for (std::uint32_t i = 0; i < once.map.landmark_count(); ++i) {
+    const LandmarkIndex landmark{i};
+    EXPECT_EQ(twice.map.landmarks().positions[i], once.map.landmarks().positions[i]);
+    EXPECT_EQ(twice.map.covariance(landmark).value(), once.map.covariance(landmark).value());
+    EXPECT_EQ(values(twice.map, kFusedColumn)[i], 2.0 * values(once.map, kFusedColumn)[i]);
+  }
+}
+
+// Two robots' first images: the clock is at 0, the file is called 0.png, and they see different things.
+TEST(FuseMaps, KeepsFirstKeyframesOfEqualTimeAndNameApart) {
+  const Sessions two = sessions(13, 300);
+  std::vector<LandmarkMap> maps;
+  for (const LandmarkMap* map : {&two.maps.target, &two.maps.source}) {
+    MapTables tables = cut_frames(*map, map->frames().ids[0], map->frames().ids[1]).tables();
+    tables.frames.timestamps_s = {0.0};
+    tables.frames.image_names = {"0.png"};
+    maps.emplace_back(std::move(tables));
+  }
+  const std::vector<PlacedMap> apart = {{&maps[0], "a", {}},
+                                        {&maps[1], "b", two.maps.target_from_source}};
+  EXPECT_EQ(fuse_maps(apart).map.frame_count(), 2U);
+  const std::vector<PlacedMap> same = {{&maps[0], "a", {}}, {&maps[0], "b", {}}};
+  EXPECT_EQ(fuse_maps(same).map.frame_count(), 1U);
 }
 
 TEST(FuseMaps, StatesThePosesUncertaintyOfLandmarksThatComeFromElsewhere) {

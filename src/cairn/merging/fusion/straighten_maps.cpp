@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <tuple>
 #include <utility>
 
 #include "cairn/alignment/deformed.hpp"
@@ -69,6 +70,26 @@ std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const Prepared
   return StraightenedMap{transformed(deformed(map, *pose), own_from_deformed), bend};
 }
 
+// Positions of the links, the most certain first, then those of the largest maps: whatever order they are given in.
+std::vector<std::size_t> order_of(std::span<const MapLink> links, std::span<const PlacedMap> maps) {
+  std::vector<std::size_t> by_size(maps.size());
+  std::iota(by_size.begin(), by_size.end(), std::size_t{0});
+  std::stable_sort(by_size.begin(), by_size.end(), [&](std::size_t a, std::size_t b) {
+    return precedes(*maps[a].map, *maps[b].map);
+  });
+  std::vector<std::size_t> rank(maps.size());
+  for (std::size_t i = 0; i < by_size.size(); ++i) rank[by_size[i]] = i;
+  std::vector<std::size_t> order(links.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto key = [&](std::size_t i) {
+    const MapLink& link = links[i];
+    return std::tuple(-link.probability.value_or(1.0), rank[link.target], rank[link.source]);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
+  return order;
+}
+
 }  // namespace
 
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
@@ -86,19 +107,26 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     }
     return *prepared[map];
   };
+  const auto parts_of = [&](const MapLink& link) {
+    auto parts = parts_of_pair(prepare(link.target), prepare(link.source), how);
+    if (parts) return parts;
+    // Larger ones, by which maps are aligned that are not as a whole.
+    return parts_of_pair(prepared_to_link(*maps[link.target].map, how),
+                         prepared_to_link(*maps[link.source].map, how), how);
+  };
   std::vector<std::optional<StraightenedMap>> straight(maps.size());
   const auto now = [&](std::size_t map) -> const LandmarkMap& {
     return straight[map] ? straight[map]->map : *maps[map].map;
   };
   std::vector<std::size_t> group(maps.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
-  for (const MapLink& link : links) {
+  for (const std::size_t index : order_of(links, maps)) {
+    const MapLink& link = links[index];
     const std::size_t joined = group[link.source];
     if (joined == group[link.target]) continue;
     std::replace(group.begin(), group.end(), joined, group[link.target]);
     if (link.kind != LinkKind::kPlacement) continue;
-    // A link that the parts aligned has their bend instead.
-    if (link.covariance_with_scale && !link.parts && !straight[link.source]) {
+    if (link.covariance_with_scale && !straight[link.source]) {
       auto mended =
           undeformed(*maps[link.source].map, prepare(link.source), prepare(link.target), link);
       if (mended && fused(now(link.target), mended->map, link, options) >=
@@ -107,8 +135,7 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
         continue;
       }
     }
-    std::optional<PartsAlignment> parts = link.parts;
-    if (!parts) parts = parts_of_pair(prepare(link.target), prepare(link.source), how);
+    const std::optional<PartsAlignment> parts = parts_of(link);
     if (!parts || !parts->bend || parts->bend->rotation_rad < kLeastBend) continue;
     const bool of_source = parts->bend->map == MapRole::kSource;
     const std::size_t bent = of_source ? link.source : link.target;

@@ -24,8 +24,8 @@ struct StraightenedMap {
 /// If a link's scale is free, its source is first deformed as the target shows (DeformablePair), if it clearly is, by 2°
 /// or 2 % of lengths, and if as many more landmarks can then be fused. The bend states the rotations.
 ///
-/// @param links aligned ones of the maps by index, the most certain first. Only those that connect maps which earlier
-///        ones do not are used. Their poses stay those of the straightened maps
+/// @param links stated and aligned ones of the maps by index, in any order. The most certain ones that connect all maps
+///        are used. Their poses stay those of the straightened maps
 /// @return one per map; std::nullopt for a map that stays as it is
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
                                                             std::span<const MapLink> links,

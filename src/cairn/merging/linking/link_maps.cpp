@@ -8,6 +8,7 @@
 
 #include "cairn/alignment/by_parts.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -36,11 +37,14 @@ MapLink linked(const PreparedMap& target, const PreparedMap& source, const Align
   link.target_from_source = alignment.target_from_source;
   link.covariance = alignment.registration.covariance;
   link.covariance_with_scale = alignment.registration.covariance_with_scale;
-  if (alignment.parts && alignment.parts->consensus) link.parts = std::move(alignment.parts);
   return link;
 }
 
 }  // namespace
+
+std::string_view link_status(const std::optional<Verdict>& verdict) {
+  return verdict ? to_string(*verdict) : "stated";
+}
 
 PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options) {
   return PreparedMap(map, {.confidence = {},
@@ -69,7 +73,7 @@ std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const Pre
 }
 
 std::optional<PoseLink> pose_link(const MapLink& link) {
-  if (link.verdict != Verdict::kAligned || !link.target_from_source) return std::nullopt;
+  if (!connects(link.verdict, link.target_from_source)) return std::nullopt;
   return PoseLink{NodeId{link.target}, NodeId{link.source},        *link.target_from_source,
                   link.covariance,     link.covariance_with_scale, link.kind,
                   link.probability};
@@ -79,7 +83,7 @@ MapLink stated_link(const PoseLink& link) {
   return {.target = link.target.value,
           .source = link.source.value,
           .kind = link.kind,
-          .verdict = Verdict::kAligned,
+          .verdict = std::nullopt,
           .probability = link.probability,
           .reason = fmt::format("stated by {}", to_string(link.kind)),
           .target_from_source = link.target_from_source,
@@ -94,8 +98,8 @@ void LinkOptions::validate() const {
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                const LinkOptions& options) {
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t source = 1; source < maps.size(); ++source) {
-    for (std::size_t target = 0; target < source; ++target) pairs.emplace_back(target, source);
+  for (std::size_t later = 1; later < maps.size(); ++later) {
+    for (std::size_t earlier = 0; earlier < later; ++earlier) pairs.emplace_back(earlier, later);
   }
   return link_maps(maps, pairs, options);
 }
@@ -104,9 +108,9 @@ std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                std::span<const std::pair<std::size_t, std::size_t>> pairs,
                                const LinkOptions& options) {
   options.validate();
-  for (const auto& [target, source] : pairs) {
-    if (target < maps.size() && source < maps.size() && target != source) continue;
-    throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", target, source),
+  for (const auto& [a, b] : pairs) {
+    if (a < maps.size() && b < maps.size() && a != b) continue;
+    throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", a, b),
                 fmt::format("two of {} maps", maps.size()));
   }
   std::vector<MapLink> links(pairs.size());
@@ -123,7 +127,8 @@ std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
   std::size_t done = 0;
   const auto link_pairs = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const auto [target, source] = pairs[i];
+      auto [target, source] = pairs[i];
+      if (precedes(*maps[source], *maps[target])) std::swap(target, source);
       links[i] = linked(prepared[target], prepared[source], align);
       links[i].target = target;
       links[i].source = source;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -14,23 +15,30 @@
 
 namespace cairn {
 
+/// "stated", or the name of the verdict.
+std::string_view link_status(const std::optional<Verdict>& verdict);
+
+/// Whether a link may place a map: it has a pose, which is stated or judged aligned.
+inline bool connects(const std::optional<Verdict>& verdict,
+                     const std::optional<Similarity3>& target_from_source) {
+  return target_from_source && verdict.value_or(Verdict::kAligned) == Verdict::kAligned;
+}
+
 /// Relation of two of several maps: the result of align(), or a stated link.
 struct MapLink {
   std::size_t target = 0;  ///< index of a map
   std::size_t source = 0;
   LinkKind kind = LinkKind::kPlacement;
-  Verdict verdict = Verdict::kRejected;
-  std::optional<double> probability;  ///< std::nullopt for a link that was not judged
+  std::optional<Verdict> verdict;     ///< std::nullopt for a stated link, which was not judged
+  std::optional<double> probability;  ///< std::nullopt for a stated link
   std::string reason;                 ///< one sentence for people
-  /// Only if the verdict is aligned; with the covariances of Alignment.
+  /// Only if the link is stated or its verdict is aligned; with the covariances of Alignment.
   std::optional<Similarity3> target_from_source;
   std::optional<Matrix6d> covariance;
   std::optional<Matrix7d> covariance_with_scale;
-  /// If the maps are aligned by their parts, of which one is bent: see Alignment::parts.
-  std::optional<PartsAlignment> parts = {};
 };
 
-/// The pose graph's link for an aligned pair, with the maps' indices as nodes; std::nullopt for other
+/// The pose graph's link for an aligned pair or a stated link, with the maps' indices as nodes; std::nullopt for other
 /// pairs.
 std::optional<PoseLink> pose_link(const MapLink& link);
 
@@ -61,14 +69,15 @@ MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
                                             const LinkOptions& options = {});
 
-/// Aligns every map with every earlier one, which is the target. Estimates the scale if one of the two has
-/// a free scale. The same input and seed give the same links for any number of threads.
+/// Aligns every map with every other one. The larger of the two is the target (precedes()), so that the order of the maps
+/// does not matter. Estimates the scale if one of the two has a free scale. The same input and seed give the same links
+/// for any number of threads.
 /// @return one link per pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...
 /// @throws Error (cancelled) if the caller asked to stop
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                const LinkOptions& options = {});
 
-/// The same for some pairs only, (target, source).
+/// The same for some pairs only.
 /// @return one link per pair, in their order
 std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
                                std::span<const std::pair<std::size_t, std::size_t>> pairs,

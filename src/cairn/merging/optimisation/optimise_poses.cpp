@@ -5,6 +5,7 @@
 #include <functional>
 #include <numeric>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -33,9 +34,58 @@ PoseLeastSquares least_squares(std::vector<PoseEdge> edges, const PoseGroup& gro
   return {std::move(edges), group.group_from_node};
 }
 
-// The largest part of the group that the edges still connect.
-PoseGroup largest_part(const PoseGroup& group, const std::vector<PoseEdge>& edges,
-                       const std::vector<std::size_t>& in_group) {
+// The nodes in an order that does not depend on that of the input: the most extended first. What makes the poses of a
+// group takes its nodes and links in this order.
+struct SortedNodes {
+  SortedNodes(const PoseGraph& graph, std::span<const NodeExtent> extents)
+      : node(extents.size()), edges(pose_edges(graph, extents)) {
+    std::iota(node.begin(), node.end(), std::size_t{0});
+    std::stable_sort(node.begin(), node.end(), [&](std::size_t a, std::size_t b) {
+      return extents[a].radius > extents[b].radius;
+    });
+    std::vector<std::size_t> rank(node.size());
+    const std::vector<std::size_t> session = session_numbers(graph);
+    for (std::size_t i = 0; i < node.size(); ++i) {
+      rank[node[i]] = i;
+      extent.push_back(extents[node[i]]);
+      run.push_back(session[node[i]]);
+    }
+    for (PoseEdge& edge : edges) {
+      edge.target = rank[edge.target];
+      edge.source = rank[edge.source];
+    }
+    const auto key = [&](const PoseEdge& edge) {
+      return std::tuple(edge.target, edge.source, mean_square_disagreement(edge, extent));
+    };
+    std::stable_sort(edges.begin(), edges.end(),
+                     [&](const PoseEdge& a, const PoseEdge& b) { return key(a) < key(b); });
+  }
+
+  // The one of a group that comes first in the input, whose frame is the world.
+  std::size_t first_of(const PoseGroup& group) const {
+    return *std::min_element(group.nodes.begin(), group.nodes.end(),
+                             [&](std::size_t a, std::size_t b) { return node[a] < node[b]; });
+  }
+
+  // Of the largest ones, that with the first node of the input.
+  const PoseGroup& largest(const std::vector<PoseGroup>& groups) const {
+    return *std::min_element(groups.begin(), groups.end(),
+                             [&](const PoseGroup& a, const PoseGroup& b) {
+                               if (a.nodes.size() != b.nodes.size())
+                                 return a.nodes.size() > b.nodes.size();
+                               return node[first_of(a)] < node[first_of(b)];
+                             });
+  }
+
+  std::vector<std::size_t> node;  // index in the input
+  std::vector<NodeExtent> extent;
+  std::vector<std::size_t> run;
+  std::vector<PoseEdge> edges;  // of these indices; sorted
+};
+
+// The parts of the group that the edges still connect.
+std::vector<PoseGroup> connected_parts(const PoseGroup& group, const std::vector<PoseEdge>& edges,
+                                       const std::vector<std::size_t>& in_group) {
   std::vector<std::size_t> root(group.nodes.size());
   std::iota(root.begin(), root.end(), std::size_t{0});
   const auto find = [&](std::size_t node) {
@@ -48,17 +98,14 @@ PoseGroup largest_part(const PoseGroup& group, const std::vector<PoseEdge>& edge
     const std::size_t b = find(in_group[edge.source]);
     root[std::max(a, b)] = std::min(a, b);
   }
-  std::vector<std::size_t> sizes(root.size(), 0);
-  for (std::size_t i = 0; i < root.size(); ++i) ++sizes[find(i)];
-  const auto largest =
-      static_cast<std::size_t>(std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
-  PoseGroup part;
+  std::vector<PoseGroup> parts(root.size());
   for (std::size_t i = 0; i < root.size(); ++i) {
-    if (find(i) != largest) continue;
+    PoseGroup& part = parts[find(i)];
     part.nodes.push_back(group.nodes[i]);
     part.group_from_node.push_back(group.group_from_node[i]);
   }
-  return part;
+  std::erase_if(parts, [](const PoseGroup& part) { return part.nodes.empty(); });
+  return parts;
 }
 
 }  // namespace
@@ -74,10 +121,12 @@ void PoseOptimisationOptions::validate() const {
   }
 }
 
-OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
+OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> given_extents,
                               const PoseOptimisationOptions& options) {
   options.validate();
-  const std::vector<PoseEdge> all = pose_edges(graph, extents);
+  const SortedNodes sorted(graph, given_extents);
+  const std::vector<PoseEdge>& all = sorted.edges;
+  const std::span<const NodeExtent> extents = sorted.extent;
   OptimisedPoses poses;
   if (graph.nodes.empty()) return poses;
   const std::size_t count = graph.nodes.size();
@@ -122,7 +171,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     group.group_from_node = problem.poses();
   };
   PoseGroup group =
-      grow_groups(all, extents, session_numbers(graph), options.agreement, refine).front();
+      sorted.largest(grow_groups(all, extents, sorted.run, options.agreement, refine));
   std::vector<std::size_t> in_group = indices_in(group, count);
   const auto agrees = [&](const PoseEdge& edge) {
     const std::size_t target = in_group[edge.target];
@@ -167,7 +216,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
   const auto keep_connected = [&](std::vector<PoseEdge>& edges) {
     std::erase_if(edges, [&](const PoseEdge& edge) { return !agrees(edge); });
     const std::size_t first = group.nodes.front();
-    group = largest_part(group, edges, in_group);
+    group = sorted.largest(connected_parts(group, edges, in_group));
     in_group = indices_in(group, count);
     if (group.nodes.front() != first) begin_at_first();
     std::erase_if(edges, [&](const PoseEdge& edge) { return !agrees(edge); });
@@ -186,16 +235,27 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
     keep_connected(edges);
   }
 
-  const std::vector<Matrix7d> covariances = covariances_of(edges);
+  const std::size_t frame = sorted.first_of(group);
+  std::vector<Matrix7d> covariances;
+  if (group.nodes.front() == frame) {
+    covariances = covariances_of(edges);
+  } else {
+    // Relative to the frame's node, so that this one is fixed.
+    std::swap(group.nodes.front(), group.nodes[in_group[frame]]);
+    std::swap(group.group_from_node.front(), group.group_from_node[in_group[frame]]);
+    in_group = indices_in(group, count);
+    begin_at_first();
+    covariances = least_squares(edges, group, in_group).covariances();
+  }
   poses.world_from_node.assign(count, std::nullopt);
   poses.covariances.assign(count, Matrix7d::Zero());
   poses.agrees.assign(graph.links.size(), false);
   for (std::size_t i = 0; i < group.nodes.size(); ++i) {
-    poses.world_from_node[group.nodes[i]] = group.group_from_node[i];
-    poses.covariances[group.nodes[i]] = covariances[i];
+    poses.world_from_node[sorted.node[group.nodes[i]]] = group.group_from_node[i];
+    poses.covariances[sorted.node[group.nodes[i]]] = covariances[i];
   }
   for (const PoseEdge& edge : edges) poses.agrees[edge.link] = agrees(edge);
-  poses.tree = most_certain_tree(group.nodes.front(), edges, extents);
+  poses.tree = most_certain_tree(frame, edges, extents);
   return poses;
 }
 

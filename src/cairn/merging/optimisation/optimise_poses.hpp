@@ -14,13 +14,14 @@ namespace cairn {
 /// Extent of a node's landmarks in its own frame, by which poses are compared.
 struct NodeExtent {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  double radius = 1.0;  ///< root mean square distance from the centre; positive
+  double radius = 1.0;  ///< median distance from the centre; positive
 };
 
 /// Options of optimise_poses().
 struct PoseOptimisationOptions {
-  /// Two poses of a node agree if they move its landmarks apart by less than this share of its radius (root
-  /// mean square); in (0, 1].
+  /// Two poses of a node agree if they move its landmarks apart by less than this share of its radius: the root of the
+  /// sum of the squares of the shift of its centre in radii, of the rotation in radians, and of the difference of the
+  /// logarithms of scale; in (0, 1].
   double agreement = 0.1;
   int max_iterations = 100;  ///< of the solver
   Execution execution = {};  ///< one thread, so that results do not depend on their number
@@ -48,7 +49,8 @@ struct OptimisedPoses {
 /// wrong link therefore decides only if it is alone, and groups stay apart if one link contradicts another.
 /// Then solves a robust pose graph (Cauchy loss, errors weighted by the links' covariances) of all
 /// consistent links. Links that disagree with the result are removed, and nodes that only they connect;
-/// then it is solved again.
+/// then it is solved again. The order of nodes and links decides the frame, and nothing else if no two nodes have equal
+/// radii.
 ///
 /// @param graph   its poses are ignored; links without covariance are not used
 /// @param extents one per node

@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-std::vector<Matrix6d> keyframe_pose_covariances(const LandmarkGraph& graph) {
-  std::vector<Matrix6d> covariances;
+std::vector<std::optional<Matrix6d>> keyframe_pose_covariances(const LandmarkGraph& graph) {
+  std::vector<std::optional<Matrix6d>> covariances;
   for (std::uint32_t k = 0; k < graph.keyframes().size(); ++k) {
     const Keyframe& keyframe = graph.keyframes()[k];
     Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
@@ -19,13 +19,14 @@ std::vector<Matrix6d> keyframe_pose_covariances(const LandmarkGraph& graph) {
       const LinearisedObservation at = linearise(graph, {k, i}, graph.landmark(*index).position);
       information += at.by_pose.transpose() * at.by_pose;
     }
-    covariances.emplace_back(inverse_of_positive_definite(information).value_or(Matrix6d::Zero()));
+    const auto inverse = inverse_of_positive_definite(information);
+    covariances.push_back(inverse ? std::optional<Matrix6d>(*inverse) : std::nullopt);
   }
   return covariances;
 }
 
-std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
-                                                   const std::vector<Matrix6d>& pose_covariances) {
+std::vector<Eigen::Matrix3d> recursive_covariances(
+    const LandmarkGraph& graph, const std::vector<std::optional<Matrix6d>>& pose_covariances) {
   std::vector<Eigen::Matrix3d> covariances;
   covariances.reserve(graph.landmarks().size());
   for (const TrackedLandmark& landmark : graph.landmarks()) {
@@ -39,10 +40,11 @@ std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
         start.by_point.transpose() * start.by_point + unknown_depth_information(graph, landmark);
     for (std::size_t i = 1; i < landmark.observations.size(); ++i) {
       const KeypointReference& reference = landmark.observations[i];
+      if (!pose_covariances[reference.keyframe] || !pose_covariances[first.keyframe]) continue;
       const LinearisedObservation at = linearise(graph, reference, landmark.position);
       // Motion between the two keyframes: both poses' uncertainties.
       const Eigen::Matrix<double, 6, 6> motion =
-          pose_covariances[reference.keyframe] + pose_covariances[first.keyframe];
+          *pose_covariances[reference.keyframe] + *pose_covariances[first.keyframe];
       const Eigen::Matrix3d noise =
           Eigen::Matrix3d::Identity() + at.by_pose * motion * at.by_pose.transpose();
       information +=

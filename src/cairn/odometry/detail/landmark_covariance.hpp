@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,11 +17,11 @@ namespace cairn {
 /// and updates it with each further observation like an extended Kalman filter, P ← (P⁻¹ + s·JᵀR⁻¹J)⁻¹. R
 /// is the measurement's noise plus the uncertainty of the motion between the two keyframes
 /// (`pose_covariances`, one per keyframe); s is information_share(), because the errors of several views
-/// are correlated.
-std::vector<Eigen::Matrix3d> recursive_covariances(const LandmarkGraph& graph,
-                                                   const std::vector<Matrix6d>& pose_covariances);
+/// are correlated. Observations of keyframes whose pose nothing determines do not count.
+std::vector<Eigen::Matrix3d> recursive_covariances(
+    const LandmarkGraph& graph, const std::vector<std::optional<Matrix6d>>& pose_covariances);
 
-/// Covariance of each keyframe's pose given the landmarks it observes.
-std::vector<Matrix6d> keyframe_pose_covariances(const LandmarkGraph& graph);
+/// Covariance of each keyframe's pose given the landmarks it observes; std::nullopt if these do not determine it.
+std::vector<std::optional<Matrix6d>> keyframe_pose_covariances(const LandmarkGraph& graph);
 
 }  // namespace cairn

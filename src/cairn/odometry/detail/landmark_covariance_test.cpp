@@ -2,6 +2,7 @@
 #include "cairn/odometry/detail/landmark_covariance.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/LU>
@@ -47,8 +48,8 @@ Derivatives derivatives(const LandmarkGraph& graph, const KeypointReference& at,
   return result;
 }
 
-std::vector<Matrix6d> unequal_covariances(std::size_t count) {
-  std::vector<Matrix6d> covariances;
+std::vector<std::optional<Matrix6d>> unequal_covariances(std::size_t count) {
+  std::vector<std::optional<Matrix6d>> covariances;
   for (std::size_t k = 0; k < count; ++k) {
     Vector6d deviations;
     deviations << 0.02, 0.01, 0.03, 0.004, 0.006, 0.005;
@@ -60,7 +61,7 @@ std::vector<Matrix6d> unequal_covariances(std::size_t count) {
 
 // A Kalman filter in its covariance form, which inverts no information.
 Eigen::Matrix3d filtered(const LandmarkGraph& graph, const TrackedLandmark& landmark,
-                         const std::vector<Matrix6d>& pose_covariances) {
+                         const std::vector<std::optional<Matrix6d>>& pose_covariances) {
   const KeypointReference& first = landmark.observations.front();
   const Eigen::Matrix3d start = derivatives(graph, first, landmark.position).by_point;
   Eigen::Matrix3d covariance =
@@ -68,7 +69,7 @@ Eigen::Matrix3d filtered(const LandmarkGraph& graph, const TrackedLandmark& land
   for (std::size_t i = 1; i < landmark.observations.size(); ++i) {
     const KeypointReference& at = landmark.observations[i];
     const Derivatives by = derivatives(graph, at, landmark.position);
-    const Matrix6d motion = pose_covariances[first.keyframe] + pose_covariances[at.keyframe];
+    const Matrix6d motion = *pose_covariances[first.keyframe] + *pose_covariances[at.keyframe];
     const Eigen::Matrix3d noise =
         (Eigen::Matrix3d::Identity() + by.by_pose * motion * by.by_pose.transpose()) /
         information_share(i + 1);
@@ -86,7 +87,7 @@ TEST(RecursiveCovariances, AreThoseOfAKalmanFilter) {
   const KeypointReference unsure = graph.landmarks()[2].observations.front();
   graph.keyframes()[unsure.keyframe].depth_disagrees[unsure.keypoint] = true;
   ASSERT_GT(unknown_depth_information(graph, graph.landmarks()[2]).norm(), 0.0);
-  const std::vector<Matrix6d> poses = unequal_covariances(graph.keyframes().size());
+  const auto poses = unequal_covariances(graph.keyframes().size());
   const std::vector<Eigen::Matrix3d> found = recursive_covariances(graph, poses);
   ASSERT_EQ(found.size(), graph.landmarks().size());
   bool some_exceed = false;
@@ -99,6 +100,20 @@ TEST(RecursiveCovariances, AreThoseOfAKalmanFilter) {
     some_exceed |= excess_of_residuals(graph, landmark) > 1.5;
   }
   EXPECT_TRUE(some_exceed);
+}
+
+TEST(RecursiveCovariances, LearnNothingFromKeyframesThatNothingDetermines) {
+  const TrueGraph made = make_true_graph({.seed = 2, .keyframes = 3, .points = 20});
+  auto poses = unequal_covariances(3);
+  poses[2].reset();
+  const auto without = recursive_covariances(made.graph, poses);
+  for (const double scale : {1e4, 1e8}) {
+    poses[2] = scale * Matrix6d::Identity();
+    const auto uncertain = recursive_covariances(made.graph, poses);
+    for (std::size_t i = 0; i < without.size(); ++i) {
+      EXPECT_LT((uncertain[i] - without[i]).norm(), 1e-4 * without[i].norm()) << i;
+    }
+  }
 }
 
 TEST(RecursiveCovariances, AreZeroForLandmarksThatAreGone) {
@@ -126,23 +141,23 @@ TEST(KeyframePoseCovariances, AreTheInverseInformationOfLandmarksSeenElsewhereTo
     }
   }
   ASSERT_TRUE(some_seen_once && some_seen_twice);
-  const std::vector<Matrix6d> found = keyframe_pose_covariances(graph);
+  const auto found = keyframe_pose_covariances(graph);
   ASSERT_EQ(found.size(), 4U);
   for (std::size_t k = 0; k < found.size(); ++k) {
     const Matrix6d expected = information[k].inverse();
-    EXPECT_LT((found[k] - expected).norm(), 1e-5 * expected.norm()) << k;
+    EXPECT_LT((found[k].value() - expected).norm(), 1e-5 * expected.norm()) << k;
   }
 }
 
-TEST(KeyframePoseCovariances, AreZeroWithoutLandmarks) {
+TEST(KeyframePoseCovariances, AreUnknownWithoutLandmarks) {
   TrueGraph made = make_true_graph({.seed = 4, .keyframes = 2, .points = 20});
   Keyframe alone;
   alone.features = testing::features_of({}, {});
   made.graph.add_keyframe(std::move(alone));
-  const std::vector<Matrix6d> found = keyframe_pose_covariances(made.graph);
+  const auto found = keyframe_pose_covariances(made.graph);
   ASSERT_EQ(found.size(), 3U);
-  EXPECT_TRUE(found[2].isZero());
-  EXPECT_FALSE(found[1].isZero());
+  EXPECT_FALSE(found[2]);
+  EXPECT_TRUE(found[1]);
 }
 
 TEST(UnknownDepthInformation, IsAFifthOfTheDepthAlongTheFirstViewsAxis) {

@@ -471,8 +471,10 @@ FinishedMap Odometry::Tracker::begin_new_map(const MapOptions& options) {
   MiniMapLink link;
   link.previous_from_next = graph_.keyframes().back().world_from_camera;
   const MapCovariances covariances = map_covariances(options.covariance);
+  // A metre and a radian where nothing determines the pose.
   link.covariance = covariances.poses.empty()
-                        ? stated_covariance(keyframe_pose_covariances(graph_).back())
+                        ? stated_covariance(keyframe_pose_covariances(graph_).back().value_or(
+                              Matrix6d::Identity()))
                         : covariances.poses.back();
   FinishedMap finished{map_.to_map(options, covariances.landmarks, covariances.poses), trajectory(),
                        link};

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-// Singular values below this share of the largest count as rounding: a cloud 1 m long and less than 0.1 mm
+// Singular values below this share of the largest count as rounding: a cloud 1 m long and less than 0.03 mm
 // thick is a line.
 constexpr double kFlat = 1e-9;
 
