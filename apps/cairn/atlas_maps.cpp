@@ -362,7 +362,7 @@ struct MergeAtlasArguments : AtlasArguments {
                               {"scale", pose.frame_from_node.scale()},
                               {"covariance", to_json(pose.covariance)},
                               {"landmarks", merged.maps[i].landmarks},
-                              {"fused_with_earlier", merged.maps[i].fused},
+                              {"fused", merged.maps[i].fused},
                               {"unexplained_deviation", merged.maps[i].deviation},
                               {"bend", bend_json(merged.bends[i])}});
       bends += bend_text(merged.bends[i], state.nodes.at(nodes[i]).name);

@@ -151,7 +151,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
                {"scale", nullptr},
                {"covariance", nullptr},
                {"landmarks", nullptr},
-               {"fused_with_earlier", nullptr},
+               {"fused", nullptr},
                {"bend", nullptr},
                {"unexplained_deviation", nullptr}};
   if (!map.placed) return json;
@@ -159,7 +159,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
   json["scale"] = map.world_from_map->scale();
   json["covariance"] = to_json(map.covariance);
   json["landmarks"] = map.fusion->landmarks;
-  json["fused_with_earlier"] = map.fusion->fused;
+  json["fused"] = map.fusion->fused;
   json["unexplained_deviation"] = map.fusion->deviation;
   json["bend"] = bend_json(map.bend);
   return json;

@@ -108,9 +108,9 @@ TEST(MapAtPoses, LandmarksAreOffAsTheirCovariancesSay) {
   RecordProperty("nees_median", std::to_string(statistics->median));
   RecordProperty("inside_95", std::to_string(statistics->inside_95));
   EXPECT_GT(statistics->count, 300U);
-  EXPECT_GT(statistics->inside_95, 0.9);
-  EXPECT_GT(statistics->median, 0.3) << "nor merely large";
-  EXPECT_LT(statistics->median, 3.0);
+  EXPECT_GT(statistics->inside_95, 0.99);
+  EXPECT_GT(statistics->median, 0.24) << "nor merely large";
+  EXPECT_LT(statistics->median, 0.95);
 }
 
 double share_near(const LandmarkMap& of, const LandmarkMap& in, const Eigen::Vector3d& shift,

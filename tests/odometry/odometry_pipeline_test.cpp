@@ -342,6 +342,7 @@ TEST(OdometryPipeline, LinksOfMiniMapsAreTheTrueRelativePoses) {
   const auto truth_at = [](const LandmarkMap& map) {
     return interpolated(sweep().truth, map.frames().timestamps_s.front().value()).value();
   };
+  double all = 0.0;
   for (std::size_t i = 0; i < mapped.links.size(); ++i) {
     const Rigid3 truth = truth_at(mapped.maps[i]).inverse() * truth_at(mapped.maps[i + 1]);
     const Vector6d off = truth.difference_to(mapped.links[i].previous_from_next);
@@ -351,9 +352,13 @@ TEST(OdometryPipeline, LinksOfMiniMapsAreTheTrueRelativePoses) {
     const double normalised = off.dot(covariance.inverse() * off);
     RecordProperty("normalised_" + std::to_string(i), std::to_string(normalised));
     EXPECT_GT(covariance.determinant(), 0.0);
-    EXPECT_LT(normalised, 300.0) << "the covariance is wrong by orders of magnitude";
+    EXPECT_LT(normalised, 0.07) << i;
+    all += normalised;
     expect_sound_covariances(mapped.maps[i]);
   }
+  // Stated for a real camera, whose common errors this one lacks, covariances of links are far too large here. They must
+  // not become larger still.
+  EXPECT_GT(all / static_cast<double>(mapped.links.size()), 0.008);
   EXPECT_EQ(mapped.trajectory.size(), sweep().frames.size());
   EXPECT_LT(error_of(mapped, sweep().truth).translation.rmse, 0.01);
 }

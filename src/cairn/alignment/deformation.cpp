@@ -95,7 +95,7 @@ bool Deformation::folds(const Eigen::Vector3d& x) const {
 Similarity3 Deformation::near(const Eigen::Vector3d& x) const {
   const Eigen::Vector3d there = (*this)(x);
   const Eigen::Matrix3d linear = derivative(x);
-  if (folds(x)) {
+  if (!(linear.determinant() > 0.0)) {
     return Rigid3(Eigen::Quaterniond::Identity(), there - x);
   }
   const SingularValues3 svd = singular_values(linear);
