@@ -70,7 +70,7 @@ TEST_F(MergeTest, MiniMapsOfARunAreJoinedByItsOdometry) {
   const Similarity3 first_from_second = write_mini_maps("run");
   const CommandResult result = cairn({"merge", "run/", "-o", "all.map", "--json", "all.json"});
   EXPECT_EQ(result.exit_code, kDone);
-  EXPECT_THAT(result.output, HasSubstr("placed 2 of 2: 1 <- 2 odometry\n"));
+  EXPECT_THAT(result.output, HasSubstr("placed 2 of 2: run/1 <- run/2 odometry\n"));
   const Json json = Json::parse(content("all.json"));
   EXPECT_TRUE(pose_of(json.at("maps").at(1).at("world_from_map"))
                   .matrix()
@@ -79,6 +79,7 @@ TEST_F(MergeTest, MiniMapsOfARunAreJoinedByItsOdometry) {
   EXPECT_EQ(json.at("links").at(0).at("kind"), "placement");
   EXPECT_EQ(json.at("links").at(0).at("used"), false);
   EXPECT_EQ(json.at("links").at(1).at("kind"), "odometry");
+  EXPECT_EQ(json.at("links").at(1).at("status"), "stated");
   EXPECT_EQ(json.at("links").at(1).at("used"), true);
   EXPECT_TRUE(json.at("links").at(1).at("probability").is_null());
   // Converted or removed since: by name, and what is there.
