@@ -81,6 +81,24 @@ std::vector<std::uint64_t> values(const auto& ids) {
   return result;
 }
 
+TEST(Operations, LargerMapsPrecedeAndOneOrderIsTotal) {
+  const auto with = [](std::vector<Eigen::Vector3d> positions) {
+    MapTables tables;
+    for (std::size_t i = 0; i < positions.size(); ++i)
+      tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions = std::move(positions);
+    return LandmarkMap(std::move(tables));
+  };
+  const std::vector<LandmarkMap> ordered = {
+      with({{5, 5, 5}, {6, 6, 6}, {7, 7, 7}}), with({{1, 2, 3}, {0, 0, 0}}),
+      with({{1, 2, 3}, {0, 0, 1}}), with({{1, 2.5, 0}, {0, 0, 0}}), with({{0, 0, 0}})};
+  for (std::size_t i = 0; i < ordered.size(); ++i) {
+    for (std::size_t j = 0; j < ordered.size(); ++j) {
+      EXPECT_EQ(precedes(ordered[i], ordered[j]), i < j) << i << ", " << j;
+    }
+  }
+}
+
 TEST(LandmarksObserved, CountsObservations) {
   const LandmarkMap map = plain_map();
   EXPECT_THAT(landmarks_observed(map, 0),

@@ -2,6 +2,7 @@
 #include "cairn/merging/fusion/fuse_maps.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -17,6 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
@@ -662,6 +664,7 @@ TEST(FuseMaps, StatesCovariancesThatTheErrorsHaveWhateverTheNumberOfMaps) {
   constexpr double kSigma = 0.01;
   constexpr double kShift = 0.008;
   constexpr double kTurn = 0.001;
+  const Rigid3 keyframe = Rigid3::from_roll_pitch_yaw({2.0, 0.5, -0.3}, 0.4, -0.2, 1.0);
   for (const std::size_t n : {2U, 4U, 10U}) {
     Random random(n);
     const auto noise = [&] {
@@ -669,6 +672,7 @@ TEST(FuseMaps, StatesCovariancesThatTheErrorsHaveWhateverTheNumberOfMaps) {
     };
     double nees = 0.0;
     double count = 0.0;
+    double of_keyframes = 0.0;  // each map's, 2 m from its origin, with an error of its own
     for (int trial = 0; trial < kTrials; ++trial) {
       std::vector<Eigen::Vector3d> truth;
       for (int i = 0; i < 64; ++i) {
@@ -687,16 +691,29 @@ TEST(FuseMaps, StatesCovariancesThatTheErrorsHaveWhateverTheNumberOfMaps) {
         }
         tables.landmarks.covariances.assign(truth.size(),
                                             kSigma * kSigma * Eigen::Matrix3d::Identity());
+        Vector6d error;
+        error << kShift * noise(), kTurn * noise();
+        const Matrix6d variances = Vector6d({kShift * kShift, kShift * kShift, kShift * kShift,
+                                             kTurn * kTurn, kTurn * kTurn, kTurn * kTurn})
+                                       .asDiagonal();
+        const Rigid3 seen = keyframe.perturbed(error);
+        tables.frames.ids = {FrameId{0}};
+        tables.frames.translations = {seen.translation()};
+        const Eigen::Quaterniond q = seen.quaternion();
+        tables.frames.quaternions = {std::array{q.w(), q.x(), q.y(), q.z()}};
+        tables.frames.pose_covariances.push_back(variances);
         PlacedMap& map = placed.emplace_back();
         map.map = &maps.emplace_back(std::move(tables));
         if (m == 0) continue;
-        Vector6d error;
         error << kShift * noise(), kTurn * noise();
         map.world_from_map = Similarity3(Rigid3().perturbed(error));
-        map.covariance.diagonal() << Eigen::Vector3d::Constant(kShift * kShift),
-            Eigen::Vector3d::Constant(kTurn * kTurn), 0.0;
+        map.covariance.topLeftCorner<6, 6>() = variances;
       }
       const LandmarkMap fused = fuse_maps(placed).map;
+      for (std::uint32_t f = 0; f < n; ++f) {
+        of_keyframes += normalised_squared_error(fused.world_from_camera(FrameIndex{f}),
+                                                 *fused.frames().pose_covariances[f], keyframe);
+      }
       for (const auto& [point, i] : landmarks_of_all(fused, n)) {
         const Eigen::Vector3d error = fused.landmarks().positions[i] - truth[point];
         nees += error.dot(fused.landmarks().covariances[i].inverse() * error);
@@ -706,6 +723,7 @@ TEST(FuseMaps, StatesCovariancesThatTheErrorsHaveWhateverTheNumberOfMaps) {
     EXPECT_GT(count, 60.0 * kTrials) << n;
     EXPECT_GT(nees / count, 3.0 * 0.8) << n;
     EXPECT_LT(nees / count, 3.0 * 1.2) << n;
+    EXPECT_NEAR(of_keyframes / (kTrials * static_cast<double>(n)), 6.0, 1.2) << n;
   }
 }
 

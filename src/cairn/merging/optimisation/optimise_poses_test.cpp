@@ -114,6 +114,48 @@ TEST(OptimisePoses, StatesHowExactPosesAreThatManyLinksDetermine) {
   EXPECT_NEAR(sum / count, 6.0, 1.2);
 }
 
+// Nodes and links in another order give the same poses, relative to each other, and covariances in the same frame.
+TEST(OptimisePoses, TheOrderOfNodesAndLinksDoesNotMatter) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    World world(8, seed);
+    Random random(seed);
+    for (std::size_t i = 0; i < 8; ++i) {
+      world.extents[i].radius = 1.0 + 0.1 * static_cast<double>(i * 3 % 8);
+      for (std::size_t j = i + 1; j < 8; ++j) {
+        if (random.chance(0.7)) world.link(i, j);
+      }
+    }
+    PoseGraph turned = world.graph;
+    std::vector<NodeExtent> extents = world.extents;
+    // The first node stays, so that the frame does.
+    std::reverse(turned.nodes.begin() + 1, turned.nodes.end());
+    std::reverse(extents.begin() + 1, extents.end());
+    std::reverse(turned.links.begin(), turned.links.end());
+    const OptimisedPoses given = optimise_poses(world.graph, world.extents);
+    const OptimisedPoses other = optimise_poses(turned, extents);
+    for (std::size_t i = 0; i < 8; ++i) {
+      const std::size_t k = i == 0 ? 0 : 8 - i;
+      ASSERT_EQ(given.world_from_node[i].has_value(), other.world_from_node[k].has_value());
+      if (!given.world_from_node[i]) continue;
+      EXPECT_LT((given.world_from_node[i]->matrix() - other.world_from_node[k]->matrix()).norm(),
+                1e-9);
+      EXPECT_LE((given.covariances[i] - other.covariances[k]).norm(),
+                1e-6 * given.covariances[i].norm());
+    }
+    std::reverse(turned.nodes.begin(), turned.nodes.end());
+    std::reverse(extents.begin(), extents.end());
+    const OptimisedPoses in_another_frame = optimise_poses(turned, extents);
+    const std::size_t first = 1;  // of the input before, which is the first now
+    ASSERT_TRUE(in_another_frame.world_from_node[0] && given.world_from_node[first]);
+    for (std::size_t i = 1; i < 8; ++i) {
+      const Similarity3 expected =
+          given.world_from_node[first]->inverse() * *given.world_from_node[i];
+      EXPECT_LT((expected.matrix() - in_another_frame.world_from_node[i - 1]->matrix()).norm(),
+                1e-9);
+    }
+  }
+}
+
 TEST(OptimisePoses, KeepsNoWrongLinkWhereOthersSpeak) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     World world(10, seed);

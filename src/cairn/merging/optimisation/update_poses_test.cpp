@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/covariance.hpp"
 
 #include "support/refusal.hpp"
 
@@ -134,6 +135,23 @@ TEST(UpdatePoses, PlacesANewMapAsIfAllWereOptimised) {
     expect_same(drive.updated(drive.before(drive.without(3))), anew);
     EXPECT_EQ(updated.tree, anew.tree);
   }
+}
+
+TEST(UpdatePoses, StatesCovariancesThatTheErrorsHave) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    const Drive drive(14, seed, 4);
+    const OptimisedPoses poses = drive.updated(drive.before(drive.without(3, 2)));
+    for (std::size_t i = 1; i < drive.truth.size(); ++i) {
+      ASSERT_TRUE(poses.world_from_node[i]) << seed;
+      sum += normalised_squared_error(poses.world_from_node[i]->rigid(),
+                                      Matrix6d(poses.covariances[i].topLeftCorner<6, 6>()),
+                                      drive.truth.front().inverse() * drive.truth[i]);
+      count += 1.0;
+    }
+  }
+  EXPECT_NEAR(sum / count, 6.0, 1.2);
 }
 
 // 12 maps in a line drift by some standard deviations of a link; links from its end to its start correct all.
