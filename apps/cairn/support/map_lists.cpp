@@ -43,7 +43,8 @@ std::vector<std::string> possible_names(const std::string& file) {
   }
   const bool is_folder = fs::is_directory(path, ignored);
   // From within the project's folder, its own name is that of a folder above.
-  if (is_folder && is_part_of_project(path.begin()->string())) path = fs::absolute(path).lexically_normal();
+  if (is_folder && is_part_of_project(path.begin()->string()))
+    path = fs::absolute(path).lexically_normal();
   std::vector<std::string> words;
   for (const fs::path& word : is_folder ? path : path.replace_extension()) {
     const std::string text = word.string();
