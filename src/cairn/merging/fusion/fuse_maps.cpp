@@ -62,14 +62,19 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
 }
 
 // How uncertain a point of a map is in the world because the map's pose is.
-Matrix3d covariance_by_pose(const PlacedMap& placed, const Vector3d& in_world) {
+Matrix3d covariance_by_pose(const PlacedMap& placed, const Matrix7d& of_pose,
+                            const Vector3d& in_world) {
   const Eigen::Matrix<double, 3, 7> by_pose =
       point_by_pose(in_world - placed.world_from_map.translation());
-  return by_pose * placed.covariance * by_pose.transpose();
+  return by_pose * of_pose * by_pose.transpose();
 }
 
 Matrix3d symmetric(const Matrix3d& m) {
   return 0.5 * (m + m.transpose());
+}
+
+const Matrix7d& relative_covariance(const PlacedMap& placed) {
+  return placed.relative_covariance ? *placed.relative_covariance : placed.covariance;
 }
 
 // Of a keyframe in the world: of its pose in its map, and of the map's.
@@ -96,12 +101,14 @@ struct Member {
   static constexpr std::uint32_t kNoMember = std::numeric_limits<std::uint32_t>::max();
 };
 
-// An estimate of a position. The uncertainty of the maps' poses moves all landmarks of a map together, so it tells neither
-// which landmarks are the same nor which of them are better.
+// An estimate of a position. The uncertainty of the maps' poses moves all landmarks of a map together, so it does not tell
+// which of them are better.
 struct Estimate {
   Vector3d position;
-  Matrix3d covariance;  // by which landmarks are compared and weighted
-  Matrix3d stated;      // with the uncertainty of the poses
+  Matrix3d covariance;  // by which landmarks are weighted
+  Matrix3d
+      compared;  // by which they are compared: with that of the poses relative to the largest map's
+  Matrix3d stated;  // with that of the poses in the world
 };
 
 // The information-weighted mean of all of `measured`. Its covariance is that of a mixture: with probability 1 - wrong all
@@ -115,7 +122,7 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
 
     Estimate estimate(const Vector3d& origin) const {
       const Matrix3d covariance = information.inverse();
-      return {origin + covariance * moment, covariance, Matrix3d::Zero()};
+      return {origin + covariance * moment, covariance, Matrix3d::Zero(), Matrix3d::Zero()};
     }
   };
   // About one of them, since the mean lies among them, far from the world's origin.
@@ -137,6 +144,7 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
   Matrix3d more = Matrix3d::Zero();
   for (std::size_t k = 0; k < count; ++k) {
     const Matrix3d weight = all.covariance * each[k].information;
+    all.compared += weight * measured[k].compared * weight.transpose();
     all.stated += weight * measured[k].stated * weight.transpose();
     if (wrong == 0.0) continue;
     const Sum others{before[k].information + from[k + 1].information,
@@ -147,6 +155,7 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
   }
   more *= wrong / static_cast<double>(count);
   all.covariance = symmetric(all.covariance + more);
+  all.compared = symmetric(all.compared + more);
   all.stated = symmetric(all.stated + more);
   return all;
 }
@@ -200,8 +209,6 @@ class Fusion {
   std::vector<WorldLandmarks> world_;  // by map
   // By map: variance of its landmarks that their covariances do not explain. Unknown before another map has the same ones.
   std::vector<std::optional<double>> variances_;
-  std::vector<double>
-      unexplained_;  // the part of it that the poses' uncertainty does not explain either
   std::vector<std::size_t>
       original_;  // by map: the first one with the same landmarks, mostly itself
   std::vector<Member> members_;
@@ -227,7 +234,6 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
       order_(maps.size()),
       world_(maps.size()),
       variances_(maps.size()),
-      unexplained_(maps.size(), 0.0),
       original_(maps.size()),
       landmark_of_(maps.size()),
       has_prefix_(maps.size(), false) {
@@ -313,9 +319,14 @@ void Fusion::add(std::size_t m) {
     const auto looks = [](const std::optional<DescriptorColumn>& column) {
       return column ? &*column : nullptr;
     };
+    std::vector<Matrix3d> covariances = world.covariances;
+    for (std::size_t i = 0; i < covariances.size(); ++i) {
+      covariances[i] +=
+          covariance_by_pose(maps_[m], relative_covariance(maps_[m]), world.positions[i]);
+    }
     association =
         associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
-                  {world.positions, world.covariances, looks(map.landmarks().descriptors)}, how);
+                  {world.positions, covariances, looks(map.landmarks().descriptors)}, how);
   }
   result_.maps[m].landmarks = map.landmark_count();
   result_.maps[m].deviation = association.deviation;
@@ -343,7 +354,7 @@ void Fusion::add(std::size_t m) {
   for (const Association& pair : association.pairs) {
     const Estimate now = estimate(pair.first);
     positions_[pair.first] = now.position;
-    covariances_[pair.first] = now.covariance;
+    covariances_[pair.first] = now.compared;
   }
   if (has_further_) set_further();
 }
@@ -355,29 +366,20 @@ void Fusion::estimate_variances(std::size_t m, const AssociationResult& associat
   if (association.pairs.empty() || original_[m] != m) return;
   std::vector<bool> unknown(maps_.size());
   std::size_t of_unknown = 0;
-  double by_poses = 0.0;
   for (const Association& pair : association.pairs) {
     const Member& member = members_[last_member_[pair.first]];
-    const Vector3d& position = world_[m].positions[pair.second];
-    by_poses +=
-        (covariance_by_pose(maps_[m], position) + covariance_by_pose(maps_[member.map], position))
-            .trace() /
-        3.0;
     const std::size_t earlier = original_[member.map];
     if (variances_[earlier]) continue;
     unknown[earlier] = true;
     ++of_unknown;
   }
-  const auto pairs = static_cast<double>(association.pairs.size());
-  const double found = association.deviation * association.deviation;
-  const double maps = 1.0 + static_cast<double>(of_unknown) / pairs;
-  const double variance = found / maps;
+  const double share =
+      static_cast<double>(of_unknown) / static_cast<double>(association.pairs.size());
+  const double variance = association.deviation * association.deviation / (1.0 + share);
   variances_[m] = variance;
-  unexplained_[m] = std::max(0.0, found - by_poses / pairs) / maps;
   for (std::size_t k = 0; k < maps_.size(); ++k) {
     if (!unknown[k]) continue;
     variances_[k] = variance;
-    unexplained_[k] = unexplained_[m];
     result_.maps[k].deviation = association.deviation;
     for (const std::uint32_t landmark : landmark_of_[k]) {
       covariances_[landmark].diagonal().array() += variance;
@@ -397,13 +399,14 @@ Estimate Fusion::estimate(std::uint32_t landmark) const {
       continue;
     }
     const WorldLandmarks& world = world_[member.map];
-    Matrix3d stated = world.covariances[member.landmark];
-    Matrix3d covariance = stated;
+    Matrix3d covariance = world.covariances[member.landmark];
     covariance.diagonal().array() += variances_[member.map].value_or(0.0);
-    stated.diagonal().array() += unexplained_[member.map];
     const Vector3d& position = world.positions[member.landmark];
-    stated += covariance_by_pose(maps_[member.map], position);
-    measured.push_back({position, covariance, stated});
+    const PlacedMap& placed = maps_[member.map];
+    measured.push_back(
+        {position, covariance,
+         covariance + covariance_by_pose(placed, relative_covariance(placed), position),
+         covariance + covariance_by_pose(placed, placed.covariance, position)});
     wrong += 1.0 - member.probability;
   }
   if (measured.size() == 1) return measured.front();
@@ -444,7 +447,8 @@ void Fusion::set_positions() {
       } else {
         landmarks.covariances[i] =
             symmetric(world_[last.map].covariances[last.landmark] +
-                      covariance_by_pose(maps_[last.map], landmarks.positions[i]));
+                      covariance_by_pose(maps_[last.map], maps_[last.map].covariance,
+                                         landmarks.positions[i]));
       }
       if (known[i] == 0) landmarks.covariances[i].setConstant(kNan);
     }
@@ -462,7 +466,7 @@ void Fusion::append(std::size_t m, std::uint32_t i) {
   parts_.push_back(1);
   const Estimate now = estimate(landmark);
   positions_.push_back(now.position);
-  covariances_.push_back(now.covariance);
+  covariances_.push_back(now.compared);
   from_map_.push_back(static_cast<std::uint32_t>(m));
   from_landmark_.push_back(i);
   if (has_colors_) landmarks.colors.emplace_back();

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,6 +22,9 @@ struct PlacedMap {
   Similarity3 world_from_map;
   /// Left perturbation in the world, (δt, δφ, δ log s); zero for the map whose frame is the world's.
   Matrix7d covariance = Matrix7d::Zero();
+  /// The same relative to the largest of the maps, by which landmarks are compared, so that the frame does not matter;
+  /// std::nullopt: as `covariance`.
+  std::optional<Matrix7d> relative_covariance = {};
 
   /// Whether the map's frame is the world: its pose is exactly the identity. Its values are then copied as
   /// read, to the last digit.
@@ -64,9 +68,8 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// all maps' together: of their covariances, and of the variance per map that these do not explain. n maps of one
 /// quality weigh 1/n each. The covariance is that of the mixture of "same landmark" and "one of them is another" with
 /// the pairs' probabilities, with the uncertainty of the maps' poses. This moves a map's landmarks together, so it has no
-/// part in the weights, and the frame in which the maps are placed has none either. A map that is given twice, wherever
-/// it is placed, counts once. Landmarks of one map are never fused. A landmark that lacks a covariance in one map has
-/// none.
+/// part in the weights. A map that is given twice, wherever it is placed, counts once. Landmarks of one map are never
+/// fused. A landmark that lacks a covariance in one map has none.
 ///
 /// Poses of the maps count as independent, although maps that share links err alike: covariances of landmarks far from
 /// the world's frame are then too small by what is common.

@@ -1,14 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/merging/fusion/merge_placed.hpp"
 
+#include <algorithm>
+#include <numeric>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/adjustment/measurements.hpp"
+#include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/pose_edges.hpp"
+#include "cairn/merging/detail/pose_least_squares.hpp"
 #include "cairn/merging/fusion/straighten_maps.hpp"
+#include "cairn/merging/optimisation/node_extent.hpp"
 
 namespace cairn {
 namespace {
@@ -32,6 +40,48 @@ FuseAndAdjustOptions with_adjustment(const MergePlacedOptions& options) {
   how.adjustment.execution = options.fusion.execution;
   how.matching_rounds = options.matching_rounds;
   return how;
+}
+
+// Covariances of the maps' poses relative to the largest map, from the links between them. None if the links do not
+// determine all poses.
+void set_relative_covariances(std::span<const MapLink> links, std::vector<PlacedMap>& maps) {
+  if (maps.size() < 3) return;  // of two, one is exact in any case
+  PoseGraph graph;
+  std::vector<NodeExtent> extents;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    graph.nodes.push_back({NodeId{i}, {}, {}, {}});
+    extents.push_back(node_extent(*maps[i].map));
+  }
+  for (const MapLink& link : links) {
+    if (const auto edge = pose_link(link)) graph.links.push_back(*edge);
+  }
+  std::vector<std::size_t> order(maps.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return precedes(*maps[a].map, *maps[b].map);
+  });
+  std::vector<std::size_t> rank(maps.size());
+  std::vector<Similarity3> poses;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    rank[order[i]] = i;
+    poses.push_back(maps[order[i]].world_from_map);
+  }
+  std::vector<PoseEdge> edges = pose_edges(graph, extents);
+  for (PoseEdge& edge : edges) {
+    edge.target = rank[edge.target];
+    edge.source = rank[edge.source];
+  }
+  std::stable_sort(edges.begin(), edges.end(), [](const PoseEdge& a, const PoseEdge& b) {
+    return std::tuple(a.target, a.source) < std::tuple(b.target, b.source);
+  });
+  try {
+    const std::vector<Matrix7d> covariances =
+        PoseLeastSquares(std::move(edges), std::move(poses)).covariances();
+    for (std::size_t i = 0; i < maps.size(); ++i) {
+      maps[i].relative_covariance = covariances[rank[i]];
+    }
+  } catch (const Error&) {  // those in the world serve instead
+  }
 }
 
 LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) {
@@ -60,6 +110,7 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const MapL
     maps[i].map = &straight[i]->map;
     bends[i] = straight[i]->bend;
   }
+  set_relative_covariances(links, maps);
   const std::string defect = options.adjust ? adjustment_defect(maps) : "";
   if (!defect.empty() && options.fusion.log) options.fusion.log("not adjusted: " + defect);
   if (!options.adjust || !defect.empty()) {
