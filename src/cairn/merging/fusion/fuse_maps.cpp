@@ -231,17 +231,13 @@ class Fusion {
 Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
     : maps_(maps),
       options_(options),
-      order_(maps.size()),
+      order_(largest_first(maps)),
       world_(maps.size()),
       variances_(maps.size()),
       original_(maps.size()),
       landmark_of_(maps.size()),
       has_prefix_(maps.size(), false) {
   result_.maps.resize(maps.size());
-  std::iota(order_.begin(), order_.end(), std::size_t{0});
-  std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-    return precedes(*maps[a].map, *maps[b].map);
-  });
   for (std::size_t i = 0; i < order_.size(); ++i) {
     const std::size_t m = order_[i];
     const bool is_copy = i > 0 && !precedes(*maps[order_[i - 1]].map, *maps[m].map);
@@ -463,12 +459,12 @@ void Fusion::append(std::size_t m, std::uint32_t i) {
   LandmarkTable& landmarks = tables_.landmarks;
   last_member_.push_back(static_cast<std::uint32_t>(members_.size()));
   members_.push_back({.map = static_cast<std::uint32_t>(m), .landmark = i});
-  parts_.push_back(1);
   const Estimate now = estimate(landmark);
   positions_.push_back(now.position);
   covariances_.push_back(now.compared);
   from_map_.push_back(static_cast<std::uint32_t>(m));
   from_landmark_.push_back(i);
+  parts_.push_back(1);
   if (has_colors_) landmarks.colors.emplace_back();
   if (landmarks.descriptors) {
     landmarks.descriptors->known.push_back(0);
@@ -907,6 +903,15 @@ void Fusion::set_info() {
 }
 
 }  // namespace
+
+std::vector<std::size_t> largest_first(std::span<const PlacedMap> maps) {
+  std::vector<std::size_t> order(maps.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return precedes(*maps[a].map, *maps[b].map);
+  });
+  return order;
+}
 
 bool PlacedMap::is_in_world() const {
   return world_from_map.matrix() == Matrix4d::Identity();

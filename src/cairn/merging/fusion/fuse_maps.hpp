@@ -31,6 +31,9 @@ struct PlacedMap {
   bool is_in_world() const;
 };
 
+/// Indices of maps in the order in which they are worked on, whatever order they are given in: precedes().
+std::vector<std::size_t> largest_first(std::span<const PlacedMap> maps);
+
 struct FusionOptions {
   /// Least probability that two landmarks are the same; in [0.5, 1].
   double min_probability = 0.5;
@@ -63,7 +66,7 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 
 /// Fuses maps in one frame into one map.
 ///
-/// The order of the maps decides nothing but numbers: they are worked on in one order, the largest first (precedes()).
+/// The order of the maps decides nothing but numbers: they are worked on by largest_first().
 /// Finds the same landmarks of the maps before (associate()). A landmark's position is the information-weighted mean of
 /// all maps' together: of their covariances, and of the variance per map that these do not explain. n maps of one
 /// quality weigh 1/n each. The covariance is that of the mixture of "same landmark" and "one of them is another" with
@@ -78,11 +81,11 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// if one is the last frame of its map and the other the first of its, timestamp, image name and camera are equal, and
 /// their pixels are those of one image. A landmark keeps its first observation in that frame.
 ///
-/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the
-/// largest map's kind, and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
-/// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0,
-/// frames in the order of the maps, landmarks in that of their sizes; provenance and columns state their origin. Poses, positions, gravity and georeference are in the world.
-/// Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
+/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the largest map's kind,
+/// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
+/// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0, frames in
+/// the order of the maps, landmarks in that of their sizes; provenance and columns state their origin. Poses, positions,
+/// gravity and georeference are in the world. Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
 /// in the world. The same input and seed give the same result for any number of threads.
 ///
 /// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices, and for

@@ -2,7 +2,6 @@
 #include "cairn/merging/fusion/merge_placed.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -12,7 +11,6 @@
 #include "cairn/adjustment/measurements.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/io/content_uuid.hpp"
-#include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/pose_edges.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
 #include "cairn/merging/fusion/straighten_maps.hpp"
@@ -55,11 +53,7 @@ void set_relative_covariances(std::span<const MapLink> links, std::vector<Placed
   for (const MapLink& link : links) {
     if (const auto edge = pose_link(link)) graph.links.push_back(*edge);
   }
-  std::vector<std::size_t> order(maps.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return precedes(*maps[a].map, *maps[b].map);
-  });
+  const std::vector<std::size_t> order = largest_first(maps);
   std::vector<std::size_t> rank(maps.size());
   std::vector<Similarity3> poses;
   for (std::size_t i = 0; i < order.size(); ++i) {

@@ -72,11 +72,7 @@ std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const Prepared
 
 // Positions of the links, the most certain first, then those of the largest maps: whatever order they are given in.
 std::vector<std::size_t> order_of(std::span<const MapLink> links, std::span<const PlacedMap> maps) {
-  std::vector<std::size_t> by_size(maps.size());
-  std::iota(by_size.begin(), by_size.end(), std::size_t{0});
-  std::stable_sort(by_size.begin(), by_size.end(), [&](std::size_t a, std::size_t b) {
-    return precedes(*maps[a].map, *maps[b].map);
-  });
+  const std::vector<std::size_t> by_size = largest_first(maps);
   std::vector<std::size_t> rank(maps.size());
   for (std::size_t i = 0; i < by_size.size(); ++i) rank[by_size[i]] = i;
   std::vector<std::size_t> order(links.size());

@@ -17,7 +17,7 @@ namespace cairn {
 /// and updates it with each further observation like an extended Kalman filter, P ← (P⁻¹ + s·JᵀR⁻¹J)⁻¹. R
 /// is the measurement's noise plus the uncertainty of the motion between the two keyframes
 /// (`pose_covariances`, one per keyframe); s is information_share(), because the errors of several views
-/// are correlated. Observations of keyframes whose pose nothing determines do not count.
+/// are correlated. Observations in keyframes with an undetermined pose do not count.
 std::vector<Eigen::Matrix3d> recursive_covariances(
     const LandmarkGraph& graph, const std::vector<std::optional<Matrix6d>>& pose_covariances);
 
