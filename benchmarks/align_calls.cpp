@@ -9,7 +9,7 @@
 
 #include "cairn/alignment/align.hpp"
 #include "cairn/core/executor.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace {
 

@@ -15,11 +15,11 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/deformed.hpp"
+#include "cairn/alignment/bends/deformed.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
-#include "cairn/map/io/map_file.hpp"
-#include "cairn/placement/prepared_map.hpp"
 
 #include "random_pose.hpp"
 

@@ -22,10 +22,10 @@
 
 #include "cairn/core/hamming.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/odometry/map_at_poses.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
+#include "cairn/vision/odometry/map_at_poses.hpp"
 
 namespace {
 

@@ -16,12 +16,12 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/formats/camera_file.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/localization/image_locator.hpp"
-#include "cairn/map/io/camera_file.hpp"
-#include "cairn/map/io/map_file.hpp"
-#include "cairn/sequence/sequence.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/vision/localization/image_locator.hpp"
+#include "cairn/vision/sequence/sequence.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "counting_heap.hpp"

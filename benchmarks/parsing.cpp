@@ -9,8 +9,8 @@
 #include <benchmark/benchmark.h>
 
 #include "cairn/core/file.hpp"
-#include "cairn/map/io/map_file.hpp"
-#include "cairn/map/io/native.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/own/native.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/map/synthetic.hpp"
 

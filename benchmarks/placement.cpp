@@ -12,11 +12,11 @@
 #include <string>
 #include <vector>
 
+#include "cairn/alignment/search/place.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/placement/place.hpp"
 
 #include "placement_pairs.hpp"
 

@@ -9,14 +9,14 @@
 #include <stdexcept>
 #include <vector>
 
+#include "cairn/alignment/search/place.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/placement/place.hpp"
 
 #include "random_pose.hpp"
 #include "session_pairs.hpp"

@@ -7,8 +7,8 @@
 #include <span>
 #include <string>
 
+#include "cairn/alignment/landmark_cloud.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/placement/landmark_cloud.hpp"
 
 namespace cairn::benchmarks {
 

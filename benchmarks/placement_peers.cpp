@@ -19,12 +19,12 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/search/scales.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/placement/place.hpp"
-#include "cairn/placement/scales.hpp"
 #include "cairn/registration/icp.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 

@@ -16,18 +16,18 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/detail/search/support_counter.hpp"
+#include "cairn/alignment/prepared_cloud.hpp"
+#include "cairn/alignment/refinement/centred_pair.hpp"
+#include "cairn/alignment/refinement/refine.hpp"
+#include "cairn/alignment/search/descriptor_matches.hpp"
+#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/search/scales.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/placement/centred_pair.hpp"
-#include "cairn/placement/descriptor_matches.hpp"
-#include "cairn/placement/detail/support_counter.hpp"
-#include "cairn/placement/place.hpp"
-#include "cairn/placement/prepared_cloud.hpp"
-#include "cairn/placement/refine.hpp"
-#include "cairn/placement/scales.hpp"
 
 #include "session_pairs.hpp"
 

@@ -10,7 +10,7 @@
 #include <benchmark/benchmark.h>
 
 #include "cairn/alignment/align.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn::benchmarks {

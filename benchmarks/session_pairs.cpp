@@ -14,11 +14,11 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "random_pose.hpp"
 

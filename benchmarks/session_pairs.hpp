@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/alignment/landmark_cloud.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/placement/landmark_cloud.hpp"
 
 namespace cairn::benchmarks {
 

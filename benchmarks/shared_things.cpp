@@ -18,14 +18,14 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/deformed.hpp"
+#include "cairn/alignment/bends/deformed.hpp"
+#include "cairn/alignment/search/place.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/placement/place.hpp"
 
 #include "random_pose.hpp"
 #include "session_pairs.hpp"

@@ -10,7 +10,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "cairn/core/random.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

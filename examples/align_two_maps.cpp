@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include <cairn/alignment/align.hpp>
-#include <cairn/map/io/map_file.hpp>
+#include <cairn/formats/map_file.hpp>
 
 int main(int argc, char** argv) try {
   if (argc != 3) {

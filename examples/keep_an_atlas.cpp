@@ -4,7 +4,7 @@
 #include <exception>
 
 #include <cairn/atlas/atlas.hpp>
-#include <cairn/map/io/map_file.hpp>
+#include <cairn/formats/map_file.hpp>
 
 int main(int argc, char** argv) {
   if (argc < 3) {

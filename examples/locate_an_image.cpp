@@ -3,9 +3,9 @@
 #include <exception>
 #include <iostream>
 
-#include <cairn/localization/image_locator.hpp>
-#include <cairn/map/io/map_file.hpp>
-#include <cairn/sequence/image_file.hpp>
+#include <cairn/formats/map_file.hpp>
+#include <cairn/vision/localization/image_locator.hpp>
+#include <cairn/vision/sequence/image_file.hpp>
 
 int main(int argc, char** argv) {
   if (argc != 3) {

@@ -10,26 +10,21 @@ cmake_minimum_required(VERSION 3.25)
 # A module includes itself and modules of lower layers; one layer's modules never see each other.
 set(LAYER_core 0)
 set(LAYER_geometry 1)
-set(LAYER_sqlite 1)
-set(LAYER_postgres 1)
+set(LAYER_storage 1)
 set(LAYER_map 2)
 set(LAYER_pose_graph 2)
-set(LAYER_sequence 2)
-set(LAYER_trajectory 2)
 set(LAYER_adjustment 3)
 set(LAYER_confidence 3)
-set(LAYER_interchange 3)
+set(LAYER_formats 3)
 set(LAYER_registration 4)
-set(LAYER_placement 5)
-set(LAYER_evaluation 5)
-set(LAYER_alignment 6)
-set(LAYER_odometry 6)
-set(LAYER_simulation 6)
-set(LAYER_localization 7)
-set(LAYER_merging 7)
+set(LAYER_evaluation 3)
+set(LAYER_simulation 3)
+set(LAYER_alignment 5)
+set(LAYER_vision 6)
+set(LAYER_merging 6)
 set(LAYER_experiments 7)
-set(LAYER_mapping 8)
-set(LAYER_atlas 8)
+set(LAYER_mapping 7)
+set(LAYER_atlas 7)
 set(LAYER_report 8)
 
 # Highest layer that the folders beside the library may include. Tests in tests/ may include all.
@@ -47,15 +42,15 @@ set(SHARED_DETAIL core geometry adjustment)
 
 # Libraries that only the modules named may include: "start of the header's name" "modules".
 set(HEAVY
-  "opencv2/" "localization odometry"
+  "opencv2/" "vision"
   "boost/" "experiments"
-  "ceres/" "adjustment odometry"
+  "ceres/" "adjustment vision"
   "embree" "simulation"
-  "jpeglib.h" "sequence"
-  "png.h" "sequence"
-  "pqxx/" "postgres"
-  "sqlite3" "sqlite"
-  "zlib.h" "interchange report"
+  "jpeglib.h" "vision"
+  "png.h" "vision"
+  "pqxx/" "storage"
+  "sqlite3" "storage"
+  "zlib.h" "formats report"
   "pcl/" ""
   "Python.h" ""
   "pybind11/" "")
@@ -109,7 +104,7 @@ function(check_own_header file line included)
     breach("${file}" ${line} "includes ${included}: module ${to} is not in the layer table")
     return()
   endif()
-  if(to_path MATCHES "^detail/" AND NOT to IN_LIST SHARED_DETAIL AND NOT file MATCHES "^(src/cairn/${to}|benchmarks)/")
+  if(to_path MATCHES "(^|/)detail/" AND NOT to IN_LIST SHARED_DETAIL AND NOT file MATCHES "^(src/cairn/${to}|benchmarks)/")
     breach("${file}" ${line} "includes ${included}: what is in detail/ belongs to its module")
   endif()
 

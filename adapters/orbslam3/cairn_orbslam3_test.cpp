@@ -12,7 +12,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/map/io/native.hpp"
+#include "cairn/formats/own/native.hpp"
 
 namespace cairn {
 namespace {

@@ -13,11 +13,11 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/csv.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/placement/prepared_map.hpp"
-#include "cairn/placement/probability_text.hpp"
 
 #include "commands.hpp"
 #include "support/alignments.hpp"

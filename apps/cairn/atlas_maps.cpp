@@ -9,10 +9,10 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/interchange/formats.hpp"
-#include "cairn/placement/probability_text.hpp"
+#include "cairn/formats/foreign/all_formats.hpp"
 
 #include "atlas_verbs.hpp"
 #include "support/adjustment.hpp"

@@ -9,11 +9,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/atlas/export.hpp"
 #include "cairn/atlas/route.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/placement/probability_text.hpp"
 
 #include "atlas_verbs.hpp"
 #include "support/arguments.hpp"

@@ -10,7 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "demo_pair.hpp"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/trajectory/trajectory.hpp"
 
 #include "support/arguments.hpp"
 #include "support/documents.hpp"

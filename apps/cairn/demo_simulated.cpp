@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/experiments/simulated_session/simulated_session.hpp"
-#include "cairn/trajectory/trajectory_evaluation.hpp"
 
 #include "demo_pair.hpp"
 #include "support/interrupt.hpp"

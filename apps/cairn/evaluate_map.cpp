@@ -14,12 +14,12 @@
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
-#include "cairn/interchange/formats.hpp"
+#include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/map/operations.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
-#include "cairn/sequence/sequence.hpp"
+#include "cairn/vision/sequence/sequence.hpp"
 #endif
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"

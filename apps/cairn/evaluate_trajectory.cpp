@@ -13,9 +13,9 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/trajectory/hand_eye.hpp"
-#include "cairn/trajectory/trajectory_evaluation.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/evaluation/hand_eye.hpp"
+#include "cairn/evaluation/trajectory_evaluation.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"

@@ -14,10 +14,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/interchange/formats.hpp"
-#include "cairn/map/io/map_file.hpp"
-#include "cairn/placement/probability_text.hpp"
+#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"

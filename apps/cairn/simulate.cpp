@@ -15,12 +15,12 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/map/io/camera_file.hpp"
-#include "cairn/sequence/sequence_writer.hpp"
+#include "cairn/formats/camera_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/vision/sequence/sequence_writer.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"

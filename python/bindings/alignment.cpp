@@ -6,10 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/placement/probability_text.hpp"
 
 #include "bindings/maps.hpp"
 

@@ -12,9 +12,9 @@
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/evaluation/pose_error.hpp"
-#include "cairn/trajectory/trajectory.hpp"
-#include "cairn/trajectory/trajectory_evaluation.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/evaluation/trajectory_evaluation.hpp"
+#include "cairn/formats/trajectory_file.hpp"
+#include "cairn/geometry/trajectory.hpp"
 
 #include "bindings/support.hpp"
 #include "bindings/text.hpp"

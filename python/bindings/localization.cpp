@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "cairn/localization/image_locator.hpp"
-#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/vision/localization/image_locator.hpp"
+#include "cairn/vision/odometry/map_sequence.hpp"
 
 #include "bindings/images.hpp"
 #include "bindings/maps.hpp"

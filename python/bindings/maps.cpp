@@ -8,9 +8,9 @@
 #include <fmt/format.h>
 
 #include "cairn/core/detail/memory.hpp"
-#include "cairn/interchange/formats.hpp"
-#include "cairn/map/io/binary.hpp"
-#include "cairn/map/io/camera_file.hpp"
+#include "cairn/formats/camera_file.hpp"
+#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/own/binary.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/map/io/format_registry.hpp"
+#include "cairn/formats/format_registry.hpp"
 
 #include "bindings/support.hpp"
 

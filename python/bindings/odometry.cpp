@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/odometry/odometry.hpp"
+#include "cairn/vision/odometry/odometry.hpp"
 
 #include <mutex>
 
 #include <fmt/format.h>
 
-#include "cairn/odometry/map_sequence.hpp"
-#include "cairn/sequence/sequence.hpp"
+#include "cairn/vision/odometry/map_sequence.hpp"
+#include "cairn/vision/sequence/sequence.hpp"
 
 #include "bindings/images.hpp"
 #include "bindings/support.hpp"

@@ -14,10 +14,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "cairn/formats/graph_json.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
-#include "cairn/pose_graph/graph_json.hpp"
 
 #include "support/command.hpp"
 #include "support/maps.hpp"

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
-#include "cairn/map/io/content_uuid.hpp"
+#include "cairn/formats/content_uuid.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "cli.hpp"

@@ -13,10 +13,10 @@
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/evaluation/trajectory_evaluation.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/point_set.hpp"
-#include "cairn/trajectory/trajectory_evaluation.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "cairn/map/io/map_file.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"

@@ -13,12 +13,12 @@
 
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/evaluation/trajectory_error.hpp"
+#include "cairn/formats/g2o.hpp"
+#include "cairn/formats/graph_json.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/pose_graph/g2o.hpp"
-#include "cairn/pose_graph/graph_json.hpp"
-#include "cairn/trajectory/trajectory_error.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"

@@ -6,9 +6,9 @@
 #include <string>
 #include <thread>
 
-#include "cairn/map/io/camera_file.hpp"
-#include "cairn/sequence/sequence.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/formats/camera_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
+#include "cairn/vision/sequence/sequence.hpp"
 
 #include "cli.hpp"
 

@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/file.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace {

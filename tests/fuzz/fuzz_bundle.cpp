@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/bundle_files.hpp"
+#include "cairn/formats/foreign/bundle_files.hpp"
 
 #include "fuzz/imported.hpp"
 #include "fuzz/token_mutator.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
-#include "cairn/map/io/camera_file.hpp"
+#include "cairn/formats/camera_file.hpp"
 
 #include "fuzz/imported.hpp"
 #include "fuzz/token_mutator.hpp"

@@ -4,7 +4,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/interchange/colmap.hpp"
+#include "cairn/formats/foreign/colmap.hpp"
 
 #include "fuzz/round_trip.hpp"
 

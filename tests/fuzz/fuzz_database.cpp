@@ -5,9 +5,9 @@
 
 #include <unistd.h>
 
-#include "cairn/interchange/colmap_database.hpp"
-#include "cairn/interchange/rtabmap.hpp"
-#include "cairn/interchange/stella_database.hpp"
+#include "cairn/formats/foreign/colmap_database.hpp"
+#include "cairn/formats/foreign/rtabmap.hpp"
+#include "cairn/formats/foreign/stella_database.hpp"
 
 #include "fuzz/imported.hpp"
 

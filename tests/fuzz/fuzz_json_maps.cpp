@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/alicevision.hpp"
-#include "cairn/interchange/nerfstudio.hpp"
-#include "cairn/interchange/openmvg.hpp"
+#include "cairn/formats/foreign/alicevision.hpp"
+#include "cairn/formats/foreign/nerfstudio.hpp"
+#include "cairn/formats/foreign/openmvg.hpp"
 
 #include "fuzz/imported.hpp"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/interchange/kapture.hpp"
+#include "cairn/formats/foreign/kapture.hpp"
 
 #include "fuzz/imported.hpp"
 

@@ -6,8 +6,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/interchange/opensfm.hpp"
-#include "cairn/map/io/native.hpp"
+#include "cairn/formats/foreign/opensfm.hpp"
+#include "cairn/formats/own/native.hpp"
 
 #include "fuzz/round_trip.hpp"
 

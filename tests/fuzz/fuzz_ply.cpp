@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/io/ply.hpp"
+#include "cairn/formats/own/ply.hpp"
 
 #include "fuzz/round_trip.hpp"
 #include "fuzz/token_mutator.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/carry_along.hpp"
-#include "cairn/interchange/plain_points.hpp"
+#include "cairn/formats/foreign/carry_along.hpp"
+#include "cairn/formats/foreign/plain_points.hpp"
 
 #include "fuzz/imported.hpp"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
-#include "cairn/pose_graph/g2o.hpp"
-#include "cairn/pose_graph/graph_json.hpp"
+#include "cairn/formats/g2o.hpp"
+#include "cairn/formats/graph_json.hpp"
 
 #include "fuzz/imported.hpp"
 #include "fuzz/token_mutator.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/interchange/stella.hpp"
+#include "cairn/formats/foreign/stella.hpp"
 
 #include "fuzz/imported.hpp"
 

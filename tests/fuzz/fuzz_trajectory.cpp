@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
-#include "cairn/trajectory/trajectory_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 
 #include "fuzz/imported.hpp"
 #include "fuzz/token_mutator.hpp"

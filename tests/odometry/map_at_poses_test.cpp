@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/odometry/map_at_poses.hpp"
+#include "cairn/vision/odometry/map_at_poses.hpp"
 
 #include <algorithm>
 #include <cmath>

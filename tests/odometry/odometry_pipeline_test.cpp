@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/trajectory/trajectory_error.hpp"
+#include "cairn/evaluation/trajectory_error.hpp"
 
 #include "recording.hpp"
 

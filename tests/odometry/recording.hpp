@@ -8,10 +8,10 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "cairn/odometry/map_sequence.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
+#include "cairn/vision/odometry/map_sequence.hpp"
 
 namespace cairn::testing {
 

@@ -19,7 +19,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/icp.hpp"

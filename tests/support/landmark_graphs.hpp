@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 
 #include "cairn/core/random.hpp"
-#include "cairn/odometry/landmark_graph.hpp"
+#include "cairn/vision/odometry/landmark_graph.hpp"
 
 namespace cairn::testing {
 

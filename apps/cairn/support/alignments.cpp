@@ -7,8 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/placement/probability_text.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/table.hpp"

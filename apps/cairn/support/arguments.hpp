@@ -19,9 +19,9 @@
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/executor.hpp"
 #include "cairn/experiments/run.hpp"
+#include "cairn/formats/camera_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/io/camera_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/console.hpp"

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/placement/probability_text.hpp"
+#include "cairn/alignment/evidence/probability_text.hpp"
 
 #include "support/table.hpp"
 

@@ -7,8 +7,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/time_association.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
-#include "cairn/sequence/image_file.hpp"
-#include "cairn/sequence/sequence.hpp"
+#include "cairn/vision/sequence/image_file.hpp"
+#include "cairn/vision/sequence/sequence.hpp"
 
 namespace cairn::cli {
 namespace {

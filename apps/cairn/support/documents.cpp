@@ -14,9 +14,9 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/files_read.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/interchange/conventions.hpp"
-#include "cairn/interchange/formats.hpp"
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"

@@ -11,9 +11,9 @@
 
 #include "cairn/core/csv.hpp"
 #include "cairn/evaluation/pose_error.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/camera.hpp"
-#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/arguments.hpp"

@@ -12,7 +12,7 @@
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/report/experiment_sections.hpp"
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
 #include "cairn/simulation/environment.hpp"

@@ -10,16 +10,16 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/by_parts.hpp"
-#include "cairn/alignment/deformed.hpp"
-#include "cairn/alignment/straightened.hpp"
+#include "cairn/alignment/bends/by_parts.hpp"
+#include "cairn/alignment/bends/deformed.hpp"
+#include "cairn/alignment/bends/straightened.hpp"
+#include "cairn/alignment/refinement/refine.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
-#include "cairn/placement/refine.hpp"
 
 namespace cairn {
 namespace {

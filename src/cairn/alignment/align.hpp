@@ -7,11 +7,11 @@
 #include <string_view>
 #include <vector>
 
-#include "cairn/alignment/map_bend.hpp"
+#include "cairn/alignment/bends/map_bend.hpp"
+#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/alignment/search/place.hpp"
 #include "cairn/confidence/metric.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/placement/place.hpp"
-#include "cairn/placement/prepared_map.hpp"
 #include "cairn/registration/icp.hpp"
 
 namespace cairn {

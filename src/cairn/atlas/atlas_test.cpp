@@ -24,8 +24,8 @@
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/map/io/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

@@ -12,12 +12,12 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/interchange/mcap.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/foreign/mcap.hpp"
+#include "cairn/formats/g2o.hpp"
+#include "cairn/formats/graph_json.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/pose_graph/g2o.hpp"
-#include "cairn/pose_graph/graph_json.hpp"
-#include "cairn/trajectory/trajectory_file.hpp"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,7 @@
 #include "cairn/atlas/atlas.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
-#include "cairn/trajectory/trajectory.hpp"
+#include "cairn/geometry/trajectory.hpp"
 
 namespace cairn {
 

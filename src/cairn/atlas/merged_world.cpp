@@ -15,7 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/version_number.hpp"
-#include "cairn/map/io/map_file.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "cairn/evaluation/covariance_calibration.hpp"
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/trajectory/trajectory.hpp"
 
 /// Landmarks in coordinates of the first keyframe that observed them. There, errors exclude the map's drift
 /// up to that keyframe, and no common world frame with the truth is needed.

@@ -5,11 +5,11 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/refinement/refine.hpp"
+#include "cairn/alignment/search/place.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/placement/place.hpp"
-#include "cairn/placement/refine.hpp"
 
 namespace cairn {
 namespace {

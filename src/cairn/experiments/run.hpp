@@ -10,10 +10,10 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/alignment/landmark_cloud.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/experiments/displacement.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/placement/landmark_cloud.hpp"
 #include "cairn/registration/icp.hpp"
 
 namespace cairn {

@@ -66,4 +66,11 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 /// The map with this camera for all frames, instead of any others.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
 
+namespace detail {
+/// The line of provenance by which a map says that its cameras' sizes were not stated by the file. Writers of sizes
+/// say it again.
+inline constexpr std::string_view kSizesNotStated =
+    "the file states no image sizes: those of the cameras follow from the observations";
+}  // namespace detail
+
 }  // namespace cairn

@@ -12,15 +12,15 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/formats/content_uuid.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/map/io/content_uuid.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/mapping/corrected_trajectory.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 #include "cairn/merging/recognition/map_index.hpp"
-#include "cairn/odometry/mini_map_graph.hpp"
-#include "cairn/odometry/stated_covariance.hpp"
+#include "cairn/vision/odometry/mini_map_graph.hpp"
+#include "cairn/vision/odometry/stated_covariance.hpp"
 
 namespace cairn {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "cairn/trajectory/trajectory.hpp"
+#include "cairn/geometry/trajectory.hpp"
 
 namespace cairn {
 

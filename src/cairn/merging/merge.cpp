@@ -6,12 +6,12 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
-#include "cairn/placement/probability_text.hpp"
 
 namespace cairn {
 namespace {

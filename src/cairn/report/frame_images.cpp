@@ -18,8 +18,8 @@
 #include "cairn/map/camera.hpp"
 #include "cairn/map/camera_projection.hpp"
 #include "cairn/report/map_builder.hpp"
-#include "cairn/sequence/image_file.hpp"
-#include "cairn/sequence/sequence.hpp"
+#include "cairn/vision/sequence/image_file.hpp"
+#include "cairn/vision/sequence/sequence.hpp"
 
 namespace cairn::report {
 namespace {

@@ -13,8 +13,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/report/map_builder.hpp"
-#include "cairn/sequence/image_file.hpp"
-#include "cairn/sequence/sequence_writer.hpp"
+#include "cairn/vision/sequence/image_file.hpp"
+#include "cairn/vision/sequence/sequence_writer.hpp"
 
 #include "support/temporary_folder.hpp"
 

@@ -11,9 +11,9 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/placement/probability_text.hpp"
 #include "cairn/report/map_builder.hpp"
 
 namespace cairn::report {

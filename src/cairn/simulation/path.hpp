@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/simulation/environment.hpp"
-#include "cairn/trajectory/trajectory.hpp"
 
 namespace cairn {
 

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/simulation/renderer.hpp"
 #include "cairn/simulation/sensor.hpp"
-#include "cairn/trajectory/trajectory.hpp"
 
 namespace cairn {
 

@@ -8,7 +8,7 @@
 #include <cairn/confidence/metric.hpp>
 #include <cairn/core/error.hpp>
 #include <cairn/evaluation/pose_error.hpp>
-#include <cairn/map/io/map_file.hpp>
+#include <cairn/formats/map_file.hpp>
 #include <cairn/map/synthetic.hpp>
 #include <cairn/registration/icp.hpp>
 

@@ -8,7 +8,7 @@
 #include "cairn/atlas/detail/sql_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/plain_text.hpp"
-#include "cairn/postgres/database.hpp"
+#include "cairn/storage/postgres/database.hpp"
 
 namespace cairn {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/postgres/database.hpp"
+#include "cairn/storage/postgres/database.hpp"
 
 #include "support/atlas_records.hpp"
 #include "support/postgres_server.hpp"

@@ -9,12 +9,12 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/alignment/evidence/verdict.hpp"
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
-#include "cairn/placement/verdict.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn {

@@ -21,8 +21,8 @@
 #include "cairn/atlas/detail/sql_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/map/io/binary.hpp"
-#include "cairn/sqlite/database.hpp"
+#include "cairn/formats/own/binary.hpp"
+#include "cairn/storage/sqlite/database.hpp"
 
 namespace cairn {
 namespace {

@@ -17,7 +17,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/sqlite/database.hpp"
+#include "cairn/storage/sqlite/database.hpp"
 
 #include "support/atlas_records.hpp"
 #include "support/temporary_folder.hpp"

@@ -14,12 +14,12 @@
 #include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/sqlite/database.hpp"
+#include "cairn/storage/sqlite/database.hpp"
 
 #include "support/atlas_records.hpp"
 #include "support/temporary_folder.hpp"
 #ifdef CAIRN_HAS_POSTGRES
-#include "cairn/postgres/database.hpp"
+#include "cairn/storage/postgres/database.hpp"
 
 #include "support/postgres_server.hpp"
 #endif

@@ -4,10 +4,10 @@
 #include <cstddef>
 
 #include "cairn/experiments/study.hpp"
-#include "cairn/odometry/map_sequence.hpp"
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
-#include "cairn/trajectory/trajectory.hpp"
+#include "cairn/vision/odometry/map_sequence.hpp"
 
 namespace cairn {
 

@@ -10,9 +10,9 @@
 
 #include <Eigen/LU>
 
+#include "cairn/alignment/search/descriptors.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
-#include "cairn/placement/descriptors.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
 
 namespace cairn {

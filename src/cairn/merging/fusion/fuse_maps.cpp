@@ -15,13 +15,13 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
+#include "cairn/alignment/search/descriptors.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/detail/association.hpp"
-#include "cairn/placement/descriptors.hpp"
 
 namespace cairn {
 namespace {

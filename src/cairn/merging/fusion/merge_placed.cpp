@@ -10,7 +10,7 @@
 
 #include "cairn/adjustment/measurements.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/map/io/content_uuid.hpp"
+#include "cairn/formats/content_uuid.hpp"
 #include "cairn/merging/detail/pose_edges.hpp"
 #include "cairn/merging/detail/pose_least_squares.hpp"
 #include "cairn/merging/fusion/straighten_maps.hpp"

@@ -7,8 +7,8 @@
 #include <tuple>
 #include <utility>
 
-#include "cairn/alignment/deformed.hpp"
-#include "cairn/alignment/straightened.hpp"
+#include "cairn/alignment/bends/deformed.hpp"
+#include "cairn/alignment/bends/straightened.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/evidence/seen_views.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+// Cells along an edge of the map of directions, 1.1 degrees each. Their total number fits 16 bits.
+constexpr std::ptrdiff_t kCells = 180;
+// Relative to a distance. Between the two, a line of sight counts neither way, because surfaces slant and
+// cells have a width.
+constexpr float kAgrees = 0.04F;
+constexpr float kContradicts = 0.10F;
+
+// Cell of a direction under the octahedral map, which unfolds the sphere to a square with cells of
+// about equal size (Cigolle et al. 2014).
+std::size_t cell_of(const Eigen::Vector3d& direction) {
+  const double norm = direction.lpNorm<1>();
+  double u = direction.x() / norm;
+  double v = direction.y() / norm;
+  if (direction.z() < 0.0) {
+    const double folded = (1.0 - std::abs(v)) * (u < 0.0 ? -1.0 : 1.0);
+    v = (1.0 - std::abs(u)) * (v < 0.0 ? -1.0 : 1.0);
+    u = folded;
+  }
+  const auto index = [](double x) {
+    return std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(0.5 * (x + 1.0) * kCells), 0,
+                                      kCells - 1);
+  };
+  return static_cast<std::size_t>(index(v) * kCells + index(u));
+}
+
+}  // namespace
+
+SightCounts& SightCounts::operator+=(const SightCounts& other) {
+  agree += other.agree;
+  in_front += other.in_front;
+  behind += other.behind;
+  return *this;
+}
+
+SeenViews::SeenViews(const LandmarkCloud& cloud) {
+  for (const LandmarkView& view : cloud.views) {
+    View& seen = views_.emplace_back(View{
+        .centre = view.centre, .slots = std::vector<std::uint16_t>(kCells * kCells), .ranges = {}});
+    for (const std::uint32_t landmark : view.landmarks) {
+      const Eigen::Vector3d ray = cloud.positions[landmark] - view.centre;
+      const auto distance = static_cast<float>(ray.norm());
+      if (!(distance > 0.0F)) continue;
+      std::uint16_t& slot = seen.slots[cell_of(ray)];
+      if (slot == 0) {
+        seen.ranges.push_back({distance, distance});
+        slot = static_cast<std::uint16_t>(seen.ranges.size());
+      }
+      Range& range = seen.ranges[slot - 1U];
+      range.least = std::min(range.least, distance);
+      range.greatest = std::max(range.greatest, distance);
+    }
+  }
+}
+
+SightCounts SeenViews::count(std::span<const Eigen::Vector3d> landmarks) const {
+  SightCounts counts;
+  for (const View& view : views_) {
+    for (const Eigen::Vector3d& landmark : landmarks) {
+      const Eigen::Vector3d ray = landmark - view.centre;
+      const auto distance = static_cast<float>(ray.norm());
+      if (!(distance > 0.0F)) continue;
+      const std::uint16_t slot = view.slots[cell_of(ray)];
+      if (slot == 0) continue;
+      const auto [least, greatest] = view.ranges[slot - 1U];
+      if (distance < least * (1.0F - kContradicts)) {
+        ++counts.in_front;
+      } else if (distance > greatest * (1.0F + kContradicts)) {
+        ++counts.behind;
+      } else if (distance >= least * (1.0F - kAgrees) && distance <= greatest * (1.0F + kAgrees)) {
+        ++counts.agree;
+      }
+    }
+  }
+  return counts;
+}
+
+}  // namespace cairn

@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/search/constellation_poses.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "cairn/geometry/detail/pose_distance.hpp"
+
+namespace cairn {
+namespace {
+
+using Eigen::Vector3f;
+using PointsF = std::vector<Vector3f>;
+
+// In fine scales:
+constexpr float kShortest = 3.0F;  // side of a constellation
+constexpr float kLongest = 6.0F;
+constexpr float kLeastHeight = 1.0F;
+constexpr float kTolerance = 0.05F;  // by which sides may differ
+constexpr float kPatch = 8.0F;       // radius of the landmarks that test a constellation's poses
+constexpr float kVoxel = 0.125F;
+constexpr float kReach = 0.15F;  // from a target point, within which a voxel counts as occupied
+constexpr float kSame = 0.5F;    // largest distance of equal poses
+
+constexpr std::size_t kMostPoints = 4096;  // of a map
+constexpr std::size_t kMostBits = std::size_t{1} << 26;
+constexpr std::size_t kMostPartners = 128;  // at one distance from a target point
+// Numbers of points in the first and second test of a pose.
+constexpr std::size_t kBlink = 6;
+constexpr std::size_t kBlinkHits = 1;  // least number to pass the first test
+constexpr std::size_t kGlance = 16;
+constexpr std::size_t kGlanceHits = 5;
+constexpr std::size_t kLook = 64;
+constexpr std::size_t kPatchPoints = 512;
+constexpr std::size_t kLooked = 16;  // poses of a constellation that are tested with all points
+constexpr std::size_t kKept = 3;     // poses that it proposes
+// The search ends after a round of constellations if kEnough poses agree with the best to within kAgreeing
+// fine scales, before any other pose with kRival of its evidence.
+constexpr std::size_t kRound = 48;
+constexpr std::size_t kEnough = 4;
+constexpr double kAgreeing = 1.0;
+constexpr double kRival = 0.5;
+// Share of points that are in occupied voxels by chance if the surfaces coincide.
+constexpr double kChance = 0.2;
+
+// Which voxels are near target points.
+class Occupancy {
+ public:
+  Occupancy(const PointsF& points, float fine) {
+    Vector3f low = points.front();
+    Vector3f high = points.front();
+    for (const Vector3f& point : points) {
+      low = low.cwiseMin(point);
+      high = high.cwiseMax(point);
+    }
+    const float margin = kReach * fine;
+    float voxel = kVoxel * fine;
+    const Vector3f edges = high - low + Vector3f::Constant(2.0F * margin);
+    const auto cells = [&](int axis) {
+      return static_cast<std::size_t>(std::ceil(edges[axis] / voxel)) + 1;
+    };
+    // A distant outlier makes the voxels larger.
+    while (cells(0) * cells(1) * cells(2) > kMostBits) voxel *= 1.25F;
+    low_ = low - Vector3f::Constant(margin);
+    per_length_ = 1.0F / voxel;
+    for (int axis = 0; axis < 3; ++axis) size_[static_cast<std::size_t>(axis)] = cells(axis);
+    for (int axis = 0; axis < 3; ++axis) limit_[axis] = static_cast<float>(cells(axis));
+    bits_.assign((size_[0] * size_[1] * size_[2] + 63) / 64, 0);
+    const float reach = std::max(margin, 0.87F * voxel);  // half a diagonal: none is missed
+    for (const Vector3f& point : points) mark(point, reach, voxel);
+  }
+
+  bool taken(const Vector3f& x) const {
+    const Eigen::Array3f cell = (x - low_).array() * per_length_;
+    if (!((cell >= 0.0F).all() && (cell < limit_).all())) return false;
+    const std::size_t at =
+        index(static_cast<std::size_t>(cell[0]), static_cast<std::size_t>(cell[1]),
+              static_cast<std::size_t>(cell[2]));
+    return (bits_[at >> 6] >> (at & 63) & 1U) != 0;
+  }
+
+ private:
+  std::size_t index(std::size_t x, std::size_t y, std::size_t z) const {
+    return (z * size_[1] + y) * size_[0] + x;
+  }
+  void mark(const Vector3f& point, float reach, float voxel) {
+    std::array<std::size_t, 3> begin{};
+    std::array<std::size_t, 3> end{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const float at =
+          point[static_cast<Eigen::Index>(axis)] - low_[static_cast<Eigen::Index>(axis)];
+      begin[axis] = static_cast<std::size_t>(std::max(0.0F, (at - reach) * per_length_));
+      end[axis] = std::min(size_[axis], static_cast<std::size_t>((at + reach) * per_length_) + 1);
+    }
+    for (std::size_t z = begin[2]; z < end[2]; ++z) {
+      for (std::size_t y = begin[1]; y < end[1]; ++y) {
+        for (std::size_t x = begin[0]; x < end[0]; ++x) {
+          const Vector3f centre =
+              low_ + voxel * Vector3f(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F,
+                                      static_cast<float>(z) + 0.5F);
+          if ((centre - point).squaredNorm() > reach * reach) continue;
+          const std::size_t at = index(x, y, z);
+          bits_[at >> 6] |= std::uint64_t{1} << (at & 63);
+        }
+      }
+    }
+  }
+
+  Vector3f low_;
+  float per_length_ = 0.0F;
+  Eigen::Array3f limit_;
+  std::array<std::size_t, 3> size_{};
+  std::vector<std::uint64_t> bits_;
+};
+
+// For each point, those at the distance of a constellation's side, by distance.
+class Partners {
+ public:
+  Partners(const PointsF& points, float fine)
+      : points_(points), shortest_(kShortest * fine), per_bin_(1.0F / (kTolerance * fine)) {
+    const float longest = kLongest * fine;
+    bins_ = static_cast<std::size_t>((longest - shortest_) * per_bin_) + 1;
+    begins_.reserve(points.size() * (bins_ + 1));
+    std::vector<std::uint32_t> near;
+    std::vector<std::uint32_t> bin_of;
+    std::vector<std::uint32_t> count(bins_ + 1);
+    for (const Vector3f& centre : points) {
+      near.clear();
+      bin_of.clear();
+      std::fill(count.begin(), count.end(), 0U);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const float square = (points[i] - centre).squaredNorm();
+        if (square < shortest_ * shortest_ || square >= longest * longest) continue;
+        const std::size_t bin = bin_at(std::sqrt(square));
+        near.push_back(static_cast<std::uint32_t>(i));
+        bin_of.push_back(static_cast<std::uint32_t>(bin));
+        ++count[bin];
+      }
+      auto begin = static_cast<std::uint32_t>(entries_.size());
+      entries_.resize(entries_.size() + near.size());
+      for (std::size_t bin = 0; bin <= bins_; ++bin) {
+        begins_.push_back(begin);
+        begin += std::exchange(count[bin], begin);
+      }
+      for (std::size_t k = 0; k < near.size(); ++k) entries_[count[bin_of[k]]++] = near[k];
+    }
+  }
+
+  // Points at about this distance from point i.
+  std::span<const std::uint32_t> at(std::size_t i, float distance, float tolerance) const {
+    const std::size_t low = bin_at(std::max(distance - tolerance, shortest_));
+    const std::size_t high = std::min(bin_at(distance + tolerance), bins_ - 1);
+    const std::uint32_t* const begins = &begins_[i * (bins_ + 1)];
+    return {entries_.data() + begins[low], entries_.data() + begins[high + 1]};
+  }
+
+ private:
+  std::size_t bin_at(float distance) const {
+    return std::min(static_cast<std::size_t>((distance - shortest_) * per_bin_), bins_ - 1);
+  }
+
+  const PointsF& points_;
+  float shortest_;
+  float per_bin_;
+  std::size_t bins_ = 0;
+  std::vector<std::uint32_t> entries_;
+  std::vector<std::uint32_t> begins_;
+};
+
+// Axes of three points: along the first side, in their plane, and out of it.
+Eigen::Matrix3f axes(const Vector3f& a, const Vector3f& b, const Vector3f& c) {
+  Eigen::Matrix3f result;
+  result.col(0) = (b - a).normalized();
+  result.col(2) = result.col(0).cross(c - a).normalized();
+  result.col(1) = result.col(2).cross(result.col(0));
+  return result;
+}
+
+// Three source points, and the surrounding points in their axes.
+struct Constellation {
+  float ab = 0.0F;
+  float ac = 0.0F;
+  float bc = 0.0F;
+  Vector3f centre;
+  Eigen::Matrix3f source_from_axes;
+  PointsF patch;
+};
+
+struct Pose {
+  Eigen::Matrix3f target_from_axes;
+  Vector3f centre;
+  std::size_t hits = 0;
+};
+
+class Finder {
+ public:
+  Finder(std::span<const Eigen::Vector3d> source, std::span<const Eigen::Vector3d> target,
+         Random random, const ConstellationOptions& options)
+      : options_(options),
+        random_(random),
+        fine_(static_cast<float>(options.fine)),
+        source_(single(source)),
+        target_(single(target)),
+        occupancy_(target_, fine_),
+        partners_(target_, fine_),
+        distance_(PoseDistance::of(source)) {}
+
+  std::vector<ConstellationPose> run() const {
+    std::vector<ConstellationPose> found;  // most evidence first
+    for (std::size_t first = 0; first < options_.draws && !clear(found); first += kRound) {
+      if (options_.execution.stop.stop_requested()) break;
+      std::array<std::vector<ConstellationPose>, kRound> round;
+      const std::size_t count = std::min(kRound, options_.draws - first);
+      options_.execution.executor.for_blocks(count, 4, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          if (options_.execution.stop.stop_requested()) return;
+          if (const auto one = draw(random_.fork(first + i))) round[i] = poses_of(*one);
+        }
+      });
+      for (const auto& some : round) found.insert(found.end(), some.begin(), some.end());
+      std::stable_sort(found.begin(), found.end(),
+                       [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+    }
+    std::vector<ConstellationPose> kept;
+    for (const ConstellationPose& pose : found) {
+      if (kept.size() == options_.poses) break;
+      const bool known = std::any_of(
+          kept.begin(), kept.end(), [&](const auto& other) { return are_one(pose, other, kSame); });
+      if (!known) kept.push_back(pose);
+    }
+    return kept;
+  }
+
+ private:
+  bool are_one(const ConstellationPose& a, const ConstellationPose& b, double radii) const {
+    return distance_(a.target_from_source, b.target_from_source) < radii * options_.fine;
+  }
+
+  // Whether several constellations agree on a pose, and no other has similar evidence.
+  bool clear(const std::vector<ConstellationPose>& found) const {
+    std::size_t agreeing = 0;
+    for (const ConstellationPose& pose : found) {
+      if (are_one(pose, found.front(), kAgreeing)) {
+        if (++agreeing == kEnough) return true;
+      } else if (pose.evidence > kRival * found.front().evidence) {
+        return false;
+      }
+    }
+    return false;
+  }
+
+  static PointsF single(std::span<const Eigen::Vector3d> points) {
+    PointsF result;
+    for (const Eigen::Vector3d& point : points.first(std::min(points.size(), kMostPoints))) {
+      result.push_back(point.cast<float>());
+    }
+    return result;
+  }
+
+  bool is_side(float length) const {
+    return length >= (kShortest + kTolerance) * fine_ && length <= (kLongest - kTolerance) * fine_;
+  }
+
+  // Whether the third point is too close to the line of the others to determine the rotation about it.
+  bool slender(const Vector3f& a, const Vector3f& b, const Vector3f& c) const {
+    return (b - a).cross(c - a).norm() < kLeastHeight * fine_ * (b - a).norm();
+  }
+
+  std::optional<Constellation> draw(Random random) const {
+    constexpr int kTrials = 200;
+    const Vector3f a = source_[random.index(source_.size())];
+    std::vector<std::uint32_t> near;
+    for (std::size_t i = 0; i < source_.size(); ++i) {
+      if (is_side((source_[i] - a).norm())) near.push_back(static_cast<std::uint32_t>(i));
+    }
+    if (near.size() < 2) return {};
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const Vector3f b = source_[near[random.index(near.size())]];
+      const Vector3f c = source_[near[random.index(near.size())]];
+      Constellation result;
+      result.bc = (c - b).norm();
+      if (!is_side(result.bc) || slender(a, b, c)) continue;
+      result.ab = (b - a).norm();
+      result.ac = (c - a).norm();
+      result.centre = (a + b + c) / 3.0F;
+      result.source_from_axes = axes(a, b, c);
+      // The first points are a sample, because the source is in random order.
+      for (const Vector3f& point : source_) {
+        if ((point - result.centre).squaredNorm() > kPatch * kPatch * fine_ * fine_) continue;
+        if (point == a || point == b || point == c) continue;
+        result.patch.push_back(result.source_from_axes.transpose() * (point - result.centre));
+        if (result.patch.size() == kPatchPoints) break;
+      }
+      if (result.patch.size() < kLook) return {};
+      return result;
+    }
+    return {};
+  }
+
+  // Target points at a distance from target point i.
+  std::size_t gather(std::size_t i, float distance,
+                     std::array<std::uint32_t, kMostPartners>& out) const {
+    const float tolerance = kTolerance * fine_;
+    const float low = (distance - tolerance) * (distance - tolerance);
+    const float high = (distance + tolerance) * (distance + tolerance);
+    std::size_t count = 0;
+    for (const std::uint32_t j : partners_.at(i, distance, tolerance)) {
+      const float square = (target_[j] - target_[i]).squaredNorm();
+      if (square < low || square > high) continue;
+      out[count++] = j;
+      if (count == kMostPartners) break;
+    }
+    return count;
+  }
+
+  std::size_t hits(const Constellation& constellation, const Pose& pose, std::size_t begin,
+                   std::size_t end) const {
+    std::size_t count = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vector3f moved = pose.target_from_axes * constellation.patch[i] + pose.centre;
+      count += occupancy_.taken(moved) ? 1 : 0;
+    }
+    return count;
+  }
+
+  std::vector<ConstellationPose> poses_of(const Constellation& constellation) const {
+    const float tolerance = kTolerance * fine_;
+    const float low = (constellation.bc - tolerance) * (constellation.bc - tolerance);
+    const float high = (constellation.bc + tolerance) * (constellation.bc + tolerance);
+    std::vector<Pose> best;  // a heap with the fewest hits on top
+    const auto more = [](const Pose& a, const Pose& b) { return a.hits > b.hits; };
+    std::array<std::uint32_t, kMostPartners> bs;
+    std::array<std::uint32_t, kMostPartners> cs;
+    std::array<Vector3f, kMostPartners> c_points;
+    for (std::size_t i = 0; i < target_.size(); ++i) {
+      const std::size_t b_count = gather(i, constellation.ab, bs);
+      if (b_count == 0) continue;
+      const std::size_t c_count = gather(i, constellation.ac, cs);
+      for (std::size_t k = 0; k < c_count; ++k) c_points[k] = target_[cs[k]];
+      for (std::size_t j = 0; j < b_count; ++j) {
+        const Vector3f& b = target_[bs[j]];
+        for (std::size_t k = 0; k < c_count; ++k) {
+          const float square = (c_points[k] - b).squaredNorm();
+          if (square < low || square > high) continue;
+          Pose pose;
+          pose.target_from_axes = axes(target_[i], b, c_points[k]);
+          pose.centre = (target_[i] + b + c_points[k]) / 3.0F;
+          pose.hits = hits(constellation, pose, 0, kBlink);
+          if (pose.hits < kBlinkHits) continue;
+          pose.hits += hits(constellation, pose, kBlink, kGlance);
+          if (pose.hits < kGlanceHits) continue;
+          pose.hits += hits(constellation, pose, kGlance, kLook);
+          if (best.size() == kLooked) {
+            if (pose.hits <= best.front().hits) continue;
+            std::pop_heap(best.begin(), best.end(), more);
+            best.pop_back();
+          }
+          best.push_back(pose);
+          std::push_heap(best.begin(), best.end(), more);
+        }
+      }
+    }
+    std::vector<ConstellationPose> result;
+    for (const Pose& pose : best) {
+      const std::size_t total = constellation.patch.size();
+      const auto count = static_cast<double>(pose.hits + hits(constellation, pose, kLook, total));
+      const double share = count / static_cast<double>(total);
+      if (share <= kChance) continue;
+      // Log-likelihood ratio of a binomial distribution versus chance.
+      const double evidence =
+          count * std::log(share / kChance) +
+          (static_cast<double>(total) - count) * std::log1p((kChance - share) / (1.0 - kChance));
+      const Eigen::Quaterniond rotation(
+          (pose.target_from_axes * constellation.source_from_axes.transpose()).cast<double>());
+      const Rigid3 turn(rotation.normalized(), Eigen::Vector3d::Zero());
+      result.push_back({Rigid3(turn.quaternion(), pose.centre.cast<double>() -
+                                                      turn * constellation.centre.cast<double>()),
+                        evidence});
+    }
+    std::stable_sort(result.begin(), result.end(),
+                     [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+    if (result.size() > kKept) result.resize(kKept);
+    return result;
+  }
+
+  const ConstellationOptions& options_;
+  Random random_;
+  float fine_;
+  PointsF source_;
+  PointsF target_;
+  Occupancy occupancy_;
+  Partners partners_;
+  PoseDistance distance_;
+};
+
+}  // namespace
+
+std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector3d> source,
+                                                   std::span<const Eigen::Vector3d> target,
+                                                   Random random,
+                                                   const ConstellationOptions& options) {
+  if (source.empty() || target.empty()) return {};
+  return Finder(source, target, random, options).run();
+}
+
+}  // namespace cairn

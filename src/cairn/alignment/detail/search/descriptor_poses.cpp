@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/search/descriptor_poses.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "cairn/geometry/detail/centroid.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kFewestAgreeing = 4;  // because three matches fit their own pose
+constexpr int kReestimations = 3;
+constexpr double kLeastLength = 4.0;  // in tolerances, of the sides of a triple
+constexpr std::size_t kMostProposals = 256;
+
+using Places = std::vector<Eigen::Vector3d>;
+using Indices = std::vector<std::uint32_t>;
+
+// Least squares; with a free scale by Umeyama (1991).
+Similarity3 pose_of(const Places& from, const Places& to, bool free_scale) {
+  const Rigid3 motion = closest_motion(from, to);
+  if (!free_scale) return motion;
+  const Eigen::Vector3d from_centre = centroid(from);
+  const Eigen::Vector3d to_centre = centroid(to);
+  double along = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Eigen::Vector3d turned = motion.quaternion() * (from[i] - from_centre);
+    along += turned.dot(to[i] - to_centre);
+    squares += turned.squaredNorm();
+  }
+  const double scale = squares > 0.0 && along > 0.0 ? along / squares : 1.0;
+  return {scale,
+          Rigid3(motion.quaternion(), to_centre - scale * (motion.quaternion() * from_centre))};
+}
+
+struct Proposal {
+  Similarity3 pose;
+  Indices agreeing;  // of all matches, ascending
+};
+
+class Consensus {
+ public:
+  Consensus(const DescriptorMatches& matches, const DescriptorPoseOptions& options)
+      : source_(matches.source_places()),
+        target_(matches.target_places()),
+        options_(options),
+        count_(std::min(options.matches, source_.size())),
+        here_(distances(source_)),
+        there_(distances(target_)) {}
+
+  std::vector<Proposal> proposals(Random& random) const {
+    std::vector<Proposal> found;
+    if (count_ < kFewestAgreeing) return found;
+    const int draws = options_.free_scale ? 3 * options_.draws : options_.draws;
+    Indices thirds;
+    for (int draw = 0; draw < draws; ++draw) {
+      const std::size_t first = random.index(count_);
+      const auto second =
+          options_.free_scale ? any_second(first, random) : rigid_second(first, random);
+      if (!second) continue;
+      const double scale = options_.free_scale ? ratio(first, *second) : 1.0;
+      thirds.clear();
+      for (std::uint32_t k = 0; k < count_; ++k) {
+        if (agree(first, k, scale) && agree(*second, k, scale)) thirds.push_back(k);
+      }
+      // With a free scale, a fourth match is needed, which is usually also one of these.
+      if (thirds.empty() || (options_.free_scale && thirds.size() < 2)) continue;
+      const std::uint32_t third = thirds[random.index(thirds.size())];
+      add(propose({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(*second), third}),
+          found);
+    }
+    sort(found);
+    return found;
+  }
+
+ private:
+  // Distances between the places of the first matches; one row per match.
+  std::vector<float> distances(std::span<const Eigen::Vector3d> places) const {
+    std::vector<float> result(count_ * count_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      for (std::size_t j = 0; j < count_; ++j) {
+        result[i * count_ + j] = static_cast<float>((places[i] - places[j]).norm());
+      }
+    }
+    return result;
+  }
+
+  double ratio(std::size_t i, std::size_t j) const {
+    return static_cast<double>(there_[i * count_ + j]) / static_cast<double>(here_[i * count_ + j]);
+  }
+
+  // Whether two matches have equal distances in both clouds, long enough to determine a pose.
+  bool agree(std::size_t i, std::size_t j, double scale) const {
+    const double here = scale * static_cast<double>(here_[i * count_ + j]);
+    const auto there = static_cast<double>(there_[i * count_ + j]);
+    return std::min(here, there) > kLeastLength * options_.tolerance &&
+           std::abs(here - there) < options_.tolerance;
+  }
+
+  std::optional<std::size_t> rigid_second(std::size_t first, Random& random) const {
+    Indices agreeing;
+    for (std::uint32_t j = 0; j < count_; ++j) {
+      if (agree(first, j, 1.0)) agreeing.push_back(j);
+    }
+    if (agreeing.size() < kFewestAgreeing - 1) return std::nullopt;
+    return agreeing[random.index(agreeing.size())];
+  }
+
+  std::optional<std::size_t> any_second(std::size_t first, Random& random) const {
+    const std::size_t second = random.index(count_);
+    const auto here = static_cast<double>(here_[first * count_ + second]);
+    const auto there = static_cast<double>(there_[first * count_ + second]);
+    if (!(here > 0.0) || there < kLeastLength * options_.tolerance) return std::nullopt;
+    const double scale = there / here;
+    if (scale < options_.least_scale || scale > options_.most_scale) return std::nullopt;
+    return second;
+  }
+
+  Indices agreeing_with(const Similarity3& pose) const {
+    const double squared = options_.tolerance * options_.tolerance;
+    const Eigen::Matrix3d linear = pose.linear();
+    Indices result;
+    for (std::uint32_t i = 0; i < source_.size(); ++i) {
+      const Eigen::Vector3d moved = linear * source_[i] + pose.translation();
+      if ((moved - target_[i]).squaredNorm() < squared) result.push_back(i);
+    }
+    return result;
+  }
+
+  Proposal propose(Indices chosen) const {
+    Proposal best;
+    for (int i = 0; i < kReestimations; ++i) {
+      Places from;
+      Places to;
+      for (const std::uint32_t match : chosen) {
+        from.push_back(source_[match]);
+        to.push_back(target_[match]);
+      }
+      Proposal proposal{pose_of(from, to, options_.free_scale), {}};
+      proposal.agreeing = agreeing_with(proposal.pose);
+      if (proposal.agreeing.size() <= best.agreeing.size()) break;
+      best = std::move(proposal);
+      chosen = best.agreeing;
+      if (chosen.size() < kFewestAgreeing) break;
+    }
+    return best;
+  }
+
+  // Adds a proposal unless it is known, because most draws of correct matches give the same pose.
+  static void add(Proposal proposal, std::vector<Proposal>& found) {
+    if (proposal.agreeing.size() < kFewestAgreeing) return;
+    const bool known = std::any_of(found.begin(), found.end(), [&](const Proposal& other) {
+      return other.agreeing == proposal.agreeing;
+    });
+    if (!known) found.push_back(std::move(proposal));
+    if (found.size() < 2 * kMostProposals) return;
+    sort(found);
+    found.resize(kMostProposals);
+  }
+
+  static void sort(std::vector<Proposal>& proposals) {
+    std::stable_sort(proposals.begin(), proposals.end(), [](const Proposal& a, const Proposal& b) {
+      return a.agreeing.size() > b.agreeing.size();
+    });
+  }
+
+  std::span<const Eigen::Vector3d> source_;
+  std::span<const Eigen::Vector3d> target_;
+  const DescriptorPoseOptions& options_;
+  std::size_t count_;
+  std::vector<float> here_;   // distances between the source's landmarks
+  std::vector<float> there_;  // and the target's
+};
+
+}  // namespace
+
+std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
+                                             const DescriptorPoseOptions& options) {
+  std::vector<DescriptorPose> poses;
+  std::vector<Proposal> kept;
+  for (Proposal& proposal : Consensus(matches, options).proposals(random)) {
+    if (poses.size() == options.poses) break;
+    // Two proposals are the same if they share half of the matches of the smaller one.
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Proposal& other) {
+      Indices both;
+      std::set_intersection(proposal.agreeing.begin(), proposal.agreeing.end(),
+                            other.agreeing.begin(), other.agreeing.end(), std::back_inserter(both));
+      return 2 * both.size() >= proposal.agreeing.size();
+    });
+    if (known) continue;
+    poses.push_back({proposal.pose, proposal.agreeing.size()});
+    kept.push_back(std::move(proposal));
+  }
+  return poses;
+}
+
+}  // namespace cairn

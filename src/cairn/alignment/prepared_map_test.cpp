@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/prepared_map.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "cairn/alignment/refinement/refine.hpp"
+#include "cairn/alignment/search/place.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/synthetic.hpp"
+
+namespace cairn {
+namespace {
+
+SyntheticPair two_maps(std::size_t landmarks = 600) {
+  return synthetic_pair({.seed = 5, .landmarks = landmarks});
+}
+
+TEST(PreparedCloud, HoldsEachLandmarkOnceCentredAndSaysWhichItIs) {
+  LandmarkCloud cloud = landmark_cloud(two_maps().source);
+  DescriptorColumn& looks = cloud.descriptors.emplace();
+  looks = {"SIFT", 3, std::vector<std::uint8_t>(cloud.size(), 1), {}};
+  looks.known[5] = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const auto byte = static_cast<std::uint8_t>(i == 5 ? 0 : i % 251);
+    looks.bytes.insert(looks.bytes.end(), {byte, 1, byte});
+  }
+  const PreparedCloud prepared(cloud);
+  std::vector<std::uint32_t> order(prepared.order().begin(), prepared.order().end());
+  ASSERT_EQ(order.size(), cloud.size());
+  EXPECT_FALSE(std::is_sorted(order.begin(), order.end()));
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Eigen::Vector3d& there = prepared.landmarks().positions[i];
+    EXPECT_LT((there + prepared.centred()->centre - cloud.positions[order[i]]).norm(), 1e-12);
+    EXPECT_EQ(prepared.landmarks().covariances[i], cloud.covariances[order[i]]);
+    const DescriptorColumn& theirs = *prepared.landmarks().descriptors;
+    EXPECT_EQ(theirs.known[i], looks.known[order[i]]);
+    EXPECT_TRUE(std::equal(theirs.bytes.begin() + 3 * i, theirs.bytes.begin() + 3 * (i + 1),
+                           looks.bytes.begin() + 3 * order[i]));
+    sum += there;
+  }
+  EXPECT_LT(sum.norm(), 1e-9);
+  std::sort(order.begin(), order.end());
+  std::vector<std::uint32_t> all(order.size());
+  std::iota(all.begin(), all.end(), 0U);
+  EXPECT_EQ(order, all);
+}
+
+TEST(PreparedCloud, OrdersFurtherDescriptorsWithTheirLandmarks) {
+  LandmarkCloud cloud = landmark_cloud(two_maps().source);
+  DescriptorColumn column{"ORB", 2, {}, {}};
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const std::vector<std::vector<std::uint8_t>> rows(
+        i % 4, {static_cast<std::uint8_t>(i % 256), static_cast<std::uint8_t>(i / 256)});
+    append_descriptors(column,
+                       std::vector<std::span<const std::uint8_t>>(rows.begin(), rows.end()));
+  }
+  cloud.descriptors = column;
+  const PreparedCloud prepared(cloud);
+  const DescriptorColumn& ordered = *prepared.landmarks().descriptors;
+  std::size_t moved = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const std::uint32_t before = prepared.order()[i];
+    moved += before != i ? 1 : 0;
+    ASSERT_EQ(ordered.count(i), column.count(before));
+    for (std::size_t k = 0; k < ordered.count(i); ++k) {
+      EXPECT_EQ(ordered.descriptor(i, k)[0], before % 256);
+      EXPECT_EQ(ordered.descriptor(i, k)[1], before / 256);
+    }
+  }
+  EXPECT_GT(moved, cloud.size() / 2);
+}
+
+TEST(PreparedCloud, PutsWeightyLandmarksFirst) {
+  LandmarkCloud cloud = landmark_cloud(two_maps(2000).source);
+  cloud.weights.assign(cloud.size(), 0.1);
+  for (std::size_t i = 0; i < cloud.size(); i += 2) cloud.weights[i] = 1.9;
+  const PreparedCloud prepared(cloud);
+  const auto first = prepared.order().first(cloud.size() / 4);
+  const auto weighty = std::count_if(first.begin(), first.end(), [](auto i) { return i % 2 == 0; });
+  EXPECT_GT(static_cast<double>(weighty), 0.85 * static_cast<double>(first.size()));
+}
+
+TEST(PreparedCloud, ScalesAllLengths) {
+  const PreparedCloud one(landmark_cloud(two_maps().source));
+  const PreparedCloud twice = one.scaled(2.0, Executor());
+  EXPECT_NEAR(twice.scales().extent, 2.0 * one.scales().extent, 1e-12);
+  EXPECT_NEAR(twice.spacings()[7], 2.0 * one.spacings()[7], 1e-12);
+  EXPECT_LT((twice.centred()->centre - 2.0 * one.centred()->centre).norm(), 1e-12);
+  EXPECT_EQ(twice.order()[3], one.order()[3]);
+}
+
+TEST(PreparedCloud, RefusesAnInvalidCloud) {
+  LandmarkCloud cloud = landmark_cloud(two_maps().source);
+  cloud.weights.assign(3, 1.0);
+  EXPECT_THROW(PreparedCloud{cloud}, Error);
+}
+
+TEST(PreparedCloud, RefinesToWhereTheCloudsThemselvesLead) {
+  const SyntheticPair pair = two_maps();
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  RefineOptions options;
+  options.initial = pair.target_from_source;
+  options.overlap_radius = 0.1;
+  const RegistrationResult plain = refine(source, target, options);
+  const RegistrationResult prepared = refine(PreparedCloud(source), PreparedCloud(target), options);
+  EXPECT_LT((plain.target_from_source.matrix() - prepared.target_from_source.matrix()).norm(),
+            1e-6);
+  ASSERT_EQ(plain.matches.size(), prepared.matches.size());
+  for (std::size_t i = 0; i < plain.matches.size(); ++i) {
+    EXPECT_EQ(plain.matches[i].source, prepared.matches[i].source);
+    EXPECT_EQ(plain.matches[i].target, prepared.matches[i].target);
+  }
+  EXPECT_NEAR(plain.score.value(), prepared.score.value(), 1e-9);
+}
+
+TEST(PreparedMap, GivesThePlacementThatTheMapGives) {
+  const SyntheticPair pair = two_maps();
+  const PreparedMap source(pair.source);
+  const PreparedMap target(pair.target);
+  const PlacementResult plain = place(landmark_cloud(pair.source), landmark_cloud(pair.target));
+  const PlacementResult prepared = PreparedPair(source.cloud(), target.cloud()).place();
+  EXPECT_EQ(prepared.verdict, Verdict::kAligned);
+  EXPECT_EQ(plain.probability, prepared.probability);
+  EXPECT_EQ(plain.alignment.target_from_source.matrix(),
+            prepared.alignment.target_from_source.matrix());
+}
+
+TEST(PreparedMap, AsksForTheInputOfItsConfidence) {
+  const LandmarkMap map = two_maps().source;
+  EXPECT_TRUE(PreparedMap(map).cloud().landmarks().weights.empty());
+  const PreparedMap weighted(map, {.confidence = observations_metric()});
+  EXPECT_EQ(weighted.cloud().landmarks().weights.size(), weighted.cloud().size());
+  EXPECT_THROW(PreparedMap(map, {.confidence = column_metric("quality")}), Error);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/geometry/trajectory.hpp"
+
+namespace cairn {
+
+struct HandEyeOptions {
+  /// Largest clock offset between the trajectories; 0: one clock. At most 10.
+  double max_clock_offset_s = 0.2;
+  /// Largest gap over which the truth is interpolated; positive.
+  double max_gap_s = 0.1;
+  bool with_scale = false;  ///< the estimate has a different unit than the truth
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// Transform between the camera and the body that the truth tracks, such as markers of motion capture.
+struct HandEye {
+  Rigid3 body_from_camera;
+  /// Of that pose: left perturbation, (δt, δφ). Estimated from the differences between parts of the
+  /// sequence, so it includes slow drift of the estimate.
+  Matrix6d covariance = Matrix6d::Zero();
+  /// Time of the truth's clock minus that of the estimate's; 0 if not estimated.
+  double clock_offset_s = 0.0;
+  double clock_offset_deviation_s = 0.0;  ///< standard deviation
+  Similarity3 truth_from_estimate;        ///< between the two worlds
+  std::size_t poses = 0;                  ///< number of compared poses
+};
+
+struct HandEyeResult {
+  std::optional<HandEye> hand_eye;
+  std::string reason;  ///< why there is no result; empty if there is one
+};
+
+/// Estimates the constant transform between the camera and the body that the truth tracks, the clock
+/// offset, and the transform between the worlds: those for which world_from_body(t +
+/// offset)·body_from_camera and truth_from_estimate·world_from_camera(t) agree best, in orientation and
+/// position.
+///
+/// Initial values in closed form: the rotation from the axes of relative rotations (Park and Martin, 1994),
+/// the translations by linear least squares, the clock offset by search. Then Gauss-Newton over all
+/// parameters, with residuals of position and orientation divided by their median deviations, under Huber's
+/// kernel.
+HandEyeResult estimate_hand_eye(const Trajectory& estimate, const Trajectory& truth,
+                                const HandEyeOptions& options = {});
+
+/// True poses of the camera instead of the body, in the estimate's clock.
+Trajectory corrected_truth(const Trajectory& truth, const HandEye& hand_eye);
+
+}  // namespace cairn

@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/detail/bytes/mcap_file.hpp"
+
+#include <algorithm>
+#include <initializer_list>
+#include <limits>
+#include <utility>
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/version_number.hpp"
+
+namespace cairn::detail {
+namespace {
+
+constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // a chunk ends at this size
+constexpr std::uint64_t kMessageLimit = std::uint64_t{1} << 31;
+
+// Numbers of the kinds of records.
+enum Opcode : std::uint8_t {
+  kHeader = 0x01,
+  kFooter = 0x02,
+  kSchema = 0x03,
+  kChannel = 0x04,
+  kMessage = 0x05,
+  kChunk = 0x06,
+  kMessageIndex = 0x07,
+  kChunkIndex = 0x08,
+  kStatistics = 0x0B,
+  kSummaryOffset = 0x0E,
+  kDataEnd = 0x0F,
+};
+
+template <class Number>
+void append(std::string& out, Number value) {
+  for (std::size_t i = 0; i < sizeof value; ++i) {
+    out += static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * i));
+  }
+}
+
+void append_text(std::string& out, std::string_view text) {
+  append(out, static_cast<std::uint32_t>(text.size()));
+  out += text;
+}
+
+void append_record(std::string& out, Opcode opcode, std::string_view content) {
+  append(out, opcode);
+  append(out, std::uint64_t{content.size()});
+  out += content;
+}
+
+std::string record(Opcode opcode, std::string_view content) {
+  std::string bytes;
+  append_record(bytes, opcode, content);
+  return bytes;
+}
+
+std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
+  return static_cast<std::uint32_t>(
+      crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
+}  // namespace
+
+void McapWriter::TimeRange::add(std::uint64_t time_ns) {
+  first_ns = empty ? time_ns : std::min(first_ns, time_ns);
+  last_ns = std::max(last_ns, time_ns);
+  empty = false;
+}
+
+McapWriter::McapWriter(ByteSink sink) : sink_(std::move(sink)) {
+  put(kMcapMagic);
+  std::string header;
+  append_text(header, "");  // no profile
+  append_text(header, fmt::format("cairn {}", kVersion));
+  put(record(kHeader, header));
+}
+
+std::uint16_t McapWriter::add_schema(std::string_view name, std::string_view encoding,
+                                     std::string_view data) {
+  std::string content;
+  append(content, ++schema_count_);
+  append_text(content, name);
+  append_text(content, encoding);
+  append_text(content, data);
+  append_record(chunk_, kSchema, content);
+  append_record(schemas_, kSchema, content);
+  return schema_count_;
+}
+
+std::uint16_t McapWriter::add_channel(std::uint16_t schema, std::string_view topic,
+                                      std::string_view message_encoding, const Metadata& metadata) {
+  if (channel_count_ == std::numeric_limits<std::uint16_t>::max()) {
+    throw Error(ErrorKind::kInput, "MCAP", "more than 65535 topics", "fewer maps in one file");
+  }
+  std::string words;
+  for (const auto& [key, value] : metadata) {
+    append_text(words, key);
+    append_text(words, value);
+  }
+  std::string content;
+  append(content, ++channel_count_);
+  append(content, schema);
+  append_text(content, topic);
+  append_text(content, message_encoding);
+  append_text(content, words);
+  append_record(chunk_, kChannel, content);
+  append_record(channels_, kChannel, content);
+  return channel_count_;
+}
+
+void McapWriter::add_message(std::uint16_t channel, std::uint64_t time_ns, std::string_view data) {
+  if (data.size() >= kMessageLimit) {
+    throw Error(ErrorKind::kInput, "MCAP", fmt::format("a message of {} bytes", data.size()),
+                "fewer than 2^31: fewer landmarks, or without their covariances and columns");
+  }
+  chunk_index_[channel].push_back({time_ns, chunk_.size()});
+  std::string head;
+  append(head, channel);
+  append(head, static_cast<std::uint32_t>(message_counts_[channel]++));
+  append(head, time_ns);
+  append(head, time_ns);
+  append(chunk_, kMessage);
+  append(chunk_, std::uint64_t{head.size() + data.size()});
+  chunk_ += head;
+  chunk_ += data;
+  ++message_count_;
+  chunk_times_.add(time_ns);
+  times_.add(time_ns);
+  if (chunk_.size() >= kChunkBytes) end_chunk();
+}
+
+void McapWriter::finish() {
+  end_chunk();
+  std::string content;
+  append(content, crc_);
+  put(record(kDataEnd, content));
+
+  std::string statistics;
+  append(statistics, message_count_);
+  append(statistics, schema_count_);
+  append(statistics, std::uint32_t{channel_count_});
+  append(statistics, std::uint32_t{0});  // attachments
+  append(statistics, std::uint32_t{0});  // metadata records
+  append(statistics, chunk_count_);
+  append(statistics, times_.first_ns);
+  append(statistics, times_.last_ns);
+  std::string counts;
+  for (const auto& [channel, count] : message_counts_) {
+    append(counts, channel);
+    append(counts, count);
+  }
+  append_text(statistics, counts);
+
+  // Records are grouped by kind, and followed by the groups' positions.
+  const std::uint64_t summary_start = position_;
+  std::string summary;
+  std::string offsets;
+  for (const auto& [opcode, records] : std::initializer_list<std::pair<Opcode, std::string>>{
+           {kSchema, schemas_},
+           {kChannel, channels_},
+           {kStatistics, record(kStatistics, statistics)},
+           {kChunkIndex, chunk_indexes_}}) {
+    if (records.empty()) continue;
+    std::string place;
+    append(place, opcode);
+    append(place, summary_start + summary.size());
+    append(place, std::uint64_t{records.size()});
+    append_record(offsets, kSummaryOffset, place);
+    summary += records;
+  }
+  const std::uint64_t offsets_start = summary_start + summary.size();
+  summary += offsets;
+  // The footer's checksum is of the summary and of the footer itself up to the checksum.
+  constexpr std::uint64_t kFooterBytes = 8 + 8 + 4;
+  append(summary, kFooter);
+  append(summary, kFooterBytes);
+  append(summary, summary_start);
+  append(summary, offsets_start);
+  append(summary, crc_of(summary));
+  put(summary);
+  put(kMcapMagic);
+}
+
+void McapWriter::put(std::string_view bytes) {
+  sink_(bytes);
+  position_ += bytes.size();
+  crc_ = crc_of(bytes, crc_);
+}
+
+void McapWriter::end_chunk() {
+  if (chunk_.empty()) return;
+  const std::uint64_t start = position_;
+  const std::uint64_t size = chunk_.size();
+  std::string head;
+  append(head, chunk_times_.first_ns);
+  append(head, chunk_times_.last_ns);
+  append(head, size);
+  append(head, crc_of(chunk_));
+  append_text(head, "");  // not compressed
+  append(head, size);
+  std::string begin;
+  append(begin, kChunk);
+  append(begin, head.size() + size);
+  put(begin + head);
+  put(chunk_);
+  const std::uint64_t length = position_ - start;
+
+  std::string places;  // of the message indexes
+  const std::uint64_t indexes_start = position_;
+  for (const auto& [channel, messages] : chunk_index_) {
+    append(places, channel);
+    append(places, position_);
+    std::string entries;
+    for (const MessagePlace& message : messages) {
+      append(entries, message.time_ns);
+      append(entries, message.offset);
+    }
+    std::string content;
+    append(content, channel);
+    append_text(content, entries);
+    put(record(kMessageIndex, content));
+  }
+
+  std::string content;
+  append(content, chunk_times_.first_ns);
+  append(content, chunk_times_.last_ns);
+  append(content, start);
+  append(content, length);
+  append_text(content, places);
+  append(content, position_ - indexes_start);
+  append_text(content, "");
+  append(content, size);
+  append(content, size);
+  append_record(chunk_indexes_, kChunkIndex, content);
+
+  ++chunk_count_;
+  chunk_.clear();
+  chunk_index_.clear();
+  chunk_times_ = {};
+}
+
+}  // namespace cairn::detail

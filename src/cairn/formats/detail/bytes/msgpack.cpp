@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/detail/bytes/msgpack.hpp"
+
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn::detail {
+namespace {
+
+constexpr std::uint64_t kMostWhole = std::numeric_limits<std::int64_t>::max();
+
+}  // namespace
+
+MsgpackReader::Head MsgpackReader::next(std::string_view field) {
+  const std::uint8_t head = in_.u8(field);
+  const auto big_endian = [&](int bytes) {
+    std::uint64_t value = 0;
+    for (int i = 0; i < bytes; ++i) value = value << 8 | in_.u8(field);
+    return value;
+  };
+  const auto sized = [&](Kind kind, std::uint64_t size) {
+    // Each value takes a byte at least, each pair two.
+    const std::uint64_t least = kind == Kind::kMap ? 2 : 1;
+    if (const auto left = in_.bytes_left(); left && size > *left / least) {
+      in_.refuse(field, fmt::format("states a size of {}, but {} bytes are left", size, *left),
+                 "no more than there are");
+    }
+    return Head{kind, size};
+  };
+  const auto whole = [](std::int64_t value) {
+    return Head{Kind::kWhole, 0, static_cast<double>(value), value};
+  };
+  const auto natural = [&](std::uint64_t value) {
+    if (value > kMostWhole) {
+      in_.refuse(field, fmt::format("{} is too large", value), "a number of 63 bits");
+    }
+    return whole(static_cast<std::int64_t>(value));
+  };
+  const auto number = [](double value) { return Head{Kind::kNumber, 0, value}; };
+  if (head < 0x80) return whole(head);
+  if (head < 0x90) return sized(Kind::kMap, head & 0x0fU);
+  if (head < 0xa0) return sized(Kind::kArray, head & 0x0fU);
+  if (head < 0xc0) return sized(Kind::kText, head & 0x1fU);
+  if (head >= 0xe0) return whole(static_cast<std::int8_t>(head));
+  switch (head) {
+    case 0xc0:
+      return {};
+    case 0xc2:
+    case 0xc3:
+      return {Kind::kBool};
+    case 0xc4:
+      return sized(Kind::kBytes, big_endian(1));
+    case 0xc5:
+      return sized(Kind::kBytes, big_endian(2));
+    case 0xc6:
+      return sized(Kind::kBytes, big_endian(4));
+    case 0xc7:  // extensions: a type before the bytes
+      return sized(Kind::kBytes, big_endian(1) + 1);
+    case 0xc8:
+      return sized(Kind::kBytes, big_endian(2) + 1);
+    case 0xc9:
+      return sized(Kind::kBytes, big_endian(4) + 1);
+    case 0xca:
+      return number(std::bit_cast<float>(static_cast<std::uint32_t>(big_endian(4))));
+    case 0xcb:
+      return number(std::bit_cast<double>(big_endian(8)));
+    case 0xcc:
+      return natural(big_endian(1));
+    case 0xcd:
+      return natural(big_endian(2));
+    case 0xce:
+      return natural(big_endian(4));
+    case 0xcf:
+      return natural(big_endian(8));
+    case 0xd0:
+      return whole(static_cast<std::int8_t>(big_endian(1)));
+    case 0xd1:
+      return whole(static_cast<std::int16_t>(big_endian(2)));
+    case 0xd2:
+      return whole(static_cast<std::int32_t>(big_endian(4)));
+    case 0xd3:
+      return whole(static_cast<std::int64_t>(big_endian(8)));
+    case 0xd4:
+    case 0xd5:
+    case 0xd6:
+    case 0xd7:
+    case 0xd8:  // extensions of 1, 2, 4, 8, 16 bytes
+      return sized(Kind::kBytes, (std::uint64_t{1} << (head - 0xd4U)) + 1);
+    case 0xd9:
+      return sized(Kind::kText, big_endian(1));
+    case 0xda:
+      return sized(Kind::kText, big_endian(2));
+    case 0xdb:
+      return sized(Kind::kText, big_endian(4));
+    case 0xdc:
+      return sized(Kind::kArray, big_endian(2));
+    case 0xdd:
+      return sized(Kind::kArray, big_endian(4));
+    case 0xde:
+      return sized(Kind::kMap, big_endian(2));
+    case 0xdf:
+      return sized(Kind::kMap, big_endian(4));
+    default:
+      in_.refuse(field, fmt::format("byte {:#04x} begins no value", head), "MessagePack");
+  }
+}
+
+std::uint64_t MsgpackReader::begin_map(std::string_view field) {
+  const Head head = next(field);
+  if (head.kind != Kind::kMap) in_.refuse(field, "is no map", "a map");
+  return head.size;
+}
+
+std::uint64_t MsgpackReader::begin_array(std::string_view field) {
+  const Head head = next(field);
+  if (head.kind != Kind::kArray) in_.refuse(field, "is no array", "an array");
+  return head.size;
+}
+
+void MsgpackReader::begin_array(std::string_view field, std::uint64_t size) {
+  const std::uint64_t found = begin_array(field);
+  if (found != size) {
+    in_.refuse(field, fmt::format("has {} entries", found), fmt::format("{} of them", size));
+  }
+}
+
+std::string MsgpackReader::text(std::string_view field) {
+  const Head head = next(field);
+  if (head.kind != Kind::kText) in_.refuse(field, "is no text", "a text");
+  std::string text;
+  for (std::uint64_t i = 0; i < head.size; ++i) text += static_cast<char>(in_.u8(field));
+  return text;
+}
+
+double MsgpackReader::number(std::string_view field) {
+  const double number = number_or_nan(field);
+  if (!std::isfinite(number)) in_.refuse(field, "is not finite", "a finite number");
+  return number;
+}
+
+double MsgpackReader::number_or_nan(std::string_view field) {
+  const Head head = next(field);
+  if (head.kind != Kind::kNumber && head.kind != Kind::kWhole) {
+    in_.refuse(field, "is no number", "a number");
+  }
+  return head.number;
+}
+
+std::int64_t MsgpackReader::whole(std::string_view field) {
+  const Head head = next(field);
+  if (head.kind != Kind::kWhole) in_.refuse(field, "is no whole number", "a whole number");
+  return head.whole;
+}
+
+void MsgpackReader::skip() {
+  constexpr std::string_view kField = "a value that is passed over";
+  std::uint64_t left = 1;
+  while (left > 0) {
+    --left;
+    const Head head = next(kField);
+    if (head.kind == Kind::kText || head.kind == Kind::kBytes) {
+      for (std::uint64_t i = 0; i < head.size; ++i) in_.u8(kField);
+    }
+    const bool is_nested = head.kind == Kind::kArray || head.kind == Kind::kMap;
+    const std::uint64_t more = !is_nested ? 0 : head.kind == Kind::kMap ? 2 * head.size : head.size;
+    left += more;
+    if (const auto bytes = in_.bytes_left(); bytes && left > *bytes) {
+      in_.refuse(kField,
+                 fmt::format("{} values are to follow, but {} bytes are left", left, *bytes),
+                 "no more than there are");
+    }
+  }
+}
+
+void MsgpackWriter::big_endian(std::uint8_t head, std::uint64_t value, int bytes) {
+  out_ += static_cast<char>(head);
+  for (int i = bytes - 1; i >= 0; --i) out_ += static_cast<char>(value >> (8 * i) & 0xffU);
+}
+
+void MsgpackWriter::begin_map(std::uint64_t pairs) {
+  if (pairs < 16) return big_endian(static_cast<std::uint8_t>(0x80U | pairs), 0, 0);
+  pairs < 65536 ? big_endian(0xde, pairs, 2) : big_endian(0xdf, pairs, 4);
+}
+
+void MsgpackWriter::begin_array(std::uint64_t size) {
+  if (size < 16) return big_endian(static_cast<std::uint8_t>(0x90U | size), 0, 0);
+  size < 65536 ? big_endian(0xdc, size, 2) : big_endian(0xdd, size, 4);
+}
+
+void MsgpackWriter::text(std::string_view text) {
+  if (text.size() < 32) {
+    big_endian(static_cast<std::uint8_t>(0xa0U | text.size()), 0, 0);
+  } else if (text.size() < 256) {
+    big_endian(0xd9, text.size(), 1);
+  } else {
+    text.size() < 65536 ? big_endian(0xda, text.size(), 2) : big_endian(0xdb, text.size(), 4);
+  }
+  out_ += text;
+}
+
+void MsgpackWriter::number(double value) {
+  big_endian(0xcb, std::bit_cast<std::uint64_t>(value), 8);
+}
+
+void MsgpackWriter::whole(std::int64_t value) {
+  const auto bits = static_cast<std::uint64_t>(value);
+  if (value >= 0 && value < 128) return big_endian(static_cast<std::uint8_t>(value), 0, 0);
+  if (value < 0 && value >= -32) return big_endian(static_cast<std::uint8_t>(bits & 0xffU), 0, 0);
+  if (value < 0) return big_endian(0xd3, bits, 8);
+  if (value < 256) return big_endian(0xcc, bits, 1);
+  if (value < 65536) return big_endian(0xcd, bits, 2);
+  value <= std::numeric_limits<std::uint32_t>::max() ? big_endian(0xce, bits, 4)
+                                                     : big_endian(0xcf, bits, 8);
+}
+
+}  // namespace cairn::detail

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/detail/bytes/protobuf.hpp"
+
+#include <bit>
+
+namespace cairn::detail {
+namespace {
+
+// How a field's value is laid out.
+enum WireType : std::uint32_t { kVarint = 0, kEightBytes = 1, kSized = 2, kFourBytes = 5 };
+
+constexpr std::uint32_t tag(std::uint32_t field, WireType type) {
+  return field << 3U | type;
+}
+
+}  // namespace
+
+ProtobufMessage& ProtobufMessage::whole(std::uint32_t field, std::uint64_t value) {
+  varint(tag(field, kVarint));
+  varint(value);
+  return *this;
+}
+
+ProtobufMessage& ProtobufMessage::fixed32(std::uint32_t field, std::uint32_t value) {
+  varint(tag(field, kFourBytes));
+  little_endian(value, 4);
+  return *this;
+}
+
+ProtobufMessage& ProtobufMessage::fixed32s(std::uint32_t field,
+                                           std::span<const std::uint32_t> values) {
+  varint(tag(field, kSized));
+  varint(4 * values.size());
+  for (const std::uint32_t value : values) little_endian(value, 4);
+  return *this;
+}
+
+ProtobufMessage& ProtobufMessage::real(std::uint32_t field, double value) {
+  varint(tag(field, kEightBytes));
+  little_endian(std::bit_cast<std::uint64_t>(value), 8);
+  return *this;
+}
+
+ProtobufMessage& ProtobufMessage::bytes(std::uint32_t field, std::string_view value) {
+  varint(tag(field, kSized));
+  varint(value.size());
+  bytes_ += value;
+  return *this;
+}
+
+// Seven bits a byte, the lowest first; all but the last have the high bit.
+void ProtobufMessage::varint(std::uint64_t value) {
+  for (; value >= 0x80; value >>= 7U) bytes_ += static_cast<char>(value | 0x80U);
+  bytes_ += static_cast<char>(value);
+}
+
+void ProtobufMessage::little_endian(std::uint64_t value, int size) {
+  for (int i = 0; i < size; ++i) bytes_ += static_cast<char>(value >> (8 * i));
+}
+
+}  // namespace cairn::detail

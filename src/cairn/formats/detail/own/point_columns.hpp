@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/core/file.hpp"
+#include "cairn/formats/options.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+// Shared by the PLY and PCD formats: a landmark map as a table of points with scalar fields. Private to
+// cairn/map/io and cairn/interchange.
+namespace cairn::detail {
+
+enum class PointFormat {
+  kPly,
+  kPcd,
+  kFoxglove,  ///< as PLY, with an alpha value; write-only
+};
+
+enum class ScalarType : std::uint8_t {
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat32,
+  kFloat64,
+};
+
+std::size_t size_of(ScalarType type);
+bool is_integer(ScalarType type);
+
+/// The unit that a comment of a header states: "cairn length_unit metres", or "free"; std::nullopt for another comment.
+std::optional<LengthUnit> unit_in_comment(std::string_view comment);
+/// That comment.
+std::string unit_comment(LengthUnit unit);
+
+/// A field of a point or other record, as a file declares it, in the file's order.
+struct PointField {
+  std::string name;
+  ScalarType type = ScalarType::kFloat64;
+  std::uint64_t count = 1;               ///< values per point; below 2^32
+  std::optional<ScalarType> list_count;  ///< type of a list's length, which precedes its values
+};
+
+/// Upper bound of the points in a map.
+constexpr std::uint64_t kPointLimit = std::uint64_t{1} << 32;
+/// Upper bound of the fields in a file: above any real file, and few enough to compare all names.
+constexpr std::size_t kFieldLimit = 4096;
+
+/// A source with a text header followed by a body. Handles progress and cancellation.
+class HeadedSource final : public ByteSource {
+ public:
+  HeadedSource(ByteSource& source, const MapReadOptions& options);
+
+  /// The next line of the header, without line end and surrounding blanks. Valid until the next call.
+  /// @throws Error (input) at the end of the source, or if the line is too long
+  std::string_view header_line(std::string_view expected);
+  /// "file:line" of the last header line returned.
+  std::string header_place() const;
+  std::uint64_t header_lines() const { return header_lines_; }
+
+  /// The next bytes: at least `least`, fewer only at the end. Valid until the next call.
+  std::string_view peek(std::size_t least);
+  void consume(std::size_t count);
+  /// Skips bytes. @return the number of bytes skipped
+  std::uint64_t skip(std::uint64_t count);
+  /// Bytes returned so far.
+  std::uint64_t offset() const { return offset_; }
+  /// Bytes left; std::nullopt if the source has no size.
+  std::optional<std::uint64_t> remaining() const;
+  /// @throws Error (input) unless all bytes were read, or the rest is line ends, blanks and zeros: these are logged as
+  ///        a loss
+  void expect_end();
+
+  const std::string& name() const override { return source_.name(); }
+  std::optional<std::uint64_t> size() const override { return source_.size(); }
+  std::size_t read(char* buffer, std::size_t capacity) override;
+  void rewind() override;
+
+ private:
+  std::size_t read_more(char* buffer, std::size_t capacity);
+
+  ByteSource& source_;
+  const MapReadOptions& options_;
+  std::vector<char> buffer_;
+  std::size_t begin_ = 0;
+  std::size_t end_ = 0;
+  std::uint64_t offset_ = 0;
+  std::uint64_t received_ = 0;
+  std::uint64_t next_report_ = 0;
+  std::uint64_t header_lines_ = 0;
+};
+
+/// The lines of a text body that are not blank.
+class TextRows {
+ public:
+  /// @param log receives a loss if the last row does not end
+  TextRows(HeadedSource& source, LogSink log);
+
+  /// Row `done` of `count` rows.
+  /// @throws Error (input) if there is none, or it is incomplete
+  std::string_view next(std::uint64_t done, std::uint64_t count, std::string_view rows);
+  std::uint64_t line_number() const { return header_lines_ + lines_.line_number(); }
+  /// @throws Error (input) if there is another row
+  void expect_end();
+
+ private:
+  std::optional<std::string_view> next_filled();
+
+  const HeadedSource& source_;
+  std::uint64_t header_lines_;
+  LineReader lines_;
+  LogSink log_;
+};
+
+/// Collects point fields for a map.
+class PointTable {
+ public:
+  /// Assigns each field its role.
+  /// @param where text for the message if x, y or z is missing
+  PointTable(PointFormat format, std::string source, std::string_view where,
+             std::vector<PointField> fields, const MapReadOptions& options);
+
+  const std::vector<PointField>& fields() const { return fields_; }
+  std::size_t size() const { return positions_.size(); }
+  void reserve(std::size_t rows);
+
+  /// Adds one point from text.
+  void append_text(std::string_view row, std::uint64_t line_number);
+  /// Adds `rows` contiguous points without lists.
+  void append_binary(const char* bytes, std::size_t rows, bool big_endian);
+  /// Adds little-endian points from columns, given each field's first value.
+  void append_columns(const std::vector<const char*>& columns, std::size_t rows);
+
+  /// Makes the map: drops points without a usable position, and decides whether the ids are usable.
+  /// @param unit std::nullopt if the file states none: then free, but metres if its fields are those of Cairn, which once
+  ///        did not state metres
+  LandmarkMap finish(std::optional<LengthUnit> unit) &&;
+
+ private:
+  enum class Role { kSkipped, kPosition, kCovariance, kChannel, kPackedColor, kId, kColumn };
+  struct Slot {
+    Role role = Role::kSkipped;
+    std::size_t index = 0;
+  };
+
+  void choose_slots(PointFormat format, std::string_view where);
+  void grow(std::size_t rows);
+  template <class T>
+  void put(Slot slot, std::size_t row, T value);
+  void put_integer(Slot slot, std::size_t row, std::uint64_t bits);
+  void put_text(std::size_t field, std::string_view text, std::uint64_t line, std::uint64_t token);
+  void put_run(std::size_t field, std::size_t first_row, std::size_t rows, const char* bytes,
+               std::size_t step, bool swap_bytes);
+  [[noreturn]] void refuse(std::uint64_t line, std::uint64_t token, std::string_view field,
+                           std::string_view what, std::string_view expected) const;
+  bool has_fields_of_cairn() const;
+  void drop_points_without_position();
+  void forget_infinite_values();
+  void take_ids(LandmarkTable& landmarks);
+  void remark(const std::string& text) const;
+  void lost(const std::string& text) const;
+
+  std::string source_;
+  const MapReadOptions& options_;
+  std::vector<PointField> fields_;
+  std::vector<Slot> slots_;  // one per field
+  std::vector<Eigen::Vector3d> positions_;
+  bool has_covariances_ = false;
+  std::vector<Eigen::Matrix3d> covariances_;
+  bool has_colors_ = false;
+  OptionalColumn<Color> colors_;
+  bool has_ids_ = false;
+  bool ids_are_signed_ = false;
+  std::vector<std::uint64_t> ids_;  // two's complement if negative
+  std::vector<NamedColumn> columns_;
+};
+
+/// Reads `count` points of a text body.
+void read_text_points(TextRows& rows, HeadedSource& source, std::uint64_t count,
+                      std::string_view points, PointTable& table);
+
+/// Reads `count` points of a binary body, point after point.
+void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_view points,
+                        bool big_endian, PointTable& table);
+
+/// Skips records of a binary body.
+void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fields,
+                         std::uint64_t count, std::string_view records, bool big_endian);
+
+/// The first bytes of a scalar as a little-endian unsigned 32-bit integer.
+std::uint32_t load_little_endian_32(const char* bytes);
+
+/// The landmarks of a map as points with fields.
+class PointRows {
+ public:
+  /// @param position_type kFloat32 or kFloat64, of x, y and z
+  /// @throws Error (misuse) for a named column whose name has another meaning in the file, or a position
+  ///        out of the range of `position_type`
+  PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type);
+
+  const std::vector<PointField>& fields() const { return fields_; }
+  /// Writes header and points, as text or little-endian binary.
+  void write(std::string header, bool ascii, const ByteSink& sink) const;
+
+ private:
+  enum class Content { kPosition, kCovariance, kChannel, kPackedColor, kCount, kId, kColumn };
+  struct Cell {
+    Content content;
+    std::size_t index;
+  };
+
+  void add(std::string name, ScalarType type, Content content, std::size_t index = 0);
+  template <class Put>
+  void visit(std::size_t field, std::size_t row, Put&& put) const;
+
+  const LandmarkMap& map_;
+  std::vector<PointField> fields_;
+  std::vector<Cell> cells_;  // one per field
+};
+
+}  // namespace cairn::detail

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/foreign/colmap_database.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/formats/detail/foreign/database_file.hpp"
+#include "cairn/formats/detail/foreign/database_formats.hpp"
+#include "cairn/formats/detail/foreign/described_observations.hpp"
+#include "cairn/formats/detail/foreign/is_file.hpp"
+#include "cairn/formats/foreign/colmap.hpp"
+#include "cairn/formats/foreign/rtabmap.hpp"
+#include "cairn/formats/foreign/stella_database.hpp"
+#include "cairn/formats/losses.hpp"
+#include "cairn/storage/sqlite/database.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kSiftBytes = 128;
+constexpr std::size_t kMostOfLandmark = 8;  // descriptors to compare
+constexpr std::size_t kNotFound = std::numeric_limits<std::size_t>::max();
+
+// An observation whose descriptor is wanted.
+struct Wanted {
+  std::size_t rank;  // among those wanted, in the order of landmarks
+  std::uint32_t keypoint;
+  Pixel pixel;
+};
+
+// A matrix as stored in a database.
+struct Matrix {
+  std::uint64_t rows = 0;
+  std::uint64_t columns = 0;
+  std::span<const std::byte> bytes;
+};
+
+Matrix matrix(const sqlite::Database& database, const sqlite::Statement& row, const char* table,
+              std::size_t bytes_each) {
+  Matrix result{row.unsigned_integer(0), row.unsigned_integer(1),
+                row.optional_blob(2).value_or(std::span<const std::byte>{})};
+  const bool is_whole = result.columns <= 65536 && result.rows <= (std::uint64_t{1} << 40) &&
+                        result.rows * result.columns * bytes_each == result.bytes.size();
+  if (!is_whole) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", database.name(), table),
+                fmt::format("{} x {} numbers in {} bytes", result.rows, result.columns,
+                            result.bytes.size()),
+                fmt::format("{} bytes a number", bytes_each));
+  }
+  return result;
+}
+
+class DescriptorReader {
+ public:
+  DescriptorReader(const LandmarkMap& model, sqlite::Database& database,
+                   const MapReadOptions& options)
+      : model_(model), database_(database), options_(options) {
+    list_wanted();
+  }
+
+  std::optional<DescriptorColumn> read() {
+    const auto columns = database_.columns("descriptors");
+    const bool has_type = std::find(columns.begin(), columns.end(), "type") != columns.end();
+    auto image = database_.prepare("SELECT image_id, name FROM images ORDER BY image_id");
+    auto keypoints =
+        database_.prepare("SELECT rows, cols, data FROM keypoints WHERE image_id = ?1");
+    auto descriptors = database_.prepare(
+        fmt::format("SELECT rows, cols, data{} FROM descriptors WHERE image_id = ?1",
+                    has_type ? ", type" : ", 1"));
+    while (image.step()) {
+      const auto frame = frame_of_.find(std::string(image.text(1)));
+      if (frame == frame_of_.end()) continue;
+      ++found_;
+      const std::int64_t id = image.integer(0);
+      keypoints.bind_all(id);
+      descriptors.bind_all(id);
+      const bool has_both = keypoints.step() && descriptors.step();
+      if (has_both) take(frame->second, keypoints, descriptors);
+      keypoints.reset();
+      descriptors.reset();
+    }
+    remark();
+    return choose();
+  }
+
+ private:
+  void list_wanted() {
+    const ObservationTable& observations = model_.observations();
+    wanted_.resize(model_.frame_count());
+    if (observations.keypoints.empty()) return;
+    first_.push_back(0);
+    for (std::uint32_t i = 0; i < model_.landmark_count(); ++i) {
+      const std::uint64_t first = observations.offsets[i];
+      for (std::uint64_t k = first;
+           k < std::min(observations.offsets[i + 1], first + kMostOfLandmark); ++k) {
+        if (!observations.keypoints[k]) continue;
+        wanted_[observations.frames[k].value].push_back(
+            {taken_.size(), *observations.keypoints[k], observations.pixels[k]});
+        taken_.push_back(kNotFound);
+      }
+      first_.push_back(taken_.size());
+    }
+    for (std::uint32_t i = 0; i < model_.frame_count() && !model_.frames().image_names.empty();
+         ++i) {
+      frame_of_.emplace(model_.frames().image_names[i], i);
+    }
+  }
+
+  void take(std::uint32_t frame, const sqlite::Statement& keypoint_row,
+            const sqlite::Statement& descriptor_row) {
+    const Matrix keypoints = matrix(database_, keypoint_row, "keypoints", sizeof(float));
+    constexpr std::int64_t kSift = 1;
+    if (descriptor_row.optional_integer(3).value_or(kSift) > kSift ||
+        descriptor_row.unsigned_integer(1) != kSiftBytes) {
+      ++no_sift_;
+      return;
+    }
+    const Matrix descriptors = matrix(database_, descriptor_row, "descriptors", 1);
+    const std::vector<Wanted>& wanted = wanted_[frame];
+    const bool covers = keypoints.columns >= 2 && keypoints.rows == descriptors.rows &&
+                        std::all_of(wanted.begin(), wanted.end(),
+                                    [&](const Wanted& w) { return w.keypoint < descriptors.rows; });
+    if (!covers || !are_near(frame, keypoints)) {
+      ++other_features_;
+      return;
+    }
+    for (const Wanted& w : wanted) {
+      std::size_t& place = taken_[w.rank];
+      if (place == kNotFound) {
+        place = bytes_.size();
+        bytes_.resize(place + kSiftBytes);
+      }
+      std::memcpy(&bytes_[place], descriptors.bytes.data() + w.keypoint * kSiftBytes, kSiftBytes);
+    }
+  }
+
+  // Whether half of the observations are near their keypoints. Undistorted images have the same keypoints at
+  // slightly different positions.
+  bool are_near(std::uint32_t frame, const Matrix& keypoints) const {
+    const auto& cameras = model_.frames().cameras;
+    const auto camera = cameras.empty() ? std::nullopt : cameras[frame];
+    const double most = camera ? 0.05 * model_.cameras()[camera->value].width : 50.0;
+    std::size_t near = 0;
+    for (const Wanted& w : wanted_[frame]) {
+      std::array<float, 2> xy{};
+      std::memcpy(xy.data(),
+                  keypoints.bytes.data() + w.keypoint * keypoints.columns * sizeof(float),
+                  sizeof xy);
+      // The centre of the top-left pixel is (0.5, 0.5) for COLMAP.
+      const double off =
+          std::hypot(double{xy[0]} - 0.5 - w.pixel.u, double{xy[1]} - 0.5 - w.pixel.v);
+      near += off <= most ? 1 : 0;
+    }
+    return 2 * near >= wanted_[frame].size();
+  }
+
+  void remark() const {
+    if (!options_.log) return;
+    const auto say = [&](std::size_t count, std::string_view what,
+                         RemarkKind kind = RemarkKind::kLoss) {
+      if (count > 0) options_.log({fmt::format("{}: {} {}", database_.name(), count, what), kind});
+    };
+    say(model_.frame_count() - std::min(found_, model_.frame_count()),
+        "images of the model are not in the database: no descriptors", RemarkKind::kInformation);
+    say(no_sift_, "images have descriptors other than SIFT; left out");
+    say(other_features_, "images have other keypoints than the model; left out");
+  }
+
+  std::optional<DescriptorColumn> choose() const {
+    if (bytes_.empty()) return std::nullopt;
+    DescriptorColumn column{"SIFT", kSiftBytes, {}, {}};
+    std::vector<std::span<const std::uint8_t>> of_landmark;
+    for (std::size_t i = 0; i < model_.landmark_count(); ++i) {
+      of_landmark.clear();
+      for (std::size_t rank = first_[i]; rank < first_[i + 1]; ++rank) {
+        if (taken_[rank] == kNotFound) continue;
+        of_landmark.push_back(std::span(bytes_).subspan(taken_[rank], kSiftBytes));
+      }
+      detail::append_distinct(column, of_landmark, DescriptorNorm::kSquared);
+    }
+    return column;
+  }
+
+  const LandmarkMap& model_;
+  sqlite::Database& database_;
+  const MapReadOptions& options_;
+  std::unordered_map<std::string, std::uint32_t> frame_of_;
+  std::vector<std::vector<Wanted>> wanted_;  // of each frame
+  std::vector<std::size_t> first_;   // rank of each landmark's first wanted one, and the end
+  std::vector<std::size_t> taken_;   // of each rank, the start of its descriptor in bytes_
+  std::vector<std::uint8_t> bytes_;  // kSiftBytes a descriptor that was found
+  std::size_t found_ = 0;
+  std::size_t no_sift_ = 0;
+  std::size_t other_features_ = 0;
+};
+
+// The folder of a model, in the binary form if there are both.
+std::optional<ColmapForm> form_of(const fs::path& folder) {
+  if (detail::is_file(folder / "points3D.bin")) return ColmapForm::kBinary;
+  if (detail::is_file(folder / "points3D.txt")) return ColmapForm::kText;
+  return std::nullopt;
+}
+
+constexpr std::array<std::string_view, 3> kTables = {"images", "keypoints", "descriptors"};
+
+bool is_colmap_database(const fs::path& path) {
+  return detail::is_database_with(path, {kTables[0], kTables[1], kTables[2]});
+}
+
+LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options) {
+  const fs::path folder = input.path.parent_path();
+  const std::string part = input.part.value_or("0");
+  // Also as instant-ngp (colmap_*) and kapture (reconstruction) lay out their projects.
+  std::vector<fs::path> places = {folder / "sparse" / part, folder / part,
+                                  folder / "colmap_sparse" / part,
+                                  folder / "reconstruction" / part};
+  if (!input.part) {
+    for (const char* name : {"sparse", "", "colmap_sparse", "colmap_text", "reconstruction"}) {
+      places.push_back(*name == '\0' ? folder : folder / name);
+    }
+  }
+  for (const fs::path& place : places) {
+    if (const auto form = form_of(place)) {
+      detail::log_remark(options.log, input.path.string(),
+                         "read with the model in " + (place.empty() ? "." : place.string()));
+      return with_colmap_descriptors(read_colmap(place, *form, options), input.path, options);
+    }
+  }
+  throw Error(ErrorKind::kInput, input.path.string(),
+              "is COLMAP's database of features, and no model lies beside it",
+              "a model in " + places.front().string());
+}
+
+std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const fs::path& path,
+                                                 const MapReadOptions& options) {
+  sqlite::Database database = detail::open_foreign_database(path, options);
+  for (const std::string_view table : kTables) {
+    if (!database.has_table(table)) {
+      throw Error(ErrorKind::kInput, path.string(), fmt::format("has no table {}", table),
+                  "a database of COLMAP");
+    }
+  }
+  return DescriptorReader(model, database, options).read();
+}
+
+// COLMAP's databases in a folder: database.db, or else all others by their tables.
+std::vector<fs::path> databases_in(const fs::path& folder) {
+  if (detail::is_file(folder / "database.db")) return {folder / "database.db"};
+  std::vector<fs::path> databases;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const fs::path& path = entry->path();
+    if (path.extension() == ".db" && detail::is_file(path) && is_colmap_database(path)) {
+      databases.push_back(path);
+    }
+  }
+  std::sort(databases.begin(), databases.end());
+  return databases;
+}
+
+LandmarkMap with_descriptors(LandmarkMap model, std::optional<DescriptorColumn> descriptors) {
+  if (!descriptors) return model;
+  MapTables tables = std::move(model).tables();
+  tables.landmarks.descriptors = std::move(*descriptors);
+  return LandmarkMap(std::move(tables));
+}
+
+}  // namespace
+
+LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& database,
+                                    const MapReadOptions& options) {
+  auto descriptors = read_descriptors(model, database, options);
+  return with_descriptors(std::move(model), std::move(descriptors));
+}
+
+std::vector<MapFormat> colmap_database_formats() {
+  return {{.name = "colmap-database",
+           .title = "COLMAP database",
+           .holds_several = true,
+           .recognises =
+               [](const MapInput& input) {
+                 return detail::is_database(input) && is_colmap_database(input.path);
+               },
+           .read = &read_with_model}};
+}
+
+namespace detail {
+
+std::vector<MapFormat> database_formats() {
+  std::vector<MapFormat> all;
+  for (std::vector<MapFormat> some :
+       {colmap_database_formats(), stella_database_formats(), rtabmap_formats()}) {
+    std::move(some.begin(), some.end(), std::back_inserter(all));
+  }
+  return all;
+}
+
+LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
+                                 const MapReadOptions& options) {
+  std::error_code ignored;
+  fs::path place =
+      fs::absolute(folder.empty() ? fs::path(".") : folder, ignored).lexically_normal();
+  if (!place.has_filename()) place = place.parent_path();
+  for (int up = 0; up < 3; ++up, place = place.parent_path()) {
+    const std::vector<fs::path> databases = databases_in(place);
+    if (databases.empty()) continue;
+    if (databases.size() > 1) {
+      log_remark(options.log, place.string(),
+                 fmt::format("holds several databases of COLMAP, {} and {}; descriptors are left "
+                             "out: keep one of them there, or call it database.db",
+                             databases[0].filename().string(), databases[1].filename().string()),
+                 RemarkKind::kLoss);
+      return model;
+    }
+    try {
+      auto descriptors = read_descriptors(model, databases.front(), options);
+      return with_descriptors(std::move(model), std::move(descriptors));
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kInput) throw;
+      // The user did not name this file, and the model is complete without it.
+      if (options.log) {
+        options.log(
+            {fmt::format("{}; its descriptors are left out", error.what()), RemarkKind::kLoss});
+      }
+      return model;
+    }
+  }
+  return model;
+}
+
+}  // namespace detail
+}  // namespace cairn

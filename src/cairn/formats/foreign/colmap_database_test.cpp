@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/foreign/colmap_database.hpp"
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/outputs.hpp"
+#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/storage/sqlite/database.hpp"
+
+#include "support/imported_maps.hpp"
+#include "support/refusal.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using testing::refusal;
+
+// A model of one image with three keypoints in sparse/0, and the database that it was made from.
+class ColmapDatabaseTest : public testing::ImportTest {
+ protected:
+  void SetUp() override {
+    fs::create_directories(folder_ / "sparse/0");
+    folder_.write("sparse/0/cameras.txt", "1 PINHOLE 200 100 100 100 100 50\n");
+    folder_.write("sparse/0/images.txt", "7 1 0 0 0 0 0 0 1 a.png\n110 70 4 5.5 6.5 -1 90 50 2\n");
+    folder_.write("sparse/0/points3D.txt", "4 1 2 10 1 2 3 0.25 7 0\n2 -1 0 10 1 2 3 -1 7 2\n");
+    sqlite::Database database(file(), {.access = sqlite::Access::kCreate, .untrusted = false});
+    database.execute(
+        "CREATE TABLE images(image_id INTEGER PRIMARY KEY, name TEXT, camera_id INTEGER);"
+        "CREATE TABLE keypoints(image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data "
+        "BLOB);"
+        "CREATE TABLE descriptors(image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data "
+        "BLOB);"
+        "INSERT INTO images VALUES(3, 'a.png', 1);");
+    const std::vector<float> keypoints = {110, 70, 1, 0, 5.5F, 6.5F, 1, 0, 90, 50, 1, 0};
+    std::vector<std::byte> bytes(keypoints.size() * sizeof(float));
+    std::memcpy(bytes.data(), keypoints.data(), bytes.size());
+    database.run("INSERT INTO keypoints VALUES(3, 3, 4, ?1)", std::span<const std::byte>(bytes));
+    std::vector<std::byte> descriptors(3 * 128);
+    for (std::size_t i = 0; i < descriptors.size(); ++i) {
+      descriptors[i] = static_cast<std::byte>(i / 128 + 1);
+    }
+    database.run("INSERT INTO descriptors VALUES(3, 3, 128, ?1)",
+                 std::span<const std::byte>(descriptors));
+  }
+  fs::path file() const { return folder_ / "database.db"; }
+  void change(const std::string& sql) const {
+    sqlite::Database(file(), {.access = sqlite::Access::kWrite}).execute(sql);
+  }
+};
+
+TEST_F(ColmapDatabaseTest, DescriptorsOfTheDatabaseBelongToLandmarks) {
+  for (const fs::path& path : {folder_ / "sparse/0", folder_ / "sparse/0/points3D.txt", file(),
+                               fs::path(file().string() + "#0")}) {
+    const LandmarkMap map = read(path);
+    ASSERT_TRUE(map.landmarks().descriptors) << path;
+    EXPECT_EQ(map.landmarks().descriptors->kind, "SIFT");
+    EXPECT_EQ(map.landmarks().descriptors->bytes[0], 3) << "point 2 is keypoint 2";
+    EXPECT_EQ(map.landmarks().descriptors->bytes[128], 1);
+    EXPECT_EQ(map.observations().keypoints[1], 0U);
+  }
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseOfAnyNameIsFoundByItsTables) {
+  fs::rename(file(), folder_ / "colmap.db");
+  fs::rename(folder_ / "sparse", folder_ / "colmap_sparse");
+  folder_.write("Thumbs.db", "no database");
+  for (const fs::path& path :
+       {folder_ / "colmap_sparse/0", folder_ / "colmap.db", folder_.path()}) {
+    EXPECT_TRUE(read(path).landmarks().descriptors) << path;
+  }
+  EXPECT_THAT(remarks_,
+              Contains(HasSubstr("the map in " + (folder_ / "colmap_sparse/0").string())));
+  fs::copy(folder_ / "colmap.db", folder_ / "other.db");
+  EXPECT_FALSE(read(folder_ / "colmap_sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("several databases of COLMAP, colmap.db and other.db")));
+  fs::copy(folder_ / "colmap_sparse/0", folder_ / "colmap_text");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_.path()); }),
+              AllOf(HasSubstr("holds 2 maps in folders"), HasSubstr("colmap_sparse/0 or "),
+                    HasSubstr("colmap_text")));
+}
+
+TEST_F(ColmapDatabaseTest, AModelWithoutCamerasGetsDescriptorsToo) {
+  fs::remove(folder_ / "sparse/0/cameras.txt");
+  EXPECT_TRUE(read(folder_ / "sparse/0").frames().cameras.empty());
+  EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_TRUE(read(file()).landmarks().descriptors);
+}
+
+TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
+  change("DELETE FROM images");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("1 images of the model are not in the database")));
+  change("DROP TABLE descriptors");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("has no table descriptors")));
+  folder_.write("database.db", "SQLite format 3");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseBesideThatIsToBeWrittenIsRefused) {
+  refuse_to_read({{"--json", file()}});
+  EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { read(folder_ / "sparse/0"); }),
+              HasSubstr("--json: " + file().string()));
+  refuse_to_read({});
+  EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseThatWasNotClosedIsLeftOutOrRefused) {
+  folder_.write("database.db-wal", "changes");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(AllOf(HasSubstr("was not closed"),
+                                       HasSubstr("its descriptors are left out"))));
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("was not closed"));
+}
+
+TEST_F(ColmapDatabaseTest, OtherKeypointsAreNotTaken) {
+  change("UPDATE keypoints SET rows = 2, data = zeroblob(32)");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_, Contains(HasSubstr("1 images have other keypoints than the model")));
+  change("UPDATE keypoints SET rows = 3, data = zeroblob(48)");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors) << "elsewhere in the image";
+}
+
+TEST_F(ColmapDatabaseTest, SizesAreHeldAgainstTheBytes) {
+  change("UPDATE descriptors SET rows = 4611686018427387904");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }),
+              HasSubstr("descriptors: 4611686018427387904 x 128 numbers in 384 bytes"));
+  change("UPDATE descriptors SET rows = -1");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("database.db"));
+}
+
+TEST_F(ColmapDatabaseTest, ADatabaseWithoutAModelIsNoMap) {
+  fs::remove_all(folder_ / "sparse");
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }),
+              HasSubstr("is COLMAP's database of features, and no model lies beside it"));
+}
+
+}  // namespace
+}  // namespace cairn

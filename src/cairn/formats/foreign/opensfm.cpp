@@ -1,0 +1,787 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/foreign/opensfm.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <set>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/json_document.hpp"
+#include "cairn/formats/detail/bytes/record_reader.hpp"
+#include "cairn/formats/detail/foreign/is_file.hpp"
+#include "cairn/formats/detail/foreign/observation_list.hpp"
+#include "cairn/formats/detail/foreign/written_frames.hpp"
+#include "cairn/formats/losses.hpp"
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using detail::JsonValue;
+
+constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
+constexpr double kUnknownAccuracy =
+    999999.0;  // metres: OpenSfM's value for a shot without GNSS position
+
+// OpenSfM's image coordinates: the centre of the image is (0, 0), its longer side is 1.
+struct ImageFrame {
+  double width = 0.0;
+  double height = 0.0;
+
+  double size() const { return std::max(width, height); }
+  Pixel pixel(double x, double y) const {
+    return {x * size() + (width - 1.0) / 2.0, y * size() + (height - 1.0) / 2.0};
+  }
+  std::pair<double, double> normalized(const Pixel& pixel) const {
+    return {(pixel.u - (width - 1.0) / 2.0) / size(), (pixel.v - (height - 1.0) / 2.0) / size()};
+  }
+};
+
+// std::nullopt for a projection that Cairn has no model for.
+std::optional<Camera> camera_of(const JsonValue& camera, const ImageFrame& image, CameraId id) {
+  const std::string type =
+      camera.has("projection_type") ? camera.at("projection_type").text() : "perspective";
+  const double size = image.size();
+  const auto optional = [&](const char* key) { return camera.number_or(key, 0.0); };
+  const auto focal = [&](const char* key) { return camera.at(key).number() * size; };
+  const auto result = [&](const char* model, std::vector<double> parameters) {
+    return Camera{id, model, static_cast<std::uint32_t>(image.width),
+                  static_cast<std::uint32_t>(image.height), std::move(parameters)};
+  };
+  const Pixel centre = image.pixel(optional("c_x"), optional("c_y"));
+  const double k1 = optional("k1");
+  const double k2 = optional("k2");
+  if (type == "perspective") {
+    return result("RADIAL", {focal("focal"), centre.u, centre.v, k1, k2});
+  }
+  if (type == "fisheye") {
+    return result("RADIAL_FISHEYE", {focal("focal"), centre.u, centre.v, k1, k2});
+  }
+  const auto two_focals = [&](const char* model, std::vector<double> distortion) {
+    std::vector<double> parameters = {focal("focal_x"), focal("focal_y"), centre.u, centre.v};
+    parameters.insert(parameters.end(), distortion.begin(), distortion.end());
+    return result(model, std::move(parameters));
+  };
+  if (type == "simple_radial" || type == "radial") return two_focals("OPENCV", {k1, k2, 0.0, 0.0});
+  if (type == "brown") {
+    return two_focals("FULL_OPENCV",
+                      {k1, k2, optional("p1"), optional("p2"), optional("k3"), 0.0, 0.0, 0.0});
+  }
+  if (type == "fisheye_opencv") {
+    return two_focals("OPENCV_FISHEYE", {k1, k2, optional("k3"), optional("k4")});
+  }
+  return std::nullopt;
+}
+
+class Reader {
+ public:
+  Reader(const OpenSfmSources& sources, const MapReadOptions& options)
+      : sources_(sources), options_(options) {}
+
+  void read(const JsonValue& reconstruction) {
+    read_reference(reconstruction);
+    read_cameras(reconstruction.at("cameras").object());
+    read_shots(reconstruction.at("shots").object());
+    if (reconstruction.has("points")) read_points(reconstruction.at("points").object());
+    std::vector<std::string> dropped;
+    for (const auto& [key, value] : reconstruction.json().items()) {
+      if (key != "cameras" && key != "shots" && key != "points" && key != "reference_lla") {
+        dropped.push_back(printable(key));
+      }
+    }
+    dropped.insert(dropped.end(), dropped_of_shots_.begin(), dropped_of_shots_.end());
+    if (!dropped.empty()) lost(fmt::format("left out: {}", fmt::join(dropped, ", ")));
+  }
+
+  void read_tracks() {
+    if (sources_.tracks == nullptr) {
+      remark("there is no tracks.csv beside it: observations are unknown");
+      return;
+    }
+    detail::ReadingProgress progress(options_, sources_.tracks->size().value_or(0));
+    LineReader lines(*sources_.tracks, options_.log);
+    std::uint64_t reported = 0;
+    while (const auto line = lines.next()) {
+      constexpr std::uint64_t kBlock = 1 << 20;
+      if (lines.bytes_read() - reported > kBlock) {
+        progress.advance(lines.bytes_read() - reported, sources_.tracks->name());
+        reported = lines.bytes_read();
+      }
+      if (lines.line_number() == 1 && line->starts_with("OPENSFM_TRACKS_VERSION")) continue;
+      if (trimmed(*line).empty()) continue;
+      read_track(*line, lines.line_number());
+    }
+    observations_.fill(tables_.observations, tables_.landmarks.ids.size());
+  }
+
+  void read_control_points() {
+    if (sources_.control_points == nullptr) return;
+    const std::string& name = sources_.control_points->name();
+    const nlohmann::json json = detail::read_json(*sources_.control_points);
+    const JsonValue all(json, name + ": ");
+    const JsonValue points = all.at("points").array();
+    std::size_t unplaced = 0;
+    for (std::size_t i = 0; i < points.json().size(); ++i) {
+      const JsonValue json_point = points.at(i);
+      if (!json_point.has("position")) {
+        ++unplaced;
+        continue;
+      }
+      const JsonValue position = json_point.at("position");
+      ControlPoint point;
+      point.name = json_point.at("id").text();
+      point.latitude_deg = position.at("latitude").number();
+      point.longitude_deg = position.at("longitude").number();
+      if (position.has("altitude")) point.altitude_m = position.at("altitude").number();
+      const JsonValue views = json_point.at("observations").array();
+      for (std::size_t j = 0; j < views.json().size(); ++j) {
+        const JsonValue view = views.at(j);
+        const auto shot = shots_.find(view.at("shot_id").text());
+        if (shot == shots_.end() || !view.has("projection")) continue;
+        const JsonValue projection = view.at("projection").array();
+        point.views.push_back({shot->first, shot->second.image.pixel(projection.at(0).number(),
+                                                                     projection.at(1).number())});
+      }
+      tables_.info.control_points.push_back(std::move(point));
+    }
+    if (unplaced > 0) {
+      detail::log_remark(options_.log, name,
+                         fmt::format("{} control points without a position are left out", unplaced),
+                         RemarkKind::kLoss);
+    }
+  }
+
+  void read_control_list() {
+    if (sources_.control_list == nullptr) return;
+    LineReader lines(*sources_.control_list, options_.log);
+    bool is_head = true;
+    while (const auto line = lines.next()) {
+      const std::string_view text = trimmed(*line);
+      if (text.empty() || text.front() == '#') continue;
+      if (!is_head) {
+        read_control_line(text, lines.line_number());
+        continue;
+      }
+      is_head = false;
+      if (text == "WGS84") continue;
+      detail::log_remark(options_.log, sources_.control_list->name(),
+                         fmt::format("control points in {} are left out; those in WGS84 are read",
+                                     printable(text)),
+                         RemarkKind::kLoss);
+      return;
+    }
+  }
+
+  LandmarkMap finish() && {
+    tables_.info.length_unit = LengthUnit::kFree;
+    return detail::imported_map(std::move(tables_), sources_.reconstruction->name(), options_.log);
+  }
+
+  void remark(const std::string& text) const {
+    detail::log_remark(options_.log, sources_.reconstruction->name(), text);
+  }
+  void lost(const std::string& text) const {
+    detail::log_remark(options_.log, sources_.reconstruction->name(), text, RemarkKind::kLoss);
+  }
+
+ private:
+  struct KnownCamera {
+    ImageFrame image;
+    std::optional<CameraIndex> index;
+  };
+
+  void read_reference(const JsonValue& reconstruction) {
+    if (!reconstruction.has("reference_lla")) return;
+    const JsonValue lla = reconstruction.at("reference_lla").object();
+    const GeodeticPosition origin{lla.at("latitude").number(), lla.at("longitude").number(),
+                                  lla.at("altitude").number()};
+    // OpenSfM's value for an unknown position.
+    if (origin == GeodeticPosition{}) {
+      remark("reference_lla is 0 0 0, as without GNSS positions: the map has no georeference");
+      return;
+    }
+    // The world frame is the topocentric one.
+    tables_.info.georeference = GeoReference{origin};
+  }
+
+  void read_gnss(const JsonValue& shot) {
+    auto& gnss = tables_.frames.gnss;
+    const double accuracy = shot.number_or("gps_dop", 0.0);
+    if (!shot.has("gps_position") || accuracy == kUnknownAccuracy) {
+      gnss.push_back(std::nullopt);
+      return;
+    }
+    const Eigen::Vector3d enu = shot.at("gps_position").vector3();
+    if (!tables_.info.georeference) {
+      dropped_of_shots_.insert("'gps_position'");
+      gnss.push_back(std::nullopt);
+      return;
+    }
+    GnssFix fix{tables_.info.georeference->geodetic(enu), std::nullopt};
+    if (accuracy > 0.0) fix.accuracy_m = accuracy;
+    gnss.push_back(fix);
+  }
+
+  void read_cameras(const JsonValue& cameras) {
+    for (const auto& [name, json] : cameras.json().items()) {
+      const JsonValue camera = cameras.at(name);
+      KnownCamera& known = cameras_[name];
+      known.image.width = static_cast<double>(camera.at("width").unsigned_number(kMostPixels));
+      known.image.height = static_cast<double>(camera.at("height").unsigned_number(kMostPixels));
+      const CameraId id{cameras_.size() - 1};
+      const auto usable = camera_of(camera, known.image, id);
+      const std::string defect = usable ? camera_defect(*usable)
+                                        : "projection " +
+                                              printable(camera.at("projection_type").text()) +
+                                              " has no model in Cairn";
+      if (!defect.empty()) {
+        lost(fmt::format("camera {} is unknown to the map: {}", printable(name), defect));
+        continue;
+      }
+      known.index = CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())};
+      tables_.cameras.push_back(*usable);
+    }
+  }
+
+  void read_shots(const JsonValue& shots) {
+    FrameTable& frames = tables_.frames;
+    for (const auto& [name, json] : shots.json().items()) {
+      const JsonValue shot = shots.at(name);
+      const Eigen::Vector3d rotation = shot.at("rotation").vector3();
+      const Eigen::Vector3d translation = shot.at("translation").vector3();
+      const double angle = rotation.norm();
+      if (!std::isfinite(angle)) shot.at("rotation").refuse("is out of range", "radians");
+      const Eigen::Quaterniond camera_from_world(
+          angle > 0.0 ? Eigen::AngleAxisd(angle, rotation / angle)
+                      : Eigen::AngleAxisd(0.0, Eigen::Vector3d::UnitX()));
+      const Eigen::Quaterniond q = camera_from_world.conjugate();
+      const auto camera = cameras_.find(shot.at("camera").text());
+      if (camera == cameras_.end()) {
+        shot.at("camera").refuse(printable(shot.at("camera").text()) + " is not among the cameras",
+                                 "the name of a camera");
+      }
+      shots_.emplace(name, Shot{FrameIndex{static_cast<std::uint32_t>(frames.ids.size())},
+                                camera->second.image});
+      frames.ids.push_back(FrameId{frames.ids.size()});
+      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+      frames.translations.push_back(-(q * translation));
+      frames.cameras.push_back(camera->second.index);
+      frames.image_names.push_back(name);
+      const double time = shot.number_or("capture_time", 0.0);
+      frames.timestamps_s.push_back(time != 0.0 ? std::optional(time) : std::nullopt);
+      read_gnss(shot);
+      static const std::set<std::string_view> kept = {
+          "rotation", "translation", "camera", "capture_time", "gps_dop", "gps_position"};
+      for (const auto& [key, value] : json.items()) {
+        if (!kept.contains(key)) dropped_of_shots_.insert(printable(key));
+      }
+    }
+  }
+
+  void read_points(const JsonValue& points) {
+    // By number if all names are numbers.
+    std::vector<std::pair<std::uint64_t, std::string>> order;
+    bool are_numbers = true;
+    for (const auto& [name, json] : points.json().items()) {
+      const auto number = parse_unsigned(name);
+      are_numbers = are_numbers && number && std::to_string(*number) == name;
+      order.emplace_back(number.value_or(0), name);
+    }
+    if (are_numbers) {
+      std::sort(order.begin(), order.end());
+    } else {
+      for (std::size_t i = 0; i < order.size(); ++i) order[i].first = i;
+    }
+    LandmarkTable& landmarks = tables_.landmarks;
+    for (const auto& [id, name] : order) {
+      const JsonValue point = points.at(name);
+      landmarks_.emplace(name, static_cast<std::uint32_t>(landmarks.ids.size()));
+      landmarks.ids.push_back(LandmarkId{id});
+      landmarks.positions.push_back(point.at("coordinates").vector3());
+      if (!point.has("color")) {
+        landmarks.colors.emplace_back();
+        continue;
+      }
+      const Eigen::Vector3d color = point.at("color").vector3();
+      const auto channel = [&](int i) {
+        return static_cast<std::uint8_t>(std::lround(std::clamp(color[i], 0.0, 255.0)));
+      };
+      landmarks.colors.emplace_back(Color{channel(0), channel(1), channel(2)});
+    }
+  }
+
+  // Longitude, latitude, altitude, u, v and an image. Lines of one place are of one point.
+  void read_control_line(std::string_view text, std::uint64_t line_number) {
+    const auto refuse = [&](std::string_view field, std::string_view what,
+                            std::string_view expected) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: {}", sources_.control_list->name(), line_number, field), what,
+                  expected);
+    };
+    const auto next = [&](std::string_view field) {
+      if (text.empty()) refuse(field, "the line ends before it", "one field more");
+      const std::size_t end = std::min(text.find_first_of(" \t"), text.size());
+      const std::string_view word = text.substr(0, end);
+      text = trimmed(text.substr(end));
+      return word;
+    };
+    const auto number = [&](std::string_view field) {
+      const std::string_view word = next(field);
+      const auto value = parse_number(word);
+      if (!value) refuse(field, printable(word) + " is not a number", "a finite decimal number");
+      return *value;
+    };
+    ControlPoint point;
+    point.longitude_deg = number("longitude");
+    point.latitude_deg = number("latitude");
+    const std::string_view altitude = next("altitude");
+    if (altitude != "NaN" && altitude != "nan") {
+      point.altitude_m = parse_number(altitude);
+      if (!point.altitude_m) {
+        refuse("altitude", printable(altitude) + " is not a number", "metres or NaN");
+      }
+    }
+    const double u = number("u");
+    const double v = number("v");
+    const std::string image(next("image"));
+    auto& points = tables_.info.control_points;
+    const auto [place, is_new] = listed_.try_emplace(
+        std::tuple(point.longitude_deg, point.latitude_deg, point.altitude_m), points.size());
+    if (is_new) {
+      point.name = fmt::format("unnamed-{}", listed_.size() - 1);
+      points.push_back(std::move(point));
+    }
+    if (shots_.contains(image)) points[place->second].views.push_back({image, Pixel{u, v}});
+  }
+
+  // image, track, feature, x, y and more, apart by tabs.
+  void read_track(std::string_view line, std::uint64_t line_number) {
+    const auto refuse = [&](std::string_view field, std::string_view what,
+                            std::string_view expected) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: {}", sources_.tracks->name(), line_number, field), what,
+                  expected);
+    };
+    const auto next = [&](std::string_view field) {
+      if (line.data() == nullptr) refuse(field, "the line ends before it", "one field more");
+      const std::size_t tab = line.find('\t');
+      const std::string_view word = line.substr(0, tab);
+      line = tab == std::string_view::npos ? std::string_view() : line.substr(tab + 1);
+      return word;
+    };
+    const auto number = [&](std::string_view field) {
+      const std::string_view text = trimmed(next(field));
+      const auto value = parse_number(text);
+      if (!value) refuse(field, printable(text) + " is not a number", "a finite decimal number");
+      return *value;
+    };
+    const auto shot = shots_.find(std::string(next("image")));
+    const auto landmark = landmarks_.find(std::string(next("track")));
+    const std::string_view feature = next("feature");
+    const auto keypoint = parse_unsigned(feature);
+    constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+    if (!keypoint || *keypoint > kMost) {
+      refuse("feature", printable(feature) + " is not a whole number", "an index below 2^32");
+    }
+    const double x = number("x");
+    const double y = number("y");
+    // The file keeps tracks whose point or image OpenSfM excludes from the reconstruction.
+    if (shot == shots_.end() || landmark == landmarks_.end()) return;
+    const Pixel pixel = shot->second.image.pixel(x, y);
+    if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
+      refuse("x", "the pixel is not finite", "coordinates within the image");
+    }
+    observations_.add(landmark->second, shot->second.frame, pixel,
+                      static_cast<std::uint32_t>(*keypoint));
+  }
+
+  struct Shot {
+    FrameIndex frame;
+    ImageFrame image;
+  };
+
+  const OpenSfmSources& sources_;
+  const MapReadOptions& options_;
+  MapTables tables_;
+  // The control points of gcp_list.txt by longitude, latitude and altitude.
+  std::map<std::tuple<double, double, std::optional<double>>, std::size_t> listed_;
+  std::unordered_map<std::string, KnownCamera> cameras_;
+  std::unordered_map<std::string, Shot> shots_;
+  std::unordered_map<std::string, std::uint32_t> landmarks_;
+  std::set<std::string> dropped_of_shots_;
+  detail::ObservationList observations_;
+};
+
+// --- Writing --------------------------------------------------------------------------------------
+
+// A camera as OpenSfM describes it; std::nullopt for a model that it does not have.
+std::optional<nlohmann::json> json_of(const Camera& camera) {
+  const ImageFrame image{static_cast<double>(camera.width), static_cast<double>(camera.height)};
+  const double size = image.size();
+  const std::vector<double>& p = camera.parameters;
+  const Intrinsics k = intrinsics(camera);
+  nlohmann::json json = {{"width", camera.width}, {"height", camera.height}};
+  const bool is_centred = k.cx == (image.width - 1.0) / 2.0 && k.cy == (image.height - 1.0) / 2.0;
+  const auto one_focal = [&](const char* type, double k1, double k2) {
+    json["projection_type"] = type;
+    json["focal"] = k.fx / size;
+    json["k1"] = k1;
+    json["k2"] = k2;
+    return json;
+  };
+  const auto two_focals = [&](const char* type,
+                              std::initializer_list<std::pair<const char*, double>> distortion) {
+    json["projection_type"] = type;
+    json["focal_x"] = k.fx / size;
+    json["focal_y"] = k.fy / size;
+    json["c_x"] = (k.cx - (image.width - 1.0) / 2.0) / size;
+    json["c_y"] = (k.cy - (image.height - 1.0) / 2.0) / size;
+    for (const auto& [key, value] : distortion) json[key] = value;
+    return json;
+  };
+  const auto brown = [&](double k1, double k2, double p1, double p2, double k3) {
+    return two_focals("brown", {{"k1", k1}, {"k2", k2}, {"p1", p1}, {"p2", p2}, {"k3", k3}});
+  };
+  const auto fisheye = [&](double k1, double k2, double k3, double k4) {
+    return two_focals("fisheye_opencv", {{"k1", k1}, {"k2", k2}, {"k3", k3}, {"k4", k4}});
+  };
+  const std::string& model = camera.model;
+  if (model == "SIMPLE_PINHOLE" || model == "SIMPLE_RADIAL" || model == "RADIAL") {
+    const double k1 = p.size() > 3 ? p[3] : 0.0;
+    const double k2 = p.size() > 4 ? p[4] : 0.0;
+    return is_centred ? one_focal("perspective", k1, k2) : brown(k1, k2, 0.0, 0.0, 0.0);
+  }
+  if (model == "PINHOLE") return brown(0.0, 0.0, 0.0, 0.0, 0.0);
+  if (model == "OPENCV") return brown(p[4], p[5], p[6], p[7], 0.0);
+  if (model == "FULL_OPENCV" && p[9] == 0.0 && p[10] == 0.0 && p[11] == 0.0) {
+    return brown(p[4], p[5], p[6], p[7], p[8]);
+  }
+  if (model == "OPENCV_FISHEYE") return fisheye(p[4], p[5], p[6], p[7]);
+  if (model == "FISHEYE") return fisheye(0.0, 0.0, 0.0, 0.0);
+  if (model == "SIMPLE_FISHEYE" || model == "SIMPLE_RADIAL_FISHEYE" || model == "RADIAL_FISHEYE") {
+    const double k1 = p.size() > 3 ? p[3] : 0.0;
+    const double k2 = p.size() > 4 ? p[4] : 0.0;
+    return is_centred ? one_focal("fisheye", k1, k2) : fisheye(k1, k2, 0.0, 0.0);
+  }
+  return std::nullopt;
+}
+
+class Writer {
+ public:
+  Writer(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options)
+      : map_(map), path_(path), options_(options) {
+    detail::require_cameras(map, "a shot of OpenSfM");
+    names_ = detail::image_names(map);
+    for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+      if (names_[i].find_first_of("\t\n\r") == std::string::npos && is_utf8(names_[i])) continue;
+      throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
+                  "image name " + printable(names_[i]),
+                  "names in UTF-8 without tabs and line ends, which name the shots of OpenSfM");
+    }
+    for (const ControlPoint& point : map.info().control_points) {
+      if (is_utf8(point.name)) continue;
+      throw Error(ErrorKind::kInput, "control point " + printable(point.name), "is no UTF-8",
+                  "a name in UTF-8, as JSON needs it");
+    }
+  }
+
+  void write_reconstruction(const ByteSink& sink) const {
+    text_ = "[{\"cameras\": {";
+    for (const Camera& camera : map_.cameras()) {
+      const auto json = json_of(camera);
+      if (!json) {
+        throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
+                    "is of model " + camera.model + ", which OpenSfM does not have",
+                    "another model, e.g. OPENCV");
+      }
+      begin_entry(&camera == map_.cameras().data(), camera_name(camera));
+      text_ += json->dump();
+    }
+    text_ += "}, \"shots\": {";
+    for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
+      write_shot(FrameIndex{i});
+      flush(sink);
+    }
+    text_ += "}, \"points\": {";
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      begin_entry(i == 0, std::to_string(map_.landmarks().ids[i].value));
+      text_ += "{\"coordinates\": ";
+      vector(map_.landmarks().positions[i]);
+      const auto& colors = map_.landmarks().colors;
+      if (!colors.empty() && colors[i]) {
+        text_ += fmt::format(", \"color\": [{}, {}, {}]", colors[i]->red, colors[i]->green,
+                             colors[i]->blue);
+      }
+      text_ += '}';
+      flush(sink);
+    }
+    text_ += '}';
+    if (is_georeferenced()) {
+      const GeodeticPosition& origin = map_.info().georeference->origin;
+      text_ += R"(, "reference_lla": {"latitude": )";
+      append_number(text_, origin.latitude_deg);
+      text_ += ", \"longitude\": ";
+      append_number(text_, origin.longitude_deg);
+      text_ += ", \"altitude\": ";
+      append_number(text_, origin.altitude_m);
+      text_ += '}';
+    }
+    text_ += "}]\n";
+    sink(text_);
+  }
+
+  void write_tracks(const ByteSink& sink) const {
+    const std::vector<std::uint32_t> keypoints = detail::keypoint_indices(map_);
+    text_ = "OPENSFM_TRACKS_VERSION_v1\n";
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      const auto frames = map_.observing_frames(LandmarkIndex{i});
+      const auto pixels = map_.observed_pixels(LandmarkIndex{i});
+      const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[i];
+      const auto& colors = map_.landmarks().colors;
+      const Color color = colors.empty() ? Color{} : colors[i].value_or(Color{});
+      for (std::size_t j = 0; j < frames.size(); ++j) {
+        const Camera& camera = map_.cameras()[map_.frames().cameras[frames[j].value]->value];
+        const ImageFrame image{static_cast<double>(camera.width),
+                               static_cast<double>(camera.height)};
+        text_ += names_[frames[j].value];
+        text_ += fmt::format("\t{}\t{}\t", map_.landmarks().ids[i].value, keypoints[first + j]);
+        const auto [x, y] = image.normalized(pixels[j]);
+        append_number(text_, x);
+        text_ += '\t';
+        append_number(text_, y);
+        text_ += '\t';
+        // OpenSfM's adjustment weights a feature by its size: four pixels, which is typical.
+        append_number(text_, 4.0 / image.size());
+        text_ += fmt::format("\t{}\t{}\t{}\n", color.red, color.green, color.blue);
+        flush(sink);
+      }
+    }
+    sink(text_);
+  }
+
+  void write_control_points(const ByteSink& sink) const {
+    std::unordered_map<std::string_view, std::uint32_t> frames;
+    for (std::uint32_t i = 0; i < names_.size(); ++i) frames.emplace(names_[i], i);
+    nlohmann::json points = nlohmann::json::array();
+    for (const ControlPoint& point : map_.info().control_points) {
+      nlohmann::json position = {{"latitude", point.latitude_deg},
+                                 {"longitude", point.longitude_deg}};
+      if (point.altitude_m) position["altitude"] = *point.altitude_m;
+      nlohmann::json views = nlohmann::json::array();
+      for (const ControlPoint::View& view : point.views) {
+        const auto found = frames.find(view.image_name);
+        if (found == frames.end()) continue;
+        const Camera& camera = map_.cameras()[map_.frames().cameras[found->second]->value];
+        const ImageFrame image{static_cast<double>(camera.width),
+                               static_cast<double>(camera.height)};
+        const auto [x, y] = image.normalized(view.pixel);
+        views.push_back({{"shot_id", view.image_name}, {"projection", {x, y}}});
+      }
+      points.push_back({{"id", point.name}, {"position", position}, {"observations", views}});
+    }
+    sink(nlohmann::json{{"points", points}}.dump(1) + "\n");
+  }
+
+  void remark() const {
+    if (!options_.log) return;
+    if (map_.info().georeference && !is_georeferenced()) {
+      options_.log(fmt::format(
+          "{}: the world of OpenSfM is the east-north-up frame of reference_lla, and this map lies "
+          "otherwise; cairn convert --enu moves it there",
+          path_.string()));
+    }
+    const detail::Holdings holdings{.timestamps = true,
+                                    .keypoints = true,
+                                    .georeference = is_georeferenced(),
+                                    .gnss = is_georeferenced(),
+                                    .control_points = true};
+    const std::string lost = detail::loss_remark(map_, holdings, path_.string(), "OpenSfM");
+    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
+  }
+
+ private:
+  bool is_georeferenced() const {
+    return map_.info().georeference && map_.info().georeference->is_enu();
+  }
+
+  static std::string camera_name(const Camera& camera) {
+    // Padded, so that the order of names is that of ids.
+    return fmt::format("camera {:010}", camera.id.value);
+  }
+
+  void begin_entry(bool is_first, const std::string& key) const {
+    text_ += is_first ? "\n" : ",\n";
+    text_ += nlohmann::json(key).dump();
+    text_ += ": ";
+  }
+
+  void vector(const Eigen::Vector3d& x) const {
+    for (int i = 0; i < 3; ++i) {
+      text_ += i == 0 ? "[" : ", ";
+      append_number(text_, x[i]);
+    }
+    text_ += ']';
+  }
+
+  void write_shot(FrameIndex frame) const {
+    const FrameTable& frames = map_.frames();
+    const Rigid3 camera_from_world = map_.world_from_camera(frame).inverse();
+    begin_entry(frame.value == 0, names_[frame.value]);
+    text_ += "{\"rotation\": ";
+    vector(rotation_log(camera_from_world.quaternion()));
+    text_ += ", \"translation\": ";
+    vector(camera_from_world.translation());
+    const Camera& camera = map_.cameras()[frames.cameras[frame.value]->value];
+    text_ += fmt::format(R"(, "camera": "{}")", camera_name(camera));
+    if (!frames.timestamps_s.empty() && frames.timestamps_s[frame.value]) {
+      text_ += ", \"capture_time\": ";
+      append_number(text_, *frames.timestamps_s[frame.value]);
+    }
+    if (is_georeferenced() && !frames.gnss.empty() && frames.gnss[frame.value]) {
+      const GnssFix fix = *frames.gnss[frame.value];
+      text_ += ", \"gps_position\": ";
+      vector(map_.info().georeference->in_map(fix.position));
+      if (fix.accuracy_m) {
+        text_ += ", \"gps_dop\": ";
+        append_number(text_, *fix.accuracy_m);
+      }
+    }
+    text_ += '}';
+  }
+
+  void flush(const ByteSink& sink) const {
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (text_.size() < kLarge) return;
+    sink(text_);
+    text_.clear();
+  }
+
+  const LandmarkMap& map_;
+  const fs::path& path_;
+  const MapWriteOptions& options_;
+  std::vector<std::string> names_;
+  mutable std::string text_;
+};
+
+}  // namespace
+
+void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options) {
+  const Writer writer(map, path, options);
+  const fs::path tracks = path.parent_path() / "tracks.csv";
+  const bool has_tracks = map.has_observations();
+  std::error_code ignored;
+  if (fs::exists(tracks, ignored)) {
+    throw Error(ErrorKind::kStorage, tracks.string(),
+                "is there already, and belongs to " + path.string() + " by its name",
+                "a folder without it");
+  }
+  const fs::path control_points = path.parent_path() / "ground_control_points.json";
+  const bool has_control_points = !map.info().control_points.empty();
+  if (has_control_points && fs::exists(control_points, ignored)) {
+    throw Error(ErrorKind::kStorage, control_points.string(),
+                "is there already, and would be overwritten", "a folder without it");
+  }
+  writer.remark();  // before writing, because the caller may refuse the loss
+  // All are written before the first gets its name, and the reconstruction gets its own last. Only a process killed in
+  // between leaves a file that the next run refuses, and none a reconstruction without its tracks.
+  const auto write_control_points = [&] {
+    if (!has_control_points) return;
+    write_file(control_points, [&](const ByteSink& sink) { writer.write_control_points(sink); });
+  };
+  const auto write_beside = [&] {
+    if (!has_tracks) return write_control_points();
+    write_file(tracks, [&](const ByteSink& sink) {
+      writer.write_tracks(sink);
+      write_control_points();
+    });
+  };
+  try {
+    write_file(path, [&](const ByteSink& sink) {
+      writer.write_reconstruction(sink);
+      write_beside();
+    });
+  } catch (...) {
+    if (has_tracks) fs::remove(tracks, ignored);
+    if (has_control_points) fs::remove(control_points, ignored);
+    throw;
+  }
+}
+
+LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part,
+                         const MapReadOptions& options) {
+  if (sources.reconstruction == nullptr) {
+    throw Error(ErrorKind::kMisuse, "sources.reconstruction", "is missing", "the reconstruction");
+  }
+  const nlohmann::json json = detail::read_json(*sources.reconstruction);
+  const JsonValue all(json, sources.reconstruction->name() + ": ");
+  all.array();
+  if (json.empty()) all.refuse("holds no reconstruction", "an array of at least one");
+  const auto index = parse_unsigned(part.value_or("0"));
+  if (!index || *index >= json.size()) {
+    throw Error(ErrorKind::kInput, sources.reconstruction->name(),
+                "has no reconstruction " + printable(part.value_or("0")),
+                fmt::format("#0 to #{}", json.size() - 1));
+  }
+  Reader reader(sources, options);
+  if (!part && json.size() > 1) {
+    reader.remark(
+        fmt::format("holds {} reconstructions, of which the first is read; #1 names the "
+                    "second",
+                    json.size()));
+  }
+  reader.read(all.at(static_cast<std::size_t>(*index)));
+  reader.read_tracks();
+  reader.read_control_points();
+  reader.read_control_list();
+  return std::move(reader).finish();
+}
+
+std::vector<MapFormat> opensfm_formats() {
+  const auto first_keys = [](const MapInput& input) {
+    const std::size_t first = input.first_bytes.find_first_not_of(" \t\r\n");
+    return first != std::string_view::npos && input.first_bytes[first] == '[' &&
+           (input.first_bytes.find("\"shots\"") != std::string_view::npos ||
+            input.first_bytes.find("\"cameras\"") != std::string_view::npos ||
+            input.path.filename() == "reconstruction.json");
+  };
+  return {{.name = "opensfm",
+           .title = "OpenSfM",
+           .endings = {"reconstruction.json"},
+           .holds_several = true,
+           .recognises = first_keys,
+           .read =
+               [](const MapInput& input, const MapReadOptions& options) {
+                 OpenSfmSources sources;
+                 sources.reconstruction = input.source;
+                 const auto beside = [&](const char* name, std::optional<FileReader>& file) {
+                   const fs::path path = input.path.parent_path() / name;
+                   return detail::is_file(path) ? &file.emplace(path) : nullptr;
+                 };
+                 std::optional<FileReader> tracks;
+                 std::optional<FileReader> control_points;
+                 std::optional<FileReader> control_list;
+                 sources.tracks = beside("tracks.csv", tracks);
+                 sources.control_points = beside("ground_control_points.json", control_points);
+                 sources.control_list = beside("gcp_list.txt", control_list);
+                 return read_opensfm(sources, input.part, options);
+               },
+           .write = [](const LandmarkMap& map, const fs::path& path,
+                       const MapWriteOptions& options) { write_opensfm(map, path, options); }}};
+}
+
+}  // namespace cairn

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/core/log.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/map/operations.hpp"
+
+namespace cairn::detail {
+
+/// Which parts of a map another system's format can hold, besides landmark positions.
+struct Holdings {
+  bool frames = true;
+  bool observations = true;
+  bool cameras = true;
+  bool image_sizes = true;  ///< of the cameras
+  bool image_names = true;
+  bool timestamps = false;
+  bool keypoints = false;
+  bool depths = false;
+  bool octaves = false;
+  bool measured = false;  ///< source and standard deviation of observations
+  bool colors = true;
+  bool covariances = false;
+  bool length_unit = false;
+  bool georeference = false;
+  bool gnss = false;  ///< GNSS positions of frames
+  bool control_points = false;
+  std::string_view descriptors = {};               ///< the kind that it can hold; "*": any
+  bool further_descriptors = false;                ///< several descriptors of a landmark
+  std::span<const std::string_view> columns = {};  ///< names of columns that it can hold
+};
+
+/// Sends "name: text" to the log, if there is one.
+/// @param name of the file
+void log_remark(const LogSink& log, std::string_view name, std::string_view text,
+                RemarkKind kind = RemarkKind::kInformation);
+
+/// Text of a loss: landmarks that drop_far_landmarks() drops.
+std::string far_landmarks_text(std::size_t count, std::size_t of);
+
+/// The map of tables that a reader filled. Drops landmarks that are not finite or too far away, as badly triangulated ones
+/// may be, and logs their number.
+/// @param name of the file
+/// @param place as LandmarkMap's; by default `name`. Rows of landmarks are those that are left
+LandmarkMap imported_map(MapTables tables, const std::string& name, const LogSink& log,
+                         const EntryPlace& place = {});
+
+/// Names the parts of `map` that the format cannot hold.
+std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
+
+/// E.g. "x: COLMAP has no place for: covariances, colours; left out"; empty if nothing is lost. Also says if sizes of
+/// images are written that no file stated.
+/// @param path empty if the writer does not know it
+std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
+                        std::string_view format);
+
+/// Sends loss_remark() to the log, if there is one and something is lost.
+void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,
+                std::string_view format);
+
+}  // namespace cairn::detail
